@@ -1,7 +1,7 @@
 """How far can you trust a multibody engine, and why does it differ?
 
-A trebuchet, described once, is solved by a Lagrangian reference and built again in MuJoCo, pymunk and Exudyn;
-`compare` says how well they agree. No engine is imported before it is asked for.
+A trebuchet, described once, is solved by a Lagrangian reference and built again in MuJoCo, pymunk
+and Exudyn; `compare` says how well they agree. No engine is imported before it is asked for.
 
     >>> import trebucheck as tb
     >>> machine = tb.rolling(tb.TrebuchetParameters(l1=9.5))
@@ -33,7 +33,12 @@ if TYPE_CHECKING:
         TrebucheckError,
         UnsupportedProblemError,
     )
-    from .models.force_elements import ConstantForce, ConstantTorque, RotationalSpringDamper, SpringDamper
+    from .models.force_elements import (
+        ConstantForce,
+        ConstantTorque,
+        RotationalSpringDamper,
+        SpringDamper,
+    )
     from .models.joints import FreeJoint, PinJoint, PrismaticJoint, SlotJoint, WeldJoint
     from .models.launch import Launch
     from .models.machines.catapult import CatapultParameters, catapult
@@ -102,7 +107,13 @@ __all__ = [
     "throw",
 ]
 
-_ERRORS = ("EngineNotInstalledError", "InputError", "SimulationError", "TrebucheckError", "UnsupportedProblemError")
+_ERRORS = (
+    "EngineNotInstalledError",
+    "InputError",
+    "SimulationError",
+    "TrebucheckError",
+    "UnsupportedProblemError",
+)
 _JOINTS = ("FreeJoint", "PinJoint", "PrismaticJoint", "SlotJoint", "WeldJoint")
 _FORCE_ELEMENTS = ("ConstantForce", "ConstantTorque", "RotationalSpringDamper", "SpringDamper")
 # Loaded when first asked for (PEP 562): `import trebucheck` stays quick and free of engines.

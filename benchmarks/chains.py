@@ -1,8 +1,9 @@
 """What a step costs against the number of bodies, chains of 2 to 200: `python benchmarks/chains.py`.
 
-No test reads this. A step of the reference is one of DOP853 (twelve evaluations, and its dense output); an engine's is
-one of its own. Processor time without building the model, the least of several runs; none where an engine gives up. The
-last line is the growth between the two largest chains, as an exponent of their number of bodies.
+No test reads this. A step of the reference is one of DOP853 (twelve evaluations, and its dense
+output); an engine's is one of its own. Processor time without building the model, the least of
+several runs; none where an engine gives up. The last line is the growth between the two largest
+chains, as an exponent of their number of bodies.
 """
 
 from __future__ import annotations
@@ -68,7 +69,9 @@ def of_an_engine(name: str, mechanism: tb.Mechanism) -> float:
 
 def main() -> None:
     """Print milliseconds a step for each size and solver."""
-    names = [name for name, status in tb.engines().items() if status.installed and name != "reference"]
+    names = [
+        name for name, status in tb.engines().items() if status.installed and name != "reference"
+    ]
     costs: dict[str, Callable[[tb.Mechanism], float]] = {"reference": of_the_reference}
     costs |= {name: partial(of_an_engine, name) for name in names}
     print(f"{'bodies':>6}" + "".join(f"{name:>12}" for name in costs) + "   [ms a step]")
@@ -78,7 +81,9 @@ def main() -> None:
         table.append([cost(mechanism) for cost in costs.values()])
         print(f"{n:>6}" + "".join(f"{1e3 * value:>12.4f}" for value in table[-1]), flush=True)
     ratio = math.log(SIZES[-1] / SIZES[-2])
-    growth = [math.log(last / before) / ratio for before, last in zip(table[-2], table[-1], strict=True)]
+    growth = [
+        math.log(last / before) / ratio for before, last in zip(table[-2], table[-1], strict=True)
+    ]
     print("growth" + "".join(f"{value:>12.2f}" for value in growth))
 
 

@@ -25,14 +25,21 @@ def seconds(engine: tb.Engine, problem: tb.Problem) -> list[float]:
 
 def main() -> None:
     """Print the least, the median and the largest of the runs for each engine and machine."""
-    print(f"{'engine':<12}{'step [s]':>10}{'machine':>10}{'least':>9}{'median':>9}{'most':>9}   [s], {RUNS} runs")
+    print(
+        f"{'engine':<12}{'step [s]':>10}{'machine':>10}{'least':>9}{'median':>9}{'most':>9}   [s], {RUNS} runs"
+    )
     for name, status in tb.engines().items():
         if not status.installed or name not in STEPS:
             continue
         for model, (build, duration) in LAUNCH.items():
-            times = seconds(tb.engine(name, timestep=STEPS[name]), tb.Problem(build(), duration=duration))
+            times = seconds(
+                tb.engine(name, timestep=STEPS[name]), tb.Problem(build(), duration=duration)
+            )
             figures = (min(times), statistics.median(times), max(times))
-            print(f"{name:<12}{STEPS[name]:>10g}{model:>10}" + "".join(f"{value:>9.3f}" for value in figures))
+            print(
+                f"{name:<12}{STEPS[name]:>10g}{model:>10}"
+                + "".join(f"{value:>9.3f}" for value in figures)
+            )
 
 
 if __name__ == "__main__":

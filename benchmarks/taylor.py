@@ -1,6 +1,7 @@
 """How long a launch takes with the Taylor integrator, one at a time and in batches: `python benchmarks/taylor.py`.
 
-No test reads this. Times are warm, on one core; the first run of each kind, compilation included, is shown apart.
+No test reads this. Times are warm, on one core; the first run of each kind, compilation included,
+is shown apart.
 """
 
 from __future__ import annotations
@@ -38,8 +39,17 @@ def dop853_launch(problem: tb.Problem) -> tb.Launch | None:
 def random_machines(build: Callable[[tb.TrebuchetParameters], tb.Mechanism]) -> list[tb.Mechanism]:
     """Machines a builder might think of, the same in every run."""
     random = np.random.default_rng(1)
-    ranges = {"l1": (7, 12.5), "l2": (2.5, 5), "r": (4, 8), "h": (6, 12), "m_b": (30, 150), "m_cw": (1500, 5000)}
-    draws = [{name: random.uniform(*limits) for name, limits in ranges.items()} for _ in range(BATCH)]
+    ranges = {
+        "l1": (7, 12.5),
+        "l2": (2.5, 5),
+        "r": (4, 8),
+        "h": (6, 12),
+        "m_b": (30, 150),
+        "m_cw": (1500, 5000),
+    }
+    draws = [
+        {name: random.uniform(*limits) for name, limits in ranges.items()} for _ in range(BATCH)
+    ]
     return [build(tb.TrebuchetParameters(**draw)) for draw in draws]
 
 
@@ -58,7 +68,9 @@ def main() -> None:
             print(f"{name:<10}{what:<34}{first:>10.3f}{warm * 1e3:>11.3f}")
         machines = random_machines(build)
         first, warm = seconds(partial(launch_batch, machines, DURATION, TOLERANCE), 5)
-        print(f"{name:<10}{f'batch of {BATCH}':<34}{first:>10.3f}{warm * 1e3:>11.3f}   {BATCH / warm:.0f} per second")
+        print(
+            f"{name:<10}{f'batch of {BATCH}':<34}{first:>10.3f}{warm * 1e3:>11.3f}   {BATCH / warm:.0f} per second"
+        )
 
 
 if __name__ == "__main__":

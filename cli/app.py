@@ -84,7 +84,8 @@ def _show_version(requested: bool) -> None:
 @app.callback()
 def root(
     version: Annotated[
-        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version.")
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version."),
     ] = False,
 ) -> None:
     """Hold the options that belong to no subcommand; the help text stands where the app is made."""
@@ -98,14 +99,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     try:
         words = list(sys.argv[1:] if arguments is None else arguments)
-        code = _group().main(words, "trebucheck", standalone_mode=False, obj=shlex.join(["trebucheck", *words]))
+        code = _group().main(
+            words, "trebucheck", standalone_mode=False, obj=shlex.join(["trebucheck", *words])
+        )
         sys.stdout.flush()
     except (TrebucheckError, MemoryError, OSError) as error:
         return _refused(_sentence(error), code=1 if isinstance(error, SimulationError) else 2)
     except KeyboardInterrupt:
         return _interrupted()
     except Exception as error:
-        # Usage errors of the command-line library carry their own sentence; anything else is a fault of ours.
+        # Usage errors of the command-line library carry their own sentence; anything else is a
+        # fault of ours.
         sentence = getattr(error, "format_message", None)
         if sentence is None:
             raise
@@ -121,7 +125,9 @@ _INTERRUPTED = 130
 @cache
 def _group() -> Any:
     """All commands and their options, made from the functions once a process."""
-    return typer.main.get_command(app)  # with the options that install completion, which a group alone lacks
+    return typer.main.get_command(
+        app
+    )  # with the options that install completion, which a group alone lacks
 
 
 def _refused(sentence: str, code: int = 2) -> int:
@@ -135,7 +141,8 @@ def _sentence(error: TrebucheckError | MemoryError | OSError) -> str:
         return str(error)
     if isinstance(error, MemoryError):
         return "there is not enough memory for this."
-    # Standard output may be what fails: what is still to be written there would fail again at the end.
+    # Standard output may be what fails: what is still to be written there would fail again at the
+    # end.
     with suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     where = "" if error.filename is None else f"{error.filename}: "
@@ -154,5 +161,7 @@ def _interrupted() -> int:
 def _resumable() -> list[str]:
     """Names of the commands that take --resume."""
     return sorted(
-        name for name, command in _group().commands.items() if any(o.name == "resume" for o in command.params)
+        name
+        for name, command in _group().commands.items()
+        if any(o.name == "resume" for o in command.params)
     )

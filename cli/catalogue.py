@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from ..comparisons.report.document import Document
     from ..engines.option_table import OptionRow
 
-models_app = typer.Typer(help="The machines: list them, show one as JSON, export its MJCF.", no_args_is_help=True)
+models_app = typer.Typer(
+    help="The machines: list them, show one as JSON, export its MJCF.", no_args_is_help=True
+)
 
 _Name = Annotated[str, typer.Argument(autocompletion=completion.machines, help=options.MACHINES)]
 
@@ -53,16 +55,29 @@ def export_command(
     beam: options.Beam = None,
     timestep: Annotated[
         float | None,
-        typer.Option("--timestep", help="Step written into the MJCF (s); 1 ms, or less if the motion is fast."),
+        typer.Option(
+            "--timestep",
+            help="Step written into the MJCF (s); 1 ms, or less if the motion is fast.",
+        ),
     ] = None,
     keyframes: Annotated[
-        bool, typer.Option(help="A keyframe at each release, impact and rest and at the launch, from the reference.")
+        bool,
+        typer.Option(
+            help="A keyframe at each release, impact and rest and at the launch, from the reference."
+        ),
     ] = True,
-    sensors: Annotated[bool, typer.Option(help="Without sensors it is read by older versions, too.")] = True,
+    sensors: Annotated[
+        bool, typer.Option(help="Without sensors it is read by older versions, too.")
+    ] = True,
     finite_inertia: Annotated[
-        bool, typer.Option("--finite-inertia", help="Point masses on pins with an inertia; they move the same.")
+        bool,
+        typer.Option(
+            "--finite-inertia", help="Point masses on pins with an inertia; they move the same."
+        ),
     ] = False,
-    out: Annotated[Path | None, options.out("Folder to write; the machine's name by default.")] = None,
+    out: Annotated[
+        Path | None, options.out("Folder to write; the machine's name by default.")
+    ] = None,
 ) -> None:
     """Write a machine's MJCF: NAME.xml, and scene.xml with ground, light and camera to open it in the viewer.
 
@@ -84,8 +99,12 @@ def export_command(
 
 @models_app.command("path")
 def path_command(
-    name: Annotated[str, typer.Argument(autocompletion=completion.machines, help="Name of a machine.")],
-    scene: Annotated[bool, typer.Option("--scene", help="The file with ground, frame, light and camera.")] = False,
+    name: Annotated[
+        str, typer.Argument(autocompletion=completion.machines, help="Name of a machine.")
+    ],
+    scene: Annotated[
+        bool, typer.Option("--scene", help="The file with ground, frame, light and camera.")
+    ] = False,
 ) -> None:
     """Print the path of a machine's MJCF file, with its default parameters.
 
@@ -99,7 +118,8 @@ def path_command(
 _EngineName = Annotated[
     str | None,
     typer.Argument(
-        autocompletion=completion.engines, help="One engine, to see its options; all are listed without it."
+        autocompletion=completion.engines,
+        help="One engine, to see its options; all are listed without it.",
     ),
 ]
 
@@ -129,11 +149,16 @@ def _list() -> Document:
             ", ".join(status.presets),
             status.capabilities.joint_reactions,
             "inside a step" if status.capabilities.located_releases else "at a step's end",
-            ", ".join(sorted(status.capabilities.stop_laws)).replace("release-once, unilateral", "both"),
+            ", ".join(sorted(status.capabilities.stop_laws)).replace(
+                "release-once, unilateral", "both"
+            ),
         )
         for status in engines().values()
     ]
-    texts = (Text(status.capabilities.formulation, "strong", lead=f"{status.name}:") for status in engines().values())
+    texts = (
+        Text(status.capabilities.formulation, "strong", lead=f"{status.name}:")
+        for status in engines().values()
+    )
     blocks = (table([words(title, wrap=False) for title in titles], rows), Listing(tuple(texts)))
     return Document("engines", blocks)
 
@@ -160,7 +185,9 @@ def engine_document(name: str) -> Document:
         if (given := supplied_in(name, preset)) is not None
     )
     none = () if rows else (Text(f"{name} does not say which options it has."),)
-    return Document(name, (about, *own, table(ranked(heads, default=0, meaning_and_values=0), rows), *none))
+    return Document(
+        name, (about, *own, table(ranked(heads, default=0, meaning_and_values=0), rows), *none)
+    )
 
 
 def _defaults(option: OptionRow) -> str:

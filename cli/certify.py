@@ -28,15 +28,19 @@ def certify_command(
     timeout: options.Timeout = 600.0,
     quiet: options.Quiet = False,
     json: Annotated[
-        bool, typer.Option("--json", help="Print the certificates as a JSON array, and nothing else.")
+        bool,
+        typer.Option("--json", help="Print the certificates as a JSON array, and nothing else."),
     ] = False,
-    out: Annotated[Path, options.out("Folder for one JSON file and one page a machine.")] = Path("certificates"),
+    out: Annotated[Path, options.out("Folder for one JSON file and one page a machine.")] = Path(
+        "certificates"
+    ),
 ) -> None:
     """Compute each machine's figures in every independent way there is; write values and uncertainties.
 
-    Formulations: minimal and redundant coordinates, the paper's equations. Integrators: DOP853 over a ladder of
-    tolerances, and Taylor series in double and extended precision where heyoka is installed. Motions go to the launch,
-    or as long as a problem of the library asks for. Ends with exit code 1 if a machine's motion could not be computed.
+    Formulations: minimal and redundant coordinates, the paper's equations. Integrators: DOP853 over
+    a ladder of tolerances, and Taylor series in double and extended precision where heyoka is
+    installed. Motions go to the launch, or as long as a problem of the library asks for. Ends with
+    exit code 1 if a machine's motion could not be computed.
 
     Examples:
     trebucheck certify --out certificates
@@ -84,7 +88,10 @@ def _asked(machine: Mechanism | Problem, duration: float | None) -> tuple[Mechan
     from ..models.problem import Problem
 
     if isinstance(machine, Problem):
-        return machine.mechanism, {"duration": duration or machine.duration, "stop_law": machine.stop_law}
+        return machine.mechanism, {
+            "duration": duration or machine.duration,
+            "stop_law": machine.stop_law,
+        }
     return machine, {"duration": duration}
 
 
@@ -100,7 +107,9 @@ def _certified(
 
     with output.progress(width=28, told=told) as show:
         named = _named(mechanism, show)
-        return certify(mechanism, parameters, command=command, progress=named, call=worker.compute, **asked)
+        return certify(
+            mechanism, parameters, command=command, progress=named, call=worker.compute, **asked
+        )
 
 
 def _publish(certificate: Certificate, path: Path, told: output.Told) -> None:
@@ -116,7 +125,9 @@ def _publish(certificate: Certificate, path: Path, told: output.Told) -> None:
         output.show(report, told, Certificate=path, Page=page)
 
 
-def _command(name: str, assignments: list[str] | None, beam: float | None, duration: float | None) -> str:
+def _command(
+    name: str, assignments: list[str] | None, beam: float | None, duration: float | None
+) -> str:
     """What makes the same figures again."""
     words = ["trebucheck", "certify", "--models", name]
     for text in assignments or []:

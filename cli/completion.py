@@ -13,7 +13,11 @@ def _last_of(names: Callable[[], Iterable[str]]) -> Complete:
     def complete(incomplete: str) -> list[str]:
         before, comma, last = incomplete.rpartition(",")
         given = before.split(",")
-        return [f"{before}{comma}{name}" for name in names() if name.startswith(last) and name not in given]
+        return [
+            f"{before}{comma}{name}"
+            for name in names()
+            if name.startswith(last) and name not in given
+        ]
 
     return complete
 
@@ -40,7 +44,9 @@ def _engines() -> tuple[str, ...]:
 def _presets() -> list[str]:
     from ..engines.registry import engine_class
 
-    return list(dict.fromkeys(preset for name in _engines() for preset in engine_class(name).presets()))
+    return list(
+        dict.fromkeys(preset for name in _engines() for preset in engine_class(name).presets())
+    )
 
 
 def _options() -> list[str]:

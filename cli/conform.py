@@ -19,7 +19,9 @@ def conform_command(
             help="NAME, NAME/PRESET, or package.module:Class of an engine that is not installed.",
         ),
     ],
-    tier: Annotated[str, typer.Option("--tier", help="How many problems: quick, standard or full.")] = "standard",
+    tier: Annotated[
+        str, typer.Option("--tier", help="How many problems: quick, standard or full.")
+    ] = "standard",
     problem: Annotated[
         list[str] | None,
         typer.Option(
@@ -29,19 +31,24 @@ def conform_command(
         ),
     ] = None,
     deviations: Annotated[
-        Path | None, typer.Option("--deviations", help="TOML or JSON: known failures, with id, reason and owner.")
+        Path | None,
+        typer.Option(
+            "--deviations", help="TOML or JSON: known failures, with id, reason and owner."
+        ),
     ] = None,
-    timeout: Annotated[float, typer.Option("--timeout", help="Longest wait for one run (s).")] = 120.0,
+    timeout: Annotated[
+        float, typer.Option("--timeout", help="Longest wait for one run (s).")
+    ] = 120.0,
     quiet: options.Quiet = False,
     json: options.Json = False,
-    out: Annotated[Path, options.out("Folder for certificate.html, badge.svg and conformance.json.")] = Path(
-        "conformance"
-    ),
+    out: Annotated[
+        Path, options.out("Folder for certificate.html, badge.svg and conformance.json.")
+    ] = Path("conformance"),
 ) -> None:
     """Say what an engine keeps of what it declares, what is missing, and what to do next; write a certificate.
 
-    Exit codes: 0 everything that was judged is kept, 1 something is broken or could not be judged, or nothing was
-    judged (an engine that is not installed), 2 wrong input.
+    Exit codes: 0 everything that was judged is kept, 1 something is broken or could not be judged,
+    or nothing was judged (an engine that is not installed), 2 wrong input.
 
     Examples:
     trebucheck conform mujoco --problem catapult
@@ -66,6 +73,13 @@ def conform_command(
     results = session.results.made_by(output.command_line(context))
     beside = {"Badge": (out / "badge.svg", badge(results))}
     data = (out / "conformance.json", results.to_json())
-    output.publish(data, certificate(results), out / "certificate.html", "Certificate", beside=beside, told=told)
+    output.publish(
+        data,
+        certificate(results),
+        out / "certificate.html",
+        "Certificate",
+        beside=beside,
+        told=told,
+    )
     if not results.passed:
         raise typer.Exit(1)

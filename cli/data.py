@@ -13,22 +13,28 @@ from . import completion, options, output
 
 _Name = Annotated[
     str | None,
-    typer.Argument(autocompletion=completion.machines, help=f"{options.MACHINES}; all are listed where left out."),
+    typer.Argument(
+        autocompletion=completion.machines,
+        help=f"{options.MACHINES}; all are listed where left out.",
+    ),
 ]
 
 
 def data_command(
     name: _Name = None,
     assignments: options.Set = None,
-    check: Annotated[bool, typer.Option("--check", help="Verify the checksums of all published files.")] = False,
+    check: Annotated[
+        bool, typer.Option("--check", help="Verify the checksums of all published files.")
+    ] = False,
     timeout: options.Timeout = 600.0,
     out: Annotated[Path | None, options.out("NetCDF file to write; NAME.nc by default.")] = None,
 ) -> None:
     """List the published certified trajectories, write one as NetCDF, or verify their checksums.
 
-    Every value has its uncertainty beside it; releases, impacts, rests, the launch and the predictability horizon are
-    in the file, too, which xarray.open_dataset reads. With --set, or of a mechanism of your own, it is computed now.
-    --check ends with exit code 1 if a file is missing or changed.
+    Every value has its uncertainty beside it; releases, impacts, rests, the launch and the
+    predictability horizon are in the file, too, which xarray.open_dataset reads. With --set, or of
+    a mechanism of your own, it is computed now. --check ends with exit code 1 if a file is missing
+    or changed.
 
     Examples:
     trebucheck data squeezer --out squeezer.nc
@@ -39,7 +45,9 @@ def data_command(
     """
     if name is None or check:
         if name is not None or assignments or out is not None:
-            raise InputError("a name, --set and --out are for one trajectory; --check and the list are of all of them.")
+            raise InputError(
+                "a name, --set and --out are for one trajectory; --check and the list are of all of them."
+            )
         _list(check)
         return
     path = out or Path(f"{Path(name).stem}.nc")
@@ -71,7 +79,12 @@ def _list(check: bool) -> None:
 
     rows = [(name, f"{size / 1024:.0f}", digest, Cell(state, "good" if state == "good" else "bad"))
             for name, digest, size, state in states()]  # fmt: skip
-    heads = [words("name", wrap=False), Column("size", "kB"), words("SHA-256", wrap=False), words("checksum")]
+    heads = [
+        words("name", wrap=False),
+        Column("size", "kB"),
+        words("SHA-256", wrap=False),
+        words("checksum"),
+    ]
     output.show(Document("Published trajectories", (table(ranked(heads, checksum=0), rows),)))
     if check and any(state != "good" for *_, state in states()):
         raise typer.Exit(1)

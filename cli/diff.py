@@ -30,15 +30,25 @@ class Format(StrEnum):
     JSON = "json"
 
 
-_SUFFIXES = {".html": Format.HTML, ".htm": Format.HTML, ".md": Format.MARKDOWN, ".json": Format.JSON}
-_File = Annotated[Path, typer.Argument(help="results.json of compare, or the folder that holds it.")]
+_SUFFIXES = {
+    ".html": Format.HTML,
+    ".htm": Format.HTML,
+    ".md": Format.MARKDOWN,
+    ".json": Format.JSON,
+}
+_File = Annotated[
+    Path, typer.Argument(help="results.json of compare, or the folder that holds it.")
+]
 
 
 def diff_command(
     old: _File,
     new: _File,
     factor: Annotated[
-        float, typer.Option("--factor", help="An error has moved if it changed by more than this factor; above 1.")
+        float,
+        typer.Option(
+            "--factor", help="An error has moved if it changed by more than this factor; above 1."
+        ),
     ] = FACTOR,
     format: Annotated[
         Format | None, typer.Option("--format", help="Else by the name of --out; text by default.")
@@ -48,9 +58,9 @@ def diff_command(
 ) -> None:
     """Compare two results of compare: which verdicts broke, what moved, which runs have come or gone.
 
-    For upgrades of engines, of trebucheck, of a machine. Changes below what the reference's uncertainty, samples and
-    rounding leave unknown are none. Exit codes: 0 nothing broke, 1 a verdict got worse, a run is gone or fails, or
-    nothing could be compared, 2 wrong input.
+    For upgrades of engines, of trebucheck, of a machine. Changes below what the reference's
+    uncertainty, samples and rounding leave unknown are none. Exit codes: 0 nothing broke, 1 a
+    verdict got worse, a run is gone or fails, or nothing could be compared, 2 wrong input.
 
     Examples:
     trebucheck diff before/results.json after/results.json
@@ -84,7 +94,11 @@ def _text(difference: Difference, format: Format) -> str:
     from ..comparisons.diff.data import data
     from ..comparisons.diff.report import document
 
-    return data(difference).to_json() + "\n" if format is Format.JSON else _rendered(document(difference), format)
+    return (
+        data(difference).to_json() + "\n"
+        if format is Format.JSON
+        else _rendered(document(difference), format)
+    )
 
 
 def _rendered(document: Document, format: Format) -> str:

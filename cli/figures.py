@@ -10,14 +10,21 @@ import typer
 from ..models.errors import InputError
 from . import options
 
-_Folder = Annotated[Path, typer.Argument(help="Folder of a comparison, as `trebucheck compare --out` writes it.")]
+_Folder = Annotated[
+    Path, typer.Argument(help="Folder of a comparison, as `trebucheck compare --out` writes it.")
+]
 
 
 def figures_command(
     folder: _Folder = Path("report"),
-    formats: Annotated[str, typer.Option("--formats", help="Of svg, png and pdf, comma-separated.")] = "svg",
+    formats: Annotated[
+        str, typer.Option("--formats", help="Of svg, png and pdf, comma-separated.")
+    ] = "svg",
     only: Annotated[
-        str | None, typer.Option("--only", help="Names of figures, comma-separated, e.g. fixed-distances; else all.")
+        str | None,
+        typer.Option(
+            "--only", help="Names of figures, comma-separated, e.g. fixed-distances; else all."
+        ),
     ] = None,
     out: Annotated[Path, options.out("Folder for the pictures.")] = Path("figures"),
 ) -> None:
@@ -44,7 +51,9 @@ def figures_command(
     chosen = list(found) if only is None else options.names(only, "--only")
     missing = [name for name in chosen if name not in found]
     if missing:
-        raise InputError(f"--only: there is no figure {missing[0]!r}; there are {', '.join(found)}.")
+        raise InputError(
+            f"--only: there is no figure {missing[0]!r}; there are {', '.join(found)}."
+        )
     refuse_unwritable(out)
     for name in chosen:
         block = found[name]

@@ -17,32 +17,48 @@ if TYPE_CHECKING:
 def importer_command(
     context: typer.Context,
     loader: Annotated[
-        str, typer.Argument(help="Function that loads a file: my_package:load, or path/to/my_file.py:load.")
+        str,
+        typer.Argument(
+            help="Function that loads a file: my_package:load, or path/to/my_file.py:load."
+        ),
     ],
     python: Annotated[
-        Path | None, typer.Option("--python", help="Python that has the importer, and NumPy; this one by default.")
+        Path | None,
+        typer.Option(
+            "--python", help="Python that has the importer, and NumPy; this one by default."
+        ),
     ] = None,
     models: Annotated[
-        str | None, typer.Option("--models", "--model", help="Models of the zoo or machines; all by default.")
+        str | None,
+        typer.Option("--models", "--model", help="Models of the zoo or machines; all by default."),
     ] = None,
     timestep: Annotated[
-        float, typer.Option("--timestep", help="Longest step of the coarser of two runs of each motion (s).")
+        float,
+        typer.Option(
+            "--timestep", help="Longest step of the coarser of two runs of each motion (s)."
+        ),
     ] = 1e-3,
-    timeout: Annotated[float, typer.Option("--timeout", help="Longest wait for an answer of the importer (s).")] = 60.0,
+    timeout: Annotated[
+        float, typer.Option("--timeout", help="Longest wait for an answer of the importer (s).")
+    ] = 60.0,
     out: Annotated[
-        Path | None, options.out("Folder for importer.json, importer.md with reports of faults, and models.")
+        Path | None,
+        options.out("Folder for importer.json, importer.md with reports of faults, and models."),
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Take finished models from the folder again.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Take finished models from the folder again.")
+    ] = False,
     quiet: options.Quiet = False,
     json: options.Json = False,
 ) -> None:
     """Check an importer of MJCF against small models of one feature each, and against the machines.
 
-    Total mass, mass matrix and accelerations at three states, ranges, the start, the motion up to the first event and
-    after it, and the force at rest are held against certified values. A machine whose file is refused or misread is
-    tried without sensors and with finite inertia too. The importer runs in a process of its own, which may crash. What
-    its loader returns is described in docs/importers.md; what it does not offer is not judged. The exit code is 1 if
-    anything is wrong.
+    Total mass, mass matrix and accelerations at three states, ranges, the start, the motion up to
+    the first event and after it, and the force at rest are held against certified values. A machine
+    whose file is refused or misread is tried without sensors and with finite inertia too. The
+    importer runs in a process of its own, which may crash. What its loader returns is described in
+    docs/importers.md; what it does not offer is not judged. The exit code is 1 if anything is
+    wrong.
 
     Examples:
     trebucheck importer my_package:load --python ../other/.venv/bin/python --out findings

@@ -19,20 +19,26 @@ def matrix_command(
     context: typer.Context,
     files: Annotated[
         list[Path],
-        typer.Argument(help="results.json of compare, converge.json of converge, .json of matrix; or their folders."),
+        typer.Argument(
+            help="results.json of compare, converge.json of converge, .json of matrix; or their folders."
+        ),
     ],
     quiet: options.Quiet = False,
     json: options.Json = False,
     out: Annotated[
-        Path | None, options.out("File to write: .html, .md, or .json, which matrix reads again; none by default.")
+        Path | None,
+        options.out(
+            "File to write: .html, .md, or .json, which matrix reads again; none by default."
+        ),
     ] = None,
 ) -> None:
     """Show engine x problem x quantity of several comparisons: verdicts, errors, orders, causes, refusals.
 
-    Engines of one scheme stand together, and ratios of their errors say what differs by scheme and what by
-    implementation. Nothing is run: engines that need environments of their own are compared there, and put together
-    here. Orders are measured where a converge.json is given, else as the engine declares them. Exit codes: 0 shown, 2
-    a file is of another kind, a run is there twice, or a name means two mechanisms.
+    Engines of one scheme stand together, and ratios of their errors say what differs by scheme and
+    what by implementation. Nothing is run: engines that need environments of their own are compared
+    there, and put together here. Orders are measured where a converge.json is given, else as the
+    engine declares them. Exit codes: 0 shown, 2 a file is of another kind, a run is there twice, or
+    a name means two mechanisms.
 
     Examples:
     trebucheck matrix report drake/results.json pinocchio/results.json --out matrix.html
@@ -45,7 +51,9 @@ def matrix_command(
     from ..models.files import refuse_unwritable, write_text
 
     if out is not None and out.suffix not in _SUFFIXES:
-        raise InputError(f"--out {output.printable(str(out))} must end in {', '.join(_SUFFIXES[:-1])} or .json.")
+        raise InputError(
+            f"--out {output.printable(str(out))} must end in {', '.join(_SUFFIXES[:-1])} or .json."
+        )
     if out is not None:
         refuse_unwritable(out.parent, out.name)
     matrix = read(files).made_by(output.command_line(context))
@@ -54,7 +62,9 @@ def matrix_command(
     if json:
         typer.echo(matrix.to_json())
     else:
-        output.show(document(matrix), output.Told(quiet), **({} if out is None else {"Matrix": out}))
+        output.show(
+            document(matrix), output.Told(quiet), **({} if out is None else {"Matrix": out})
+        )
 
 
 def _text(matrix: Matrix, suffix: str) -> str:
@@ -64,4 +74,8 @@ def _text(matrix: Matrix, suffix: str) -> str:
 
     if suffix == ".json":
         return matrix.to_json() + "\n"
-    return html.page(document(matrix)) if suffix == ".html" else markdown.text(document(matrix), signs=True)
+    return (
+        html.page(document(matrix))
+        if suffix == ".html"
+        else markdown.text(document(matrix), signs=True)
+    )

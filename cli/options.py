@@ -24,35 +24,56 @@ MACHINES = "fixed, rolling, catapult, hinged, floating-arm, a problem (`trebuche
 Models = Annotated[
     str,
     typer.Option(
-        "--models", "--model", autocompletion=completion.machines, help=f"Machines, comma-separated: {MACHINES}."
+        "--models",
+        "--model",
+        autocompletion=completion.machines,
+        help=f"Machines, comma-separated: {MACHINES}.",
     ),
 ]
 Model = Annotated[
-    str, typer.Option("--model", "--models", autocompletion=completion.machines, help=f"Machine: {MACHINES}.")
+    str,
+    typer.Option(
+        "--model", "--models", autocompletion=completion.machines, help=f"Machine: {MACHINES}."
+    ),
 ]
 Engines = Annotated[
     str | None,
     typer.Option(
-        "--engines", "--engine", autocompletion=completion.engines, help="Engines, comma-separated; all by default."
+        "--engines",
+        "--engine",
+        autocompletion=completion.engines,
+        help="Engines, comma-separated; all by default.",
     ),
 ]
 Preset = Annotated[
     str,
     typer.Option(
-        "--preset", "--presets", autocompletion=completion.presets, help="tuned, stock, or both: tuned,stock."
+        "--preset",
+        "--presets",
+        autocompletion=completion.presets,
+        help="tuned, stock, or both: tuned,stock.",
     ),
 ]
-Timestep = Annotated[float | None, typer.Option("--timestep", help="Step of every engine (s); else the preset's own.")]
+Timestep = Annotated[
+    float | None,
+    typer.Option("--timestep", help="Step of every engine (s); else the preset's own."),
+]
 Duration = Annotated[
     float | None,
-    typer.Option("--duration", help="Compared or simulated time (s); the problem's, else to the launch, by default."),
+    typer.Option(
+        "--duration",
+        help="Compared or simulated time (s); the problem's, else to the launch, by default.",
+    ),
 ]
 Set = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the machine, SI units; repeatable."),
+    typer.Option(
+        "--set", metavar="NAME=VALUE", help="A parameter of the machine, SI units; repeatable."
+    ),
 ]
 Beam = Annotated[
-    float | None, typer.Option("--beam", help="Keep l1 + l2 at this length (m): l2 follows from l1 (paper: 14).")
+    float | None,
+    typer.Option("--beam", help="Keep l1 + l2 at this length (m): l2 follows from l1 (paper: 14)."),
 ]
 Until = Annotated[
     str | None,
@@ -71,21 +92,31 @@ Tolerance = Annotated[
     ),
 ]
 Tolerances = Annotated[
-    Path | None, typer.Option("--tolerances", help='The same from a JSON file: {"tolerances": {"position": 1e-3}}.')
+    Path | None,
+    typer.Option(
+        "--tolerances", help='The same from a JSON file: {"tolerances": {"position": 1e-3}}.'
+    ),
 ]
 Resume = Annotated[bool, typer.Option("--resume", help="Take finished runs from the folder again.")]
 Jobs = Annotated[
     int,
     typer.Option(
-        "--jobs", "-j", help="Processes at once. With more than one, wall times include what runs cost each other."
+        "--jobs",
+        "-j",
+        help="Processes at once. With more than one, wall times include what runs cost each other.",
     ),
 ]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only the verdict in a line, and the files.")]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Print only the verdict in a line, and the files.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print the results as JSON, and nothing else.")]
 Timeout = Annotated[float, typer.Option("--timeout", help="Longest wait for one run (s).")]
 StopLaw = Annotated[
     str | None,
-    typer.Option("--stop-law", help="release-once or unilateral; by default the problem's own, else release-once."),
+    typer.Option(
+        "--stop-law",
+        help="release-once or unilateral; by default the problem's own, else release-once.",
+    ),
 ]
 EngineOption = Annotated[
     list[str] | None,
@@ -193,7 +224,9 @@ class Chosen:
         if self.beam is None:
             return {}
         if "l1" not in kind.model_fields or "l2" not in kind.model_fields:
-            raise InputError(f"--beam {self.beam!r} keeps l1 + l2 of a trebuchet; these parameters have no l1 and l2.")
+            raise InputError(
+                f"--beam {self.beam!r} keeps l1 + l2 of a trebuchet; these parameters have no l1 and l2."
+            )
         l1 = self.numbers["l1"] if "l1" in self.numbers else float(kind.model_fields["l1"].default)
         if "l2" in self.numbers:
             raise InputError("--beam chooses l2 itself; leave out --set l2, or --beam.")
@@ -206,7 +239,13 @@ def parameters(texts: list[str] | None, beam: float | None) -> Chosen:
     Raises:
         InputError: a value is not a number.
     """
-    return Chosen({name: number(value, f"--set {name} =") for name, value in assignments(texts, "--set").items()}, beam)
+    return Chosen(
+        {
+            name: number(value, f"--set {name} =")
+            for name, value in assignments(texts, "--set").items()
+        },
+        beam,
+    )
 
 
 def number(text: str, what: str) -> float:
@@ -225,7 +264,8 @@ def given(text: str, texts: list[str] | None, beam: float | None) -> list[Mechan
     """Mechanisms by name or from files, and the library's problems; named ones with the parameters of --set and --beam.
 
     Raises:
-        InputError: a name is unknown, a parameter is not valid, or a file cannot be read or is not a mechanism.
+        InputError: a name is unknown, a parameter is not valid, or a file cannot be read or is not
+            a mechanism.
     """
     from ..models.machines.registry import library_problem, model
     from ..models.mechanism import Mechanism
@@ -236,7 +276,9 @@ def given(text: str, texts: list[str] | None, beam: float | None) -> list[Mechan
         if not name.endswith(".json"):
             found.append(library_problem(name, chosen.of(name)) or model(name, chosen.of(name)))
         elif chosen:
-            raise InputError(f"--set and --beam are for named machines; {name} holds its own values.")
+            raise InputError(
+                f"--set and --beam are for named machines; {name} holds its own values."
+            )
         else:
             found.append(Mechanism.load(Path(name)))
     return found
@@ -249,7 +291,9 @@ def machines(text: str, texts: list[str] | None, beam: float | None) -> list[Mec
     return [one.mechanism if isinstance(one, Problem) else one for one in given(text, texts, beam)]
 
 
-def only(text: str, texts: list[str] | None, beam: float | None, command: str) -> Mechanism | Problem:
+def only(
+    text: str, texts: list[str] | None, beam: float | None, command: str
+) -> Mechanism | Problem:
     """As :func:`given`, of a command that takes one.
 
     Raises:
@@ -301,7 +345,14 @@ def study(
     from ..models.files import refuse_unwritable
 
     store = Store(out / "trials", resume, out / "trials")
-    study = Study(models, chosen_names(engines, "--engines"), store=store, timeout=timeout, jobs=jobs, **others)
+    study = Study(
+        models,
+        chosen_names(engines, "--engines"),
+        store=store,
+        timeout=timeout,
+        jobs=jobs,
+        **others,
+    )
     refuse_unwritable(out)
     return study
 
@@ -318,7 +369,9 @@ def needs(texts: list[str] | None, file: Path | None) -> dict[str, float | str]:
     return {**from_file, **assignments(texts, "--tolerance")}
 
 
-def engine_options(texts: list[str] | None, timestep: float | None, engines: list[str] | None = None) -> dict[str, Any]:
+def engine_options(
+    texts: list[str] | None, timestep: float | None, engines: list[str] | None = None
+) -> dict[str, Any]:
     """--option values as JSON where they are JSON, lists also without brackets, else as text.
 
     The engine itself validates them.
@@ -328,7 +381,8 @@ def engine_options(texts: list[str] | None, timestep: float | None, engines: lis
         engines: names of those they are for; None: all.
 
     Raises:
-        InputError: an option is chosen by another flag, or is there twice, or none of the engines has it.
+        InputError: an option is chosen by another flag, or is there twice, or none of the engines
+            has it.
     """
     from ..engines.registry import engine_names, refuse_unknown_options
 
@@ -337,7 +391,9 @@ def engine_options(texts: list[str] | None, timestep: float | None, engines: lis
     if timestep is None:
         return options
     if "timestep" in options:
-        raise InputError(f"--timestep {timestep:g} and --option timestep are both given; leave out one of them.")
+        raise InputError(
+            f"--timestep {timestep:g} and --option timestep are both given; leave out one of them."
+        )
     return {**options, "timestep": timestep}
 
 
@@ -348,6 +404,9 @@ def _value(text: str) -> object:
     for form in (text, f"[{text}]") if "," in text else (text,):
         try:
             return json.loads(form)
-        except (ValueError, RecursionError):  # no JSON, or a number of thousands of digits, or nested too deep
+        except (
+            ValueError,
+            RecursionError,
+        ):  # no JSON, or a number of thousands of digits, or nested too deep
             continue
     return text

@@ -47,19 +47,38 @@ def progress(what: str = "reference", width: int = 40, told: Told = ALL) -> Gene
         width: of the part's name, in characters.
         told: how much the command says.
     """
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
     from rich.progress import Progress as Bar
 
     from ..comparisons.report.terminal import progress_console
 
     to = progress_console()
-    name, left = TextColumn(f"{{task.description:<{min(width, to.width // 2)}}}"), TextColumn("left")
-    columns = (name, BarColumn(20), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(), left)
+    name, left = (
+        TextColumn(f"{{task.description:<{min(width, to.width // 2)}}}"),
+        TextColumn("left"),
+    )
+    columns = (
+        name,
+        BarColumn(20),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        left,
+    )
     if not (told.quiet or to.is_terminal):
         yield _lines(what)
         return
-    # The estimate looks back on everything done: parts are few, and some take many times as long as others.
-    with Bar(*columns, console=to, transient=True, disable=told.quiet, speed_estimate_period=_EVER) as bar:
+    # The estimate looks back on everything done: parts are few, and some take many times as long as
+    # others.
+    with Bar(
+        *columns, console=to, transient=True, disable=told.quiet, speed_estimate_period=_EVER
+    ) as bar:
         task = bar.add_task(what, total=None)
         yield lambda part, done, of: bar.update(task, description=part, completed=done, total=of)
 
@@ -95,7 +114,8 @@ def publish(
         page: path of the report as a page; None: the command has none.
         called: what the page is called in the closing line.
         store: of the runs; the report says how many of them were taken from it.
-        current: nothing is new since the page was written; if the same data are on disk, all are left as they are.
+        current: nothing is new since the page was written; if the same data are on disk, all are
+        left as they are.
         told: how much the command says.
         beside: further files by what they are called in the closing line, each with path and text.
 
@@ -147,7 +167,11 @@ def show(report: Document, told: Told = ALL, **files: Path) -> None:
 def command_line(context: typer.Context) -> str | None:
     """The command line that makes the same again; None where there was none."""
     line = context.find_root().obj
-    return None if line is None else shlex.join(word for word in shlex.split(line) if word not in _NOT_OF_RESULTS)
+    return (
+        None
+        if line is None
+        else shlex.join(word for word in shlex.split(line) if word not in _NOT_OF_RESULTS)
+    )
 
 
 _NOT_OF_RESULTS = ("--resume", "--quiet", "-q", "--json")

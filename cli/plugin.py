@@ -9,7 +9,9 @@ import typer
 
 from . import options, output
 
-plugin_app = typer.Typer(help="Engines of your own: write the skeleton of a plug-in.", no_args_is_help=True)
+plugin_app = typer.Typer(
+    help="Engines of your own: write the skeleton of a plug-in.", no_args_is_help=True
+)
 
 
 @plugin_app.command("new")
@@ -26,4 +28,6 @@ def new_command(
     folder = out or Path(f"trebucheck-{name}")
     for path in write_skeleton(name, folder):
         typer.echo(f"Wrote {output.printable(str(path))}")
-    typer.echo(f"\nNext: cd {output.printable(str(folder))}, pip install -e .[test], pytest; then fill in engine.py.")
+    typer.echo(
+        f"\nNext: cd {output.printable(str(folder))}, pip install -e .[test], pytest; then fill in engine.py."
+    )

@@ -12,20 +12,25 @@ from . import completion, options, output
 
 _Name = Annotated[
     str | None,
-    typer.Argument(autocompletion=completion.problems, help="Name or number of one problem, to see its figures."),
+    typer.Argument(
+        autocompletion=completion.problems,
+        help="Name or number of one problem, to see its figures.",
+    ),
 ]
 
 
 def problems_command(
     name: _Name = None,
-    tag: Annotated[str | None, typer.Option("--tag", help="List only problems with this tag, e.g. loop.")] = None,
+    tag: Annotated[
+        str | None, typer.Option("--tag", help="List only problems with this tag, e.g. loop.")
+    ] = None,
     assignments: options.Set = None,
     timeout: options.Timeout = 600.0,
 ) -> None:
     """List the benchmark problems, or show one: its source, its figures beside the reference's, and its conditions.
 
-    A problem's name stands wherever a machine's does; it brings its own duration and stop law. Of one problem, the exit
-    code is 1 if the reference misses a figure or a condition.
+    A problem's name stands wherever a machine's does; it brings its own duration and stop law. Of
+    one problem, the exit code is 1 if the reference misses a figure or a condition.
 
     Examples:
     trebucheck problems --tag loop
@@ -41,7 +46,9 @@ def problems_command(
 
     if name is None:
         if assignments:
-            raise InputError("--set is for one problem; name it, e.g. trebucheck problems pendulum --set length=2.")
+            raise InputError(
+                "--set is for one problem; name it, e.g. trebucheck problems pendulum --set length=2."
+            )
         output.show(listing(benchmarks(tag)))
         return
     if tag is not None:

@@ -19,7 +19,10 @@ def run_command(
     engine: Annotated[
         str,
         typer.Option(
-            "--engine", "--engines", autocompletion=completion.engines, help="One engine; see `trebucheck engines`."
+            "--engine",
+            "--engines",
+            autocompletion=completion.engines,
+            help="One engine; see `trebucheck engines`.",
         ),
     ],
     model: options.Model = "fixed",
@@ -34,7 +37,10 @@ def run_command(
     option: options.EngineOption = None,
     stop_law: options.StopLaw = None,
     reference: Annotated[
-        bool, typer.Option("--reference/--no-reference", help="Say how far the run is from the reference.")
+        bool,
+        typer.Option(
+            "--reference/--no-reference", help="Say how far the run is from the reference."
+        ),
     ] = True,
     timeout: options.Timeout = 600.0,
     quiet: options.Quiet = False,
@@ -42,9 +48,9 @@ def run_command(
 ) -> None:
     """Simulate one machine with one engine; write its trajectory as NetCDF and print a summary.
 
-    It is simulated a little past the launch, or the end that --until names. The summary says how far the run is from
-    the reference: the largest distance of any marker up to that end, or to the predictability horizon if that is
-    earlier.
+    It is simulated a little past the launch, or the end that --until names. The summary says how
+    far the run is from the reference: the largest distance of any marker up to that end, or to the
+    predictability horizon if that is earlier.
 
     Examples:
     trebucheck run --engine mujoco --model rolling --timestep 5e-4 --duration 2.6 --out rolling.nc

@@ -18,17 +18,24 @@ if TYPE_CHECKING:
 _NEIGHBOURS = 32
 
 Position = Annotated[
-    float | None, typer.Option("--position", help="Largest distance of any marker from the reference (m).")
+    float | None,
+    typer.Option("--position", help="Largest distance of any marker from the reference (m)."),
 ]
 Torque = Annotated[
     str | None,
     typer.Option(
-        "--torque", help="Largest error of any stop's torque: N m (N on points), or a share of the largest: 0.1%."
+        "--torque",
+        help="Largest error of any stop's torque: N m (N on points), or a share of the largest: 0.1%.",
     ),
 ]
-Release = Annotated[float | None, typer.Option("--release", help="Largest error of any stop's release (s).")]
+Release = Annotated[
+    float | None, typer.Option("--release", help="Largest error of any stop's release (s).")
+]
 Neighbours = Annotated[
-    int, typer.Option("--neighbours", help="Machines of the same kind the settings are to hold on, too; 0: none.")
+    int,
+    typer.Option(
+        "--neighbours", help="Machines of the same kind the settings are to hold on, too; 0: none."
+    ),
 ]
 
 
@@ -51,17 +58,21 @@ def compare_command(
     timeout: options.Timeout = 600.0,
     quiet: options.Quiet = False,
     json: options.Json = False,
-    out: Annotated[Path, options.out("Folder for report, summary.md, results.json and trajectories.")] = Path("report"),
+    out: Annotated[
+        Path, options.out("Folder for report, summary.md, results.json and trajectories.")
+    ] = Path("report"),
 ) -> None:
     """Run engines on machines, measure them against the reference and each other, and write the report.
 
-    Writes report.html (self-contained), summary.md (for a pull request), results.json and one NetCDF file a run.
-    Ends with exit code 1 if a run disagrees, is not equivalent or failed, or if nothing was judged.
+    Writes report.html (self-contained), summary.md (for a pull request), results.json and one
+    NetCDF file a run. Ends with exit code 1 if a run disagrees, is not equivalent or failed, or if
+    nothing was judged.
 
     Examples:
     trebucheck compare --out report
 
-    trebucheck compare --models fixed --engines mujoco,pymunk --preset tuned --timestep 1e-3 --set l1=9.5
+    trebucheck compare --models fixed --engines mujoco,pymunk --preset tuned --timestep 1e-3 --set
+    l1=9.5
     """
     from ..comparisons.compare.study import compare
     from ..comparisons.runs.store import Store
@@ -106,7 +117,9 @@ def _publish(comparison: Comparison, out: Path, store: Store, told: output.Told)
         store=store,
         current=comparison.repeated,
         told=told,
-        beside={"Summary": (out / "summary.md", markdown.text(summary(comparison.results), signs=True))},
+        beside={
+            "Summary": (out / "summary.md", markdown.text(summary(comparison.results), signs=True))
+        },
     )
 
 
@@ -116,7 +129,11 @@ def converge_command(
     engines: options.Engines = None,
     knobs: Annotated[
         str | None,
-        typer.Option("--knobs", "--knob", help="Knobs, comma-separated, e.g. timestep,solref; all by default."),
+        typer.Option(
+            "--knobs",
+            "--knob",
+            help="Knobs, comma-separated, e.g. timestep,solref; all by default.",
+        ),
     ] = None,
     until: options.Until = None,
     assignments: options.Set = None,
@@ -127,12 +144,15 @@ def converge_command(
     timeout: options.Timeout = 600.0,
     quiet: options.Quiet = False,
     json: options.Json = False,
-    out: Annotated[Path, options.out("Folder for converge.html, converge.json and the runs.")] = Path("converge"),
+    out: Annotated[
+        Path, options.out("Folder for converge.html, converge.json and the runs.")
+    ] = Path("converge"),
 ) -> None:
     """Turn each engine's knobs and see how its error falls: orders, floors and their causes, Richardson limits.
 
-    Writes converge.html (self-contained) and converge.json; prints orders and laws. A run that fails is a failed
-    point of its study; a machine whose reference fails is left out with its reason, and the exit code is 1.
+    Writes converge.html (self-contained) and converge.json; prints orders and laws. A run that
+    fails is a failed point of its study; a machine whose reference fails is left out with its
+    reason, and the exit code is 1.
 
     Examples:
     trebucheck converge --out converge
@@ -180,13 +200,15 @@ def explain_command(
     timeout: options.Timeout = 600.0,
     quiet: options.Quiet = False,
     json: options.Json = False,
-    out: Annotated[Path, options.out("Folder for explain.html, explain.json and the runs.")] = Path("explain"),
+    out: Annotated[Path, options.out("Folder for explain.html, explain.json and the runs.")] = Path(
+        "explain"
+    ),
 ) -> None:
     """Split each engine's error among its causes, each measured by a run without it.
 
-    Also sets each engine's stock and tuned presets side by side and changes one option at a time. Writes explain.html
-    (self-contained) and explain.json; prints a summary. A run that fails is shown as such and ends nothing; if it is a
-    machine's reference, the exit code is 1.
+    Also sets each engine's stock and tuned presets side by side and changes one option at a time.
+    Writes explain.html (self-contained) and explain.json; prints a summary. A run that fails is
+    shown as such and ends nothing; if it is a machine's reference, the exit code is 1.
 
     Examples:
     trebucheck explain --models fixed --engines mujoco
@@ -199,13 +221,17 @@ def explain_command(
     machines = options.given(models, assignments, beam)
     own = options.engine_options(option, timestep, options.chosen_names(engines, "--engines"))
     presets = options.names(preset, "--preset")
-    study = options.study(machines, engines, out, resume, timeout, jobs, presets=presets, options=own, until=until)
+    study = options.study(
+        machines, engines, out, resume, timeout, jobs, presets=presets, options=own, until=until
+    )
     told = output.Told(quiet, json)
     with output.progress(width=44, told=told) as show:
         explanation = explain(replace(study, progress=show))
     explanation = explanation.made_by(output.command_line(context))
     data = out / "explain.json", explanation.to_json()
-    output.publish(data, document(explanation), out / "explain.html", "Page", store=study.store, told=told)
+    output.publish(
+        data, document(explanation), out / "explain.html", "Page", store=study.store, told=told
+    )
     if explanation.failures:
         raise typer.Exit(1)
 
@@ -221,21 +247,24 @@ def recommend_command(
     assignments: options.Set = None,
     beam: options.Beam = None,
     neighbours: Neighbours = _NEIGHBOURS,
-    resume: Annotated[bool, typer.Option("--resume", help="Take finished trials from the folder again.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Take finished trials from the folder again.")
+    ] = False,
     jobs: options.Jobs = 1,
     timeout: options.Timeout = 600.0,
     quiet: options.Quiet = False,
     json: options.Json = False,
-    out: Annotated[Path, options.out("Folder for recommend.html, recommend.json, the texts and the trials.")] = Path(
-        "recommend"
-    ),
+    out: Annotated[
+        Path, options.out("Folder for recommend.html, recommend.json, the texts and the trials.")
+    ] = Path("recommend"),
 ) -> None:
     """Find, for each engine, the cheapest measured settings that reach an accuracy, up to the launch or to --until.
 
-    Writes recommend.html (self-contained), recommend.json, and beside them the texts to paste into the MJCF, the
-    pymunk or the Exudyn script; says what stands in the way where there are no such settings. At least one of
-    --position, --torque and --release must be given. Settings must
-    reach it on the machine and on the worst of its neighbours, whose lengths, masses and start angles differ.
+    Writes recommend.html (self-contained), recommend.json, and beside them the texts to paste into
+    the MJCF, the pymunk or the Exudyn script; says what stands in the way where there are no such
+    settings. At least one of --position, --torque and --release must be given. Settings must reach
+    it on the machine and on the worst of its neighbours, whose lengths, masses and start angles
+    differ.
 
     Examples:
     trebucheck recommend --model rolling --position 1e-3 --torque 0.01%
@@ -250,13 +279,27 @@ def recommend_command(
     from ..models.files import write_text
 
     if position is None and torque is None and release is None:
-        raise InputError("nothing is asked; give at least one of --position, --torque and --release.")
-    target = Asked(position=position, release=release, **(read_torque(torque) if torque is not None else {}))
+        raise InputError(
+            "nothing is asked; give at least one of --position, --torque and --release."
+        )
+    target = Asked(
+        position=position, release=release, **(read_torque(torque) if torque is not None else {})
+    )
     chosen = options.parameters(assignments, beam)
-    mechanism, own = options.machine(model, assignments, beam, "recommend"), model.strip().endswith(".json")
+    mechanism, own = (
+        options.machine(model, assignments, beam, "recommend"),
+        model.strip().endswith(".json"),
+    )
     parameters = None if own else chosen.of(model.strip())
     study = options.study(
-        [mechanism if own else model.strip()], engines, out, resume, timeout, jobs, parameters=parameters, until=until
+        [mechanism if own else model.strip()],
+        engines,
+        out,
+        resume,
+        timeout,
+        jobs,
+        parameters=parameters,
+        until=until,
     )
     told = output.Told(quiet, json)
     with output.progress("references", 30, told) as show:
@@ -265,14 +308,19 @@ def recommend_command(
     for name, text in files(advice).items():
         write_text(out / name, text)
     data = out / "recommend.json", advice.to_json()
-    output.publish(data, document(advice), out / "recommend.html", "Page", store=study.store, told=told)
+    output.publish(
+        data, document(advice), out / "recommend.html", "Page", store=study.store, told=told
+    )
 
 
 def paper_command(
     engines: options.Engines = None,
     sections: Annotated[
         str | None,
-        typer.Option("--sections", help="Further studies: identification,drag,sweep,machines,design; all by default."),
+        typer.Option(
+            "--sections",
+            help="Further studies: identification,drag,sweep,machines,design; all by default.",
+        ),
     ] = None,
     timeout: Annotated[
         float, typer.Option("--timeout", help="Longest wait for one run, or one further study (s).")
@@ -283,8 +331,8 @@ def paper_command(
 ) -> None:
     """Judge every number and statement of the paper that a solver can reach, by the reference and every engine.
 
-    Writes paper.html (self-contained) and paper.json; prints the verdicts. A verdict follows from stated rules. What
-    fails here is a row that says so, never a lost report.
+    Writes paper.html (self-contained) and paper.json; prints the verdicts. A verdict follows from
+    stated rules. What fails here is a row that says so, never a lost report.
 
     Examples:
     trebucheck paper --out paper
@@ -303,4 +351,6 @@ def paper_command(
     told = output.Told(quiet, json)
     with output.progress("paper", told=told) as show:
         judged = study(engine_list, sections=section_list, timeout=timeout, progress=show)
-    output.publish((out / "paper.json", judged.to_json()), document(judged), out / "paper.html", told=told)
+    output.publish(
+        (out / "paper.json", judged.to_json()), document(judged), out / "paper.html", told=told
+    )

@@ -18,25 +18,42 @@ if TYPE_CHECKING:
 
 ReleaseAngle = Annotated[
     float | None,
-    typer.Option("--release-angle", help="Let go at this angle of the velocity above level (deg); 45 if no other."),
+    typer.Option(
+        "--release-angle",
+        help="Let go at this angle of the velocity above level (deg); 45 if no other.",
+    ),
 ]
-ReleaseTime = Annotated[float | None, typer.Option("--release-time", help="Let go at this time (s).")]
+ReleaseTime = Annotated[
+    float | None, typer.Option("--release-time", help="Let go at this time (s).")
+]
 SlingAngle = Annotated[
-    float | None, typer.Option("--sling-angle", help="Let go at this angle of the sling from the arm (deg).")
+    float | None,
+    typer.Option("--sling-angle", help="Let go at this angle of the sling from the arm (deg)."),
 ]
 Best = Annotated[bool, typer.Option("--best", help="Let go for the longest range.")]
-Density = Annotated[float | None, typer.Option("--density", help="Of the air (kg/m^3); with --drag-area.")]
+Density = Annotated[
+    float | None, typer.Option("--density", help="Of the air (kg/m^3); with --drag-area.")
+]
 DragArea = Annotated[
-    float | None, typer.Option("--drag-area", help="Drag coefficient times area (m^2); with --density or --body.")
+    float | None,
+    typer.Option(
+        "--drag-area", help="Drag coefficient times area (m^2); with --density or --body."
+    ),
 ]
 Body = Annotated[
-    str | None, typer.Option("--body", help="moon, mars, earth or venus: gravity and air of the paper's Table II.")
+    str | None,
+    typer.Option(
+        "--body", help="moon, mars, earth or venus: gravity and air of the paper's Table II."
+    ),
 ]
-Height = Annotated[float, typer.Option("--height", help="Of the landing above the fulcrum or wheel (m).")]
+Height = Annotated[
+    float, typer.Option("--height", help="Of the landing above the fulcrum or wheel (m).")
+]
 WithSensitivities = Annotated[
     bool,
     typer.Option(
-        "--sensitivities", help="Also differentiate time, speed, angle and range by every number of the machine."
+        "--sensitivities",
+        help="Also differentiate time, speed, angle and range by every number of the machine.",
     ),
 ]
 Out = Annotated[Path, options.out("Folder for throw.html and throw.json.")]
@@ -90,17 +107,31 @@ def throw_command(
         "release_time": release_time,
         "sling_angle": None if sling_angle is None else math.radians(sling_angle),
     }
-    more = {"best": best, "density": density, "drag_area": drag_area, "body": body, "height": height}
+    more = {
+        "best": best,
+        "density": density,
+        "drag_area": drag_area,
+        "body": body,
+        "height": height,
+    }
     with Worker(options.positive(timeout, "--timeout")) as worker:
         performance = worker.compute(partial(perform, mechanism, release, **more))
         throw = performance.throw
         if sensitivities:
             throw = _with_sensitivities(performance, model.strip(), chosen, worker)
     data = out / "throw.json", throw.to_json()
-    output.publish(data, document(performance, throw), out / "throw.html", "Page", told=output.Told(quiet, json))
+    output.publish(
+        data,
+        document(performance, throw),
+        out / "throw.html",
+        "Page",
+        told=output.Told(quiet, json),
+    )
 
 
-def _with_sensitivities(performance: Performance, model: str, chosen: options.Chosen, worker: Worker) -> Throw:
+def _with_sensitivities(
+    performance: Performance, model: str, chosen: options.Chosen, worker: Worker
+) -> Throw:
     """Of the two whippers by Table I's parameters, of others by their physical numbers."""
     from ..models.machines.parameters import TrebuchetParameters
     from ..reference.throw.sensitivity import sensitivities_of
@@ -110,4 +141,6 @@ def _with_sensitivities(performance: Performance, model: str, chosen: options.Ch
     parameters = (whipper and chosen.whipper(whipper)) or TrebuchetParameters()
     parameters = parameters.model_copy(update={"g": throw.gravity})
     found, sentences = worker.compute(partial(sensitivities_of, performance, whipper, parameters))
-    return throw.model_copy(update={"sensitivities": found, "warnings": (*throw.warnings, *sentences)})
+    return throw.model_copy(
+        update={"sensitivities": found, "warnings": (*throw.warnings, *sentences)}
+    )

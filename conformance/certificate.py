@@ -50,7 +50,11 @@ def headline(results: Conformance) -> str:
     """The whole in a line."""
     counts, judged = results.counts, _judged(results)
     who = ", ".join(f"{label} {version}" for label, version in results.engines.items())
-    said = [f"{counts[state]} {state.value}" for state in State if counts[state] and state is not State.KEPT]
+    said = [
+        f"{counts[state]} {state.value}"
+        for state in State
+        if counts[state] and state is not State.KEPT
+    ]
     rest = f"; {', '.join(said)}" if said else ""
     verdict = "conforms" if results.passed else "does not conform"
     return f"{who} {verdict} ({results.tier} tier): {counts[State.KEPT]} of {judged} checks kept{rest}."
@@ -66,9 +70,17 @@ def certificate(results: Conformance) -> Document:
     counts = results.counts
     tiles = Tiles(
         (
-            Tile(f"{counts[State.KEPT]}/{_judged(results)}", "checks kept", "good" if results.passed else "bad"),
+            Tile(
+                f"{counts[State.KEPT]}/{_judged(results)}",
+                "checks kept",
+                "good" if results.passed else "bad",
+            ),
             Tile(str(failed), "broken or not judged", "bad" if failed else "plain"),
-            Tile(str(counts[State.DEVIATES]), "known deviations", "warning" if counts[State.DEVIATES] else "plain"),
+            Tile(
+                str(counts[State.DEVIATES]),
+                "known deviations",
+                "warning" if counts[State.DEVIATES] else "plain",
+            ),
             Tile(str(counts[State.SKIPPED]), "skipped"),
         )
     )
@@ -82,7 +94,11 @@ def _own(results: Conformance) -> Iterator[Text]:
     """What each engine does itself: what it conforms with."""
     for label in results.engines:
         given = results.supplied.get(label)
-        said = "The engine does not say what of a run is its own." if given is None else sentence(given)
+        said = (
+            "The engine does not say what of a run is its own."
+            if given is None
+            else sentence(given)
+        )
         yield Text(said, lead=f"{label}:" if len(results.engines) > 1 else "")
 
 
@@ -107,8 +123,12 @@ def next_steps(results: Conformance) -> Iterator[str]:
     """Sentences on what fails: the interface first, then the problems from the simplest on, each in one sentence."""
     failing = [verdict for verdict in results.verdicts if verdict.failed]
     if not _judged(results):  # as where the engine is not installed
-        yield from sorted({f"{verdict.text.removesuffix('.')}." for verdict in results.verdicts if verdict.text})
-    for (where, problem), own in groupby(failing, key=lambda v: (v.id.rsplit("/", 2)[0], v.problem)):
+        yield from sorted(
+            {f"{verdict.text.removesuffix('.')}." for verdict in results.verdicts if verdict.text}
+        )
+    for (where, problem), own in groupby(
+        failing, key=lambda v: (v.id.rsplit("/", 2)[0], v.problem)
+    ):
         found = list(own)
         if problem in (INTERFACE, "row"):
             yield from (f"{verdict.check}: {verdict.text}" for verdict in found)
@@ -185,12 +205,18 @@ def _problem_rows(verdicts: Sequence[Verdict]) -> Iterator[Row]:
         if where.startswith("deviations/"):
             continue
         engine, _, problem = where.rpartition("/")
-        kept, judged = (sum(v.state in states for v in found) for states in ((State.KEPT,), _JUDGED))
-        worst = max((v for v in found if v.share is not None), key=lambda v: v.share or 0.0, default=None)
+        kept, judged = (
+            sum(v.state in states for v in found) for states in ((State.KEPT,), _JUDGED)
+        )
+        worst = max(
+            (v for v in found if v.share is not None), key=lambda v: v.share or 0.0, default=None
+        )
         share = "" if worst is None else f"{worst.share:.2g}"
         wall = next((f"{v.wall_time:.2f}" for v in found if v.wall_time is not None), "")
         name = "" if worst is None else worst.check
-        yield row(engine, problem, f"{kept}/{judged}" if judged else "", name, share, wall, _said(found))
+        yield row(
+            engine, problem, f"{kept}/{judged}" if judged else "", name, share, wall, _said(found)
+        )
 
 
 _JUDGED = tuple(state for state in State if state is not State.SKIPPED)

@@ -35,24 +35,26 @@ def check(
 
     Args:
         engine: NAME, NAME/PRESET, or the same with 'package.module:Class' for the name.
-        model: name of a machine or of a problem of the library, the path of a mechanism's .json file, a mechanism, or a
-            problem.
+        model: name of a machine or of a problem of the library, the path of a mechanism's .json
+            file, a mechanism, or a problem.
         duration: end of the compared motion [s]; a problem's own, else the launch, if left out.
         until: the end in other words, as `compare` takes it.
         stop_law: 'release-once' or 'unilateral'; a problem's own, else 'release-once', if left out.
         options: of the engine.
         timeout: longest wait for the run [s].
-        isolate: run the engine in a process of its own, so that its crash fails the check and nothing else.
-        tolerances: by quantity as `trebucheck compare --tolerance` takes them, with '_' for '-': in the quantity's
-            unit, or in parts of its scale as '0.1%'. Only these quantities are judged; where none is named all are, by
-            the engine's claims and the default.
+        isolate: run the engine in a process of its own, so that its crash fails the check and
+        nothing else.
+        tolerances: by quantity as `trebucheck compare --tolerance` takes them, with '_' for '-': in
+            the quantity's unit, or in parts of its scale as '0.1%'. Only these quantities are
+            judged; where none is named all are, by the engine's claims and the default.
 
     Returns:
         The run with all its metrics.
 
     Raises:
-        AssertionError: a tolerance does not hold, a quantity could not be judged, or the engine failed, refused the
-            problem or built another mechanism; the text names quantity, error, tolerance and, where known, the cause.
+        AssertionError: a tolerance does not hold, a quantity could not be judged, or the engine
+            failed, refused the problem or built another mechanism; the text names quantity, error,
+            tolerance and, where known, the cause.
         InputError: a name, a quantity or a value is not valid.
         EngineNotInstalledError: the engine is not here.
     """
@@ -61,7 +63,9 @@ def check(
     if not engine_class(target.engine).is_installed():
         raise EngineNotInstalledError(absence(engine_class(target.engine)))
     needs = {_title(name): value for name, value in tolerances.items()}
-    given = Mechanism.load(Path(model)) if isinstance(model, str) and model.endswith(".json") else model
+    given = (
+        Mechanism.load(Path(model)) if isinstance(model, str) and model.endswith(".json") else model
+    )
     study = Study(
         [given], [target.engine], [target.preset], options=options or {}, stop_law=stop_law,
         until=one_end(duration, until), tolerances=needs, timeout=timeout, isolate=isolate,
@@ -71,7 +75,9 @@ def check(
     faults = list(_faults(run, wanted))
     if faults:
         name = study.mechanisms[0].name
-        raise AssertionError("\n".join([f"{target.label} on {name!r}: {faults[0]}", *faults[1:], *diagnosis(run)]))
+        raise AssertionError(
+            "\n".join([f"{target.label} on {name!r}: {faults[0]}", *faults[1:], *diagnosis(run)])
+        )
     return run
 
 

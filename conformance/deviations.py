@@ -37,13 +37,20 @@ class Deviation(Spec):
         """Why it is not about these engines (engine/preset), if it is about another one that there is."""
         engine, _, rest = self.id.partition("/")
         preset = rest.partition("/")[0]
-        if any(fnmatchcase(label, f"{engine}/{preset}") for label in labels) or engine not in engine_names():
+        if (
+            any(fnmatchcase(label, f"{engine}/{preset}") for label in labels)
+            or engine not in engine_names()
+        ):
             return ""
         try:
             presets = engine_class(engine).presets()
         except Exception:  # of a plug-in that cannot be loaded
             return "of an engine that is not run"
-        return "of an engine that is not run" if any(fnmatchcase(each, preset) for each in presets) else ""
+        return (
+            "of an engine that is not run"
+            if any(fnmatchcase(each, preset) for each in presets)
+            else ""
+        )
 
     @property
     def text(self) -> str:
@@ -71,7 +78,9 @@ class Deviations(Spec):
         if not isinstance(parsed, dict):
             raise InputError(f"{path} must hold rows 'deviation', each with id, reason and owner.")
         if isinstance(parsed.get("deviation"), dict):
-            raise InputError(f"{path}: deviation is one table; a list of them is needed: [[deviation]] in TOML.")
+            raise InputError(
+                f"{path}: deviation is one table; a list of them is needed: [[deviation]] in TOML."
+            )
         try:
             return cls(**parsed)
         except InputError as error:
@@ -82,9 +91,13 @@ class Deviations(Spec):
         row = next((row for row in self.deviation if row.covers(verdict.id)), None)
         if row is None or not verdict.failed:
             return verdict
-        return verdict.model_copy(update={"state": State.DEVIATES, "text": f"{row.text}: {verdict.text}"})
+        return verdict.model_copy(
+            update={"state": State.DEVIATES, "text": f"{row.text}: {verdict.text}"}
+        )
 
-    def of_rows(self, ids: Iterable[str], verdicts: Iterable[Verdict], labels: Collection[str]) -> Iterator[Verdict]:
+    def of_rows(
+        self, ids: Iterable[str], verdicts: Iterable[Verdict], labels: Collection[str]
+    ) -> Iterator[Verdict]:
         """A verdict on each row: broken if it is about no check, or about none that fails.
 
         Args:
@@ -107,5 +120,8 @@ def _of_row(row: Deviation, ids: tuple[str, ...], verdicts: tuple[Verdict, ...])
     if not own:
         return {"state": State.SKIPPED, "text": f"row {row.id!r}: none of its checks was run"}
     if all(verdict.state is not State.DEVIATES for verdict in own):
-        return {"state": State.BROKEN, "text": f"row {row.id!r} is stale: none of its checks fails; take it out"}
+        return {
+            "state": State.BROKEN,
+            "text": f"row {row.id!r} is stale: none of its checks fails; take it out",
+        }
     return {"state": State.KEPT}

@@ -16,7 +16,10 @@ def scheduler(config: pytest.Config, log: Any) -> Any:
     from xdist.scheduler import LoadFileScheduling, LoadGroupScheduling, LoadScopeScheduling
 
     dist = str(config.getoption("dist"))
-    by_dist: dict[str, type[LoadScopeScheduling]] = {"loadfile": LoadFileScheduling, "loadgroup": LoadGroupScheduling}
+    by_dist: dict[str, type[LoadScopeScheduling]] = {
+        "loadfile": LoadFileScheduling,
+        "loadgroup": LoadGroupScheduling,
+    }
     known = by_dist.get(dist, LoadScopeScheduling)
 
     class ByProblem(known):  # type: ignore[misc,valid-type]

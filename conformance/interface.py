@@ -85,9 +85,13 @@ def presets_of(name: str, cls: EngineClass) -> Mapping[str, Callable[..., object
     try:
         makers = cls.presets()
     except Exception as error:
-        raise InputError(f"engine {name!r}: presets() failed: {type(error).__name__}: {error}.") from error
+        raise InputError(
+            f"engine {name!r}: presets() failed: {type(error).__name__}: {error}."
+        ) from error
     if not makers:
-        raise InputError(f"engine {name!r}: presets() gives no maker; one called 'tuned' is needed at least.")
+        raise InputError(
+            f"engine {name!r}: presets() gives no maker; one called 'tuned' is needed at least."
+        )
     return makers
 
 
@@ -125,15 +129,21 @@ def _found(check: Callable[[_Subject], str], subject: _Subject) -> Found:
 def _describes_itself(s: _Subject) -> str:
     capabilities: Any = s.cls.capabilities
     if not isinstance(capabilities, Capabilities):
-        raise _BrokenError(f"capabilities is a {type(capabilities).__name__}; a trebucheck.Capabilities is needed")
+        raise _BrokenError(
+            f"capabilities is a {type(capabilities).__name__}; a trebucheck.Capabilities is needed"
+        )
     if s.cls.name != s.name:
-        raise _BrokenError(f"the class is called {s.cls.name!r} and announced as {s.name!r}; both must be the same")
+        raise _BrokenError(
+            f"the class is called {s.cls.name!r} and announced as {s.name!r}; both must be the same"
+        )
     version: Any = s.cls.version()
     if not isinstance(version, str) or not version:
         raise _BrokenError(f"version() gives {version!r}; a text is needed")
     lacking = {"tuned", "stock"} - set(s.cls.presets())
     if lacking:
-        raise _BrokenError(f"presets() lacks {sorted(lacking)[0]!r}; two names may lead to the same maker")
+        raise _BrokenError(
+            f"presets() lacks {sorted(lacking)[0]!r}; two names may lead to the same maker"
+        )
     return ""
 
 
@@ -147,7 +157,9 @@ def _is_made_again(s: _Subject) -> str:
             f"{first.settings[changed]!r}"
         )
     if (first.name, first.preset) != (s.name, s.preset):
-        raise _BrokenError(f"the engine made says that it is {first.name}/{first.preset}, not {s.name}/{s.preset}")
+        raise _BrokenError(
+            f"the engine made says that it is {first.name}/{first.preset}, not {s.name}/{s.preset}"
+        )
     return ""
 
 
@@ -179,7 +191,9 @@ def _is_the_same_again(s: _Subject) -> str:
             )
         if not np.array_equal(one, other):
             apart = float(np.abs(one - other).max())
-            raise _BrokenError(f"{fit[0]}: {label} differs by up to {apart:.3g} between two runs of the same problem")
+            raise _BrokenError(
+                f"{fit[0]}: {label} differs by up to {apart:.3g} between two runs of the same problem"
+            )
     return ""
 
 
@@ -189,7 +203,9 @@ def _sampled(one: Trajectory, other: Trajectory) -> Iterator[tuple[str, np.ndarr
     for name, motion in one.markers.items():
         yield f"the position of {name!r}", motion.position, other.marker(name).position
     both = ("joint_reactions", "stop_torques")
-    for field, (name, values) in chain.from_iterable(((f, p) for p in getattr(one, f).items()) for f in both):
+    for field, (name, values) in chain.from_iterable(
+        ((f, p) for p in getattr(one, f).items()) for f in both
+    ):
         yield f"{field} of {name!r}", values, getattr(other, field)[name]
 
 
@@ -206,8 +222,12 @@ def _refuses_the_rest(s: _Subject) -> str:
         except UnsupportedProblemError:
             continue
         except (SimulationError, InputError) as error:
-            raise _BrokenError(f"{problem}: it fails instead of refusing {lacking[0]}: {error}") from None
-        raise _BrokenError(f"it moves {problem!r}, which has {lacking[0]}, and does not declare that it can")
+            raise _BrokenError(
+                f"{problem}: it fails instead of refusing {lacking[0]}: {error}"
+            ) from None
+        raise _BrokenError(
+            f"it moves {problem!r}, which has {lacking[0]}, and does not declare that it can"
+        )
     return "" if seen else "it declares everything"
 
 

@@ -1,7 +1,7 @@
 """The pytest plug-in: `pytest --trebucheck NAME` runs the suite on one engine, and a fixture serves tests of one's own.
 
-It is loaded by every pytest run of whoever has trebucheck installed. It therefore imports nothing of trebucheck before
-one of its options or its fixture is used.
+It is loaded by every pytest run of whoever has trebucheck installed. It therefore imports nothing
+of trebucheck before one of its options or its fixture is used.
 """
 
 from __future__ import annotations
@@ -39,13 +39,22 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="only these problems, comma-separated; repeatable",
     )
     group.addoption(
-        "--trebucheck-tier", choices=("quick", "standard", "full"), default="standard", help="how many problems"
+        "--trebucheck-tier",
+        choices=("quick", "standard", "full"),
+        default="standard",
+        help="how many problems",
     )
     group.addoption(
-        "--trebucheck-timeout", type=float, default=120.0, metavar="S", help="longest wait for one run (default: 120 s)"
+        "--trebucheck-timeout",
+        type=float,
+        default=120.0,
+        metavar="S",
+        help="longest wait for one run (default: 120 s)",
     )
     group.addoption(
-        "--trebucheck-deviations", metavar="FILE", help="TOML or JSON: known failures, each with id, reason and owner"
+        "--trebucheck-deviations",
+        metavar="FILE",
+        help="TOML or JSON: known failures, each with id, reason and owner",
     )
     group.addoption("--trebucheck-json", metavar="FILE", help="write the verdicts as JSON")
     group.addoption(
@@ -149,7 +158,8 @@ def pytest_collection_modifyitems(
 ) -> Iterator[None]:
     """Add the suite; -k and --last-failed then choose from it as from any tests.
 
-    One process of several does not know what the others find: rows of the file of deviations are judged in the end.
+    One process of several does not know what the others find: rows of the file of deviations are
+    judged in the end.
     """
     if _KEY not in config.stash:
         return (yield)
@@ -158,7 +168,11 @@ def pytest_collection_modifyitems(
     session.testscollected = len(items)
     yield
     if not _reports(config):
-        rows = [item for item in items if item.name in config.stash[_KEY].rows and isinstance(item, ConformanceItem)]
+        rows = [
+            item
+            for item in items
+            if item.name in config.stash[_KEY].rows and isinstance(item, ConformanceItem)
+        ]
         items[:] = [item for item in items if item not in rows]
         config.workeroutput[ROWS] = [item.name for item in rows]  # type: ignore[attr-defined] - of pytest-xdist
     return None
@@ -205,7 +219,9 @@ def _silent(config: pytest.Config) -> list[str]:
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
     """Say which required engines said nothing."""
     for name in _silent(config):
-        terminalreporter.write_line(f"--require-engine {name}: no test of it has run: absent, or all skipped", red=True)
+        terminalreporter.write_line(
+            f"--require-engine {name}: no test of it has run: absent, or all skipped", red=True
+        )
 
 
 class _Checker:

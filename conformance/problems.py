@@ -31,7 +31,14 @@ def problems_of(tier: str) -> tuple[str, ...]:
     if tier not in TIERS:
         raise InputError(f"tier = {tier!r} is unknown; there are: {', '.join(TIERS)}.")
     if tier == "full":
-        return (*STANDARD, *(name for name in (*models(), *(b.name for b in benchmarks())) if name not in STANDARD))
+        return (
+            *STANDARD,
+            *(
+                name
+                for name in (*models(), *(b.name for b in benchmarks()))
+                if name not in STANDARD
+            ),
+        )
     return QUICK if tier == "quick" else STANDARD
 
 
@@ -42,12 +49,19 @@ def given(name: str) -> tuple[Mechanism, StopLaw]:
         InputError: nothing has that name; the sentence lists the names there are.
     """
     problem = library_problem(name)
-    return (model(name), StopLaw.RELEASE_ONCE) if problem is None else (problem.mechanism, problem.stop_law)
+    return (
+        (model(name), StopLaw.RELEASE_ONCE)
+        if problem is None
+        else (problem.mechanism, problem.stop_law)
+    )
 
 
 def missing(mechanism: Mechanism, law: StopLaw, capabilities: Capabilities) -> tuple[str, ...]:
     """Names of what a problem needs and an engine does not declare."""
-    names = [str(each) for each in missing_elements(mechanism, capabilities.features, capabilities.lacking, law)]
+    names = [
+        str(each)
+        for each in missing_elements(mechanism, capabilities.features, capabilities.lacking, law)
+    ]
     followed = not mechanism.stops or law in capabilities.stop_laws
     return (*names, *([] if followed else [f"{law.value} law of the stops"]))
 

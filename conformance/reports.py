@@ -54,10 +54,18 @@ class Reports:
 
 def _report(verdict: Verdict) -> pytest.TestReport:
     skipped = str(Path.cwd()), 0, f"Skipped: {verdict.text}"
-    outcome: Any = "failed" if verdict.failed else "skipped" if verdict.state is State.SKIPPED else "passed"
+    outcome: Any = (
+        "failed" if verdict.failed else "skipped" if verdict.state is State.SKIPPED else "passed"
+    )
     said: Any = {"failed": verdict.complaint, "skipped": skipped, "passed": None}[outcome]
     report = pytest.TestReport(
-        verdict.id, (verdict.id, None, verdict.id), {}, outcome, said, "call", user_properties=verdict.properties
+        verdict.id,
+        (verdict.id, None, verdict.id),
+        {},
+        outcome,
+        said,
+        "call",
+        user_properties=verdict.properties,
     )
     report.trebucheck_verdict = verdict.to_json()  # type: ignore[attr-defined]
     return report

@@ -25,8 +25,15 @@ class Session:
         path: where the verdicts are written; None: nowhere.
     """
 
-    def __init__(self, suites: Sequence[Suite], tier: str, deviations: Deviations, path: Path | None = None) -> None:
-        self._suites, self._tier, self._deviations, self._path = tuple(suites), tier, deviations, path
+    def __init__(
+        self, suites: Sequence[Suite], tier: str, deviations: Deviations, path: Path | None = None
+    ) -> None:
+        self._suites, self._tier, self._deviations, self._path = (
+            tuple(suites),
+            tier,
+            deviations,
+            path,
+        )
         self._by_id = {id: suite for suite in self._suites for id in suite.ids}
         self._found: dict[str, Verdict] = {}
         self.rows = tuple(f"deviations/file/row/{row.id}" for row in deviations.deviation)
@@ -36,14 +43,18 @@ class Session:
 
     @classmethod
     def of(
-        cls, engines: Sequence[str], options: Mapping[str, Any], folder: Path, required: Sequence[str] = ()
+        cls,
+        engines: Sequence[str],
+        options: Mapping[str, Any],
+        folder: Path,
+        required: Sequence[str] = (),
     ) -> Session:
         """From the texts of a command line.
 
         Args:
             engines: as :meth:`.suite.Target.of` reads them.
-            options: 'tier', 'problem' (names, comma-separated; those of the tier where empty), 'timeout' [s],
-                'deviations' and 'json' (paths, or None).
+            options: 'tier', 'problem' (names, comma-separated; those of the tier where empty),
+                'timeout' [s], 'deviations' and 'json' (paths, or None).
             folder: in which packages of engines that are not installed, and files, are looked for.
             required: engines that fail if they are not installed.
 
@@ -51,7 +62,9 @@ class Session:
             InputError: a name, a value or a file is not valid.
         """
         if str(folder) not in sys.path:
-            sys.path.append(str(folder))  # behind all that is installed: a file `rich.py` there is not meant for us
+            sys.path.append(
+                str(folder)
+            )  # behind all that is installed: a file `rich.py` there is not meant for us
         if not options["timeout"] > 0:
             raise InputError(f"timeout = {options['timeout']!r} s must be positive.")
         asked = [name.strip() for text in options["problem"] for name in text.split(",")]
@@ -59,12 +72,18 @@ class Session:
         for name in names:
             given(name)
         targets = dict.fromkeys(map(Target.of, engines))
-        deviations = Deviations.read(folder / options["deviations"]) if options["deviations"] else Deviations()
+        deviations = (
+            Deviations.read(folder / options["deviations"])
+            if options["deviations"]
+            else Deviations()
+        )
         path = folder / options["json"] if options["json"] else None
         if path:
             refuse_unwritable(path.parent, path.name)
         references = References()
-        suites = [Suite(t, names, references, options["timeout"], t.engine in required) for t in targets]
+        suites = [
+            Suite(t, names, references, options["timeout"], t.engine in required) for t in targets
+        ]
         return cls(suites, "chosen" if options["problem"] else options["tier"], deviations, path)
 
     @property
@@ -75,7 +94,11 @@ class Session:
     def judged(self, id: str) -> Verdict:
         """The verdict on a check, or on a row of the file of deviations."""
         if id not in self._found:
-            found = self._row(id) if id in self.rows else self._deviations.applied(self._by_id[id].verdict(id))
+            found = (
+                self._row(id)
+                if id in self.rows
+                else self._deviations.applied(self._by_id[id].verdict(id))
+            )
             self._found[id] = found
         return self._found[id]
 
@@ -85,7 +108,9 @@ class Session:
 
     def _row(self, id: str) -> Verdict:
         known = [*self._by_id, *(id for s in self._suites for id in _every_id(s))]
-        rows = self._deviations.of_rows(known, self._found.values(), [suite.target.label for suite in self._suites])
+        rows = self._deviations.of_rows(
+            known, self._found.values(), [suite.target.label for suite in self._suites]
+        )
         return dict(zip(self.rows, rows, strict=True))[id]
 
     @property
@@ -94,7 +119,9 @@ class Session:
         versions = {suite.target.label: suite.version for suite in self._suites}
         supplied = {suite.target.label: suite.supplied for suite in self._suites}
         verdicts = tuple(self._found[id] for id in self.ids if id in self._found)
-        return Conformance.made_here(engines=versions, supplied=supplied, tier=self._tier, verdicts=verdicts)
+        return Conformance.made_here(
+            engines=versions, supplied=supplied, tier=self._tier, verdicts=verdicts
+        )
 
     def write(self) -> None:
         """The verdicts, where a file was named and there are any; raises InputError if it cannot be written."""

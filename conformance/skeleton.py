@@ -28,19 +28,27 @@ def write_skeleton(name: str, folder: Path) -> tuple[Path, ...]:
         InputError: the name is not valid or taken, the folder exists, or it cannot be written to.
     """
     if not _NAME.fullmatch(name) or keyword.iskeyword(name):
-        raise InputError(f"engine {name!r}: a name of small letters, digits and hyphens is needed, e.g. my-engine.")
+        raise InputError(
+            f"engine {name!r}: a name of small letters, digits and hyphens is needed, e.g. my-engine."
+        )
     if name.startswith("trebucheck-"):
         raise InputError(
             f"engine {name!r}: the name of the engine is needed, without that of the distribution: "
             f"{name.removeprefix('trebucheck-')}."
         )
     if name in engine_names():
-        raise InputError(f"engine {name!r}: there is one of that name already; another name is needed.")
+        raise InputError(
+            f"engine {name!r}: there is one of that name already; another name is needed."
+        )
     if folder.exists() or folder.is_symlink():
         raise InputError(f"{folder} exists; a new folder is needed, nothing is written over.")
     refuse_unwritable(folder)
     package = f"trebucheck_{name.replace('-', '_')}"
-    words = {"name": name, "package": package, "cls": f"{name.title().replace('-', '').removesuffix('Engine')}Engine"}
+    words = {
+        "name": name,
+        "package": package,
+        "cls": f"{name.title().replace('-', '').removesuffix('Engine')}Engine",
+    }
     contents = {
         "pyproject.toml": "pyproject.toml",
         "README.md": "README.md",

@@ -1,6 +1,7 @@
 """The checks of one engine: each problem is run once, when the first of its checks is asked for.
 
-Whatever the engine does there, it does in processes of their own: no problem's verdict depends on what another one did.
+Whatever the engine does there, it does in processes of their own: no problem's verdict depends on
+what another one did.
 """
 
 from __future__ import annotations
@@ -25,9 +26,7 @@ from .verdicts import State, Verdict
 
 INTERFACE = "interface"
 """In the place of a problem's name: checks of the engine's description and of how it answers."""
-_DIAGNOSED = (
-    2  # broken problems of an engine whose cause is looked for: a diagnosis may take ten times as long as a run
-)
+_DIAGNOSED = 2  # broken problems of an engine whose cause is looked for: a diagnosis may take ten times as long as a run
 
 
 @dataclass(frozen=True)
@@ -95,16 +94,26 @@ class Suite:
         isolate: bool = True,
     ) -> None:
         self.target, self.problems, self.required = target, tuple(problems), required
-        self._references, self._worker = references or References(), Worker(timeout, isolate, fresh=True)
+        self._references, self._worker = (
+            references or References(),
+            Worker(timeout, isolate, fresh=True),
+        )
         self._known: dict[str, dict[str, Verdict]] = {}
         self._diagnosed = 0
-        self.ids = tuple(self._id(problem, check) for problem, checks in self._checks.items() for check in checks)
+        self.ids = tuple(
+            self._id(problem, check) for problem, checks in self._checks.items() for check in checks
+        )
         """Of all checks, in their order."""
 
     def __enter__(self) -> Suite:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        at: TracebackType | None,
+    ) -> None:
         self.close()
 
     def close(self) -> None:
@@ -155,19 +164,31 @@ class Suite:
             text = interface.absence(engine_class(self.target.engine)).removesuffix(".")
             return self._all(problem, State.BROKEN if self.required else State.SKIPPED, text)
         if problem == INTERFACE:
-            found = interface.checked(self.target.engine, self.target.preset, self.problems, self._worker)
-            return {c: Verdict(id=self._id(problem, c), state=state, text=text) for c, (state, text) in found.items()}
+            found = interface.checked(
+                self.target.engine, self.target.preset, self.problems, self._worker
+            )
+            return {
+                c: Verdict(id=self._id(problem, c), state=state, text=text)
+                for c, (state, text) in found.items()
+            }
         lacking = missing(*given(problem), self.capabilities)
         if lacking:
             return self._all(problem, State.SKIPPED, f"it has no {', no '.join(lacking)}")
         return self._run(problem)
 
     def _all(self, problem: str, state: State, text: str) -> dict[str, Verdict]:
-        return {c: Verdict(id=self._id(problem, c), state=state, text=text) for c in self._checks[problem]}
+        return {
+            c: Verdict(id=self._id(problem, c), state=state, text=text)
+            for c in self._checks[problem]
+        }
 
     def _failed(self, problem: str, text: str, check: str = "runs") -> dict[str, Verdict]:
         """One check broken, and the others without a motion to look at."""
-        others = self._all(problem, State.SKIPPED, "there is no motion to judge; see the first check of this problem")
+        others = self._all(
+            problem,
+            State.SKIPPED,
+            "there is no motion to judge; see the first check of this problem",
+        )
         return others | {check: Verdict(id=self._id(problem, check), state=State.BROKEN, text=text)}
 
     def _run(self, problem: str) -> dict[str, Verdict]:
@@ -183,8 +204,14 @@ class Suite:
         run = self._made(runs, problem, own)
         if run.outcome is Outcome.FAILED:
             slow = "did not finish" in (run.message or "")
-            longer = "; a longer --timeout [s] (of pytest: --trebucheck-timeout) may let it" if slow else ""
-            return self._failed(problem, f"{(run.message or '').removesuffix('.') if slow else run.message}{longer}")
+            longer = (
+                "; a longer --timeout [s] (of pytest: --trebucheck-timeout) may let it"
+                if slow
+                else ""
+            )
+            return self._failed(
+                problem, f"{(run.message or '').removesuffix('.') if slow else run.message}{longer}"
+            )
         if run.outcome is Outcome.UNSUPPORTED:
             return self._failed(problem, f"it refuses what it declares: {run.message}")
         if run.outcome is Outcome.NOT_EQUIVALENT:
@@ -200,9 +227,18 @@ class Suite:
 
     def _of_run(self, problem: str, run: Run, steps: str) -> dict[str, Verdict]:
         """Verdicts; those that speak against the engine say at which steps, where those are not the preset's."""
-        verdicts = {check: self._of_quantity(problem, check, run) for check in self._checks[problem][2:]}
-        found = {"runs": self._of_rest(problem, run), "model": self._of_model(problem, run)} | verdicts
-        broken = {check: v.model_copy(update={"text": v.text + steps}) for check, v in found.items() if v.failed}
+        verdicts = {
+            check: self._of_quantity(problem, check, run) for check in self._checks[problem][2:]
+        }
+        found = {
+            "runs": self._of_rest(problem, run),
+            "model": self._of_model(problem, run),
+        } | verdicts
+        broken = {
+            check: v.model_copy(update={"text": v.text + steps})
+            for check, v in found.items()
+            if v.failed
+        }
         return found | broken
 
     def _of_rest(self, problem: str, run: Run) -> Verdict:
@@ -216,8 +252,12 @@ class Suite:
     def _of_model(self, problem: str, run: Run) -> Verdict:
         equality = run.equality
         shown = equality is not None and equality.exposed
-        text = "" if shown else "it does not show its built model (`inspect`): only its motion tells"
-        return Verdict(id=self._id(problem, "model"), state=State.KEPT if shown else State.SKIPPED, text=text)
+        text = (
+            "" if shown else "it does not show its built model (`inspect`): only its motion tells"
+        )
+        return Verdict(
+            id=self._id(problem, "model"), state=State.KEPT if shown else State.SKIPPED, text=text
+        )
 
     def _of_quantity(self, problem: str, check: str, run: Run) -> Verdict:
         found = _judgement([m for m in run.metrics if check_name(m.name) == check], run)
@@ -237,7 +277,12 @@ def _judgement(metrics: Iterable[Metric], run: Run) -> Verdict:
     broken = [m for m in judged if m.holds is False]
     unjudged = [m for m in own if m.unjudged]
     state = State.BROKEN if broken else State.NOT_JUDGED if unjudged else State.KEPT
-    text = "; ".join([*map(_complaint, reversed(broken)), *(f"{m.label}: not judged: {m.note}" for m in unjudged)])
+    text = "; ".join(
+        [
+            *map(_complaint, reversed(broken)),
+            *(f"{m.label}: not judged: {m.note}" for m in unjudged),
+        ]
+    )
     return Verdict(
         id="", state=state, text=text, subject=worst.subject, error=None if worst.value is None else abs(worst.value),
         unit=worst.unit, tolerance=worst.tolerance, source=f"{worst.source}: {worst.reason}",

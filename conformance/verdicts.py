@@ -35,13 +35,17 @@ class Verdict(Spec):
     id: str = Field(description="engine/preset/problem/check")
     state: State
     text: str = Field(default="", description="what is wrong, or why it is skipped")
-    subject: str | None = Field(default=None, description="marker, coordinate, stop or joint that is worst")
+    subject: str | None = Field(
+        default=None, description="marker, coordinate, stop or joint that is worst"
+    )
     error: Real | None = Field(default=None, description="largest, of the worst subject")
     unit: str = ""
     tolerance: Real | None = None
     source: str = Field(default="", description="where the tolerance comes from")
     cause: str = Field(default="", description="what accounts for the error, where that is known")
-    wall_time: Real | None = Field(default=None, description="of the engine's run [s]; of the check 'runs' only")
+    wall_time: Real | None = Field(
+        default=None, description="of the engine's run [s]; of the check 'runs' only"
+    )
 
     @property
     def share(self) -> float | None:

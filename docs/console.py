@@ -15,14 +15,21 @@ _WIDTH = "80"
 
 def commands(text: str) -> list[str]:
     """The lines after a prompt."""
-    return [line[2:] for block in BLOCK.findall(text) for line in block[1].splitlines() if line.startswith("$ ")]
+    return [
+        line[2:]
+        for block in BLOCK.findall(text)
+        for line in block[1].splitlines()
+        if line.startswith("$ ")
+    ]
 
 
 def answer(command: str, folder: Path) -> str:
     """What a command line prints in that folder; nothing is said of its exit code, which may be 1 for a verdict."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     own = {**os.environ, "COLUMNS": _WIDTH, "PATH": path}
-    done = subprocess.run(command, shell=True, cwd=folder, env=own, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, shell=True, cwd=folder, env=own, capture_output=True, text=True, check=False
+    )
     return "\n".join(line.rstrip() for line in done.stdout.splitlines()).strip("\n")
 
 
@@ -32,7 +39,9 @@ def refresh(page: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
 
         def run(match: re.Match[str]) -> str:
-            parts = [f"$ {command}\n{answer(command, Path(folder))}\n" for command in commands(match[0])]
+            parts = [
+                f"$ {command}\n{answer(command, Path(folder))}\n" for command in commands(match[0])
+            ]
             return match[1] + "\n".join(parts) + match[3]
 
         page.write_text(BLOCK.sub(run, text), encoding="utf-8")

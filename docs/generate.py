@@ -74,7 +74,11 @@ def agreement_table(comparison: Comparison) -> str:
     """The tables of docs/agreement.md, one a machine, in Markdown."""
     tables = []
     for machine in comparison.results.machines:
-        runs = (run for run in comparison.results.runs if run.model == machine.model and run.engine != "reference")
+        runs = (
+            run
+            for run in comparison.results.runs
+            if run.model == machine.model and run.engine != "reference"
+        )
         shown = table(differences(machine), runs, f"{machine.model.capitalize()} machine")
         tables.append(without_empty_columns(shown))
     return markdown.text(Document("", tuple(tables)))
@@ -84,10 +88,16 @@ def distance_plots(comparison: Comparison) -> Panels:
     """Distance of the projectile from the reference over time, both machines."""
     drawn: list[Plot] = []
     for machine in comparison.results.machines:
-        own = {label: t for (name, label), t in comparison.trajectories.items() if name == machine.model}
+        own = {
+            label: t
+            for (name, label), t in comparison.trajectories.items()
+            if name == machine.model
+        }
         runs = figures.lines(comparison.solutions[machine.model], own, machine.compared_to)
         position = figures.position("projectile")
-        series = tuple(run.difference(position) for run in runs if not run.label.startswith("reference"))
+        series = tuple(
+            run.difference(position) for run in runs if not run.label.startswith("reference")
+        )
         axis = Axis("distance from the reference", "m", logarithmic=True)
         drawn.append(Plot(Axis("t", "s"), axis, series, machine.model))
     return tuple(drawn)
@@ -99,7 +109,9 @@ def write_schemas() -> None:
     (ROOT / "comparisons" / "schemas" / "results.schema.json").write_text(schema_text(Results))
     (ROOT / "comparisons" / "schemas" / "diff.schema.json").write_text(schema_text(DifferenceData))
     (ROOT / "comparisons" / "schemas" / "judgement.schema.json").write_text(schema_text(Judgement))
-    (ROOT / "comparisons" / "schemas" / "conformance.schema.json").write_text(schema_text(Conformance))
+    (ROOT / "comparisons" / "schemas" / "conformance.schema.json").write_text(
+        schema_text(Conformance)
+    )
     (ROOT / "comparisons" / "schemas" / "converge.schema.json").write_text(schema_text(Studies))
     (ROOT / "comparisons" / "schemas" / "explain.schema.json").write_text(schema_text(Explanation))
     (ROOT / "paper" / "schemas" / "paper.schema.json").write_text(schema_text(Study))
@@ -123,7 +135,9 @@ def write_engines_on_problems() -> None:
     page = ROOT / "docs" / "problems.md"
     rows = (engines_on(entry) for entry in benchmarks())
     heads = ("problem", *_STEPS)
-    page.write_text(_with_block(page.read_text(), "engines", markdown.text(Document("", (table(heads, rows),)))))
+    page.write_text(
+        _with_block(page.read_text(), "engines", markdown.text(Document("", (table(heads, rows),))))
+    )
 
 
 def engines_on(entry: Benchmark) -> tuple[str, ...]:
@@ -143,7 +157,10 @@ def engines_on(entry: Benchmark) -> tuple[str, ...]:
                 continue
             inside = moved.t <= horizon
             exact = solution.trajectory(moved.t[inside])
-            errors = (abs(moved.marker(m).position[inside] - exact.marker(m).position).max() for m in moved.markers)
+            errors = (
+                abs(moved.marker(m).position[inside] - exact.marker(m).position).max()
+                for m in moved.markers
+            )
             cells.append(f"{max(errors) / scales.length:.1e}")
     return tuple(cells)
 
@@ -186,7 +203,11 @@ def small_table(agreement: str) -> str:
         elif cells[0].endswith(" tuned"):
             of = dict(zip(heads, cells, strict=True))
             rows.setdefault(cells[0].split()[0], []).extend(of[title] for title in chosen)
-    lines = [("engine", *titles), ("---",) * (1 + len(titles)), *((name, *row) for name, row in rows.items())]
+    lines = [
+        ("engine", *titles),
+        ("---",) * (1 + len(titles)),
+        *((name, *row) for name, row in rows.items()),
+    ]
     return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
 
 
@@ -195,7 +216,9 @@ def write_agreement() -> None:
     comparison = tb.compare()
     page = ROOT / "docs" / "agreement.md"
     text = _with_block(page.read_text(), "agreement", agreement_table(comparison))
-    page.write_text(_with_block(text, "other machines", agreement_table(tb.compare(OTHERS, presets=["tuned"]))))
+    page.write_text(
+        _with_block(text, "other machines", agreement_table(tb.compare(OTHERS, presets=["tuned"])))
+    )
     write_picture(picture(distance_plots(comparison)), ROOT / "docs" / "pictures" / "distance.svg")
 
 
@@ -227,16 +250,26 @@ def write_commands() -> None:
     command: Any = typer.main.get_command(app)
     context = typer.Context(command, info_name="trebucheck")
     text = get_docs_for_click(obj=command, ctx=context, name="trebucheck", title="Commands")
-    text = re.sub(r"^(?:Example: )?(trebucheck .*)$", r"    \1", text, flags=re.MULTILINE)  # examples as code
-    text = text.replace("\\[", "[")  # escaped, so that a terminal shows units and does not take them for colours
-    (ROOT / "docs" / "commands.md").write_text(f"<!-- written by docs/generate.py -->\n{text.strip()}\n")
+    text = re.sub(
+        r"^(?:Example: )?(trebucheck .*)$", r"    \1", text, flags=re.MULTILINE
+    )  # examples as code
+    text = text.replace(
+        "\\[", "["
+    )  # escaped, so that a terminal shows units and does not take them for colours
+    (ROOT / "docs" / "commands.md").write_text(
+        f"<!-- written by docs/generate.py -->\n{text.strip()}\n"
+    )
 
 
 def importer_results() -> dict[str, ImporterResults | None]:
     """Of each importer that has an adapter; None where it has not been run."""
-    folders = sorted((path.parent for path in (ROOT / "importers").glob("*/load.py")), key=lambda path: path.name)
+    folders = sorted(
+        (path.parent for path in (ROOT / "importers").glob("*/load.py")), key=lambda path: path.name
+    )
     files = {folder.name: folder / "results.json" for folder in folders}
-    return {name: ImporterResults.load(file) if file.is_file() else None for name, file in files.items()}
+    return {
+        name: ImporterResults.load(file) if file.is_file() else None for name, file in files.items()
+    }
 
 
 def write_importers() -> None:
@@ -274,14 +307,22 @@ def write_results() -> None:
 
 def write_matrix() -> None:
     """The page of engine x problem x quantity, from the results that the repository holds."""
-    files = [*(ROOT / "docs" / "results").glob("*.json"), *(ROOT / "plugins" / "results").glob("*.json")]
-    page, written = ROOT / "docs" / "matrix.md", replace(matrix_document(read_matrix(sorted(files))), title="")
+    files = [
+        *(ROOT / "docs" / "results").glob("*.json"),
+        *(ROOT / "plugins" / "results").glob("*.json"),
+    ]
+    page, written = (
+        ROOT / "docs" / "matrix.md",
+        replace(matrix_document(read_matrix(sorted(files))), title=""),
+    )
     page.write_text(_with_block(page.read_text(), "matrix", markdown.text(written, signs=True)))
 
 
 def write_api() -> None:
     """The page of all public names, from their docstrings."""
-    parts = ["<!-- written by docs/generate.py -->\n# API\n\n`import trebucheck as tb`; SI units and radians.\n"]
+    parts = [
+        "<!-- written by docs/generate.py -->\n# API\n\n`import trebucheck as tb`; SI units and radians.\n"
+    ]
     for name in sorted(tb.__all__, key=str.lower):
         value = getattr(tb, name)
         if callable(value):
@@ -298,7 +339,9 @@ def _signature(name: str, value: Any) -> str:
     text = f"tb.{name}({', '.join(arguments)})"
     text = text if len(text) <= 100 else f"tb.{name}(\n    " + ",\n    ".join(arguments) + ",\n)"
     fields = getattr(value, "model_fields", {}) if isinstance(value, type) else {}
-    described = [f"    {field}: {about.description}" for field, about in fields.items() if about.description]
+    described = [
+        f"    {field}: {about.description}" for field, about in fields.items() if about.description
+    ]
     return "\n".join((text, "", "Fields:", *described)) if described else text
 
 
@@ -317,7 +360,11 @@ def _members(value: Any) -> str:
         return ""
     own = {name: each for base in reversed(value.__mro__) if "trebucheck" in base.__module__
            for name, each in vars(base).items() if not name.startswith("_")}  # fmt: skip
-    said = {name: inspect.getdoc(each) for name, each in own.items() if callable(each) or hasattr(each, "__get__")}
+    said = {
+        name: inspect.getdoc(each)
+        for name, each in own.items()
+        if callable(each) or hasattr(each, "__get__")
+    }
     lines = [f"    {name}: {text.splitlines()[0]}" for name, text in sorted(said.items()) if text]
     return "\n".join(("", "", "Members:", *lines)) if lines else ""
 
@@ -337,9 +384,14 @@ def write_trajectories() -> None:
 
 def write_zoo_list() -> None:
     """The list of the zoo's models."""
-    rows = [(f"[{each.name}](files/{each.name}.xml)", each.feature, ", ".join(each.needs) or "") for each in zoo()]
+    rows = [
+        (f"[{each.name}](files/{each.name}.xml)", each.feature, ", ".join(each.needs) or "")
+        for each in zoo()
+    ]
     listed = markdown.text(Document("", (table(["model", "what it has", "needs"], rows),)))
-    (ROOT / "models" / "zoo" / "README.md").write_text(_ZOO.format(count=len(rows)) + listed.strip() + "\n")
+    (ROOT / "models" / "zoo" / "README.md").write_text(
+        _ZOO.format(count=len(rows)) + listed.strip() + "\n"
+    )
 
 
 _ZOO = """<!-- written by docs/generate.py -->

@@ -121,7 +121,11 @@ _REST = """\
 
 def _least_version(mechanism: Mechanism) -> str:
     """By what was tried: see docs/importers.md."""
-    return "3.3.5 or later (contact sensors)" if mechanism.point_stops else "3.3.0 or later (energy sensors)"
+    return (
+        "3.3.5 or later (contact sensors)"
+        if mechanism.point_stops
+        else "3.3.0 or later (energy sensors)"
+    )
 
 
 def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -138,20 +142,29 @@ def _parameters(name: str) -> str:
 
 def _signs(mechanism: Mechanism) -> str:
     model = _library.MjModel.from_xml_string(tb.mjcf(mechanism))
-    joints, sums = [model.joint(i).name for i in range(model.njnt)], absolute_from_relative(mechanism, model)
+    joints, sums = (
+        [model.joint(i).name for i in range(model.njnt)],
+        absolute_from_relative(mechanism, model),
+    )
     rows = []
     for coordinate, start, row in zip(mechanism.coordinates, mechanism.start, sums, strict=True):
         parts = (f"`{joint}`" for joint, weight in zip(joints, row, strict=True) if weight)
         rows.append((f"`{coordinate}`", " + ".join((f"{start:.6g}", *parts))))
-    return _SIGNS.format(joints=", ".join(joints), table=_table(("coordinate", "is [rad, m]"), rows))
+    return _SIGNS.format(
+        joints=", ".join(joints), table=_table(("coordinate", "is [rad, m]"), rows)
+    )
 
 
 def _keyframes(motion: RecordedMotion) -> str:
     rows = [("`home`", "0", "the start, speeds included")]
     rows += [
-        (f"`{key.name}`", f"{key.time:.9f}", "45 degrees" if key.name == "launch" else "") for key in motion.keyframes
+        (f"`{key.name}`", f"{key.time:.9f}", "45 degrees" if key.name == "launch" else "")
+        for key in motion.keyframes
     ]
-    return _table(("key", "time [s]", ""), rows) + "\n\nStates of the certified motion; a test holds them to 1e-7."
+    return (
+        _table(("key", "time [s]", ""), rows)
+        + "\n\nStates of the certified motion; a test holds them to 1e-7."
+    )
 
 
 def _stops(mechanism: Mechanism) -> str:
@@ -161,7 +174,9 @@ def _stops(mechanism: Mechanism) -> str:
         low = "at least" if stop.sense > 0 else "at most"
         return f"`{stop.body}` {low} {stop.sense * stop.limit:.6g} rad from `{stop.relative_to}`"
 
-    rows = ((stop.name, limit(stop), "closed" if stop.closed else "open") for stop in mechanism.stops)
+    rows = (
+        (stop.name, limit(stop), "closed" if stop.closed else "open") for stop in mechanism.stops
+    )
     if not mechanism.stops:
         return "There is none."
     about = _POINTS if mechanism.point_stops else _LIMITS
@@ -177,14 +192,26 @@ def _accuracy(mechanism: Mechanism, motion: RecordedMotion) -> str:
         fixed = tb.mjcf(mechanism).replace('timestep="0.001"', f'timestep="{step!r}"')
         _, stale, _ = _rolled_out(mechanism, fixed, end)
         own = tb.engine("mujoco", timestep=step).simulate(tb.Problem(mechanism, duration=end))
-        errors = (_error(solution, t, q), _error(solution, t, stale), _error(solution, own.t, own.q))
+        errors = (
+            _error(solution, t, q),
+            _error(solution, t, stale),
+            _error(solution, own.t, own.q),
+        )
         speed = abs(_speed(mechanism, q[-1], u[-1]) - _speed(mechanism, *_state(solution, t[-1])))
         rows.append((f"{step:g}", *(f"{error:.1e}" for error in errors), f"{speed:.1e}"))
-    heads = ("step [s]", "plain", "softness kept", "events located", "plain: speed at the last step [m/s]")
+    heads = (
+        "step [s]",
+        "plain",
+        "softness kept",
+        "events located",
+        "plain: speed at the last step [m/s]",
+    )
     return f"{_MEASURED}\n\n{_table(heads, rows)}"
 
 
-def _rolled_out(mechanism: Mechanism, text: str, end: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _rolled_out(
+    mechanism: Mechanism, text: str, end: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Times [s] and the mechanism's q and u of plain stepping from the start."""
     model = _library.MjModel.from_xml_string(text)
     data = _library.MjData(model)
@@ -213,7 +240,9 @@ def _error(solution: Solution, t: FloatArray, q: FloatArray) -> float:
     assert marker is not None
     row = kinematics.point(marker.body, marker.point)
     exact = solution.trajectory(np.minimum(t, solution.problem.duration)).q
-    return float(np.linalg.norm(kinematics.position(row, q) - kinematics.position(row, exact), axis=1).max())
+    return float(
+        np.linalg.norm(kinematics.position(row, q) - kinematics.position(row, exact), axis=1).max()
+    )
 
 
 def _state(solution: Solution, t: float) -> tuple[FloatArray, FloatArray]:
@@ -225,4 +254,6 @@ def _speed(mechanism: Mechanism, q: FloatArray, u: FloatArray) -> float:
     """Of the projectile [m/s]."""
     kinematics, marker = Kinematics(mechanism), mechanism.marker("projectile")
     assert marker is not None
-    return float(np.linalg.norm(kinematics.velocity(kinematics.point(marker.body, marker.point), q, u)))
+    return float(
+        np.linalg.norm(kinematics.velocity(kinematics.point(marker.body, marker.point), q, u))
+    )

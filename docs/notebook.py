@@ -24,12 +24,23 @@ def outputs(source: str, names: dict[str, Any]) -> Iterator[Cell]:
     with redirect_stdout(printed):
         exec(compile(ast.Module(statements, []), "<cell>", "exec"), names)
         value = (
-            eval(compile(ast.Expression(last.value), "<cell>", "eval"), names) if isinstance(last, ast.Expr) else None
+            eval(compile(ast.Expression(last.value), "<cell>", "eval"), names)
+            if isinstance(last, ast.Expr)
+            else None
         )
     if printed.getvalue():
-        yield {"output_type": "stream", "name": "stdout", "text": printed.getvalue().splitlines(keepends=True)}
+        yield {
+            "output_type": "stream",
+            "name": "stdout",
+            "text": printed.getvalue().splitlines(keepends=True),
+        }
     if value is not None:
-        yield {"output_type": "execute_result", "execution_count": None, "metadata": {}, "data": _shown(value)}
+        yield {
+            "output_type": "execute_result",
+            "execution_count": None,
+            "metadata": {},
+            "data": _shown(value),
+        }
 
 
 def _shown(value: Any) -> dict[str, Any]:
@@ -50,6 +61,9 @@ def execute(path: Path) -> None:
         found = list(outputs("".join(cell["source"]), names))
         cell |= {
             "execution_count": number,
-            "outputs": [{**each, **({"execution_count": number} if "data" in each else {})} for each in found],
+            "outputs": [
+                {**each, **({"execution_count": number} if "data" in each else {})}
+                for each in found
+            ],
         }
     path.write_text(json.dumps(notebook, indent=1) + "\n", encoding="utf-8")

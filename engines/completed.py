@@ -90,5 +90,13 @@ def _settings_of(simulator: Simulator, options: Mapping[str, Any]) -> dict[str, 
     if isinstance(simulator, Spec):
         return simulator.model_dump(mode="json", exclude={"preset"})
     if dataclasses.is_dataclass(simulator):
-        options = {field.name: getattr(simulator, field.name) for field in dataclasses.fields(simulator) if field.init}
-    return {name: to_jsonable_python(value, fallback=repr) for name, value in options.items() if name != "preset"}
+        options = {
+            field.name: getattr(simulator, field.name)
+            for field in dataclasses.fields(simulator)
+            if field.init
+        }
+    return {
+        name: to_jsonable_python(value, fallback=repr)
+        for name, value in options.items()
+        if name != "preset"
+    }

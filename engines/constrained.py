@@ -1,7 +1,7 @@
 r"""Motion of an engine that has forward dynamics, and neither stops nor loops of its own: by constraint multipliers.
 
-With the engine's accelerations a_0 under all applied forces, its mass matrix M and the rows G of what is held (the
-gaps of the active contacts, the closures of the loops),
+With the engine's accelerations a_0 under all applied forces, its mass matrix M and the rows G of
+what is held (the gaps of the active contacts, the closures of the loops),
 
     a = a_0 + M^{-1} G^T f,    G a + dG/dt u = 0    so that    G M^{-1} G^T f = -(G a_0 + dG/dt u).
 
@@ -82,7 +82,9 @@ class ConstrainedDynamics:
         loops = forces[len(held) :]
         return Solved(free + response @ forces, contacts, self._loop_forces(q, loops), loops)
 
-    def generalized(self, q: FloatArray, u: FloatArray, solved: Solved, held: Contacts) -> FloatArray:
+    def generalized(
+        self, q: FloatArray, u: FloatArray, solved: Solved, held: Contacts
+    ) -> FloatArray:
         """Generalized forces of the force elements, and of what is held, shape (n_q,) [N m, N]."""
         applied = self.applied.generalized(q, u)
         rows, _ = self._rows(q, u, held)
@@ -91,7 +93,9 @@ class ConstrainedDynamics:
         forces = np.append([solved.contacts[name] for name in held], solved.multipliers)
         return applied + rows.T @ forces
 
-    def projected(self, q: FloatArray, u: FloatArray, held: Contacts) -> tuple[FloatArray, FloatArray]:
+    def projected(
+        self, q: FloatArray, u: FloatArray, held: Contacts
+    ) -> tuple[FloatArray, FloatArray]:
         """The state without the drift of a step from loops and held contacts, the shortest way by the mass matrix."""
         rows, _ = self._rows(q, u, held)
         if not len(rows):
@@ -111,7 +115,9 @@ class ConstrainedDynamics:
         """What impulses do to the speeds."""
         return Inertia(self.engine.mass_matrix(q), self.kinematics.loop_jacobian(q))
 
-    def forces_on_bodies(self, q: FloatArray, u: FloatArray, solved: Solved) -> dict[str, FloatArray]:
+    def forces_on_bodies(
+        self, q: FloatArray, u: FloatArray, solved: Solved
+    ) -> dict[str, FloatArray]:
         """Sum of all forces on each body but gravity and those of the tree's joints, world frame [N], shape (2,)."""
         forces = self.applied.on_bodies(q, u)
 
@@ -172,7 +178,8 @@ def subtree_sums(mechanism: Mechanism, forces: Mapping[str, FloatArray]) -> dict
 
 
 def _inverse(mass: FloatArray) -> FloatArray:
-    # Scaled to a diagonal of ones: joints of a light body and of a heavy one are equally well inverted.
+    # Scaled to a diagonal of ones: joints of a light body and of a heavy one are equally well
+    # inverted.
     scale = 1.0 / np.sqrt(np.diag(mass))
     return scale[:, None] * np.linalg.inv(scale[:, None] * mass * scale) * scale
 

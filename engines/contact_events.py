@@ -1,18 +1,19 @@
 """What a release and an impact do to the contacts, for adapters that locate these events themselves.
 
-Between events an engine moves the mechanism with a fixed set of active contacts. How it finds an event, and by which
-impulses it resolves an impact, is the adapter's; what follows from an event is decided here. The semantics are those
-of the reference, which has a formulation of its own.
+Between events an engine moves the mechanism with a fixed set of active contacts. How it finds an
+event, and by which impulses it resolves an impact, is the adapter's; what follows from an event is
+decided here. The semantics are those of the reference, which has a formulation of its own.
 
-- **Release.** The force of an active contact falls through zero, and the contact becomes inactive. The release time
-  of a stop is that of its first opening.
-- **Impact** (unilateral law only). The gap of an inactive contact falls through zero. All contacts that touch at that
-  instant take part, active ones included, each with its restitution e. A contact met too slowly to rebound
-  (:mod:`..models.rebound`, the rule of the reference) is plastic (e = 0), so that bouncing with 0 < e < 1 comes to rest
-  after finitely many impacts.
+- **Release.** The force of an active contact falls through zero, and the contact becomes inactive.
+  The release time of a stop is that of its first opening.
+- **Impact** (unilateral law only). The gap of an inactive contact falls through zero. All contacts
+  that touch at that instant take part, active ones included, each with its restitution e. A contact
+  met too slowly to rebound (:mod:`..models.rebound`, the rule of the reference) is plastic (e = 0),
+  so that bouncing with 0 < e < 1 comes to rest after finitely many impacts.
 - **After an impact.** Contacts whose gap speed is zero rest; the others part, which is a release.
-- **Simultaneous impacts.** Two stops may throw a mechanism to and fro ever faster, towards an instant that is never
-  reached. Impacts within `TOGETHER` of each other are therefore resolved at once.
+- **Simultaneous impacts.** Two stops may throw a mechanism to and fro ever faster, towards an
+  instant that is never reached. Impacts within `TOGETHER` of each other are therefore resolved at
+  once.
 """
 
 from __future__ import annotations
@@ -61,7 +62,9 @@ class ContactEvents:
             if self.releases[name] is None and self.mechanism.stop(name).closed:
                 self.releases[name] = time
 
-    def touching(self, time: float, met: str, active: Collection[str], gap: Callable[[str], float]) -> Contacts:
+    def touching(
+        self, time: float, met: str, active: Collection[str], gap: Callable[[str], float]
+    ) -> Contacts:
         """Contacts that take part in an impact.
 
         Args:
@@ -78,10 +81,16 @@ class ContactEvents:
             if impulse > 0
         }
         certain = {met, *active, *recent}
-        return tuple(name for name in self.releases if name in certain or abs(gap(name)) <= _TOUCHING)
+        return tuple(
+            name for name in self.releases if name in certain or abs(gap(name)) <= _TOUCHING
+        )
 
     def restitution(
-        self, speeds: Mapping[str, float], q: FloatArray, u: FloatArray, plastic: Collection[str] = ()
+        self,
+        speeds: Mapping[str, float],
+        q: FloatArray,
+        u: FloatArray,
+        plastic: Collection[str] = (),
     ) -> dict[str, float]:
         """Restitution e of each contact in an impact: 0 for the plastic ones.
 
@@ -93,7 +102,9 @@ class ContactEvents:
         self.rebounds.note_impact(q, u)
         rebounding = (name for name in speeds if name not in plastic)
         fast = {name for name in rebounding if speeds[name] < -self.rebounds.least_speed(name, q)}
-        return {name: self.mechanism.stop(name).restitution if name in fast else 0.0 for name in speeds}
+        return {
+            name: self.mechanism.stop(name).restitution if name in fast else 0.0 for name in speeds
+        }
 
     def note_impact(self, time: float, impulses: Mapping[str, float]) -> None:
         """Record an impact.
@@ -102,7 +113,9 @@ class ContactEvents:
             SimulationError: there are `MOST_IMPACTS` already.
         """
         if len(self.impacts) >= MOST_IMPACTS:
-            raise SimulationError(f"{self.engine} gave up at t = {time:.6g} s: {MOST_IMPACTS} impacts, and no end.")
+            raise SimulationError(
+                f"{self.engine} gave up at t = {time:.6g} s: {MOST_IMPACTS} impacts, and no end."
+            )
         self.impacts.append((time, impulses))
 
     def retract_impact(self) -> None:
@@ -118,15 +131,15 @@ def resting(speeds: Mapping[str, float], rounding: float = AT_REST) -> Contacts:
 def active_contacts(touching: Contacts, violated: Callable[[Contacts], str | None]) -> Contacts:
     """The touching contacts that push while the others open, all decided at once.
 
-    This is the complementarity problem 0 <= force, complementary to gap acceleration (or speed) >= 0. Murty's
-    least-index pivoting (Opsearch 11, 1974) moves the first contact that violates its condition to the other side
-    until none does; it ends because the problem has one solution. A set that comes up twice means zeros, whose sign
-    is that of their rounding errors: it is accepted.
+    This is the complementarity problem 0 <= force, complementary to gap acceleration (or speed) >=
+    0. Murty's least-index pivoting (Opsearch 11, 1974) moves the first contact that violates its
+    condition to the other side until none does; it ends because the problem has one solution. A set
+    that comes up twice means zeros, whose sign is that of their rounding errors: it is accepted.
 
     Args:
         touching: contacts with zero gap and zero gap speed.
-        violated: of a set of active contacts, the first one of `touching` that would have to pull while it is
-            active, or that would close while it is inactive; None if there is none.
+        violated: of a set of active contacts, the first one of `touching` that would have to pull
+            while it is active, or that would close while it is inactive; None if there is none.
     """
     active, tried = touching, set[Contacts]()
     while touching and active not in tried and (wrong := violated(active)):
@@ -139,7 +152,8 @@ def refuse_moving_gaps(mechanism: Mechanism, engine: str) -> None:
     """Refuse a start with a closed stop whose gap changes.
 
     Raises:
-        UnsupportedProblemError: there is one; the engine would have to begin with an impact or an opening.
+        UnsupportedProblemError: there is one; the engine would have to begin with an impact or an
+            opening.
     """
     kinematics, (q, u) = Kinematics(mechanism), initial_state(mechanism)
     for stop in mechanism.stops:
@@ -159,12 +173,16 @@ def joined(segments: Sequence[Recording], events: ContactEvents) -> Recording:
         if field.name not in ("release_times", "impacts", "steps")
     }
     steps = sum(segment.steps for segment in segments)
-    return Recording(**merged, release_times=events.releases, impacts=tuple(events.impacts), steps=steps)
+    return Recording(
+        **merged, release_times=events.releases, impacts=tuple(events.impacts), steps=steps
+    )
 
 
 def _merged(parts: Sequence[Any]) -> Any:
     if isinstance(parts[0], Mapping):
         return {name: _merged([part[name] for part in parts]) for name in parts[0]}
     if isinstance(parts[0], PointMotion):
-        return PointMotion(*(np.concatenate([getattr(p, key) for p in parts]) for key in ("position", "velocity")))
+        return PointMotion(
+            *(np.concatenate([getattr(p, key) for p in parts]) for key in ("position", "velocity"))
+        )
     return np.concatenate(parts)

@@ -1,7 +1,8 @@
 """Drives an engine through the releases and impacts of a problem, each located inside its step.
 
-For engines that move a mechanism with some contacts held, and leave it to others which: what happens at an event is
-decided by the rules of :mod:`.contact_events` and :mod:`.impact_law`. States are in the mechanism's coordinates.
+For engines that move a mechanism with some contacts held, and leave it to others which: what
+happens at an event is decided by the rules of :mod:`.contact_events` and :mod:`.impact_law`. States
+are in the mechanism's coordinates.
 """
 
 from __future__ import annotations
@@ -17,7 +18,14 @@ from ..models.kinematics import Kinematics, initial_state
 from ..models.problem import Problem, StopLaw
 from ..models.trajectory import PointMotion
 from .constrained import Solved
-from .contact_events import AT_REST, ContactEvents, Contacts, active_contacts, refuse_moving_gaps, resting
+from .contact_events import (
+    AT_REST,
+    ContactEvents,
+    Contacts,
+    active_contacts,
+    refuse_moving_gaps,
+    resting,
+)
 from .event_location import may_be_met, onto_zero_gap, root_in
 from .impact import Inertia, resolve_impact
 from .protocol import Recording
@@ -69,7 +77,9 @@ class Samples:
         self.problem, self.steps = problem, 0
         self._rows: list[tuple[float, State, Mapping[str, float], Observation]] = []
 
-    def add(self, t: float, state: State, contacts: Mapping[str, float], observation: Observation) -> None:
+    def add(
+        self, t: float, state: State, contacts: Mapping[str, float], observation: Observation
+    ) -> None:
         """Record an instant [s]; of one that is recorded already (an event's) the later state counts."""
         if self._rows and t <= self._rows[-1][0]:
             self._rows.pop()
@@ -84,14 +94,21 @@ class Samples:
             q=np.array([q for q, _ in states]),
             u=np.array([u for _, u in states]),
             markers={
-                name: PointMotion(*(np.array([each.points[name][k] for each in seen]) for k in (0, 1)))
+                name: PointMotion(
+                    *(np.array([each.points[name][k] for each in seen]) for k in (0, 1))
+                )
                 for name in first.points
             },
             kinetic_energy=np.array([each.kinetic_energy for each in seen]),
             potential_energy=np.array([each.potential_energy for each in seen]),
-            stop_torques={s.name: np.array([each.get(s.name, 0.0) for each in contacts]) for s in mechanism.stops},
+            stop_torques={
+                s.name: np.array([each.get(s.name, 0.0) for each in contacts])
+                for s in mechanism.stops
+            },
             release_times=events.releases,
-            joint_reactions={name: np.array([each.reactions[name] for each in seen]) for name in first.reactions},
+            joint_reactions={
+                name: np.array([each.reactions[name] for each in seen]) for name in first.reactions
+            },
             joint_gaps={name: np.array([each.gaps[name] for each in seen]) for name in first.gaps},
             impacts=tuple(events.impacts),
             steps=self.steps,
@@ -102,11 +119,20 @@ class EventDriver:
     """One run of an engine through a problem.
 
     Raises:
-        SimulationError: no set of contacts takes part in an impact, or impacts follow each other without end.
-        UnsupportedProblemError: under the release-once law, a closed stop starts with a gap that changes.
+        SimulationError: no set of contacts takes part in an impact, or impacts follow each other
+        without end.
+        UnsupportedProblemError: under the release-once law, a closed stop starts with a gap that
+            changes.
     """
 
-    def __init__(self, problem: Problem, motion: HeldMotion, engine: str, timestep: float, locate: bool = True) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        motion: HeldMotion,
+        engine: str,
+        timestep: float,
+        locate: bool = True,
+    ) -> None:
         """Prepare a run.
 
         Args:
@@ -114,10 +140,16 @@ class EventDriver:
             motion: the engine.
             engine: its name, for messages.
             timestep: [s].
-            locate: whether releases are located inside a step; otherwise a stop opens at the end of the first step
-                after which it would pull.
+            locate: whether releases are located inside a step; otherwise a stop opens at the end of
+                the first step after which it would pull.
         """
-        self.problem, self.motion, self.engine, self.timestep, self.locate = problem, motion, engine, timestep, locate
+        self.problem, self.motion, self.engine, self.timestep, self.locate = (
+            problem,
+            motion,
+            engine,
+            timestep,
+            locate,
+        )
         self.kinematics = Kinematics(problem.mechanism)
         self.events = ContactEvents(problem.mechanism, engine)
         self.samples = Samples(problem)
@@ -130,12 +162,17 @@ class EventDriver:
         """Move the mechanism from its start to the problem's end."""
         self._begin()
         duration, steps = self.problem.duration, self.problem.duration / self.timestep
-        whole = round(steps) if abs(steps - round(steps)) < _ROUNDING * steps * 10 else int(np.ceil(steps))
+        whole = (
+            round(steps)
+            if abs(steps - round(steps)) < _ROUNDING * steps * 10
+            else int(np.ceil(steps))
+        )
         for k in range(whole):
             self._step_through_events(k * self.timestep, min((k + 1) * self.timestep, duration))
         return self.samples.recording(self.events)
 
-    # --- Start -------------------------------------------------------------------------------------------------------
+    # --- Start
+    # -------------------------------------------------------------------------------------------------------
 
     def _begin(self) -> None:
         closed = tuple(stop.name for stop in self.problem.mechanism.stops if stop.closed)
@@ -175,7 +212,8 @@ class EventDriver:
         k = self.kinematics
         return float(k.gap_jacobian(name, q) @ solved.accelerations + k.gap_bias(name, q, u)) < 0
 
-    # --- Steps -------------------------------------------------------------------------------------------------------
+    # --- Steps
+    # -------------------------------------------------------------------------------------------------------
 
     def _step_through_events(self, start: float, end: float) -> None:
         while end - start > _ROUNDING * end:
@@ -197,7 +235,9 @@ class EventDriver:
         if met is not None:
             q = after[0]
             gap = self.kinematics.gap
-            self._resolve_impact(self.events.touching(reached, met, self.held, lambda n: float(gap(n, q))), reached)
+            self._resolve_impact(
+                self.events.touching(reached, met, self.held, lambda n: float(gap(n, q))), reached
+            )
         self._record(reached)
         return reached
 
@@ -211,7 +251,9 @@ class EventDriver:
     def _pulling(self, state: State) -> Contacts:
         """Contacts that would have to pull in a state."""
         solved = self.motion.solve(*state, self.held) if self.held else None
-        return () if solved is None else tuple(name for name in self.held if solved.contacts[name] < 0)
+        return (
+            () if solved is None else tuple(name for name in self.held if solved.contacts[name] < 0)
+        )
 
     def _release_within(self, before: State, step: float, start: float, end: float) -> float:
         """Release the contact whose force first falls through zero in a step [s]; return the time reached."""
@@ -223,7 +265,9 @@ class EventDriver:
         self.state = self._advanced(part) if part > 0 else before
         reached = end if end - (start + part) < _ROUNDING * end else start + part
         forces = self.motion.solve(*self.state, self.held).contacts
-        self._release_all((*self._pulling(self.state), min(forces, key=lambda name: forces[name])), reached)
+        self._release_all(
+            (*self._pulling(self.state), min(forces, key=lambda name: forces[name])), reached
+        )
         self._record(reached)
         return reached
 
@@ -234,7 +278,8 @@ class EventDriver:
             self.events.release(names, t)
             names = self._pulling(self.state)
 
-    # --- Impacts -----------------------------------------------------------------------------------------------------
+    # --- Impacts
+    # -----------------------------------------------------------------------------------------------------
 
     def _gap(self, name: str, state: State) -> tuple[float, float]:
         """Gap of a stop [rad, m] and its speed."""
@@ -243,7 +288,11 @@ class EventDriver:
 
     def _meetings(self, before: State, after: State, step: float) -> dict[str, float]:
         """Open stops that are met in a step [s], and the part of it after which each is."""
-        open_stops = [name for name in self.events.releases if name not in self.held] if self._unilateral else []
+        open_stops = (
+            [name for name in self.events.releases if name not in self.held]
+            if self._unilateral
+            else []
+        )
         parts = {name: self._meeting(name, before, after, step) for name in open_stops}
         return {name: part for name, part in parts.items() if part is not None}
 

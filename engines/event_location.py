@@ -17,7 +17,8 @@ _RESOLVED = 1e-13  # of the step in which an event is: error of its time
 def may_be_met(gap: FloatArray, speed: FloatArray, least: float, step: float) -> NDArray[np.bool_]:
     """Whether a stop may be met between states that are a step apart; shapes (n + 1,) -> (n,).
 
-    It is met if it closes in penetration at one of the two, or at the lowest point of the cubic between them.
+    It is met if it closes in penetration at one of the two, or at the lowest point of the cubic
+    between them.
 
     Args:
         gap: in each state [rad, m].
@@ -34,7 +35,11 @@ def may_be_met(gap: FloatArray, speed: FloatArray, least: float, step: float) ->
 
 
 def onto_zero_gap(
-    motion: Callable[[float], tuple[float, float]], gap: float, speeds: tuple[float, float], step: float, least: float
+    motion: Callable[[float], tuple[float, float]],
+    gap: float,
+    speeds: tuple[float, float],
+    step: float,
+    least: float,
 ) -> float | None:
     """The part of a step [s] after which a stop is met; None if it only comes near, or too slowly to be met.
 
@@ -57,7 +62,11 @@ def onto_zero_gap(
         low = root_in(lambda part: motion(part)[0], low, high)
     if motion(low)[1] < -least:
         return low
-    return root_in(lambda part: motion(part)[1] + least, low, high) if motion(high)[1] < -least else None
+    return (
+        root_in(lambda part: motion(part)[1] + least, low, high)
+        if motion(high)[1] < -least
+        else None
+    )
 
 
 def root_in(function: Callable[[float], float], low: float, high: float) -> float:

@@ -1,10 +1,12 @@
 """The impact of all contacts that touch, through an engine's full mass matrix and the joints that close loops.
 
-With W the inverse of the mass matrix on the motions that the loops allow, and G the gap Jacobian, the impulses x solve
+With W the inverse of the mass matrix on the motions that the loops allow, and G the gap Jacobian,
+the impulses x solve
 
     0 <= x  complementary to  G W G^T x + (1 + e) G v >= 0
 
-(Newton's law of restitution, Moreau), all contacts at once (:mod:`.impact_law`); v are speeds in any coordinates.
+(Newton's law of restitution, Moreau), all contacts at once (:mod:`.impact_law`); v are speeds in
+any coordinates.
 """
 
 from __future__ import annotations
@@ -19,7 +21,9 @@ from ..models.errors import SimulationError
 from . import impact_law
 
 _RANK = 1e-12  # of the largest singular value: redundant constraints have smaller ones
-_NEARLY = 1e-6  # the same where errors of positions are undone: near singular positions they would grow
+_NEARLY = (
+    1e-6  # the same where errors of positions are undone: near singular positions they would grow
+)
 
 
 @dataclass(frozen=True)
@@ -66,14 +70,18 @@ class Inertia:
         return self._allowed(self.loops) @ self._inverse()
 
     def _inverse(self) -> FloatArray:
-        # Scaled to a diagonal of ones: joints of a light body and of a heavy one are equally well inverted.
+        # Scaled to a diagonal of ones: joints of a light body and of a heavy one are equally well
+        # inverted.
         scale = 1.0 / np.sqrt(np.diag(self.mass))
         return scale[:, None] * np.linalg.inv(scale[:, None] * self.mass * scale) * scale
 
     def _allowed(self, rows: FloatArray) -> FloatArray:
         """Projection of speeds on those with rows @ speeds = 0, orthogonal in the metric of the mass matrix."""
         by_impulse = self._inverse() @ rows.T
-        return np.eye(len(self.mass)) - by_impulse @ np.linalg.pinv(rows @ by_impulse, _RANK, hermitian=True) @ rows
+        return (
+            np.eye(len(self.mass))
+            - by_impulse @ np.linalg.pinv(rows @ by_impulse, _RANK, hermitian=True) @ rows
+        )
 
 
 def resolve_impact(
@@ -100,8 +108,12 @@ def resolve_impact(
     coefficients = np.array([restitution[name] for name in names])
     impulses = impact_law.impulses(rows @ by_impulse, rows @ speeds, coefficients)
     if impulses is None:
-        raise SimulationError(f"{engine} finds no impact of the stops {', '.join(names)} in which all of them push.")
+        raise SimulationError(
+            f"{engine} finds no impact of the stops {', '.join(names)} in which all of them push."
+        )
     after = speeds + by_impulse @ impulses
     return Impact(
-        after, dict(zip(names, impulses.tolist(), strict=True)), dict(zip(names, (rows @ after).tolist(), strict=True))
+        after,
+        dict(zip(names, impulses.tolist(), strict=True)),
+        dict(zip(names, (rows @ after).tolist(), strict=True)),
     )

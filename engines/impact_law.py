@@ -1,13 +1,14 @@
 """The law of impacts, for adapters that resolve them by their engine's mass matrix or impulses.
 
-Newton's law of restitution with complementarity (Moreau 1988; Glocker and Pfeiffer, Nonlinear Dynamics 7, 1995): with v
-the speeds of the gaps before an impact and v+ after it, the impulses p of the contacts that touch are
+Newton's law of restitution with complementarity (Moreau 1988; Glocker and Pfeiffer, Nonlinear
+Dynamics 7, 1995): with v the speeds of the gaps before an impact and v+ after it, the impulses p of
+the contacts that touch are
 
     0 <= p  complementary to  v+ + e v >= 0,        v+ = v + A p,
 
-A being the inverse inertia that they feel. v+ is unique; impulses of redundant contacts are not. Where these have
-different e, the one that asks for the highest speed pushes and the others part. Where contacts stand against each other
-no v+ may give each its rebound: then none of them rebounds.
+A being the inverse inertia that they feel. v+ is unique; impulses of redundant contacts are not.
+Where these have different e, the one that asks for the highest speed pushes and the others part.
+Where contacts stand against each other no v+ may give each its rebound: then none of them rebounds.
 """
 
 from __future__ import annotations
@@ -41,12 +42,14 @@ def pushing(touching: Contacts, violated: Callable[[Contacts], str | None]) -> C
 
     Args:
         touching: contacts that touch.
-        violated: of a set of contacts that push, one of `touching` that breaks the law; None if all fulfil it.
+        violated: of a set of contacts that push, one of `touching` that breaks the law; None if all
+            fulfil it.
     """
     found = active_contacts(touching, violated)
     if violated(found) is None:
         return found
-    # Pivoting has no end where redundant contacts ask for different speeds: the sets are tried one by one.
+    # Pivoting has no end where redundant contacts ask for different speeds: the sets are tried one
+    # by one.
     return next((chosen for chosen in _subsets(touching) if violated(chosen) is None), None)
 
 
@@ -66,7 +69,11 @@ def _complementary(matrix: FloatArray, offset: FloatArray) -> FloatArray | None:
     def violated(active: Contacts) -> str | None:
         result = of(active)
         left, acts = scaled @ result - target, np.isin(names, active)
-        pulls, closes, parts = acts & (result < -rounding), ~acts & (left < -rounding), acts & (abs(left) > rounding)
+        pulls, closes, parts = (
+            acts & (result < -rounding),
+            ~acts & (left < -rounding),
+            acts & (abs(left) > rounding),
+        )
         wrong = pulls | closes if (pulls | closes).any() else parts
         return names[int(np.argmax(wrong))] if wrong.any() else None
 

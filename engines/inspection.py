@@ -14,8 +14,9 @@ from ..models.mechanism import Mechanism
 class State:
     """A state to look at the built model in.
 
-    `closed` are stops whose gap and gap speed are zero there and that push; every other stop is open (its gap is
-    positive). They are stops that are closed at the mechanism's start: an engine may know no others.
+    `closed` are stops whose gap and gap speed are zero there and that push; every other stop is
+    open (its gap is positive). They are stops that are closed at the mechanism's start: an engine
+    may know no others.
     """
 
     q: FloatArray
@@ -29,8 +30,8 @@ class State:
 class Dynamics:
     """What the built model says at a state, in the mechanism's coordinates; None (or absent) is not exposed.
 
-    With M a = f + G^T torques (and the loop joints' own forces): M the mass matrix, f all applied and centrifugal
-    forces, f = Q - b.
+    With M a = f + G^T torques (and the loop joints' own forces): M the mass matrix, f all applied
+    and centrifugal forces, f = Q - b.
     """
 
     accelerations: FloatArray
@@ -70,8 +71,8 @@ class Inspectable(Protocol):
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Build the mechanism as `simulate` would, with the same options, and look at it in each state.
 
-        Softness, start-up and step size are numerical options and not the model's: a soft stop is asked for its
-        torque at rest.
+        Softness, start-up and step size are numerical options and not the model's: a soft stop is
+        asked for its torque at rest.
 
         Raises:
             TrebucheckError: the mechanism cannot be built.

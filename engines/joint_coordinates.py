@@ -45,7 +45,9 @@ class Limit:
         found: dict[int, tuple[float, float]] = {}
         for each in limits:
             low, high = found.get(each.index, (-math.inf, math.inf))
-            found[each.index] = (max(low, each.value), high) if each.sense > 0 else (low, min(high, each.value))
+            found[each.index] = (
+                (max(low, each.value), high) if each.sense > 0 else (low, min(high, each.value))
+            )
         return found
 
 
@@ -53,8 +55,8 @@ class Limit:
 class JointCoordinates:
     """j = D q + d and v = D u, of the bodies depth first: slides first, then the turn, of each body.
 
-    A slide is the mechanism's own coordinate; a turn is the child's angle less the parent's, whatever it is at the
-    start. Arrays of states are shaped (..., n_q).
+    A slide is the mechanism's own coordinate; a turn is the child's angle less the parent's,
+    whatever it is at the start. Arrays of states are shaped (..., n_q).
     """
 
     mechanism: Mechanism
@@ -85,7 +87,11 @@ class JointCoordinates:
         """A stop on angles as the end of one joint coordinate's range; None if it is on no joint or on a point."""
         for index, freedom in enumerate(self.freedoms):
             between = {freedom.joint.child, freedom.joint.parent}
-            if freedom.direction is None and isinstance(stop, Stop) and between == {stop.body, stop.relative_to}:
+            if (
+                freedom.direction is None
+                and isinstance(stop, Stop)
+                and between == {stop.body, stop.relative_to}
+            ):
                 sense = stop.sense if stop.body == freedom.joint.child else -stop.sense
                 return Limit(index, sense, sense * stop.limit)
         return None

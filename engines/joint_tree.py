@@ -1,8 +1,9 @@
 """What plug-ins share whose engines are trees of joints: motion by forward dynamics, or by the engine's own step.
 
-A tree is in joint coordinates (:mod:`.joint_coordinates`). With M a + bias = forces it is moved by a scheme of one's
-own with stops and loops as multipliers (:class:`TreeMotion`), or by its engine's step with the engine's joint limits
-(:class:`LimitedMotion`), whose torque in a step h is what the step's change of speed leaves over:
+A tree is in joint coordinates (:mod:`.joint_coordinates`). With M a + bias = forces it is moved by
+a scheme of one's own with stops and loops as multipliers (:class:`TreeMotion`), or by its engine's
+step with the engine's joint limits (:class:`LimitedMotion`), whose torque in a step h is what the
+step's change of speed leaves over:
 
     torque = M (v' - v) / h + bias - forces.
 """
@@ -91,7 +92,9 @@ class TreeDynamics:
         to = self.coordinates
         j, v = to.positions(q), to.speeds(u)
         rest = to.forces(applied) - self.tree.bias(j, v)
-        return to.mechanism_speeds(np.asarray(np.linalg.solve(self.tree.mass_matrix(j), rest), dtype=np.float64))
+        return to.mechanism_speeds(
+            np.asarray(np.linalg.solve(self.tree.mass_matrix(j), rest), dtype=np.float64)
+        )
 
     def mass_matrix(self, q: FloatArray) -> FloatArray:
         """Shape (n_q, n_q)."""
@@ -158,7 +161,9 @@ def without_others(
     return replace(
         seen,
         potential_energy=seen.potential_energy + float(applied.potential_energy(state[0])),
-        reactions={name: seen.reactions[name] - others[name] for name in held if name in seen.reactions},
+        reactions={
+            name: seen.reactions[name] - others[name] for name in held if name in seen.reactions
+        },
     )
 
 
@@ -217,15 +222,23 @@ class LimitedMotion(StepAhead):
             tree: the engine's.
             timestep: of its step [s].
             engine: whose step it is, for messages.
-            rounding: of the largest term of a limit's torque, what is left of it where there is none.
+            rounding: of the largest term of a limit's torque, what is left of it where there is
+            none.
             soft: whether limits are springs, which begin without force.
         """
         refuse_loops(problem.mechanism, engine)
-        self.tree, self.timestep, self.to, self.rounding = tree, timestep, tree.coordinates, rounding
+        self.tree, self.timestep, self.to, self.rounding = (
+            tree,
+            timestep,
+            tree.coordinates,
+            rounding,
+        )
         self.limits, self.waits = JointLimits(self.to, engine), soft
         self.applied = AppliedForces(Kinematics(problem.mechanism))
         self.once = problem.stop_law is StopLaw.RELEASE_ONCE
-        self.active = {stop.name for stop in problem.mechanism.stops if stop.closed or not self.once}
+        self.active = {
+            stop.name for stop in problem.mechanism.stops if stop.closed or not self.once
+        }
         self._set_limits()
         q, u = initial_state(problem.mechanism)
         tree.place(self.to.positions(q), self.to.speeds(u))
@@ -246,13 +259,18 @@ class LimitedMotion(StepAhead):
         if self.once and not self.waits:
             self._let_go(contacts)
         self.waits = False
-        return (q, u), contacts, without_others(seen, self.applied, (q, u), self.applied.on_bodies(q, u))
+        return (
+            (q, u),
+            contacts,
+            without_others(seen, self.applied, (q, u), self.applied.on_bodies(q, u)),
+        )
 
     def _pushing(self, inertial: FloatArray, others: FloatArray) -> dict[str, float]:
         torques = inertial.sum(axis=1) + others
         rounding = self.rounding * max(float(np.abs(inertial).max()), float(np.abs(others).max()))
         found = {
-            name: self.limits.places[name][1] * float(torques[self.limits.places[name][0]]) for name in self.active
+            name: self.limits.places[name][1] * float(torques[self.limits.places[name][0]])
+            for name in self.active
         }
         return {name: torque if torque > rounding else 0.0 for name, torque in found.items()}
 
@@ -275,4 +293,6 @@ def refuse_loops(mechanism: Mechanism, engine: str) -> None:
     """
     loops = [joint.name for joint in mechanism.loop_joints]
     if loops:
-        raise UnsupportedProblemError(f"{engine} is a tree of joints, and {', '.join(loops)} closes a loop.")
+        raise UnsupportedProblemError(
+            f"{engine} is a tree of joints, and {', '.join(loops)} closes a loop."
+        )

@@ -1,8 +1,9 @@
 """An engine that is a package of npm: where it is, what brings it, and the process of Node.js that moves a scene by it.
 
-The plug-in has a folder with `package.json`, which names the package and its version, and `move.cjs`, a program that
-reads a scene as JSON from standard input and writes its samples, little-endian float64, to standard output. Its first
-argument is the path of `node_scene.cjs`, what such programs share.
+The plug-in has a folder with `package.json`, which names the package and its version, and
+`move.cjs`, a program that reads a scene as JSON from standard input and writes its samples,
+little-endian float64, to standard output. Its first argument is the path of `node_scene.cjs`, what
+such programs share.
 """
 
 from __future__ import annotations
@@ -49,7 +50,9 @@ class NodePackage:
     def absence(self) -> str:
         """What is missing, and what brings it, in one sentence."""
         if shutil.which("node") is None:
-            return f"{self.title} runs in Node.js (18 or later), and no program `node` is on the path."
+            return (
+                f"{self.title} runs in Node.js (18 or later), and no program `node` is on the path."
+            )
         return f"{self.title} is not installed here; `python -m {self.module}` brings it by npm."
 
     def version(self) -> str:
@@ -80,7 +83,11 @@ class NodePackage:
         """
         command = [shutil.which("node") or "node", "move.cjs", str(SCENE)]
         given = json.dumps(scene).encode()
-        found = subprocess.run(command, cwd=self.folder, input=given, capture_output=True, check=False)
+        found = subprocess.run(
+            command, cwd=self.folder, input=given, capture_output=True, check=False
+        )
         if found.returncode:
-            raise SimulationError(f"{self.title} failed: {found.stderr.decode(errors='replace').strip()[-500:]}")
+            raise SimulationError(
+                f"{self.title} failed: {found.stderr.decode(errors='replace').strip()[-500:]}"
+            )
         return np.frombuffer(found.stdout, dtype="<f8").reshape(scene["steps"] + 1, -1)

@@ -59,13 +59,19 @@ class NodeSamples:
             potential_energy=potential + AppliedForces(self.scene.kinematics).potential_energy(q),
             stop_torques={},
             release_times={},
-            joint_gaps={joint.name: self._gap(joint) for joint in mechanism.joints if not isinstance(joint, FreeJoint)},
+            joint_gaps={
+                joint.name: self._gap(joint)
+                for joint in mechanism.joints
+                if not isinstance(joint, FreeJoint)
+            },
             steps=len(self.t) - 1,
         )
 
     def gap(self, stop: Stop) -> FloatArray:
         """Of a stop on an angle [rad]."""
-        return stop.sense * (self._angle(stop.body)[0] - self._angle(stop.relative_to)[0]) - stop.limit
+        return (
+            stop.sense * (self._angle(stop.body)[0] - self._angle(stop.relative_to)[0]) - stop.limit
+        )
 
     def point(self, body: str, point: Vector) -> tuple[FloatArray, FloatArray]:
         """Place and velocity of a body's point, mirrored."""
@@ -105,8 +111,13 @@ class NodeSamples:
             self.point(joint.parent, joint.parent_point),
         )
         angle, speed = self._angle(joint.parent)
-        axis, away = turned(angle, np.array([direction.real, direction.imag]) * MIRROR), child - parent
-        rate = np.sum((velocity - carrying) * axis, axis=1) + speed * np.sum(away * _across(axis), axis=1)
+        axis, away = (
+            turned(angle, np.array([direction.real, direction.imag]) * MIRROR),
+            child - parent,
+        )
+        rate = np.sum((velocity - carrying) * axis, axis=1) + speed * np.sum(
+            away * _across(axis), axis=1
+        )
         return np.sum(away * axis, axis=1), rate
 
     def _gap(self, joint: AnyJoint) -> FloatArray:
@@ -116,7 +127,13 @@ class NodeSamples:
     def _energies(self) -> tuple[FloatArray, FloatArray]:
         """Kinetic, and potential of gravity, by the masses and inertias that the engine was given."""
         mechanism = self.scene.mechanism
-        own, bodies = self.states[:, : len(mechanism.bodies)], self.scene.bodies[: len(mechanism.bodies)]
-        mass, inertia = np.array([b["mass"] for b in bodies]), np.array([b["inertia"] for b in bodies])
+        own, bodies = (
+            self.states[:, : len(mechanism.bodies)],
+            self.scene.bodies[: len(mechanism.bodies)],
+        )
+        mass, inertia = (
+            np.array([b["mass"] for b in bodies]),
+            np.array([b["inertia"] for b in bodies]),
+        )
         kinetic = 0.5 * (np.sum(own[..., 3:5] ** 2, axis=-1) @ mass + own[..., 5] ** 2 @ inertia)
         return kinetic, -(own[..., :2] @ (np.array(mechanism.gravity_vector) * MIRROR)) @ mass

@@ -1,8 +1,9 @@
 """The scene of a mechanism for engines of bodies in Cartesian coordinates that Node.js moves (`node_scene.cjs`).
 
-Bodies stand about their centres of mass, and joints between them. Such engines' angles are anticlockwise: the scene is
-the mirror image with y downwards, where clockwise ones are so. Every body stands at the angle 0 at the start, so that
-its limits are measured from there, and no angle is taken into half a turn where a body is made.
+Bodies stand about their centres of mass, and joints between them. Such engines' angles are
+anticlockwise: the scene is the mirror image with y downwards, where clockwise ones are so. Every
+body stands at the angle 0 at the start, so that its limits are measured from there, and no angle is
+taken into half a turn where a body is made.
 """
 
 from __future__ import annotations
@@ -44,7 +45,9 @@ class NodeScene:
         self.mechanism, self.engine = mechanism, engine
         self.kinematics, (self.q, self.u) = Kinematics(mechanism), initial_state(mechanism)
         self.index = {GROUND: -1} | {body.name: i for i, body in enumerate(mechanism.bodies)}
-        self.angles = {name: float(self.kinematics.angle(name).value(self.q)) for name in self.index}
+        self.angles = {
+            name: float(self.kinematics.angle(name).value(self.q)) for name in self.index
+        }
         self.bodies = [self._body(body) for body in mechanism.bodies]
         """Those that an engine needs besides come after the mechanism's."""
         self.joints: list[Json] = []
@@ -69,7 +72,9 @@ class NodeScene:
 
     def stops(self, law: StopLaw) -> list[AnyStop]:
         """The stops that are built."""
-        return [stop for stop in self.mechanism.stops if stop.closed or law is not StopLaw.RELEASE_ONCE]
+        return [
+            stop for stop in self.mechanism.stops if stop.closed or law is not StopLaw.RELEASE_ONCE
+        ]
 
     def offset(self, body: str, point: Vector) -> FloatArray:
         """From a body's centre of mass to a point of it, at the start; of the ground the point."""
@@ -79,7 +84,9 @@ class NodeScene:
     def axis(self, joint: AnyJoint) -> FloatArray:
         """Of a slide, at the start."""
         direction = complex(joint.free_directions[0])
-        return turned(self.angles[joint.parent], np.array([direction.real, direction.imag]) * MIRROR)
+        return turned(
+            self.angles[joint.parent], np.array([direction.real, direction.imag]) * MIRROR
+        )
 
     def _body(self, body: Body) -> Json:
         row = self.kinematics.point(body.name, body.centre)
@@ -125,13 +132,18 @@ class NodeScene:
                 between = self.angles[stop.body] - self.angles[stop.relative_to]
                 gap = 0.0 if stop.closed else stop.sense * between - stop.limit
                 return {"joint": joint, "side": side, "angle": -side * gap, "closed": stop.closed}
-        raise UnsupportedProblemError(f"{self.engine} has limits on pins alone, and stop {stop.name!r} is on none.")
+        raise UnsupportedProblemError(
+            f"{self.engine} has limits on pins alone, and stop {stop.name!r} is on none."
+        )
 
     def _load(self, element: AnyForceElement) -> Json:
         own: Json = {"kind": element.kind, "body": self.index[element.body]}
         if isinstance(element, ConstantForce):
             force = (np.array(element.force) * MIRROR).tolist()
-            return own | {"point": self.offset(element.body, element.point).tolist(), "force": force}
+            return own | {
+                "point": self.offset(element.body, element.point).tolist(),
+                "force": force,
+            }
         return own | {"other": self.index[element.relative_to]} | dict(self._pair(element))
 
     def _pair(self, element: Any) -> Iterator[tuple[str, Any]]:

@@ -32,15 +32,20 @@ class OptionRow:
 def option_table(name: str) -> tuple[OptionRow, ...]:
     """Every option of an engine, a plug-in's among them.
 
-    Fields of a `Spec` and of a dataclass tell their ranges and, by `description` (in a dataclass in the field's
-    metadata), their meanings. Of any other class only the settings of its presets are known.
+    Fields of a `Spec` and of a dataclass tell their ranges and, by `description` (in a dataclass in
+    the field's metadata), their meanings. Of any other class only the settings of its presets are
+    known.
 
     Raises:
         InputError: there is no such engine, or its plug-in cannot be loaded.
     """
     settings = {preset: engine(name, preset).settings for preset in engine_class(name).presets()}
-    known = option_names(name) or tuple(dict.fromkeys(option for own in settings.values() for option in own))
-    described = {option: (values, meaning) for option, values, meaning in _described(engine_class(name))}
+    known = option_names(name) or tuple(
+        dict.fromkeys(option for own in settings.values() for option in own)
+    )
+    described = {
+        option: (values, meaning) for option, values, meaning in _described(engine_class(name))
+    }
     return tuple(
         OptionRow(
             option,
@@ -90,12 +95,19 @@ _BOUNDS = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
 def _bounds(metadata: Sequence[object]) -> str:
     """Of a number; empty where there are none."""
     flat = [each for m in metadata for each in (m.metadata if isinstance(m, FieldInfo) else (m,))]
-    found = {kind: value for each in flat for kind in _BOUNDS if (value := getattr(each, kind, None)) is not None}
+    found = {
+        kind: value
+        for each in flat
+        for kind in _BOUNDS
+        if (value := getattr(each, kind, None)) is not None
+    }
     if found.get("ge", -math.inf) > found.get("gt", math.inf):  # one of the type, one of the field
         del found["gt"]
     if found.keys() == {"ge", "le"}:
         return f"from {found['ge']:g} to {found['le']:g}"
-    return " and ".join(f"{word} {found[kind]:g}" for kind, word in _BOUNDS.items() if kind in found)
+    return " and ".join(
+        f"{word} {found[kind]:g}" for kind, word in _BOUNDS.items() if kind in found
+    )
 
 
 def default_text(value: JsonValue) -> str:

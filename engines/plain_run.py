@@ -68,8 +68,9 @@ class StepAhead:
 def plain_run(problem: Problem, motion: OwnStops, engine: str, timestep: float) -> Recording:
     """Step an engine through a problem, in whole steps up to its end or just beyond it, and record it after each.
 
-    A stop that was closed is called released at the end of the first step after which it has no force; at the start,
-    where it has none after the first step either: the limits of many engines begin without force.
+    A stop that was closed is called released at the end of the first step after which it has no
+    force; at the start, where it has none after the first step either: the limits of many engines
+    begin without force.
 
     Raises:
         UnsupportedProblemError: a closed stop starts with a gap that changes.

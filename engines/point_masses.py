@@ -1,10 +1,11 @@
 """Mechanisms without point masses, for engines that cannot move a body without inertia.
 
-An engine in Cartesian coordinates divides by each body's inertia about its centre of mass. Giving a point mass a little
-inertia changes the motion. Moving mass along a pin does not: two bodies share the pin's point, so that a mass m more on
-the one and m less on the other have the same kinetic energy and the same power of gravity in every motion the joint
-permits. A body of mass M whose pin is at the distance d from its centre of mass gains M m / (M + m) d^2 by it about its
-new centre of mass.
+An engine in Cartesian coordinates divides by each body's inertia about its centre of mass. Giving a
+point mass a little inertia changes the motion. Moving mass along a pin does not: two bodies share
+the pin's point, so that a mass m more on the one and m less on the other have the same kinetic
+energy and the same power of gravity in every motion the joint permits. A body of mass M whose pin
+is at the distance d from its centre of mass gains M m / (M + m) d^2 by it about its new centre of
+mass.
 """
 
 from __future__ import annotations
@@ -41,12 +42,14 @@ _LENT = 0.5
 class NoPointMasses:
     """A mechanism of the same motion, whose bodies have inertia.
 
-    Joints, stops, force elements, markers and coordinates are those of the mechanism; masses, inertias and centres of
-    mass of its bodies are others, and so are the reactions of pins along which mass was moved.
+    Joints, stops, force elements, markers and coordinates are those of the mechanism; masses,
+    inertias and centres of mass of its bodies are others, and so are the reactions of pins along
+    which mass was moved.
 
     Args:
         original: any mechanism.
-        least: see :data:`LeastInertia`; at most this much is made up for, less where the other body is too light.
+        least: see :data:`LeastInertia`; at most this much is made up for, less where the other body
+            is too light.
     """
 
     original: Mechanism
@@ -68,7 +71,11 @@ class NoPointMasses:
     @property
     def extra_potential_energy(self) -> float:
         """What its potential energy has more than the original's [J], a constant: mass that came from the ground."""
-        weights = [self.moved.get(j.name, 0.0) * np.array(j.parent_point) for j in self._joints if j.parent == GROUND]
+        weights = [
+            self.moved.get(j.name, 0.0) * np.array(j.parent_point)
+            for j in self._joints
+            if j.parent == GROUND
+        ]
         return -float(sum(weights, np.zeros(2)) @ np.array(self.original.gravity_vector))
 
     def reaction(self, joint: str, force: FloatArray, acceleration: FloatArray) -> FloatArray:
@@ -79,7 +86,9 @@ class NoPointMasses:
             force: the same force in this mechanism, in the world's frame [N], shape (2,).
             acceleration: of the joint's point, in the world's frame [m/s^2], shape (2,).
         """
-        return force - self.moved.get(joint, 0.0) * (acceleration - np.array(self.original.gravity_vector))
+        return force - self.moved.get(joint, 0.0) * (
+            acceleration - np.array(self.original.gravity_vector)
+        )
 
     @property
     def _joints(self) -> Iterable[AnyJoint]:
@@ -97,7 +106,9 @@ class NoPointMasses:
             if missing > 0.0 and lent > 0.0:
                 self._bodies[name] = _with_mass(body, lent, joint.child_point)
                 if joint.parent != GROUND:
-                    self._bodies[joint.parent] = _with_mass(self._bodies[joint.parent], -lent, joint.parent_point)
+                    self._bodies[joint.parent] = _with_mass(
+                        self._bodies[joint.parent], -lent, joint.parent_point
+                    )
                 self.moved[joint.name] = lent
                 return
 

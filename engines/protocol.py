@@ -33,8 +33,8 @@ from .study import EngineStudy
 from .supplied import Supplied
 
 _MOST_STEPS = 20_000_000
-# Of a run's samples while it is read, sent from its process, compared and written: seven were measured for an engine
-# while it is read (pymunk, Exudyn), and about as many for what follows.
+# Of a run's samples while it is read, sent from its process, compared and written: seven were
+# measured for an engine while it is read (pymunk, Exudyn), and about as many for what follows.
 _COPIES = 16
 _ABSENT = "not installed"
 
@@ -88,7 +88,8 @@ class Simulator(Protocol):
 class Engine(Simulator, Protocol):
     """The extension point: an engine with its numerical options, compared like the built-in engines.
 
-    It is determined by its name, its preset and its settings: `engine(name, preset, **settings)` makes it again.
+    It is determined by its name, its preset and its settings: `engine(name, preset, **settings)`
+    makes it again.
     """
 
     @property
@@ -193,7 +194,10 @@ class BuiltinEngine(EngineOptions, ABC):
     @classmethod
     def is_installed(cls) -> bool:
         """Whether the engine's package is here: installed, and not only a folder left by another one."""
-        return cls.version() != _ABSENT and importlib.util.find_spec(cls.module or cls.package) is not None
+        return (
+            cls.version() != _ABSENT
+            and importlib.util.find_spec(cls.module or cls.package) is not None
+        )
 
     @classmethod
     def version(cls) -> str:
@@ -205,7 +209,8 @@ class BuiltinEngine(EngineOptions, ABC):
 
         Raises:
             EngineNotInstalledError: the engine's package is not here.
-            UnsupportedProblemError: the engine cannot build the mechanism or follow the law of its stops.
+            UnsupportedProblemError: the engine cannot build the mechanism or follow the law of its
+            stops.
             SimulationError: the engine gave up, crashed or left the finite numbers.
         """
         self._refuse_what_cannot_run(problem)
@@ -232,10 +237,13 @@ class BuiltinEngine(EngineOptions, ABC):
         idle = immovable_stops(problem.mechanism)
         if not idle:
             return self._recorded(problem)
-        recording = self._recorded(problem.model_copy(update={"mechanism": without_stops(problem.mechanism, idle)}))
+        recording = self._recorded(
+            problem.model_copy(update={"mechanism": without_stops(problem.mechanism, idle)})
+        )
         return replace(
             recording,
-            stop_torques={**recording.stop_torques} | dict.fromkeys(idle, np.zeros(len(recording.t))),
+            stop_torques={**recording.stop_torques}
+            | dict.fromkeys(idle, np.zeros(len(recording.t))),
             release_times={**recording.release_times} | dict.fromkeys(idle),
         )
 
@@ -243,7 +251,9 @@ class BuiltinEngine(EngineOptions, ABC):
         """What `_run` returns, which is a recording."""
         recording = cast("object", self._run(problem))
         if not isinstance(recording, Recording):
-            raise SimulationError(f"{self.name}: _run returned {type(recording).__name__}; a Recording is needed.")
+            raise SimulationError(
+                f"{self.name}: _run returned {type(recording).__name__}; a Recording is needed."
+            )
         return recording
 
     @property
@@ -316,7 +326,9 @@ class BuiltinEngine(EngineOptions, ABC):
         finite = np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.u).all(axis=1)
         if not finite.all():
             first = float(recording.t[int(np.argmin(finite))])
-            raise SimulationError(f"{self.name} diverged: its state is not finite at t = {first:.6g} s.")
+            raise SimulationError(
+                f"{self.name} diverged: its state is not finite at t = {first:.6g} s."
+            )
 
     def _provenance(self, problem: Problem, recording: Recording, wall: float) -> Provenance:
         return Provenance(
@@ -347,6 +359,8 @@ def refuse_no_problem(given: object) -> None:
 
 def _sample_size(mechanism: Mechanism) -> int:
     """Memory for one instant of a trajectory, with its copies [B]."""
-    columns = 3 + 2 * len(mechanism.coordinates) + 4 * len(mechanism.markers)  # time, energies, states, points
+    columns = (
+        3 + 2 * len(mechanism.coordinates) + 4 * len(mechanism.markers)
+    )  # time, energies, states, points
     columns += len(mechanism.stops) + 3 * len(mechanism.joints)  # forces; reactions and drifts
     return 8 * columns * _COPIES

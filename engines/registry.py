@@ -65,7 +65,9 @@ def engine_names() -> tuple[str, ...]:
 
 def _installed() -> tuple[importlib.metadata.EntryPoint, ...]:
     """Engines of installed distributions, looked for again only where a folder of `sys.path` has changed."""
-    return _points_in(tuple((path, _changed(path)) for path in (Path(name).absolute() for name in sys.path)))
+    return _points_in(
+        tuple((path, _changed(path)) for path in (Path(name).absolute() for name in sys.path))
+    )
 
 
 def _changed(path: Path) -> int | None:
@@ -84,7 +86,9 @@ def _points_in(_: tuple[tuple[Path, int | None], ...]) -> tuple[importlib.metada
 def _announced() -> dict[str, importlib.metadata.EntryPoint]:
     """What the environment announces, by name."""
     pairs = (part.partition("=") for part in os.environ.get(ANNOUNCED, "").split())
-    return {name: importlib.metadata.EntryPoint(name, path, PLUGIN_GROUP) for name, _, path in pairs}
+    return {
+        name: importlib.metadata.EntryPoint(name, path, PLUGIN_GROUP) for name, _, path in pairs
+    }
 
 
 def announce(path: str) -> str:
@@ -97,14 +101,19 @@ def announce(path: str) -> str:
         The engine's name.
 
     Raises:
-        InputError: there is no such class, it has no name, or its name is that of an engine of this package.
+        InputError: there is no such class, it has no name, or its name is that of an engine of this
+            package.
     """
     cls = _loaded(importlib.metadata.EntryPoint(path, path, PLUGIN_GROUP))
     name: object = getattr(cls, "name", None)
     if not isinstance(name, str) or not name or set(name) & set(" =/"):
-        raise InputError(f"engine {path}: its name is {name!r}; a text without spaces, '=' and '/' is needed.")
+        raise InputError(
+            f"engine {path}: its name is {name!r}; a text without spaces, '=' and '/' is needed."
+        )
     if name in _BUILTIN:
-        raise InputError(f"engine {path}: its name {name!r} is that of an engine of trebucheck; another one is needed.")
+        raise InputError(
+            f"engine {path}: its name {name!r} is that of an engine of trebucheck; another one is needed."
+        )
     known = {known: point.value for known, point in _announced().items()} | {name: path}
     os.environ[ANNOUNCED] = " ".join(f"{known}={value}" for known, value in known.items())
     return name
@@ -114,7 +123,9 @@ def _loaded(point: importlib.metadata.EntryPoint) -> EngineClass:
     try:
         cls = point.load()
     except Exception as error:
-        raise InputError(f"engine {point.name!r} comes from a plug-in that cannot be loaded: {error}.") from error
+        raise InputError(
+            f"engine {point.name!r} comes from a plug-in that cannot be loaded: {error}."
+        ) from error
     _refuse_incomplete(point.name, cls)
     return cast("EngineClass", cls)
 
@@ -123,14 +134,28 @@ def _refuse_incomplete(name: str, cls: object) -> None:
     """Say what the class of a plug-in lacks, before it is missed somewhere else."""
     declared = getattr(cls, "capabilities", None)
     if not isinstance(declared, Capabilities):
-        given = "has no `capabilities`" if declared is None else f"has capabilities of type {type(declared).__name__}"
-        raise InputError(f"engine {name!r}: its class {given}; a trebucheck.Capabilities is needed.")
+        given = (
+            "has no `capabilities`"
+            if declared is None
+            else f"has capabilities of type {type(declared).__name__}"
+        )
+        raise InputError(
+            f"engine {name!r}: its class {given}; a trebucheck.Capabilities is needed."
+        )
     if not callable(getattr(cls, "presets", None)):
         raise InputError(
             f"engine {name!r}: its class has no `presets()`; makers by name, 'tuned' and 'stock', are needed."
         )
-    own_version = getattr(getattr(cls, "version", None), "__func__", None) is not BuiltinEngine.version.__func__
-    if isinstance(cls, type) and issubclass(cls, BuiltinEngine) and not own_version and not hasattr(cls, "package"):
+    own_version = (
+        getattr(getattr(cls, "version", None), "__func__", None)
+        is not BuiltinEngine.version.__func__
+    )
+    if (
+        isinstance(cls, type)
+        and issubclass(cls, BuiltinEngine)
+        and not own_version
+        and not hasattr(cls, "package")
+    ):
         raise InputError(
             f"engine {name!r}: its class has no `package`, the distribution whose version is reported; "
             "an engine that is none has is_installed() and version() of its own."
@@ -141,7 +166,8 @@ def engine_class(name: str) -> EngineClass:
     """The class of an engine.
 
     Raises:
-        InputError: no engine has that name, or its plug-in cannot be loaded; the sentence lists the names there are.
+        InputError: no engine has that name, or its plug-in cannot be loaded; the sentence lists the
+            names there are.
     """
     if name in _BUILTIN:
         module, cls = _BUILTIN[name]
@@ -171,18 +197,26 @@ def engine_study(name: str) -> EngineStudy:
 def causes_of(engine: Engine, mechanism: Mechanism | None = None) -> tuple[Cause, ...]:
     """Causes that an engine with these options may have, in the order in which they are best taken out.
 
-    Nothing is run. A cause whose options are already set as its removal would set them is left out. Of an engine
-    without a table (a plug-in) only the time step is known, if it has one.
+    Nothing is run. A cause whose options are already set as its removal would set them is left out.
+    Of an engine without a table (a plug-in) only the time step is known, if it has one.
 
     Args:
-        mechanism: that it moves: some causes are there only where points are held, by stops or by loops of joints.
+        mechanism: that it moves: some causes are there only where points are held, by stops or by
+            loops of joints.
     """
     settings = engine.settings
     every = engine_study(engine.name).causes(settings, ConstraintKinds.of(mechanism))
     ways = ((cause, (cause.removal, cause.scaling)) for cause in every)
-    causes = [cause for cause, both in ways if any(way is not None and way.changes(settings) for way in both)]
+    causes = [
+        cause
+        for cause, both in ways
+        if any(way is not None and way.changes(settings) for way in both)
+    ]
     names = {cause.name for cause in causes}
-    return tuple(dataclasses.replace(cause, after=tuple(n for n in cause.after if n in names)) for cause in causes)
+    return tuple(
+        dataclasses.replace(cause, after=tuple(n for n in cause.after if n in names))
+        for cause in causes
+    )
 
 
 @dataclass(frozen=True)
@@ -203,7 +237,9 @@ def engines() -> dict[str, EngineStatus]:
 
 def _status(name: str) -> EngineStatus:
     cls = engine_class(name)
-    return EngineStatus(name, cls.is_installed(), cls.version(), tuple(cls.presets()), cls.capabilities)
+    return EngineStatus(
+        name, cls.is_installed(), cls.version(), tuple(cls.presets()), cls.capabilities
+    )
 
 
 def engine(name: str, preset: str = "tuned", **options: Any) -> Engine:
@@ -211,7 +247,8 @@ def engine(name: str, preset: str = "tuned", **options: Any) -> Engine:
 
     Args:
         name: one of :func:`engines`.
-        preset: 'tuned' (most accurate at this cost) or 'stock' (what the engine's documentation leads to).
+        preset: 'tuned' (most accurate at this cost) or 'stock' (what the engine's documentation
+        leads to).
         options: any field of the engine, over the preset's; `timestep` [s] in every engine.
 
     Raises:
@@ -258,11 +295,18 @@ def options_for(name: str, options: Mapping[str, Any]) -> dict[str, Any]:
 
     Args:
         name: of the engine.
-        options: by name, for every engine that has it, or as 'mujoco.solref' for one, which goes first.
+        options: by name, for every engine that has it, or as 'mujoco.solref' for one, which goes
+            first.
     """
     known = option_names(name)
-    shared = {key: value for key, value in options.items() if "." not in key and (known is None or key in known)}
-    return shared | {key.removeprefix(f"{name}."): v for key, v in options.items() if key.startswith(f"{name}.")}
+    shared = {
+        key: value
+        for key, value in options.items()
+        if "." not in key and (known is None or key in known)
+    }
+    return shared | {
+        key.removeprefix(f"{name}."): v for key, v in options.items() if key.startswith(f"{name}.")
+    }
 
 
 def refuse_unknown_options(options: Mapping[str, Any], names: Sequence[str]) -> None:
@@ -275,7 +319,9 @@ def refuse_unknown_options(options: Mapping[str, Any], names: Sequence[str]) -> 
     for key in options:
         owner, dot, option = key.rpartition(".")
         if dot and owner not in names:
-            raise InputError(f"option {key}: {owner!r} is not among the engines asked for: {', '.join(names)}.")
+            raise InputError(
+                f"option {key}: {owner!r} is not among the engines asked for: {', '.join(names)}."
+            )
         known = {name: option_names(name) for name in ([owner] if dot else names)}
         if all(own is not None and option not in own for own in known.values()):
             every = [*dict.fromkeys(each for own in known.values() for each in own or ())]
@@ -290,7 +336,9 @@ def refuse_reserved(options: Mapping[str, Any]) -> None:
     """
     for name in _RESERVED:
         if name in options:
-            raise InputError(f"{name} = {options[name]!r} is no option of an engine: it chooses which engine is made.")
+            raise InputError(
+                f"{name} = {options[name]!r} is no option of an engine: it chooses which engine is made."
+            )
 
 
 def with_options(base: Engine, changes: Mapping[str, JsonValue]) -> Engine:
@@ -304,7 +352,9 @@ def with_options(base: Engine, changes: Mapping[str, JsonValue]) -> Engine:
     try:
         return engine(base.name, base.preset, **{**base.settings, **changes})
     except TypeError as error:
-        raise InputError(f"options of the engine {base.name!r} cannot be changed: {error}.") from error
+        raise InputError(
+            f"options of the engine {base.name!r} cannot be changed: {error}."
+        ) from error
 
 
 def capabilities_of(name: str, preset: str) -> Capabilities:

@@ -1,13 +1,16 @@
 """Orders and tolerances of schemes that several engines are moved by, for their studies.
 
-What an engine is moved by decides its order; so engines of one scheme state one order and ask for one agreement.
+What an engine is moved by decides its order; so engines of one scheme state one order and ask for
+one agreement.
 """
 
 from __future__ import annotations
 
 from .study import StepOrder, Tolerance
 
-RK4_LOCATED = StepOrder(4.0, "RK4 in joint coordinates, events located to rounding", "RK4, joint coordinates")
+RK4_LOCATED = StepOrder(
+    4.0, "RK4 in joint coordinates, events located to rounding", "RK4, joint coordinates"
+)
 """Of :mod:`.event_driver` with `rk4` of :mod:`.schemes`."""
 EULER_STEPS = StepOrder(
     1.0,
@@ -19,7 +22,9 @@ EULER_STEPS = StepOrder(
 
 def error_controlled(method: str) -> StepOrder:
     """Of an integrator with error control, whose step is only an upper bound."""
-    return StepOrder(None, f"error-controlled {method}", "error-controlled Runge-Kutta, joint coordinates")
+    return StepOrder(
+        None, f"error-controlled {method}", "error-controlled Runge-Kutta, joint coordinates"
+    )
 
 
 def located_tolerances(
@@ -36,6 +41,13 @@ def located_tolerances(
 _FIRST = "first order: the projectile, at up to 40 m/s, is a step's time off"
 EULER_TOLERANCES = (
     Tolerance("stock", "position_max", 4e-2, 1e-3, 1, _FIRST),
-    Tolerance("stock", "release_time", 2e-3, 1e-3, 1, "first order: a step late by the scheme, one by its end"),
+    Tolerance(
+        "stock",
+        "release_time",
+        2e-3,
+        1e-3,
+        1,
+        "first order: a step late by the scheme, one by its end",
+    ),
 )
 """Of stock presets that step by semi-implicit Euler with joint limits of their own."""

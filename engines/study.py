@@ -1,7 +1,8 @@
 """What studies need to know of an engine: causes of its error, parameters worth sweeping, option sets, tolerances.
 
-Each engine gives an :class:`EngineStudy` by the class method `study`; every field has a default, which holds for an
-engine that supplies nothing. The tables hold data and functions of options only: reading them runs no engine.
+Each engine gives an :class:`EngineStudy` by the class method `study`; every field has a default,
+which holds for an engine that supplies nothing. The tables hold data and functions of options only:
+reading them runs no engine.
 """
 
 from __future__ import annotations
@@ -36,7 +37,9 @@ class ConstraintKinds:
         """Of a mechanism; with none given, of the paper's, whose stops are on angles."""
         if mechanism is None:
             return cls()
-        return cls(bool(mechanism.angle_stops), bool(mechanism.point_stops or mechanism.loop_joints))
+        return cls(
+            bool(mechanism.angle_stops), bool(mechanism.point_stops or mechanism.loop_joints)
+        )
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,9 @@ class Intervention:
     def changes(self, settings: Options) -> bool:
         """Whether it does anything to a run with these settings."""
         reads = self.own_kinematics or self.filtered_torques or self.point_inertia is not None
-        return reads or any(not same_value(settings.get(name), value) for name, value in self.options.items())
+        return reads or any(
+            not same_value(settings.get(name), value) for name, value in self.options.items()
+        )
 
     def described(self, settings: Options) -> str:
         """What is done to a run with these settings, in one line."""
@@ -71,7 +76,9 @@ class Intervention:
         if self.own_kinematics:
             parts.append("read from the coordinates instead")
         if self.filtered_torques:
-            parts.append("torques passed through a filter that stops what alternates from step to step")
+            parts.append(
+                "torques passed through a filter that stops what alternates from step to step"
+            )
         if 0 < self.leaves < 1:
             parts.append(f"which leaves {self.leaves:.3g} of it")
         elif self.leaves:
@@ -100,7 +107,9 @@ class Cause:
         return {} if chosen is None else chosen.options
 
 
-def time_step_cause(finer: Mapping[str, JsonValue], leaves: float = 0.0, after: tuple[str, ...] = ()) -> Cause:
+def time_step_cause(
+    finer: Mapping[str, JsonValue], leaves: float = 0.0, after: tuple[str, ...] = ()
+) -> Cause:
     """The time step as a cause, taken out by the `finer` options, which leave that share of its error."""
     text = "what a step leaves out; taken out by shorter steps, all else as it is"
     return Cause("time step", text, Intervention(finer, leaves=leaves), after=after)
@@ -109,11 +118,15 @@ def time_step_cause(finer: Mapping[str, JsonValue], leaves: float = 0.0, after: 
 def with_readout(*causes: Cause) -> tuple[Cause, ...]:
     """The causes, and the readout as the last one.
 
-    Last in every order: where joints have drifted, coordinates stand for another mechanism than the markers show.
+    Last in every order: where joints have drifted, coordinates stand for another mechanism than the
+    markers show.
     """
     text = "the engine's markers and energies, against its own coordinates through the machine's kinematics"
     removed_before = tuple(cause.name for cause in causes if cause.removal is not None)
-    return (*causes, Cause("readout", text, Intervention(own_kinematics=True), after=removed_before))
+    return (
+        *causes,
+        Cause("readout", text, Intervention(own_kinematics=True), after=removed_before),
+    )
 
 
 def time_step_only(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
@@ -126,8 +139,9 @@ def time_step_only(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
 class SweptParameter:
     """One option of an engine and preset, with the values it is swept through.
 
-    Where `without` is given, exponents are of the part of the error that the parameter makes: the difference, as a
-    function of time, to the run without it. So the time step's error, which is always there, does not hide the law.
+    Where `without` is given, exponents are of the part of the error that the parameter makes: the
+    difference, as a function of time, to the run without it. So the time step's error, which is
+    always there, does not hide the law.
     """
 
     name: str
@@ -194,7 +208,9 @@ class Refinement:
     """The changed options at an engine's settings; None where nothing can be refined."""
 
 
-def multiplied(option: str, factor: float) -> Callable[[Options, ConstraintKinds], dict[str, Any] | None]:
+def multiplied(
+    option: str, factor: float
+) -> Callable[[Options, ConstraintKinds], dict[str, Any] | None]:
     """The change of a :class:`Refinement` that multiplies an option, where it is set and not zero."""
 
     def change(settings: Options, _: ConstraintKinds) -> dict[str, Any] | None:
@@ -295,7 +311,9 @@ class EngineStudy:
 
 def same_value(a: JsonValue, b: JsonValue) -> bool:
     """Whether two values of an option are equal; JSON makes no difference between tuples and lists."""
-    return a == b or (isinstance(a, list | tuple) and isinstance(b, list | tuple) and list(a) == list(b))
+    return a == b or (
+        isinstance(a, list | tuple) and isinstance(b, list | tuple) and list(a) == list(b)
+    )
 
 
 def _format_option(value: JsonValue) -> str:
@@ -309,7 +327,8 @@ def _format_option(value: JsonValue) -> str:
 def filled_template(module: str, name: str, **values: Any) -> str:
     """A text to paste from a Jinja template in the folder `templates` beside a module.
 
-    In templates, `number` and `numbers` write the shortest decimals that read back to the same float64.
+    In templates, `number` and `numbers` write the shortest decimals that read back to the same
+    float64.
     """
     from jinja2 import Environment, StrictUndefined  # only `recommend` needs it
 
@@ -317,7 +336,9 @@ def filled_template(module: str, name: str, **values: Any) -> str:
         undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, autoescape=False
     )
     text = (files(module.rpartition(".")[0]) / "templates" / name).read_text(encoding="utf-8")
-    return environment.from_string(text).render(number=_number, numbers=_numbers, **values).strip("\n")
+    return (
+        environment.from_string(text).render(number=_number, numbers=_numbers, **values).strip("\n")
+    )
 
 
 def _number(value: float) -> str:

@@ -1,8 +1,9 @@
 """What of a run is the engine's own, and what trebucheck does in its place.
 
-An engine that has no stops can be moved by trebucheck's multipliers on its mass matrix, and one without an integrator
-by trebucheck's. That such a run agrees speaks for the engine's dynamics, not for stops or steps that it does not have;
-so each engine says what its adapter supplies, and tables of verdicts show it.
+An engine that has no stops can be moved by trebucheck's multipliers on its mass matrix, and one
+without an integrator by trebucheck's. That such a run agrees speaks for the engine's dynamics, not
+for stops or steps that it does not have; so each engine says what its adapter supplies, and tables
+of verdicts show it.
 """
 
 from __future__ import annotations
@@ -43,7 +44,9 @@ Supplied = Mapping[Part, str]
 """What trebucheck does in the engine's place, and of what or in which case; '' for always and all of it."""
 
 NOTHING: Supplied = MappingProxyType({})
-HELD: Supplied = MappingProxyType(dict.fromkeys((Part.STOPS, Part.LOOPS, Part.ELEMENTS, Part.EVENTS, Part.IMPACTS), ""))
+HELD: Supplied = MappingProxyType(
+    dict.fromkeys((Part.STOPS, Part.LOOPS, Part.ELEMENTS, Part.EVENTS, Part.IMPACTS), "")
+)
 """By :mod:`.event_driver` and :mod:`.constrained`: all but the steps of what nothing but the joints of a tree hold."""
 MOVED: Supplied = MappingProxyType({Part.STEPS: "", **HELD})
 """The same of an engine that is moved by one of :mod:`.schemes`."""
@@ -78,7 +81,8 @@ def own(supplied: Mapping[str, str], concerned: Collection[Part] = tuple(Part)) 
     """How much of a run is the engine's.
 
     Args:
-        supplied: what trebucheck supplies; steps that it supplies in some cases are those of what is held or pushed.
+        supplied: what trebucheck supplies; steps that it supplies in some cases are those of what
+        is held or pushed.
         concerned: parts that the run has.
     """
     held = {Part.STOPS, Part.LOOPS}

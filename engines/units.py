@@ -1,9 +1,10 @@
 """Units in which a mechanism is neither small nor large, for engines with absolute floors and tolerances.
 
-MuJoCo has a least inertia (1e-15 kg m^2) and Exudyn a residual that is small enough (1e-9 N). A mechanism of a few
-millimetres or grams, or of kilometres, or that hardly moves in a second, is built in units of its own: powers of two,
-so that no number is rounded, and of lengths the square of those of times, so that gravity keeps its number, unless the
-motion would be slow. What an engine records is read back in SI.
+MuJoCo has a least inertia (1e-15 kg m^2) and Exudyn a residual that is small enough (1e-9 N). A
+mechanism of a few millimetres or grams, or of kilometres, or that hardly moves in a second, is
+built in units of its own: powers of two, so that no number is rounded, and of lengths the square of
+those of times, so that gravity keeps its number, unless the motion would be slow. What an engine
+records is read back in SI.
 """
 
 from __future__ import annotations
@@ -18,7 +19,12 @@ import numpy as np
 
 from ..models.arrays import FloatArray
 from ..models.errors import SimulationError, UnsupportedProblemError
-from ..models.force_elements import AnyForceElement, ConstantForce, RotationalSpringDamper, SpringDamper
+from ..models.force_elements import (
+    AnyForceElement,
+    ConstantForce,
+    RotationalSpringDamper,
+    SpringDamper,
+)
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
 from ..models.spec import Vector
@@ -29,7 +35,9 @@ from .protocol import Recording
 
 _LENGTHS, _MASSES = (0.25, 200.0), (0.05, 1e6)  # [m], [kg] mechanisms between these are built in SI
 _LENGTH, _MASS = 16.0, 1024.0  # [m], [kg] what others get: about Table I's
-_SLOW = 0.125  # [1/s] fastest rate of a slow motion: its accelerations fall below what engines resolve
+_SLOW = (
+    0.125  # [1/s] fastest rate of a slow motion: its accelerations fall below what engines resolve
+)
 
 
 class _Options(Protocol):
@@ -66,7 +74,9 @@ class Units:
         """Unit of what a stop pushes with [N m or N]."""
         return self.force if isinstance(stop, PointStop) else self.energy
 
-    def run(self, run: Callable[[Problem, _O], Recording], problem: Problem, options: _O) -> Recording:
+    def run(
+        self, run: Callable[[Problem, _O], Recording], problem: Problem, options: _O
+    ) -> Recording:
         """What an engine's `run` of the problem in these units records, in SI."""
         if self == SI:
             return run(problem, options)
@@ -152,7 +162,9 @@ class Units:
     def _stop(self, stop: Stop | PointStop) -> Stop | PointStop:
         if isinstance(stop, Stop):
             return stop
-        return stop.model_copy(update={"point": self._vector(stop.point), "offset": stop.offset / self.length})
+        return stop.model_copy(
+            update={"point": self._vector(stop.point), "offset": stop.offset / self.length}
+        )
 
     def _force_element(self, element: AnyForceElement) -> AnyForceElement:
         if isinstance(element, SpringDamper):
@@ -164,7 +176,10 @@ class Units:
                 "rest_length": element.rest_length / self.length,
             }
         elif isinstance(element, RotationalSpringDamper):
-            stiffness, damping = element.stiffness / self.energy, element.damping / (self.energy * self.time)
+            stiffness, damping = (
+                element.stiffness / self.energy,
+                element.damping / (self.energy * self.time),
+            )
             update = {"stiffness": stiffness, "damping": damping}
         elif isinstance(element, ConstantForce):
             force = element.force[0] / self.force, element.force[1] / self.force
@@ -176,12 +191,17 @@ class Units:
     def problem(self, problem: Problem) -> Problem:
         """The problem in these units."""
         mechanism = self.mechanism(problem.mechanism)
-        return problem.model_copy(update={"mechanism": mechanism, "duration": problem.duration / self.time})
+        return problem.model_copy(
+            update={"mechanism": mechanism, "duration": problem.duration / self.time}
+        )
 
     def recording(self, recording: Recording, problem: Problem) -> Recording:
         """What was recorded in these units, in SI."""
         mechanism = problem.mechanism
-        q, efforts = self.coordinates(mechanism), {stop.name: self.effort(stop) for stop in mechanism.stops}
+        q, efforts = (
+            self.coordinates(mechanism),
+            {stop.name: self.effort(stop) for stop in mechanism.stops},
+        )
         speed = self.length / self.time
         # The last time is the problem's end to the bit: the units are powers of two.
         return Recording(
@@ -194,14 +214,25 @@ class Units:
             },
             kinetic_energy=recording.kinetic_energy * self.energy,
             potential_energy=recording.potential_energy * self.energy,
-            stop_torques={name: torque * efforts[name] for name, torque in recording.stop_torques.items()},
-            release_times={
-                name: None if time is None else time * self.time for name, time in recording.release_times.items()
+            stop_torques={
+                name: torque * efforts[name] for name, torque in recording.stop_torques.items()
             },
-            joint_reactions={name: force * self.force for name, force in recording.joint_reactions.items()},
+            release_times={
+                name: None if time is None else time * self.time
+                for name, time in recording.release_times.items()
+            },
+            joint_reactions={
+                name: force * self.force for name, force in recording.joint_reactions.items()
+            },
             joint_gaps={name: gap * self.length for name, gap in recording.joint_gaps.items()},
             impacts=tuple(
-                (time * self.time, {name: impulse * efforts[name] * self.time for name, impulse in impulses.items()})
+                (
+                    time * self.time,
+                    {
+                        name: impulse * efforts[name] * self.time
+                        for name, impulse in impulses.items()
+                    },
+                )
                 for time, impulses in recording.impacts
             ),
             steps=recording.steps,
@@ -228,13 +259,18 @@ class Units:
         mass, forces = dynamics.mass_matrix, dynamics.forces
         return Dynamics(
             accelerations=dynamics.accelerations * q / self.time**2,
-            stop_torques=_scaled(dynamics.stop_torques, {name: self.effort(stop) for name, stop in stops.items()}),
+            stop_torques=_scaled(
+                dynamics.stop_torques, {name: self.effort(stop) for name, stop in stops.items()}
+            ),
             mass_matrix=None if mass is None else mass * inertia / np.outer(q, q),
             forces=None if forces is None else forces * self.energy / q,
             centres={name: centre * self.length for name, centre in dynamics.centres.items()},
             stop_gaps=_scaled(
                 dynamics.stop_gaps,
-                {name: self.length if isinstance(stop, PointStop) else 1.0 for name, stop in stops.items()},
+                {
+                    name: self.length if isinstance(stop, PointStop) else 1.0
+                    for name, stop in stops.items()
+                },
             ),
         )
 
@@ -255,12 +291,18 @@ def units_of(mechanism: Mechanism) -> Units:
     if not (_LENGTHS[0] <= length <= _LENGTHS[1] and _MASSES[0] <= mass <= _MASSES[1]):
         time = 2.0 ** round(math.log2(length / _LENGTH) / 2)
         units = Units(time**2, 2.0 ** round(math.log2(mass / _MASS)), time)
-    return replace(units, time=2.0 ** -round(math.log2(rate))) if 0 < rate * units.time < _SLOW else units
+    return (
+        replace(units, time=2.0 ** -round(math.log2(rate)))
+        if 0 < rate * units.time < _SLOW
+        else units
+    )
 
 
 def _length(mechanism: Mechanism) -> float:
     """The farthest point from its body's origin, or the largest radius of gyration [m]."""
-    points = [point for joint in mechanism.joints for point in (joint.parent_point, joint.child_point)]
+    points = [
+        point for joint in mechanism.joints for point in (joint.parent_point, joint.child_point)
+    ]
     points += [body.centre for body in mechanism.bodies]
     for element in mechanism.force_elements:
         points += [element.point] if isinstance(element, SpringDamper | ConstantForce) else []
@@ -272,7 +314,9 @@ def _length(mechanism: Mechanism) -> float:
 def _rate(mechanism: Mechanism, length: float, mass: float) -> float:
     """The fastest of what the start's speeds, gravity, springs and forces make of a body of that size [1/s]."""
     angles, squares = len(mechanism.angles), [mechanism.gravity / length]
-    speeds = [abs(u) if i < angles else abs(u) / length for i, u in enumerate(mechanism.start_speeds)]
+    speeds = [
+        abs(u) if i < angles else abs(u) / length for i, u in enumerate(mechanism.start_speeds)
+    ]
     for element in mechanism.force_elements:
         if isinstance(element, SpringDamper):
             squares += [element.stiffness / mass]

@@ -35,8 +35,12 @@ def view(engine: Engine, mechanism: Mechanism) -> None:
         EngineNotInstalledError: the engine's package is not here.
     """
     if not isinstance(engine, Viewable):
-        raise InputError(f"{engine.name} has no viewer of its own; `trebucheck animate` writes a page to play.")
-    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise InputError(
+            f"{engine.name} has no viewer of its own; `trebucheck animate` writes a page to play."
+        )
+    if sys.platform == "linux" and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
         raise InputError(
             "a viewer needs a display, and there is none here (neither DISPLAY nor WAYLAND_DISPLAY is set); "
             "`trebucheck animate` writes a file instead."

@@ -2,7 +2,8 @@
 
 >>> env = gymnasium.make("trebucheck.environments:trebucheck/Throw-v0")  # doctest: +SKIP
 
-Gymnasium has had no plug-ins since version 1.0: the part before the colon names the module that it imports first.
+Gymnasium has had no plug-ins since version 1.0: the part before the colon names the module that it
+imports first.
 """
 
 from __future__ import annotations

@@ -16,7 +16,13 @@ from ..reference.throw.flight import Air, Surroundings, fly
 from ..reference.throw.release import Projectile, swing
 from ..reference.throw.throw import surroundings_of
 
-_SPANS = (1.75, 2.4, 3.0, 6.0, 12.0)  # most first sweeps end within the first or second; beyond, stops strike often
+_SPANS = (
+    1.75,
+    2.4,
+    3.0,
+    6.0,
+    12.0,
+)  # most first sweeps end within the first or second; beyond, stops strike often
 _PICTURES = 60  # states that the camera is fitted to
 
 
@@ -48,7 +54,9 @@ def best_throw(mechanism: Mechanism) -> BestThrow:
         InputError: there is no projectile, gravity is not downwards, or no release throws forwards.
         SimulationError: the reference cannot move the mechanism.
     """
-    return _best_throw(cast("Any", mechanism))  # type checkers do not see that a description has a hash
+    return _best_throw(
+        cast("Any", mechanism)
+    )  # type checkers do not see that a description has a hash
 
 
 @lru_cache(maxsize=128)
@@ -58,7 +66,9 @@ def _best_throw(mechanism: Mechanism) -> BestThrow:
     release = projectile.best_release(surroundings)
     farthest = 0.0 if release is None else fly(release, surroundings).range
     if release is None or farthest <= 0:
-        raise InputError(f"{mechanism.name!r} with these parameters throws nothing forwards, whenever it releases.")
+        raise InputError(
+            f"{mechanism.name!r} with these parameters throws nothing forwards, whenever it releases."
+        )
     path = _path(mechanism, projectile, release.time)
     return BestThrow(release.time, farthest, projectile.sweep()[1], surroundings, projectile, path)
 
@@ -66,5 +76,7 @@ def _best_throw(mechanism: Mechanism) -> BestThrow:
 def _path(mechanism: Mechanism, projectile: Projectile, end: float) -> RecordedMotion:
     q = projectile.solution.motion(np.linspace(0.0, end, _PICTURES)).q
     return RecordedMotion(
-        mechanism_hash=mechanism.content_hash, keyframes=(), path=tuple(tuple(row) for row in q.tolist())
+        mechanism_hash=mechanism.content_hash,
+        keyframes=(),
+        path=tuple(tuple(row) for row in q.tolist()),
     )

@@ -33,7 +33,8 @@ class Machines:
     """Machines around a named one; or a mechanism, which is the only one.
 
     Raises:
-        InputError: nothing has that name, a parameter or the spread is not valid, or a mechanism has either.
+        InputError: nothing has that name, a parameter or the spread is not valid, or a mechanism
+            has either.
     """
 
     given: str | Mechanism
@@ -73,18 +74,26 @@ class Machines:
         kind = parameters_type(self.given)
         middle, reasons = kind(**self.parameters), list[str]()
         for _ in range(_DRAWS):
-            factors = {name: random.uniform(1 - self.spread, 1 + self.spread) for name in _sizes(kind)}
+            factors = {
+                name: random.uniform(1 - self.spread, 1 + self.spread) for name in _sizes(kind)
+            }
             drawn = {name: getattr(middle, name) * factor for name, factor in factors.items()}
             try:
                 return _built(self.given, kind(**{**dict(middle), **drawn}))
             except (InputError, SimulationError) as error:
                 reasons.append(str(error))
-        raise InputError(f"spread = {self.spread!r}: none of {_DRAWS} machines drawn throws; the last: {reasons[-1]}")
+        raise InputError(
+            f"spread = {self.spread!r}: none of {_DRAWS} machines drawn throws; the last: {reasons[-1]}"
+        )
 
 
 def is_number(value: object) -> bool:
     """Whether something is a finite number."""
-    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and bool(np.isfinite(value))
+    return (
+        isinstance(value, int | float | np.number)
+        and not isinstance(value, bool)
+        and bool(np.isfinite(value))
+    )
 
 
 def checked_mapping(name: str, given: object) -> dict[str, Any]:

@@ -46,8 +46,9 @@ class _Block:
 class Motion:
     """The first sweep of one machine, in control steps; the last one may be shorter.
 
-    Stops close again, as MuJoCo's do, and without rebound. The release changes nothing that came before it, so there is
-    no need to step: states are read from the reference's continuous solution.
+    Stops close again, as MuJoCo's do, and without rebound. The release changes nothing that came
+    before it, so there is no need to step: states are read from the reference's continuous
+    solution.
     """
 
     def __init__(self, best: BestThrow, control_step: float) -> None:
@@ -93,7 +94,9 @@ class Motion:
     def _block_at(self, times: FloatArray) -> _Block:
         motion = self.projectile.solution.motion(times)
         kinematics = self.projectile.solution.equations.kinematics
-        _, velocity, _ = kinematics.point_motion(self.projectile.marker, motion.q, motion.u, motion.a)
+        _, velocity, _ = kinematics.point_motion(
+            self.projectile.marker, motion.q, motion.u, motion.a
+        )
         angles, slides = np.split(motion.q, [len(self.projectile.mechanism.angles)], axis=1)
         plain = np.concatenate([np.cos(angles), np.sin(angles), slides, motion.u, velocity], axis=1)
         observed = np.clip(plain / self._scales, -BOUND, BOUND).astype(np.float32)

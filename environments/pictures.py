@@ -64,8 +64,8 @@ class Instant:
 class Stage:
     """A machine and its projectile in their scene, as a model of MuJoCo.
 
-    Until the release both stand where the motion has them. Then the projectile flies on its parabola, and MuJoCo moves
-    on the machine without it, by plain steps.
+    Until the release both stand where the motion has them. Then the projectile flies on its
+    parabola, and MuJoCo moves on the machine without it, by plain steps.
 
     Args:
         mechanism: with a marker "projectile".
@@ -79,22 +79,31 @@ class Stage:
         UnsupportedProblemError: it cannot be written as MJCF.
     """
 
-    def __init__(self, mechanism: Mechanism, path: RecordedMotion, timestep: float, farthest: float) -> None:
+    def __init__(
+        self, mechanism: Mechanism, path: RecordedMotion, timestep: float, farthest: float
+    ) -> None:
         self._library, self._mechanism = mujoco(), mechanism
         self._timestep = timestep / math.ceil(timestep / _LONGEST_STEP)
         marker = mechanism.marker("projectile")
-        # Without a mass of its own the projectile cannot leave the body that carries it: only its path is drawn then.
+        # Without a mass of its own the projectile cannot leave the body that carries it: only its
+        # path is drawn then.
         self._leaves = marker is not None and mechanism.thrown_mass(marker) is not None
         text = mjcf(mechanism, self._timestep, path, Variant(sensors=False, throw=self._leaves))
         file = model_file(mechanism)
         try:
-            self.model = self._library.MjModel.from_xml_string(scene(mechanism, file, path), {file: text.encode()})
+            self.model = self._library.MjModel.from_xml_string(
+                scene(mechanism, file, path), {file: text.encode()}
+            )
         except ValueError as error:
-            raise SimulationError(f"MuJoCo refuses the model of {mechanism.name!r}: {error}") from error
+            raise SimulationError(
+                f"MuJoCo refuses the model of {mechanism.name!r}: {error}"
+            ) from error
         # Without this flag MuJoCo resets a diverged simulation to the start and goes on.
         self.model.opt.disableflags |= self._library.mjtDisableBit.mjDSBL_AUTORESET
         self.model.vis.global_.fovy = FIELD
-        self.model.vis.map.zfar = max(self.model.vis.map.zfar, _FAR * farthest / self.model.stat.extent)
+        self.model.vis.map.zfar = max(
+            self.model.vis.map.zfar, _FAR * farthest / self.model.stat.extent
+        )
         self.data = self._library.MjData(self.model)
         self._corners = corners(mechanism, path)
         self._stepped: int | None = None
@@ -115,7 +124,9 @@ class Stage:
         points = self._corners
         if instant.flight is not None:
             points = np.concatenate([points, _upright(self._flown(instant))])
-            points = np.concatenate([points, points[-1] + _ROOM * np.ptp(points, axis=0).max() * _AROUND])
+            points = np.concatenate(
+                [points, points[-1] + _ROOM * np.ptp(points, axis=0).max() * _AROUND]
+            )
         at, view = viewpoint(points, aspect), line_of_sight()[0]
         distance = float((points @ view).mean() - at @ view)
         camera.type = self._library.mjtCamera.mjCAMERA_FREE
@@ -131,11 +142,21 @@ class Stage:
         for a, b in pairwise(places):
             self._add(drawn, kinds.mjGEOM_LINE, none, none, _PATH_COLOUR)
             self._library.mjv_connector(drawn.geoms[drawn.ngeom - 1], kinds.mjGEOM_LINE, 2.0, a, b)
-        self._add(drawn, kinds.mjGEOM_SPHERE, np.full(3, _LEAST_RADIUS * camera.distance), places[-1], _BALL_COLOUR)
+        self._add(
+            drawn,
+            kinds.mjGEOM_SPHERE,
+            np.full(3, _LEAST_RADIUS * camera.distance),
+            places[-1],
+            _BALL_COLOUR,
+        )
 
-    def _add(self, drawn: Any, kind: Any, size: FloatArray, place: FloatArray, colour: tuple[float, ...]) -> None:
+    def _add(
+        self, drawn: Any, kind: Any, size: FloatArray, place: FloatArray, colour: tuple[float, ...]
+    ) -> None:
         geom = drawn.geoms[drawn.ngeom]
-        self._library.mjv_initGeom(geom, kind, size, place, np.eye(3).ravel(), np.array(colour, dtype=np.float32))
+        self._library.mjv_initGeom(
+            geom, kind, size, place, np.eye(3).ravel(), np.array(colour, dtype=np.float32)
+        )
         drawn.ngeom += 1
 
     def _flown(self, instant: Instant) -> FloatArray:
@@ -146,7 +167,9 @@ class Stage:
     def _place(self, state: State) -> None:
         """Set the joints; the projectile, if it is a body, to its point."""
         moved = (state.q - np.array(self._mechanism.start)).tolist()
-        places, speeds = (joint_values(self._mechanism, values) for values in (moved, state.u.tolist()))
+        places, speeds = (
+            joint_values(self._mechanism, values) for values in (moved, state.u.tolist())
+        )
         if self._leaves:
             thrown = Thrown(self._mechanism, self._timestep)
             places, speeds = thrown.with_its_own(places), thrown.with_its_own(speeds)
@@ -160,7 +183,9 @@ class Stage:
             joint.qpos[0] = joint.qvel[0] = 0.0
         self._library.mj_forward(self.model, self.data)
         ball = self.data.body(PROJECTILE)
-        for joint, way in zip(joints, np.array([joint.xaxis[[0, 2]] for joint in joints]), strict=True):
+        for joint, way in zip(
+            joints, np.array([joint.xaxis[[0, 2]] for joint in joints]), strict=True
+        ):
             joint.qpos[0] = way @ (place - ball.xpos[[0, 2]])
         self._library.mj_forward(self.model, self.data)
         jacobian = np.zeros((3, self.model.nv))
@@ -234,7 +259,9 @@ class Window:
         with self._viewer.lock():
             self._stage.set(instant)
             self._viewer.user_scn.ngeom = 0
-            if not self._followed or instant.flight is not None:  # before the release the user may look around
+            if (
+                not self._followed or instant.flight is not None
+            ):  # before the release the user may look around
                 self._stage.look(instant, self._viewer.cam, 4 / 3)
                 self._followed = True
             self._stage.draw_flight(instant, self._viewer.cam, self._viewer.user_scn)
@@ -249,7 +276,9 @@ class Window:
 
 def may_have_display() -> bool:
     """Whether a window may open; without these variables Linux has none."""
-    return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    return sys.platform != "linux" or bool(
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    )
 
 
 def _viewer(stage: Stage) -> Any:
@@ -260,7 +289,9 @@ def _viewer(stage: Stage) -> Any:
         glfw, viewer = (importlib.import_module(name) for name in ("glfw", "mujoco.viewer"))
         if sys.platform != "darwin" and not glfw.init():
             raise RuntimeError("GLFW cannot be initialised.")
-        return viewer.launch_passive(stage.model, stage.data, show_left_ui=False, show_right_ui=False)
+        return viewer.launch_passive(
+            stage.model, stage.data, show_left_ui=False, show_right_ui=False
+        )
     except (ImportError, RuntimeError) as error:
         raise SimulationError(f"{_NO_DISPLAY}: {error}") from error
 

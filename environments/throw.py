@@ -26,39 +26,47 @@ _OPTIONS = ("parameters", "spread")
 class ThrowEnv(gymnasium.Env[Observation, np.int64]):
     """Release the projectile so that it flies far: `trebucheck/Throw-v0`.
 
-    Each episode has another machine, drawn around a named one: all its lengths and masses (with which its best release
-    moves by some tenths of a second). It starts at rest on its stops and moves as the reference has it: before the
-    release no action changes the motion, and MuJoCo's limits give back some of an impact's speed, however short its
-    steps are, which would shift rewards by a hundredth behind an impact. MuJoCo draws.
+    Each episode has another machine, drawn around a named one: all its lengths and masses (with
+    which its best release moves by some tenths of a second). It starts at rest on its stops and
+    moves as the reference has it: before the release no action changes the motion, and MuJoCo's
+    limits give back some of an impact's speed, however short its steps are, which would shift
+    rewards by a hundredth behind an impact. MuJoCo draws.
 
-    **Actions**: :data:`HOLD` (0) moves on by a control step; :data:`RELEASE` (1) lets go at once and ends the episode.
-    With `flight`, it goes on to the landing, whatever the actions, for those who want to see it.
+    **Actions**: :data:`HOLD` (0) moves on by a control step; :data:`RELEASE` (1) lets go at once
+    and ends the episode. With `flight`, it goes on to the landing, whatever the actions, for those
+    who want to see it.
 
-    **Observation**: what :attr:`observation_names` lists. Cosine and sine of each angle (from +x, clockwise), slides,
-    the speeds of all of these, and the projectile's velocity, x and y. With T = sqrt(L / g), L the sum of the links'
-    lengths, slides are in units of L, speeds in 1 / T, L / T; they are cut at 100. In flight it is that of the release.
+    **Observation**: what :attr:`observation_names` lists. Cosine and sine of each angle (from +x,
+    clockwise), slides, the speeds of all of these, and the projectile's velocity, x and y. With T =
+    sqrt(L / g), L the sum of the links' lengths, slides are in units of L, speeds in 1 / T, L / T;
+    they are cut at 100. In flight it is that of the release.
 
-    **Reward**: the range over the longest one of this machine's first sweep, both by the reference; it is 0 while
-    holding, in flight, and where the projectile never comes up to the landing's height. The flight is a parabola, the
-    landing as high as the fulcrum at the start, and the range is measured from there (as :func:`trebucheck.throw` has
-    it).
+    **Reward**: the range over the longest one of this machine's first sweep, both by the reference;
+    it is 0 while holding, in flight, and where the projectile never comes up to the landing's
+    height. The flight is a parabola, the landing as high as the fulcrum at the start, and the range
+    is measured from there (as :func:`trebucheck.throw` has it).
 
-    **End**: terminated at the release (with `flight`, at the landing), truncated when the first sweep is over: what
-    follows is chaotic.
+    **End**: terminated at the release (with `flight`, at the landing), truncated when the first
+    sweep is over: what follows is chaotic.
 
-    `info` has `time` [s] since the start of the episode; after a reset `best_range` [m], `best_time` [s] and the
-    machine's `parameters`; with a landing `range` [m] and `flight_time` [s].
+    `info` has `time` [s] since the start of the episode; after a reset `best_range` [m],
+    `best_time` [s] and the machine's `parameters`; with a landing `range` [m] and `flight_time`
+    [s].
 
-    **Pictures**: "rgb_array" draws off screen; "human" opens MuJoCo's viewer, in real time, and a new one for each new
-    machine (an environment's own `metadata` leaves it out where there is no display). After the release the machine is
-    moved on by plain steps of MuJoCo, for the picture only.
+    **Pictures**: "rgb_array" draws off screen; "human" opens MuJoCo's viewer, in real time, and a
+    new one for each new machine (an environment's own `metadata` leaves it out where there is no
+    display). After the release the machine is moved on by plain steps of MuJoCo, for the picture
+    only.
 
     Args:
-        model: name of a machine, or a mechanism with a marker "projectile" (which needs `spread=0`).
+        model: name of a machine, or a mechanism with a marker "projectile" (which needs
+        `spread=0`).
         parameters: of the named machine; their defaults where left out.
-        spread: lengths and masses are drawn evenly between 1 - spread and 1 + spread of their values.
+        spread: lengths and masses are drawn evenly between 1 - spread and 1 + spread of their
+        values.
         control_step: time between two actions [s].
-        substeps: of MuJoCo in a control step after the release, at least; no step is longer than 1 ms.
+        substeps: of MuJoCo in a control step after the release, at least; no step is longer than 1
+        ms.
         flight: whether the episode goes on until the projectile lands.
         render_mode: "rgb_array", "human" or none.
         width, height: of the picture [pixels].
@@ -88,15 +96,26 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
         self._machines = Machines(model, checked_mapping("parameters", parameters), spread)
         self.control_step, self.substeps = _checked_steps(control_step, substeps)
         self.render_mode, self._size = _checked_picture(render_mode, width, height)
-        modes = [mode for mode in self.metadata["render_modes"] if mode != "human" or may_have_display()]
+        modes = [
+            mode for mode in self.metadata["render_modes"] if mode != "human" or may_have_display()
+        ]
         self.metadata = {"render_modes": modes, "render_fps": 1 / self.control_step}  # type: ignore[misc]
         self.flight = bool(flight)
         self._machine: Machine | None = None
         self._shown: Picture | Window | None = None
-        self._steps, self._flight, self._aloft, self._over = 0, cast("Flight | None", None), 0.0, True
+        self._steps, self._flight, self._aloft, self._over = (
+            0,
+            cast("Flight | None", None),
+            0.0,
+            True,
+        )
         self._take(self._machines.nominal())
-        bounds = np.array([1.0 if name.startswith(("cos", "sin")) else BOUND for name in self.observation_names])
-        self.observation_space = gymnasium.spaces.Box(-bounds.astype(np.float32), bounds.astype(np.float32))
+        bounds = np.array(
+            [1.0 if name.startswith(("cos", "sin")) else BOUND for name in self.observation_names]
+        )
+        self.observation_space = gymnasium.spaces.Box(
+            -bounds.astype(np.float32), bounds.astype(np.float32)
+        )
         self.action_space = gymnasium.spaces.Discrete(2)
 
     @property
@@ -124,13 +143,18 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
             options: `parameters` and `spread` in place of the environment's own, in this episode.
 
         Raises:
-            InputError: another option, a value that is not valid, or no machine drawn throws anything.
+            InputError: another option, a value that is not valid, or no machine drawn throws
+                anything.
         """
         super().reset(seed=seed)
         self._take(self._drawn_from(checked_mapping("options", options)).draw(self.np_random))
         self._steps, self._flight, self._aloft = 0, None, 0.0
         best = self.machine.best
-        known = {"best_range": best.range, "best_time": best.time, "parameters": dict(self.machine.parameters)}
+        known = {
+            "best_range": best.range,
+            "best_time": best.time,
+            "parameters": dict(self.machine.parameters),
+        }
         observation, *_, info = self._result(0.0, False)
         return observation, {**info, **known}
 
@@ -160,8 +184,8 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
     def render(self) -> Any:
         """What is to be seen now, shape (height, width, 3); None but for "rgb_array".
 
-        After the release the camera draws back so far that it shows the machine and the flight up to now; after an
-        episode that ended with its release, the whole flight.
+        After the release the camera draws back so far that it shows the machine and the flight up
+        to now; after an episode that ended with its release, the whole flight.
 
         Raises:
             SimulationError: MuJoCo cannot draw here.
@@ -185,7 +209,9 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
 
     def _drawn_from(self, options: dict[str, Any]) -> Machines:
         if unknown := options.keys() - set(_OPTIONS):
-            raise InputError(f"options has {sorted(map(str, unknown))}; reset() takes {' and '.join(_OPTIONS)}.")
+            raise InputError(
+                f"options has {sorted(map(str, unknown))}; reset() takes {' and '.join(_OPTIONS)}."
+            )
         own = self._machines
         parameters = {**own.parameters, **checked_mapping("parameters", options.get("parameters"))}
         return Machines(own.given, parameters, options.get("spread", own.spread))
@@ -210,7 +236,13 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
         self._over = terminated or (self._flight is None and self._steps >= self._motion.steps)
         if self.render_mode == "human":
             self._window().show(self.instant())
-        return self._observation(), reward, terminated, self._over and not terminated, {"time": self.time, **more}
+        return (
+            self._observation(),
+            reward,
+            terminated,
+            self._over and not terminated,
+            {"time": self.time, **more},
+        )
 
     def _let_go(self) -> Result:
         self._flight = self._motion.thrown(self._steps)
@@ -237,7 +269,9 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
     def stage(self) -> Stage:
         """A scene of MuJoCo's with this episode's machine."""
         best = self.machine.best
-        return Stage(self.machine.mechanism, best.motion, self.control_step / self.substeps, best.range)
+        return Stage(
+            self.machine.mechanism, best.motion, self.control_step / self.substeps, best.range
+        )
 
     def _picture(self) -> Picture:
         if not isinstance(self._shown, Picture):
@@ -258,10 +292,14 @@ def _checked_steps(control_step: float, substeps: int) -> tuple[float, int]:
     return float(control_step), int(substeps)
 
 
-def _checked_picture(mode: str | None, width: int, height: int) -> tuple[str | None, tuple[int, int]]:
+def _checked_picture(
+    mode: str | None, width: int, height: int
+) -> tuple[str | None, tuple[int, int]]:
     if mode not in (None, "rgb_array", "human"):
         raise InputError(f"render_mode = {mode!r} must be 'rgb_array', 'human' or None.")
     for name, size, most in zip(("width", "height"), (width, height), LARGEST_PICTURE, strict=True):
         if not (is_number(size) and int(size) == size and 1 <= size <= most):
-            raise InputError(f"{name} = {size!r} must be a whole number of pixels from 1 to {most}.")
+            raise InputError(
+                f"{name} = {size!r} must be a whole number of pixels from 1 to {most}."
+            )
     return mode, (int(width), int(height))

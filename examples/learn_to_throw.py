@@ -10,8 +10,13 @@ import numpy as np
 Policy = Callable[[np.ndarray, float], bool]
 """Of an observation and the time [s]: whether to let go."""
 
-env = gymnasium.make("trebucheck.environments:trebucheck/Throw-v0", model="hinged", control_step=0.02)
-training, others = range(4), range(100, 112)  # seeds: each is a machine with other lengths and masses
+env = gymnasium.make(
+    "trebucheck.environments:trebucheck/Throw-v0", model="hinged", control_step=0.02
+)
+training, others = (
+    range(4),
+    range(100, 112),
+)  # seeds: each is a machine with other lengths and masses
 
 
 def score(lets_go: Policy, seeds: range) -> float:
@@ -21,7 +26,9 @@ def score(lets_go: Policy, seeds: range) -> float:
         observation, info = env.reset(seed=seed)
         over, reward = False, 0.0
         while not over:
-            observation, reward, terminated, truncated, info = env.step(int(lets_go(observation, info["time"])))
+            observation, reward, terminated, truncated, info = env.step(
+                int(lets_go(observation, info["time"]))
+            )
             over = terminated or truncated
         rewards.append(float(reward))
     return float(np.mean(rewards))
@@ -51,4 +58,6 @@ for trial in range(5):
     best = tried[np.argsort(-scores)[:3]]
     mean, spread = best.mean(axis=0), best.std(axis=0) + 0.02
     print(f"round {trial + 1}: mean {scores.mean():.3f}, best {scores.max():.3f}")
-print(f"learned:                     {score(thresholds(*mean), others):.3f}, at {np.degrees(mean[0]):.0f} degrees")
+print(
+    f"learned:                     {score(thresholds(*mean), others):.3f}, at {np.degrees(mean[0]):.0f} degrees"
+)

@@ -14,20 +14,25 @@ from trebucheck.models.features import Basic
 from trebucheck.models.trajectory import PointMotion
 
 
-# Step 1: what it can do. Everything that is not declared is refused with one sentence before `_run` is called.
+# Step 1: what it can do. Everything that is not declared is refused with one sentence before `_run`
+# is called.
 class ScipyBodies(BuiltinEngine):
     """Bodies pinned to each other in a tree; stops that hold from the start are rows of the same equations."""
 
     name: ClassVar[str] = "scipy-bodies"
     package: ClassVar[str] = "scipy"  # its version is recorded
-    stock_options: ClassVar[Mapping[str, object]] = {"rtol": 1e-6}  # the preset 'stock' beside 'tuned'
+    stock_options: ClassVar[Mapping[str, object]] = {
+        "rtol": 1e-6
+    }  # the preset 'stock' beside 'tuned'
     capabilities: ClassVar[Capabilities] = Capabilities(
         joint_reactions=True, joint_gaps=False, located_releases=True,
         stop_laws=frozenset({tb.StopLaw.RELEASE_ONCE}),
         lacking=frozenset({Basic.SLOT, Basic.LOOP, Basic.POINT_STOP}),
         formulation="Cartesian coordinates, pins and closed stops as multipliers, DOP853",
     )  # fmt: skip
-    rtol: float = 1e-11  # an option: validated, recorded with each trajectory, set by --option rtol=1e-9
+    rtol: float = (
+        1e-11  # an option: validated, recorded with each trajectory, set by --option rtol=1e-9
+    )
 
     def _run(self, problem: tb.Problem) -> Recording:
         model, grid = Bodies(problem.mechanism), np.arange(0.0, problem.duration, self.timestep)
@@ -53,7 +58,9 @@ class ScipyBodies(BuiltinEngine):
         """Step 5: the model check, before any motion; built as for a run, and asked for what it does in each state."""
         model = Bodies(mechanism)
         seen = tuple(model.dynamics(state) for state in states)
-        return Inspection(np.array(mechanism.start), np.array(model.speeds), seen, float(model.mass[::3].sum()))
+        return Inspection(
+            np.array(mechanism.start), np.array(model.speeds), seen, float(model.mass[::3].sum())
+        )
 
 
 def _turn(angle: float, v: Any) -> np.ndarray:
@@ -67,7 +74,9 @@ class Bodies:
 
     def __init__(self, mechanism: tb.Mechanism) -> None:
         self.m, self.index = mechanism, {b.name: 3 * i for i, b in enumerate(mechanism.bodies)}
-        self.mass = np.array([value for b in mechanism.bodies for value in (b.mass, b.mass, b.inertia)])
+        self.mass = np.array(
+            [value for b in mechanism.bodies for value in (b.mass, b.mass, b.inertia)]
+        )
         self.weight = self.mass * np.tile([*mechanism.gravity_vector, 0.0], len(mechanism.bodies))
         self.speeds = mechanism.start_speeds or (0.0,) * len(mechanism.bodies)  # left out: at rest
 
@@ -77,7 +86,12 @@ class Bodies:
         if body == "ground":
             return np.array(point), np.zeros(2), J, np.zeros(2)
         i, arm = self.index[body], np.subtract(point, self.m.body(body).centre)
-        r, J[0, i], J[1, i + 1], J[:, i + 2] = _turn(x[i + 2], arm), 1.0, 1.0, _turn(x[i + 2] + np.pi / 2, arm)
+        r, J[0, i], J[1, i + 1], J[:, i + 2] = (
+            _turn(x[i + 2], arm),
+            1.0,
+            1.0,
+            _turn(x[i + 2] + np.pi / 2, arm),
+        )
         return x[i : i + 2] + r, J @ v, J, -r * v[i + 2] ** 2
 
     def start(self, q: Any = None, u: Any = None) -> np.ndarray:
@@ -86,29 +100,46 @@ class Bodies:
         x[2::3], v[2::3] = self.m.start if q is None else q, self.speeds if u is None else u
         for joint in self.m.joints:
             i = self.index[joint.child]
-            there, here = self.at(joint.parent, joint.parent_point, x, v), self.at(joint.child, joint.child_point, x, v)
+            there, here = (
+                self.at(joint.parent, joint.parent_point, x, v),
+                self.at(joint.child, joint.child_point, x, v),
+            )
             x[i : i + 2], v[i : i + 2] = there[0] - here[0], there[1] - here[1]
         return np.concatenate([x, v])
 
     def solved(self, y: np.ndarray, held: Sequence[str]) -> tuple[np.ndarray, dict[str, Any]]:
         """Step 3: accelerations, and the forces of pins (on the child, in the world) and closed stops (>= 0)."""
         x, v = np.split(y, 2)
-        ends = [(self.at(j.child, j.child_point, x, v), self.at(j.parent, j.parent_point, x, v)) for j in self.m.joints]
+        ends = [
+            (self.at(j.child, j.child_point, x, v), self.at(j.parent, j.parent_point, x, v))
+            for j in self.m.joints
+        ]
         stops = [stop for stop in map(self.m.stop, held) if isinstance(stop, tb.Stop)]
         turns = np.zeros((len(stops), len(x) + 3))  # its three columns come last, and are cut off
         for row, stop in zip(turns, stops, strict=True):
-            row[self.index.get(stop.relative_to, -3) + 2], row[self.index[stop.body] + 2] = -stop.sense, stop.sense
+            row[self.index.get(stop.relative_to, -3) + 2], row[self.index[stop.body] + 2] = (
+                -stop.sense,
+                stop.sense,
+            )
         J = np.vstack([*(child[2] - parent[2] for child, parent in ends), turns[:, :-3]])
-        bias = np.concatenate([*(child[3] - parent[3] for child, parent in ends), np.zeros(len(stops))])
+        bias = np.concatenate(
+            [*(child[3] - parent[3] for child, parent in ends), np.zeros(len(stops))]
+        )
         n, k = len(x), len(J)  # unknown: n accelerations, k forces
         matrix = np.block([[np.diag(self.mass), -J.T], [J, np.zeros((k, k))]])
         found = np.linalg.solve(matrix, np.concatenate([self.weight, -bias]))
         pins = {j.name: found[n + 2 * i : n + 2 * i + 2] for i, j in enumerate(self.m.joints)}
-        return found[:n], pins | {f"stop {name}": found[k + n - len(held) + i] for i, name in enumerate(held)}
+        return found[:n], pins | {
+            f"stop {name}": found[k + n - len(held) + i] for i, name in enumerate(held)
+        }
 
     def pushing(self, held: list[str], y: np.ndarray) -> list[str]:
         """Those of the closed stops that push; one that would have to pull has opened."""
-        while held and (least := min((self.solved(y, held)[1][f"stop {name}"], name) for name in held))[0] < 0:
+        while (
+            held
+            and (least := min((self.solved(y, held)[1][f"stop {name}"], name) for name in held))[0]
+            < 0
+        ):
             held = [name for name in held if name != least[1]]
         return held
 
@@ -126,10 +157,15 @@ class Bodies:
         event.terminal, event.direction = True, -1
         return event
 
-    def recording(self, t: np.ndarray, y: np.ndarray, forces: list[dict[str, Any]], released: Any) -> Recording:
+    def recording(
+        self, t: np.ndarray, y: np.ndarray, forces: list[dict[str, Any]], released: Any
+    ) -> Recording:
         """Step 4: what is read; units, signs, frames and zeros are those of the table in docs/plugins.md."""
         x, v = np.split(y, 2, axis=1)
-        places = {p.name: [self.at(p.body, p.point, *xv)[:2] for xv in zip(x, v, strict=True)] for p in self.m.markers}
+        places = {
+            p.name: [self.at(p.body, p.point, *xv)[:2] for xv in zip(x, v, strict=True)]
+            for p in self.m.markers
+        }
         return Recording(
             t=t, q=x[:, 2::3], u=v[:, 2::3], steps=len(t), release_times=released,
             markers={name: PointMotion(*np.array(own).swapaxes(0, 1)) for name, own in places.items()},
@@ -141,7 +177,9 @@ class Bodies:
     def dynamics(self, state: State) -> Dynamics:
         """In a state."""
         accelerations, forces = self.solved(self.start(state.q, state.u), state.closed)
-        return Dynamics(accelerations[2::3], {name: float(forces[f"stop {name}"]) for name in state.closed})
+        return Dynamics(
+            accelerations[2::3], {name: float(forces[f"stop {name}"]) for name in state.closed}
+        )
 
 
 if __name__ == "__main__":

@@ -42,7 +42,9 @@ class Compiled:
         key = self.model.key("home")
         return key.qpos, key.qvel
 
-    def simulate(self, q: np.ndarray, u: np.ndarray, interval: float, count: int, steps: int) -> dict[str, np.ndarray]:
+    def simulate(
+        self, q: np.ndarray, u: np.ndarray, interval: float, count: int, steps: int
+    ) -> dict[str, np.ndarray]:
         self.model.opt.timestep = interval / steps
         self.forward(q, u)
         positions, forces = [q], [np.array(self.data.qfrc_constraint)]

@@ -1,9 +1,10 @@
 """Checks the importers, each in an environment of its own, and writes importers/NAME/results.json.
 
-Called by `make importers`. Usage: python importers/run.py TREBUCHECK [NAME...]; TREBUCHECK is the command, environments
-go to .importers/, which a change of requirements.txt makes anew. What is finished, an environment or a model, is kept:
-the same command goes on after an interruption. An importer that cannot be installed or run keeps the results that it
-has, and the others are run. That something is wrong with an importer is a result, not a failure.
+Called by `make importers`. Usage: python importers/run.py TREBUCHECK [NAME...]; TREBUCHECK is the
+command, environments go to .importers/, which a change of requirements.txt makes anew. What is
+finished, an environment or a model, is kept: the same command goes on after an interruption. An
+importer that cannot be installed or run keeps the results that it has, and the others are run. That
+something is wrong with an importer is a result, not a failure.
 """
 
 from __future__ import annotations
@@ -49,8 +50,19 @@ def environment(name: str) -> Path:
         folder.unlink()
     venv.create(folder, with_pip=True, clear=True)
     # Wheels only: what would have to be compiled takes long, and fails in ways that say nothing.
-    pip = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--only-binary", ":all:"]
-    done = subprocess.run([*pip, "-r", str(requirements)], check=False, capture_output=True, text=True)
+    pip = [
+        str(python),
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--disable-pip-version-check",
+        "--only-binary",
+        ":all:",
+    ]
+    done = subprocess.run(
+        [*pip, "-r", str(requirements)], check=False, capture_output=True, text=True
+    )
     if done.returncode:
         raise CannotRunError(failed_installation(done.stderr))
     made.write_text(wanted)
@@ -64,7 +76,11 @@ def failed_installation(said: str) -> str:
     here = f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"
     absent = re.search(r"No matching distribution found for (\S+)", said)
     errors = [line for line in said.splitlines() if line.startswith("ERROR:")]
-    why = f"there is no wheel of {absent[1]}" if absent else (errors or ["pip failed"])[-1].removeprefix("ERROR: ")
+    why = (
+        f"there is no wheel of {absent[1]}"
+        if absent
+        else (errors or ["pip failed"])[-1].removeprefix("ERROR: ")
+    )
     return f"cannot be installed with {here}: {why}"
 
 
@@ -76,16 +92,34 @@ def check(trebucheck: str, name: str, python: Path) -> None:
     """
     out = MADE / "results" / name
     _forget_others(out, name)
-    command = [trebucheck, "importer", f"{HERE / name / 'load.py'}:load", "--python", str(python), "--out", str(out)]
+    command = [
+        trebucheck,
+        "importer",
+        f"{HERE / name / 'load.py'}:load",
+        "--python",
+        str(python),
+        "--out",
+        str(out),
+    ]
     command += ["--timestep", STEPS.get(name, "1e-3"), "--timeout", TIMEOUT, "--resume"]
     # Kernels that were compiled once are kept for the next models and runs.
-    caches = {"WARP_CACHE_PATH": str(MADE / "kernels" / "warp"), "JAX_COMPILATION_CACHE_DIR": str(MADE / "kernels/jax")}
+    caches = {
+        "WARP_CACHE_PATH": str(MADE / "kernels" / "warp"),
+        "JAX_COMPILATION_CACHE_DIR": str(MADE / "kernels/jax"),
+    }
     began = time.monotonic()
-    code = subprocess.run(command, check=False, stdout=subprocess.DEVNULL, env=os.environ | caches).returncode
+    code = subprocess.run(
+        command, check=False, stdout=subprocess.DEVNULL, env=os.environ | caches
+    ).returncode
     if code not in (0, 1):
         raise CannotRunError(f"the check ended with exit code {code}")
     # What an importer prints names files of this machine.
-    text = (out / "importer.json").read_text().replace(str(HERE), "importers").replace(str(HERE.parent) + "/", "")
+    text = (
+        (out / "importer.json")
+        .read_text()
+        .replace(str(HERE), "importers")
+        .replace(str(HERE.parent) + "/", "")
+    )
     text = re.sub(rf"{re.escape(gettempdir())}/\w+/", "", text.replace(str(Path.home()), "~"))
     (HERE / name / "results.json").write_text(text)
     models = json.loads(text)["models"]
@@ -122,7 +156,10 @@ def main(trebucheck: str, *wanted: str) -> int:
     known = sorted(path.parent.name for path in HERE.glob("*/load.py"))
     unknown = [name for name in wanted if name not in known]
     if unknown:
-        print(f"error: there is no importer {unknown[0]!r}; there are: {', '.join(known)}.", file=sys.stderr)
+        print(
+            f"error: there is no importer {unknown[0]!r}; there are: {', '.join(known)}.",
+            file=sys.stderr,
+        )
         return 2
     try:
         failed = run(trebucheck, list(wanted) or known)

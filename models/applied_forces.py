@@ -1,14 +1,15 @@
 r"""Forces of springs, dampers and motors on a mechanism: generalized forces, forces on bodies, energy and power.
 
-With the generalized direction g of an element (the gradient of a length, an angle or a point's place) and its effort f,
+With the generalized direction g of an element (the gradient of a length, an angle or a point's
+place) and its effort f,
 
     spring and damper between points    f = -(k (l - l_0) + c dl/dt)     g = dl/dq
     the same between two angles         f = -(k (b - b_0) + c db/dt)     g = db/dq
     constant force F on a point         Q = Re(conj(F) dz/dq)
     constant torque                     f = T                            g = db/dq
 
-and its generalized force is Q = f g. A spring without damping and rest length has Q = -k Re(conj(d) dd/dq) of the
-vector d between its points, which is smooth where they meet.
+and its generalized force is Q = f g. A spring without damping and rest length has Q = -k Re(conj(d)
+dd/dq) of the vector d between its points, which is smooth where they meet.
 """
 
 from __future__ import annotations
@@ -44,7 +45,9 @@ class AppliedForces:
         )
 
     @cached_property
-    def rotational(self) -> tuple[tuple[RotationalSpringDamper | ConstantTorque, AngleFunction], ...]:
+    def rotational(
+        self,
+    ) -> tuple[tuple[RotationalSpringDamper | ConstantTorque, AngleFunction], ...]:
         """Springs, dampers and motors between angles, with the body's angle less the other's."""
         return tuple(
             (e, self.kinematics.angle(e.body, e.relative_to))
@@ -61,7 +64,9 @@ class AppliedForces:
             if isinstance(e, ConstantForce)
         )
 
-    def generalized(self, q: FloatArray, u: FloatArray, rates: ComplexArray | None = None) -> FloatArray:
+    def generalized(
+        self, q: FloatArray, u: FloatArray, rates: ComplexArray | None = None
+    ) -> FloatArray:
         """Generalized forces of all elements, shape (..., n_q) [N m or N]."""
         total = np.zeros(q.shape if q.shape == u.shape else np.broadcast_shapes(q.shape, u.shape))
         if not self.kinematics.mechanism.force_elements:
@@ -88,7 +93,9 @@ class AppliedForces:
 
     def _on_points(self, q: FloatArray, u: FloatArray) -> Iterator[tuple[str, ComplexArray]]:
         for spring, vector in self.springs:
-            force = _pull(spring, self.kinematics.vector(vector, q), self.kinematics.rate(vector, q, u))
+            force = _pull(
+                spring, self.kinematics.vector(vector, q), self.kinematics.rate(vector, q, u)
+            )
             yield spring.body, force
             yield spring.relative_to, -force
         for element, _ in self.forces:
@@ -98,7 +105,11 @@ class AppliedForces:
         """Energy of the springs [J], shape (...,)."""
         total = np.zeros(q.shape[:-1])
         for spring, vector in self.springs:
-            total += 0.5 * spring.stiffness * (np.abs(self.kinematics.vector(vector, q)) - spring.rest_length) ** 2
+            total += (
+                0.5
+                * spring.stiffness
+                * (np.abs(self.kinematics.vector(vector, q)) - spring.rest_length) ** 2
+            )
         for element, angle in self.rotational:
             if isinstance(element, RotationalSpringDamper):
                 total += 0.5 * element.stiffness * (angle.value(q) - element.rest_angle) ** 2
@@ -109,14 +120,22 @@ class AppliedForces:
 
         Kinetic and potential energy (of gravity and springs) change by its time integral.
         """
-        total, vector_of, rate_of = np.zeros(q.shape[:-1]), self.kinematics.vector, self.kinematics.rate
+        total, vector_of, rate_of = (
+            np.zeros(q.shape[:-1]),
+            self.kinematics.vector,
+            self.kinematics.rate,
+        )
         for spring, vector in self.springs:
             if spring.damping:
-                total -= spring.damping * _stretching(vector_of(vector, q), rate_of(vector, q, u)) ** 2
+                total -= (
+                    spring.damping * _stretching(vector_of(vector, q), rate_of(vector, q, u)) ** 2
+                )
         for element, angle in self.rotational:
             turning = u @ angle.coefficients
             constant = element.torque * turning if isinstance(element, ConstantTorque) else 0.0
-            total += constant if isinstance(element, ConstantTorque) else -element.damping * turning**2
+            total += (
+                constant if isinstance(element, ConstantTorque) else -element.damping * turning**2
+            )
         for element, point in self.forces:
             total += (complex(*element.force).conjugate() * rate_of(point, q, u)).real
         return total
@@ -137,9 +156,14 @@ def _pull(spring: SpringDamper, vector: ComplexArray, speed: ComplexArray) -> Co
 
 
 def _torque(
-    element: RotationalSpringDamper | ConstantTorque, angle: AngleFunction, q: FloatArray, u: FloatArray
+    element: RotationalSpringDamper | ConstantTorque,
+    angle: AngleFunction,
+    q: FloatArray,
+    u: FloatArray,
 ) -> FloatArray:
     """Torque of an element on its body [N m]."""
     if isinstance(element, ConstantTorque):
         return element.torque + np.zeros(q.shape[:-1])
-    return -element.stiffness * (angle.value(q) - element.rest_angle) - element.damping * (u @ angle.coefficients)
+    return -element.stiffness * (angle.value(q) - element.rest_angle) - element.damping * (
+        u @ angle.coefficients
+    )

@@ -17,7 +17,9 @@ class TrebucheckError(Exception):
     """Base of every error this package raises on purpose; its text is one sentence for the user, never a long one."""
 
     def __init__(self, *arguments: object) -> None:
-        super().__init__(*(shortened(part) if isinstance(part, str) else part for part in arguments))
+        super().__init__(
+            *(shortened(part) if isinstance(part, str) else part for part in arguments)
+        )
 
 
 class InputError(TrebucheckError, ValueError):

@@ -41,12 +41,16 @@ class Feature(StrEnum):
 
 _OF_MECHANISMS: dict[Feature, Callable[[Mechanism], Iterable[str]]] = {
     Feature.FREE_JOINT: lambda m: (j.name for j in m.joints if isinstance(j, FreeJoint)),
-    Feature.MOVING_SLOT: lambda m: (j.name for j in m.joints if isinstance(j, SlotJoint) and j.parent != GROUND),
+    Feature.MOVING_SLOT: lambda m: (
+        j.name for j in m.joints if isinstance(j, SlotJoint) and j.parent != GROUND
+    ),
     Feature.PRISMATIC: lambda m: (j.name for j in m.joints if isinstance(j, PrismaticJoint)),
     Feature.WELD: lambda m: (j.name for j in m.joints if isinstance(j, WeldJoint)),
     Feature.MOVING_WALL: lambda m: (s.name for s in m.point_stops if s.relative_to != GROUND),
     Feature.SPRING: lambda m: (e.name for e in m.force_elements if isinstance(e, SpringDamper)),
-    Feature.ROTATIONAL_SPRING: lambda m: (e.name for e in m.force_elements if isinstance(e, RotationalSpringDamper)),
+    Feature.ROTATIONAL_SPRING: lambda m: (
+        e.name for e in m.force_elements if isinstance(e, RotationalSpringDamper)
+    ),
     Feature.FORCE: lambda m: (e.name for e in m.force_elements if isinstance(e, ConstantForce)),
     Feature.TORQUE: lambda m: (e.name for e in m.force_elements if isinstance(e, ConstantTorque)),
     Feature.GRAVITY_DIRECTION: lambda m: ("gravity",) if m.gravity_direction != (0.0, -1.0) else (),
@@ -54,7 +58,9 @@ _OF_MECHANISMS: dict[Feature, Callable[[Mechanism], Iterable[str]]] = {
 
 
 _BASICS: dict[Basic, Callable[[Mechanism], Iterable[str]]] = {
-    Basic.SLOT: lambda m: (j.name for j in m.joints if isinstance(j, SlotJoint) and j.parent == GROUND),
+    Basic.SLOT: lambda m: (
+        j.name for j in m.joints if isinstance(j, SlotJoint) and j.parent == GROUND
+    ),
     Basic.LOOP: lambda m: (j.name for j in m.loop_joints),
     Basic.POINT_MASS: lambda m: (b.name for b in m.bodies if b.inertia == 0),
     Basic.STOP: lambda m: (s.name for s in m.stops if isinstance(s, Stop)),
@@ -80,7 +86,8 @@ def missing_elements(
     Args:
         known: features that the solver has.
         lacking: elements of every solver that this one lacks.
-        law: of the stops; under the release-once law none is met, and a restitution is nothing to be followed.
+        law: of the stops; under the release-once law none is met, and a restitution is nothing to
+            be followed.
     """
     missing: dict[Feature | Basic, tuple[str, ...]] = {
         feature: names for feature, names in features_of(mechanism).items() if feature not in known
@@ -111,5 +118,10 @@ def refuse_features(
     """
     missing = missing_elements(mechanism, known, lacking, law)
     if missing:
-        texts = [f"{feature} ({', '.join(repr(name) for name in names)})" for feature, names in missing.items()]
-        raise UnsupportedProblemError(f"{who} cannot move {mechanism.name!r}: it has no {' and no '.join(texts)}.")
+        texts = [
+            f"{feature} ({', '.join(repr(name) for name in names)})"
+            for feature, names in missing.items()
+        ]
+        raise UnsupportedProblemError(
+            f"{who} cannot move {mechanism.name!r}: it has no {' and no '.join(texts)}."
+        )

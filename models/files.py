@@ -19,13 +19,15 @@ def write_bytes(path: str | Path, content: bytes | memoryview) -> None:
     """Write a file, whole or not at all; a full disk leaves nothing behind.
 
     Raises:
-        UnwritableError: the folder cannot be made or written to, or has no room; the sentence names the file.
+        UnwritableError: the folder cannot be made or written to, or has no room; the sentence names
+            the file.
     """
     target = Path(path)
     refuse_unwritable(target.parent, target.name)  # before a folder is made for it
     with _sentence_for(target):
         target.parent.mkdir(parents=True, exist_ok=True)
-        # A short name, so that whatever name the target may have, this one fits into the folder, too.
+        # A short name, so that whatever name the target may have, this one fits into the folder,
+        # too.
         handle, name = tempfile.mkstemp(dir=target.parent, prefix=".", suffix=".part")
         temporary = Path(name)
         try:
@@ -33,7 +35,9 @@ def write_bytes(path: str | Path, content: bytes | memoryview) -> None:
                 file.write(content)
             umask = os.umask(0)
             os.umask(umask)
-            temporary.chmod(0o666 & ~umask)  # mkstemp makes it private; a report is for others to read
+            temporary.chmod(
+                0o666 & ~umask
+            )  # mkstemp makes it private; a report is for others to read
             temporary.replace(target)
         finally:
             temporary.unlink(missing_ok=True)
@@ -55,8 +59,8 @@ def refuse_unwritable(folder: str | Path, file: str = "") -> None:
         file: the name of what is to be written into it, where that is the user's own.
 
     Raises:
-        UnwritableError: the folder, or the nearest one above it that exists, is no folder or not writable; a name is
-            too long; or there is a folder in the file's place.
+        UnwritableError: the folder, or the nearest one above it that exists, is no folder or not
+            writable; a name is too long; or there is a folder in the file's place.
     """
     target, above = Path(folder, file), Path(folder).absolute()
     with _sentence_for(target):
@@ -113,7 +117,9 @@ def read_bytes(path: str | Path, largest: int) -> bytes:
         raise InputError(f"{str(path)!r} cannot be read: {error}.") from None
     if len(content) > largest:
         size = Path(path).stat().st_size / 1e6
-        raise InputError(f"{path} cannot be read: it has {size:.3g} MB; at most {largest / 1e6:g} MB are taken.")
+        raise InputError(
+            f"{path} cannot be read: it has {size:.3g} MB; at most {largest / 1e6:g} MB are taken."
+        )
     return content
 
 
@@ -124,4 +130,6 @@ def refuse_irregular(path: str | Path) -> None:
     except (OSError, ValueError):
         return  # whoever opens it says what is wrong
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-        raise InputError(f"{path} cannot be read: it is a pipe, a device or a socket; a regular file is needed.")
+        raise InputError(
+            f"{path} cannot be read: it is a pipe, a device or a socket; a regular file is needed."
+        )

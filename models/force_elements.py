@@ -31,14 +31,17 @@ class _Between(_ForceElement):
     @model_validator(mode="after")
     def _acts_between_two(self) -> Self:
         if self.body == self.relative_to:
-            raise ValueError(f"{self.name!r} acts between {self.body!r} and itself; two bodies are needed")
+            raise ValueError(
+                f"{self.name!r} acts between {self.body!r} and itself; two bodies are needed"
+            )
         return self
 
 
 class SpringDamper(_Between):
     """A linear spring and damper between two points, along the line that joins them.
 
-    With the distance l of the points and its rate v it pulls them together with k (l - l0) + c v [N].
+    With the distance l of the points and its rate v it pulls them together with k (l - l0) + c v
+    [N].
     """
 
     kind: Literal["spring-damper"] = "spring-damper"

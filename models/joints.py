@@ -74,7 +74,9 @@ class _SlidingJoint(_Joint):
     """A point of the child slides along a straight line of the parent."""
 
     parent: Name = Field(default=GROUND, description="the body with the line, or 'ground'")
-    parent_point: Vector = Field(description="a point of the line, where its coordinate is zero [m]")
+    parent_point: Vector = Field(
+        description="a point of the line, where its coordinate is zero [m]"
+    )
     axis: Vector = Field(description="direction of the line in the parent's frame, length 1")
     coordinate: Name | None = Field(
         default=None, description="name of its slide coordinate; none where it closes a loop"
@@ -126,14 +128,22 @@ class FreeJoint(_Joint):
 
     kind: Literal["free"] = "free"
     parent: Name = Field(default=GROUND, description="the ground")
-    parent_point: Vector = Field(default=(0.0, 0.0), description="where both coordinates are zero [m]")
-    child_point: Vector = Field(default=(0.0, 0.0), description="whose position they are, in the child's frame [m]")
-    coordinates: tuple[Name, Name] = Field(description="names of the point's position along x and y")
+    parent_point: Vector = Field(
+        default=(0.0, 0.0), description="where both coordinates are zero [m]"
+    )
+    child_point: Vector = Field(
+        default=(0.0, 0.0), description="whose position they are, in the child's frame [m]"
+    )
+    coordinates: tuple[Name, Name] = Field(
+        description="names of the point's position along x and y"
+    )
 
     @model_validator(mode="after")
     def _moves_in_the_world(self) -> Self:
         if self.parent != GROUND:
-            raise ValueError(f"parent of {self.name!r} is {self.parent!r}; a free joint has the ground as its parent")
+            raise ValueError(
+                f"parent of {self.name!r} is {self.parent!r}; a free joint has the ground as its parent"
+            )
         return self
 
     @property

@@ -46,7 +46,11 @@ class Kinematics(Phasors):
 
     def _moved(self, at: PointCoefficients, body: str, arm: complex) -> PointCoefficients:
         """A point at an arm from another one, in a body's frame [m]; its coefficients are its own."""
-        index, arm, coefficients = self.tree.attitudes[body][0], self._turned(body, arm), at.coefficients.copy()
+        index, arm, coefficients = (
+            self.tree.attitudes[body][0],
+            self._turned(body, arm),
+            at.coefficients.copy(),
+        )
         if index is None:
             return PointCoefficients(at.offset + arm, coefficients)
         coefficients[..., index] += arm
@@ -56,7 +60,9 @@ class Kinematics(Phasors):
         """The row of a point given in a body's frame (or the ground's)."""
         return self._moved(self._frames[body], body, as_complex(point))
 
-    def between(self, body: str, point: Vector, other: str, other_point: Vector) -> PointCoefficients:
+    def between(
+        self, body: str, point: Vector, other: str, other_point: Vector
+    ) -> PointCoefficients:
         """The row of the vector from a point of another body to a body's point."""
         to, start = self.point(body, point), self.point(other, other_point)
         return PointCoefficients(to.offset - start.offset, to.coefficients - start.coefficients)
@@ -94,9 +100,13 @@ class Kinematics(Phasors):
     def speed_scale(self, row: PointCoefficients) -> float:
         """A scale of speeds [m/s]: what a point would fall by all its arms, and what it moves at the start.
 
-        That of the body which has the largest, if it is larger: a point that loops hold fast has but rounding for one.
+        That of the body which has the largest, if it is larger: a point that loops hold fast has
+        but rounding for one.
         """
-        own, of_bodies = self._speed_scales(row.coefficients[..., None, :]), self._speed_scales(self.centres)
+        own, of_bodies = (
+            self._speed_scales(row.coefficients[..., None, :]),
+            self._speed_scales(self.centres),
+        )
         return cast("float", np.maximum(own[..., 0], of_bodies.max(axis=-1)))
 
     def _speed_scales(self, coefficients: ComplexArray) -> FloatArray:
@@ -104,7 +114,9 @@ class Kinematics(Phasors):
         falls = np.asarray(self.mechanism.gravity)[..., None] * (arms @ self.is_angle)
         return np.sqrt(falls) + np.sum(arms * speeds, axis=-1)
 
-    def acceleration(self, row: PointCoefficients, q: FloatArray, u: FloatArray, a: FloatArray) -> FloatArray:
+    def acceleration(
+        self, row: PointCoefficients, q: FloatArray, u: FloatArray, a: FloatArray
+    ) -> FloatArray:
         """World acceleration [m/s^2] for generalized accelerations a, shape (..., 2)."""
         return as_vectors(weighted(self.second_flow(q, u, a), row.coefficients))
 
@@ -118,7 +130,9 @@ class Kinematics(Phasors):
     @cached_property
     def centres(self) -> ComplexArray:
         """Coefficients of the bodies' centres of mass, shape (n_bodies, n_q)."""
-        return np.stack([self.point(b.name, b.centre).coefficients for b in self.mechanism.bodies], axis=-2)
+        return np.stack(
+            [self.point(b.name, b.centre).coefficients for b in self.mechanism.bodies], axis=-2
+        )
 
     @cached_property
     def masses(self) -> FloatArray:
@@ -170,7 +184,9 @@ class Kinematics(Phasors):
         for stop in self.mechanism.stops:
             if isinstance(stop, PointStop):
                 vector = self.between(stop.body, stop.point, stop.relative_to, (0.0, 0.0))
-                gaps[stop.name] = self.component(as_complex(stop.normal), stop.relative_to, vector, -stop.offset)
+                gaps[stop.name] = self.component(
+                    as_complex(stop.normal), stop.relative_to, vector, -stop.offset
+                )
             else:
                 angle = self.angle(stop.body, stop.relative_to)
                 row = stop.sense * angle.coefficients
@@ -182,18 +198,23 @@ class Kinematics(Phasors):
     def loop_closures(self) -> tuple[ScalarFunction, ...]:
         """Functions that the joints that close a loop hold at zero.
 
-        The child's point less the parent's along each held direction of the parent's frame (of a pin or weld: along x
-        and y of the world); then, where the joint holds it, the child's angle less the parent's, full turns apart.
+        The child's point less the parent's along each held direction of the parent's frame (of a
+        pin or weld: along x and y of the world); then, where the joint holds it, the child's angle
+        less the parent's, full turns apart.
         """
         closures: list[ScalarFunction] = []
         for joint in self.tree.loop_joints:
             vector = self.between(joint.child, joint.child_point, joint.parent, joint.parent_point)
             frame = joint.parent if joint.free_directions else GROUND
-            closures += [self.component(direction, frame, vector) for direction in joint.held_directions]
+            closures += [
+                self.component(direction, frame, vector) for direction in joint.held_directions
+            ]
             if joint.turned_by is not None:
                 angle = self.angle(joint.child, joint.parent)
                 apart = angle.value(initial_state(self.mechanism)[0]) - joint.turned_by
-                constant = angle.constant - joint.turned_by - np.round(apart / (2 * math.pi)) * 2 * math.pi
+                constant = (
+                    angle.constant - joint.turned_by - np.round(apart / (2 * math.pi)) * 2 * math.pi
+                )
                 closures.append(AngleFunction(cast("float", constant), angle.coefficients))
         return tuple(closures)
 
@@ -206,7 +227,10 @@ class Kinematics(Phasors):
 
     def loop_jacobian(self, q: FloatArray) -> FloatArray:
         """Jacobian of the loop closures, shape (..., n_loops, n_q)."""
-        rates, jacobian = self.rates(q), np.empty((*q.shape[:-1], len(self.loop_closures), q.shape[-1]))
+        rates, jacobian = (
+            self.rates(q),
+            np.empty((*q.shape[:-1], len(self.loop_closures), q.shape[-1])),
+        )
         for k, closure in enumerate(self.loop_closures):
             jacobian[..., k, :] = closure.jacobian(q, rates)
         return jacobian
@@ -215,13 +239,16 @@ class Kinematics(Phasors):
 def initial_state(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
     """Coordinates q and speeds u at t = 0, each of shape (n_q,)."""
     q = np.array(mechanism.start, dtype=np.float64).T
-    return q, np.array(mechanism.start_speeds, dtype=np.float64).T if mechanism.start_speeds else np.zeros_like(q)
+    return q, np.array(
+        mechanism.start_speeds, dtype=np.float64
+    ).T if mechanism.start_speeds else np.zeros_like(q)
 
 
 def immovable_stops(mechanism: Mechanism) -> tuple[str, ...]:
     """Stops whose gap no coordinate changes: between bodies that are welded to each other, or across a rail.
 
-    They have no part in the motion. A stop of a body against itself is none of them: it is an error of the description.
+    They have no part in the motion. A stop of a body against itself is none of them: it is an error
+    of the description.
     """
     if not mechanism.stops:
         return ()
@@ -232,7 +259,11 @@ def immovable_stops(mechanism: Mechanism) -> tuple[str, ...]:
         rows = np.abs(kinematics.gap_jacobian(stop, q))
         return bool((rows > _ROUNDING * kinematics.gaps[stop].amplitudes).any())
 
-    return tuple(stop.name for stop in mechanism.stops if stop.body != stop.relative_to and not moves(stop.name))
+    return tuple(
+        stop.name
+        for stop in mechanism.stops
+        if stop.body != stop.relative_to and not moves(stop.name)
+    )
 
 
 def without_stops(mechanism: Mechanism, names: Collection[str]) -> Mechanism:

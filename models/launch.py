@@ -1,14 +1,16 @@
 """The launch: the instant when the projectile's velocity comes down to the launch angle.
 
-The component of the velocity across the launch direction (:func:`lead`) falls through zero there, with the velocity
-pointing along the direction and not against it, after the last rest of the projectile's own body has opened. Such roots
-are bracketed by extremes: between two events, or two samples, the velocity is smooth, its Chebyshev interpolant gives
-the instants where the component is stationary, and between two of them it is monotone. So two roots within one step
-are not missed, and no time or length of the mechanism enters.
+The component of the velocity across the launch direction (:func:`lead`) falls through zero there,
+with the velocity pointing along the direction and not against it, after the last rest of the
+projectile's own body has opened. Such roots are bracketed by extremes: between two events, or two
+samples, the velocity is smooth, its Chebyshev interpolant gives the instants where the component is
+stationary, and between two of them it is monotone. So two roots within one step are not missed, and
+no time or length of the mechanism enters.
 
-At an impact the velocity jumps. The launch is then that of a stiff contact in the limit: as the impulse grows the
-velocity moves along a straight line, and where that line crosses the launch direction the projectile is let go. While a
-rest of its own body pushes it, or strikes it, there is no launch.
+At an impact the velocity jumps. The launch is then that of a stiff contact in the limit: as the
+impulse grows the velocity moves along a straight line, and where that line crosses the launch
+direction the projectile is let go. While a rest of its own body pushes it, or strikes it, there is
+no launch.
 """
 
 from __future__ import annotations
@@ -29,20 +31,26 @@ LAUNCH_ANGLE = math.pi / 4
 """45 degrees above the horizontal, the paper's choice."""
 
 _NEIGHBOURS = 4  # samples used on either side of the crossing: a polynomial of degree 15
-_SAME_TIME = 1e-12  # parts of the time: samples closer than this (an event on a grid time) count once
+_SAME_TIME = (
+    1e-12  # parts of the time: samples closer than this (an event on a grid time) count once
+)
 
 _DEGREE = 16  # of the interpolant of a step; it is halved where that does not resolve it
-_NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)  # Chebyshev's extreme points, from 0 to 1
-_TO_CHEBYSHEV = np.linalg.inv(chebyshev.chebvander(2.0 * _NODES - 1.0, _DEGREE)).T  # values at the nodes: coefficients
+_NODES = 0.5 - 0.5 * np.cos(
+    np.pi * np.arange(_DEGREE + 1) / _DEGREE
+)  # Chebyshev's extreme points, from 0 to 1
+_TO_CHEBYSHEV = np.linalg.inv(
+    chebyshev.chebvander(2.0 * _NODES - 1.0, _DEGREE)
+).T  # values at the nodes: coefficients
 _RESOLVED = 1e-8  # last coefficients over the largest; an extreme's value then errs by their square
 _HALVINGS = 8
 _CHUNK = 32  # steps that are sampled at once
 _ROUNDING = 1e-14  # of a velocity, in parts of it
-_NOISE = (
-    1e-12  # of speeds, in parts of their scale: a chain of light bodies may turn a hundred times faster than it falls
-)
+_NOISE = 1e-12  # of speeds, in parts of their scale: a chain of light bodies may turn a hundred times faster than it falls
 _AT_REST = 1e-8  # parts of the scale: slower than this nothing is thrown, and a rest may rattle
-_AT_END = 1e-12  # [rad] a motion that ends this little above the launch direction ends with its launch
+_AT_END = (
+    1e-12  # [rad] a motion that ends this little above the launch direction ends with its launch
+)
 
 Component = Callable[[FloatArray], FloatArray]
 
@@ -66,9 +74,15 @@ class SmoothVelocity:
     """Velocities [m/s], shape (n, 2), at times [s], shape (n,)."""
 
 
-def rest_opened(mechanism: Mechanism, body: str, release_times: Mapping[str, float | None]) -> float | None:
+def rest_opened(
+    mechanism: Mechanism, body: str, release_times: Mapping[str, float | None]
+) -> float | None:
     """When the last of a body's own rests opened [s]: 0 if it has none, None if one is still closed."""
-    times = [release_times.get(stop.name) for stop in mechanism.stops if stop.body == body and stop.closed]
+    times = [
+        release_times.get(stop.name)
+        for stop in mechanism.stops
+        if stop.body == body and stop.closed
+    ]
     return None if None in times else max((time for time in times if time is not None), default=0.0)
 
 
@@ -104,12 +118,16 @@ def first_launch(
     """The first launch of a motion made of smooth pieces, one after the other.
 
     Args:
-        pieces: at the instant between two of them the velocity may jump; None while the projectile is on its rest.
+        pieces: at the instant between two of them the velocity may jump; None while the projectile
+        is on its rest.
         angle: above the horizontal [rad].
-        scale: of the mechanism's speeds [m/s]: below small parts of it a speed is rounding, or a rest that rattles.
+        scale: of the mechanism's speeds [m/s]: below small parts of it a speed is rounding, or a
+            rest that rattles.
     """
     noise = _NOISE * scale
-    above: float | None = None  # the last instant at which the component was positive, if it was not negative since
+    above: float | None = (
+        None  # the last instant at which the component was positive, if it was not negative since
+    )
     last: SmoothVelocity | None = None
     for piece in pieces:
         if piece is None:
@@ -134,10 +152,14 @@ def first_launch(
     return None if above is None or last is None else _launch_at_end(last, angle, scale)
 
 
-def _signed(piece: SmoothVelocity, angle: float, noise: float) -> Iterator[tuple[FloatArray, FloatArray]]:
+def _signed(
+    piece: SmoothVelocity, angle: float, noise: float
+) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Instants [s] where :func:`lead` has a sign, and its values, some steps at a time; between two it is monotone."""
     for first in range(0, len(piece.knots) - 1, _CHUNK):
-        t = _monotone_between(lambda t: lead(piece.at(t), angle), piece.knots[first : first + _CHUNK + 1], noise)
+        t = _monotone_between(
+            lambda t: lead(piece.at(t), angle), piece.knots[first : first + _CHUNK + 1], noise
+        )
         velocity = piece.at(t)
         across = lead(velocity, angle)
         clear = np.abs(across) > noise + _ROUNDING * np.linalg.norm(velocity, axis=1)
@@ -179,17 +201,22 @@ def _interpolated(function: Component, knots: FloatArray) -> FloatArray:
 def _extremes(coefficients: FloatArray) -> FloatArray:
     """Where a Chebyshev series is stationary in (-1, 1), or nearly so."""
     size = np.abs(coefficients).max()
-    roots = chebyshev.chebroots(chebyshev.chebder(chebyshev.chebtrim(coefficients, _ROUNDING * size))).real
+    roots = chebyshev.chebroots(
+        chebyshev.chebder(chebyshev.chebtrim(coefficients, _ROUNDING * size))
+    ).real
     return roots[np.abs(roots) < 1]
 
 
-def _launch_between(velocity_at: Callable[[FloatArray], FloatArray], t0: float, t1: float, angle: float) -> Launch:
+def _launch_between(
+    velocity_at: Callable[[FloatArray], FloatArray], t0: float, t1: float, angle: float
+) -> Launch:
     """Root of :func:`lead` between t0 and t1 [s] on a continuous velocity [m/s]."""
 
     def across(t: float) -> float:
         return float(lead(velocity_at(np.array([t]))[0], angle))
 
-    # An end that is the launch itself may be evaluated a rounding beside where its interval was found.
+    # An end that is the launch itself may be evaluated a rounding beside where its interval was
+    # found.
     ends = [t for t, sign in ((t0, 1.0), (t1, -1.0)) if sign * across(t) <= 0]
     shortest = max(1e-15 * (t1 - t0), np.finfo(np.float64).tiny)
     time = ends[0] if ends else float(brentq(across, t0, t1, xtol=shortest, rtol=1e-15))
@@ -217,12 +244,17 @@ def _launch(time: float, velocity: FloatArray) -> Launch:
 
 
 def locate_launch(
-    t: FloatArray, position: FloatArray, velocity: FloatArray, angle: float | None = None, after: float = 0.0
+    t: FloatArray,
+    position: FloatArray,
+    velocity: FloatArray,
+    angle: float | None = None,
+    after: float = 0.0,
 ) -> Launch | None:
     """Launch from samples, by the Hermite polynomial through the eight samples around the crossing.
 
-    Both positions and velocities are used: at a coarse step that is worth several digits over velocities alone. An
-    interval at whose two ends the component across the direction is positive, but small, is searched as well.
+    Both positions and velocities are used: at a coarse step that is worth several digits over
+    velocities alone. An interval at whose two ends the component across the direction is positive,
+    but small, is searched as well.
 
     Args:
         t: sample times [s], shape (n,).
@@ -234,13 +266,20 @@ def locate_launch(
     launch_angle = LAUNCH_ANGLE if angle is None else angle
     keep = np.concatenate([[True], np.diff(t) > _SAME_TIME * np.abs(t[1:])]) & (t >= after)
     t, position, velocity = t[keep], position[keep], velocity[keep]
-    across, scale = lead(velocity, launch_angle), float(np.linalg.norm(velocity, axis=1).max(initial=0.0))
+    across, scale = (
+        lead(velocity, launch_angle),
+        float(np.linalg.norm(velocity, axis=1).max(initial=0.0)),
+    )
     for i in _suspects(across, _NOISE * scale):
         near = slice(max(0, i + 1 - _NEIGHBOURS), i + 1 + _NEIGHBOURS)
         step = float(t[i + 1] - t[i])
-        velocity_at = _hermite((t[near] - t[i]) / step, position[near] - position[i], velocity[near] * step)
+        velocity_at = _hermite(
+            (t[near] - t[i]) / step, position[near] - position[i], velocity[near] * step
+        )
         launch = first_launch([SmoothVelocity(np.array([0.0, 1.0]), velocity_at)], launch_angle)
-        if launch is None and across[i + 1] <= 0:  # the polynomial's rounding at an end that is the launch itself
+        if (
+            launch is None and across[i + 1] <= 0
+        ):  # the polynomial's rounding at an end that is the launch itself
             launch = _launch_between(velocity_at, 0.0, 1.0, launch_angle)
         if launch and is_launch(np.array(launch.velocity) / step, launch_angle, scale):
             return _launch(float(t[i]) + step * launch.time, np.array(launch.velocity) / step)
@@ -250,7 +289,8 @@ def locate_launch(
 def _suspects(across: FloatArray, least: float) -> list[int]:
     """Intervals [i, i+1] of samples in which a component falls through zero, or may dip below it.
 
-    It may dip where it has its smallest sample, or the two smallest, and those are small for how sharply it turns.
+    It may dip where it has its smallest sample, or the two smallest, and those are small for how
+    sharply it turns.
     """
     falls = (across[:-1] > 0) & (across[1:] <= 0)
     slopes = np.diff(across)
@@ -262,7 +302,9 @@ def _suspects(across: FloatArray, least: float) -> list[int]:
     return np.flatnonzero(falls | dips).tolist()
 
 
-def _hermite(x: FloatArray, values: FloatArray, slopes: FloatArray) -> Callable[[FloatArray], FloatArray]:
+def _hermite(
+    x: FloatArray, values: FloatArray, slopes: FloatArray
+) -> Callable[[FloatArray], FloatArray]:
     """Derivative of the polynomial that takes the values and slopes at x."""
     both = np.empty((2 * len(x), values.shape[1]))
     both[::2], both[1::2] = values, slopes

@@ -1,7 +1,7 @@
 """A planar mechanism, described once and without any engine.
 
-World: x to the right, y up. A body's frame coincides with the world's at angle zero; angles are absolute,
-from +x, positive **clockwise** (the paper's convention), so a body point (a, b) stands at
+World: x to the right, y up. A body's frame coincides with the world's at angle zero; angles are
+absolute, from +x, positive **clockwise** (the paper's convention), so a body point (a, b) stands at
 (a cos q + b sin q, -a sin q + b cos q) from the frame's origin.
 """
 
@@ -37,7 +37,9 @@ class Body(Spec):
     )
     mass: Positive = Field(description="[kg]")
     centre: Vector = Field(description="centre of mass in the body's frame [m]")
-    inertia: NonNegative = Field(description="about the centre of mass [kg m^2]; 0 for a point mass")
+    inertia: NonNegative = Field(
+        description="about the centre of mass [kg m^2]; 0 for a point mass"
+    )
 
 
 class Marker(Spec):
@@ -47,19 +49,23 @@ class Marker(Spec):
     body: Name
     point: Vector = Field(description="in the body's frame [m]")
     mass: Positive | None = Field(
-        default=None, description="what leaves the machine there, if it is not the whole body [kg]; part of the body's"
+        default=None,
+        description="what leaves the machine there, if it is not the whole body [kg]; part of the body's",
     )
 
 
 class Mechanism(Shown, Spec):
     """Bodies, joints, stops, force elements, markers, gravity and the start.
 
-    Bodies stand in an order in which each one's first joint as a child leads to the ground or to an earlier
-    body: those joints make the tree, any further joint closes a loop. Coordinates q are the angles of the bodies
-    that have one [rad] in that order, then the slides of the tree's joints [m] in the order of the bodies.
+    Bodies stand in an order in which each one's first joint as a child leads to the ground or to an
+    earlier
+    body: those joints make the tree, any further joint closes a loop. Coordinates q are the angles
+    of the bodies that have one [rad] in that order, then the slides of the tree's joints [m] in the
+    order of the bodies.
 
     Raises:
-        InputError: names clash or point nowhere, the tree is broken, or a stop's `closed` belies its gap.
+        InputError: names clash or point nowhere, the tree is broken, or a stop's `closed` belies
+            its gap.
     """
 
     largest_file: ClassVar[int] = 1_000_000  # some five thousand bodies
@@ -69,13 +75,19 @@ class Mechanism(Shown, Spec):
     joints: tuple[Joint, ...] = Field(min_length=1)
     stops: tuple[AnyStop, ...] = ()
     markers: tuple[Marker, ...] = ()
-    force_elements: tuple[ForceElement, ...] = Field(default=(), exclude_if=lambda elements: not elements)
+    force_elements: tuple[ForceElement, ...] = Field(
+        default=(), exclude_if=lambda elements: not elements
+    )
     gravity: NonNegative = Field(description="its size [m/s^2]")
     gravity_direction: Vector = Field(
-        default=_DOWNWARDS, exclude_if=lambda direction: direction == _DOWNWARDS, description="length 1"
+        default=_DOWNWARDS,
+        exclude_if=lambda direction: direction == _DOWNWARDS,
+        description="length 1",
     )
     start: tuple[Real, ...] = Field(description="q at t = 0 [rad or m]")
-    start_speeds: tuple[Real, ...] = Field(default=(), description="u at t = 0 [rad/s or m/s]; empty: at rest")
+    start_speeds: tuple[Real, ...] = Field(
+        default=(), description="u at t = 0 [rad/s or m/s]; empty: at rest"
+    )
 
     def headline(self) -> str:
         """Its name, and how many of what it has."""
@@ -85,17 +97,30 @@ class Mechanism(Shown, Spec):
             (len(self.stops), "stop", "stops"),
             (len(self.force_elements), "force element", "force elements"),
         )
-        parts = ", ".join(f"{number} {one if number == 1 else more}" for number, one, more in counts if number)
+        parts = ", ".join(
+            f"{number} {one if number == 1 else more}" for number, one, more in counts if number
+        )
         return f"Mechanism {self.name!r}: {parts}; coordinates {', '.join(self.coordinates)}"
 
     def facts(self) -> Iterator[tuple[str, str]]:
         """Its elements by name."""
         yield "bodies", ", ".join(f"{body.name} ({body.mass:g} kg)" for body in self.bodies)
         yield "joints", ", ".join(f"{joint.name} ({joint.kind})" for joint in self.joints)
-        yield "stops", ", ".join(f"{stop.name} ({'closed' if stop.closed else 'open'})" for stop in self.stops)
-        yield "force elements", ", ".join(f"{element.name} ({element.kind})" for element in self.force_elements)
+        yield (
+            "stops",
+            ", ".join(
+                f"{stop.name} ({'closed' if stop.closed else 'open'})" for stop in self.stops
+            ),
+        )
+        yield (
+            "force elements",
+            ", ".join(f"{element.name} ({element.kind})" for element in self.force_elements),
+        )
         yield "markers", ", ".join(marker.name for marker in self.markers)
-        yield "start", ", ".join(f"{n} = {v:.6g}" for n, v in zip(self.coordinates, self.start, strict=True))
+        yield (
+            "start",
+            ", ".join(f"{n} = {v:.6g}" for n, v in zip(self.coordinates, self.start, strict=True)),
+        )
         yield "hash", self.content_hash[:16]
 
     @property
@@ -104,7 +129,9 @@ class Mechanism(Shown, Spec):
         return self._tree
 
     @cached_property
-    def _tree(self) -> Tree:  # by a name that is no field's: `dict` of a mechanism has its fields alone
+    def _tree(
+        self,
+    ) -> Tree:  # by a name that is no field's: `dict` of a mechanism has its fields alone
         return Tree({body.name: body.angle for body in self.bodies}, self.joints)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
@@ -157,9 +184,13 @@ class Mechanism(Shown, Spec):
         tree, residuals = self.tree, dict[str, float]()
         start = tree.configuration(self.start)
         for joint in tree.loop_joints:
-            apart = start.point(joint.child, joint.child_point) - start.point(joint.parent, joint.parent_point)
+            apart = start.point(joint.child, joint.child_point) - start.point(
+                joint.parent, joint.parent_point
+            )
             apart *= cmath.exp(1j * start.angles[joint.parent])
-            residuals[joint.name] = math.hypot(*((apart * d.conjugate()).real for d in joint.held_directions))
+            residuals[joint.name] = math.hypot(
+                *((apart * d.conjugate()).real for d in joint.held_directions)
+            )
         return residuals
 
     @property
@@ -168,7 +199,11 @@ class Mechanism(Shown, Spec):
         tree = self.tree
         angles = tree.configuration(self.start).angles
         return {
-            joint.name: abs(math.remainder(angles[joint.child] - angles[joint.parent] - joint.turned_by, 2 * math.pi))
+            joint.name: abs(
+                math.remainder(
+                    angles[joint.child] - angles[joint.parent] - joint.turned_by, 2 * math.pi
+                )
+            )
             for joint in tree.loop_joints
             if joint.turned_by is not None
         }
@@ -204,7 +239,10 @@ class Mechanism(Shown, Spec):
     @property
     def force_unit(self) -> str:
         """Unit of what the stops that are closed at the start push with, for quantities of whichever of them."""
-        return " or ".join(dict.fromkeys(stop.force_unit for stop in self.stops if stop.closed)) or "N m"
+        return (
+            " or ".join(dict.fromkeys(stop.force_unit for stop in self.stops if stop.closed))
+            or "N m"
+        )
 
     @property
     def angle_stops(self) -> tuple[Stop, ...]:
@@ -253,7 +291,9 @@ class Mechanism(Shown, Spec):
         used += [(f"force element {e.name!r}", n) for e in self.force_elements for n in e.bodies]
         for joint in self.joints:
             if joint.child == GROUND:
-                raise ValueError(f"joint {joint.name!r} has the ground as its child; the ground can only be a parent")
+                raise ValueError(
+                    f"joint {joint.name!r} has the ground as its child; the ground can only be a parent"
+                )
         for user, name in used:
             if name not in known:
                 raise ValueError(f"{user} names the body {name!r}; there are {sorted(known)}")
@@ -265,31 +305,47 @@ class Mechanism(Shown, Spec):
             if joint is None:
                 raise ValueError(f"body {body.name!r} hangs on no joint")
             if joint.parent not in placed:
-                raise ValueError(f"body {body.name!r} hangs on {joint.parent!r}, which must be listed before it")
+                raise ValueError(
+                    f"body {body.name!r} hangs on {joint.parent!r}, which must be listed before it"
+                )
             if len(joint.slides) != len(joint.free_directions):
-                raise ValueError(f"joint {joint.name!r} carries a body and so needs a coordinate for its slide")
+                raise ValueError(
+                    f"joint {joint.name!r} carries a body and so needs a coordinate for its slide"
+                )
             if joint.holds_angle != (body.angle is None):
                 needs = "no angle of its own" if joint.holds_angle else "a name for its angle"
-                raise ValueError(f"body {body.name!r} hangs on the {joint.kind} joint {joint.name!r} and needs {needs}")
+                raise ValueError(
+                    f"body {body.name!r} hangs on the {joint.kind} joint {joint.name!r} and needs {needs}"
+                )
             placed.add(body.name)
         for joint in self.loop_joints:
             if isinstance(joint, FreeJoint):
-                raise ValueError(f"free joint {joint.name!r} is not the first of {joint.child!r} and so does nothing")
+                raise ValueError(
+                    f"free joint {joint.name!r} is not the first of {joint.child!r} and so does nothing"
+                )
             if joint.slides:
-                raise ValueError(f"joint {joint.name!r} closes a loop and so has no coordinate of its own")
+                raise ValueError(
+                    f"joint {joint.name!r} closes a loop and so has no coordinate of its own"
+                )
 
     def _refuse_a_start_of_the_wrong_length(self) -> None:
         expected = len(self.coordinates)
         if len(self.start) != expected:
-            raise ValueError(f"start has {len(self.start)} values for {expected} coordinates {self.coordinates}")
+            raise ValueError(
+                f"start has {len(self.start)} values for {expected} coordinates {self.coordinates}"
+            )
         if self.start_speeds and len(self.start_speeds) != expected:
-            raise ValueError(f"start_speeds has {len(self.start_speeds)} values for {expected} coordinates")
+            raise ValueError(
+                f"start_speeds has {len(self.start_speeds)} values for {expected} coordinates"
+            )
 
     def _refuse_wrong_gaps(self, start: Configuration) -> None:
         for stop in self.stops:
             (gap, rounding), unit = _gap(stop, start), stop.gap_unit
             if stop.closed and abs(gap) > rounding:
-                raise ValueError(f"stop {stop.name!r} is closed, but its gap at the start is {gap:.3g} {unit}, not 0")
+                raise ValueError(
+                    f"stop {stop.name!r} is closed, but its gap at the start is {gap:.3g} {unit}, not 0"
+                )
             if not stop.closed and gap <= rounding:
                 raise ValueError(
                     f"stop {stop.name!r} is open, but its gap at the start is {gap:.3g} {unit}, not positive"
@@ -299,7 +355,9 @@ class Mechanism(Shown, Spec):
         for spring in self.force_elements:
             if not isinstance(spring, SpringDamper) or not (spring.rest_length or spring.damping):
                 continue
-            apart = start.point(spring.body, spring.point) - start.point(spring.relative_to, spring.relative_point)
+            apart = start.point(spring.body, spring.point) - start.point(
+                spring.relative_to, spring.relative_point
+            )
             if abs(apart) <= _CLOSED_GAP:
                 raise ValueError(
                     f"the points of {spring.name!r} coincide at the start: its force has no direction there"

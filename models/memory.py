@@ -17,11 +17,17 @@ def available_memory() -> float:
 
 
 def _figures() -> Iterator[float]:
-    with suppress(OSError, ValueError, StopIteration):  # Linux; counts what is only cached as available
-        line = next(line for line in _MEMINFO.read_text().splitlines() if line.startswith("MemAvailable:"))
+    with suppress(
+        OSError, ValueError, StopIteration
+    ):  # Linux; counts what is only cached as available
+        line = next(
+            line for line in _MEMINFO.read_text().splitlines() if line.startswith("MemAvailable:")
+        )
         yield 1024.0 * int(line.split()[1])
     with suppress(OSError, ValueError):  # a container's limit; "max" where it has none
-        yield float(int((_GROUP / "memory.max").read_text()) - int((_GROUP / "memory.current").read_text()))
+        yield float(
+            int((_GROUP / "memory.max").read_text()) - int((_GROUP / "memory.current").read_text())
+        )
     if not _MEMINFO.exists():
         with suppress(OSError, ValueError, AttributeError):
             yield float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))

@@ -2,13 +2,15 @@ r"""Coordinates of a mechanism's points, as complex numbers z = x + i y.
 
 With absolute angles every point is a plain sum,
 
-    z = z_0 + sum_k c_k w_k,    w_k = exp(-i q_k) of an angle, w_k = q_k of a slide along a line that does not turn,
-                                w_k = q_k exp(-i q_c) of a slide along a line that turns with the angle q_c,
+    z = z_0 + sum_k c_k w_k,    w_k = exp(-i q_k) of an angle, w_k = q_k of a slide along a line
+                                that does not turn, w_k = q_k exp(-i q_c) of a slide along a line
+                                that turns with the angle q_c,
 
-with constant complex coefficients c_k (positive clockwise: the exponent is -i q). So a point is a row of
-coefficients, and velocities and accelerations follow by differentiating w alone. Its derivatives are dw_k/dq_k, the
-rates, and for a slide on a turning line dw_k/dq_c = -i q_k dw_k/dq_k as well.
-Of n mechanisms as one (:mod:`.stacked`) coefficients and constants have a first axis of that length.
+with constant complex coefficients c_k (positive clockwise: the exponent is -i q). So a point is a
+row of coefficients, and velocities and accelerations follow by differentiating w alone. Its
+derivatives are dw_k/dq_k, the rates, and for a slide on a turning line dw_k/dq_c = -i q_k dw_k/dq_k
+as well. Of n mechanisms as one (:mod:`.stacked`) coefficients and constants have a first axis of
+that length.
 """
 
 from __future__ import annotations
@@ -68,7 +70,9 @@ class Phasors:
     @cached_property
     def _rates_at_zero(self) -> tuple[ComplexArray, ComplexArray]:
         """Of each coordinate the rate at q = 0, and the factor of q in its exponent."""
-        return np.where(self.is_angle > 0, -1j, 1.0 + 0j), np.asarray(-1j * self.is_angle, dtype=np.complex128)
+        return np.where(self.is_angle > 0, -1j, 1.0 + 0j), np.asarray(
+            -1j * self.is_angle, dtype=np.complex128
+        )
 
     def rates(self, q: FloatArray) -> ComplexArray:
         """dw_k/dq_k, shape like q: -i exp(-i q) for an angle, 1 for a slide, exp(-i q_c) on a turning line."""
@@ -78,15 +82,21 @@ class Phasors:
             rates[..., k] = 1j * rates[..., c]
         return rates
 
-    def curvature(self, q: FloatArray, u: FloatArray, rates: ComplexArray | None = None) -> ComplexArray:
+    def curvature(
+        self, q: FloatArray, u: FloatArray, rates: ComplexArray | None = None
+    ) -> ComplexArray:
         """d2w/dt2 without accelerations of q, shape like q."""
         rates = self.rates(q) if rates is None else rates
         curvature = -1j * self.is_angle * rates * u * u
         for k, c in self.carried:
-            curvature[..., k] = -rates[..., k] * u[..., c] * (2j * u[..., k] + q[..., k] * u[..., c])
+            curvature[..., k] = (
+                -rates[..., k] * u[..., c] * (2j * u[..., k] + q[..., k] * u[..., c])
+            )
         return curvature
 
-    def gradient(self, coefficients: ComplexArray, q: FloatArray, rates: ComplexArray) -> ComplexArray:
+    def gradient(
+        self, coefficients: ComplexArray, q: FloatArray, rates: ComplexArray
+    ) -> ComplexArray:
         """d(coefficients . w)/dq for a row or several, shape (..., n_q)."""
         gradient = rates * coefficients
         for k, c in self.carried:

@@ -32,8 +32,8 @@ class Problem(Shown, Spec):
     """One run: a mechanism from its start at t = 0 to t = duration [s].
 
     Raises:
-        InputError: the duration is not positive and finite, the law is unknown, or a loop of joints is open at the
-            start.
+        InputError: the duration is not positive and finite, the law is unknown, or a loop of joints
+            is open at the start.
     """
 
     mechanism: Mechanism
@@ -42,7 +42,9 @@ class Problem(Shown, Spec):
 
     def headline(self) -> str:
         """Its mechanism, duration and law."""
-        return f"Problem: {self.mechanism.name!r} for {self.duration:g} s, stops {self.stop_law.value}"
+        return (
+            f"Problem: {self.mechanism.name!r} for {self.duration:g} s, stops {self.stop_law.value}"
+        )
 
     def facts(self) -> Iterable[tuple[str, str]]:
         """Those of its mechanism."""

@@ -1,9 +1,10 @@
 """From which speed on a stop rebounds: one rule for the reference and for engines whose adapters resolve impacts.
 
-With 0 < e < 1 rebounds follow each other ever faster without an end. A stop that is met more slowly than `SETTLED` of a
-speed scale does not rebound (e = 0 there). The scale is sqrt(2 T A): how fast the gap could move with the largest
-kinetic energy T that the mechanism has had at an impact, A being the inverse inertia that the stop meets. It has the
-unit of the gap's speed, so no unit, length, mass or gravity matters.
+With 0 < e < 1 rebounds follow each other ever faster without an end. A stop that is met more slowly
+than `SETTLED` of a speed scale does not rebound (e = 0 there). The scale is sqrt(2 T A): how fast
+the gap could move with the largest kinetic energy T that the mechanism has had at an impact, A
+being the inverse inertia that the stop meets. It has the unit of the gap's speed, so no unit,
+length, mass or gravity matters.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ from .arrays import FloatArray
 from .kinematics import Kinematics
 from .mechanism import Mechanism
 
-SETTLED = 5e-7  # of the speed scale: rebounds that are left out are 1e-13 times as high as the first fall
+SETTLED = (
+    5e-7  # of the speed scale: rebounds that are left out are 1e-13 times as high as the first fall
+)
 
 
 def speed_scale(energy: float, inverse_inertia: float) -> float:

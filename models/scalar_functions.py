@@ -65,8 +65,8 @@ class PointFunction:
 class LineFunction:
     r"""A point's component in a direction that turns with the angle q_b [m].
 
-    It is Re(conj(d) e^{i q_b} (z_0 + c . w)) + constant, where z_0 + c . w is the vector to the point from one of the
-    body b, and d the direction in its frame.
+    It is Re(conj(d) e^{i q_b} (z_0 + c . w)) + constant, where z_0 + c . w is the vector to the
+    point from one of the body b, and d the direction in its frame.
     """
 
     phasors: Phasors
@@ -100,7 +100,9 @@ class LineFunction:
     def bias(self, q: FloatArray, u: FloatArray, curvature: ComplexArray) -> FloatArray:
         """d/dt(Jacobian) u, shape (...,)."""
         phasors, spin = self.phasors, u[..., self.body]
-        apparent = weighted(curvature, self.vector.coefficients) + 2j * spin * phasors.rate(self.vector, q, u)
+        apparent = weighted(curvature, self.vector.coefficients) + 2j * spin * phasors.rate(
+            self.vector, q, u
+        )
         apparent -= spin**2 * phasors.vector(self.vector, q)
         return (self._turned(q) * apparent).real
 

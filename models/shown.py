@@ -1,6 +1,7 @@
 """What users hold in a session: printed in one line, in a notebook a table or a report, with plots and data frames.
 
-Reports stand above what they are about, in packages that import it, so they are loaded when asked for, by name.
+Reports stand above what they are about, in packages that import it, so they are loaded when asked
+for, by name.
 """
 
 from __future__ import annotations

@@ -38,7 +38,12 @@ Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z][A-Z
 """A name that is also legal in MJCF, NetCDF and file names: a letter, then letters, digits, space, _ or -."""
 
 
-_TAGS = ("pin", "pin-in-slot", "stop", "point stop")  # of unions: pydantic puts them into the path of a complaint
+_TAGS = (
+    "pin",
+    "pin-in-slot",
+    "stop",
+    "point stop",
+)  # of unions: pydantic puts them into the path of a complaint
 
 
 def _refuse_twice(pairs: list[tuple[str, object]]) -> None:
@@ -119,7 +124,9 @@ class Spec(BaseModel):
         InputError: a field is missing, unknown, not finite or outside its range.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, ser_json_inf_nan="constants")
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, ser_json_inf_nan="constants"
+    )
     largest_file: ClassVar[int] = 200_000_000
     """Size of a file that is read [B]."""
 
@@ -138,7 +145,8 @@ class Spec(BaseModel):
         """Build from JSON text.
 
         Raises:
-            InputError: the text is not JSON, names a field twice, or does not describe a valid object.
+            InputError: the text is not JSON, names a field twice, or does not describe a valid
+                object.
         """
         try:
             spec = cls.model_validate_json(text)
@@ -152,8 +160,8 @@ class Spec(BaseModel):
         """Read a JSON file.
 
         Raises:
-            InputError: the file cannot be read, is no regular file, is too large, or is not a valid description; the
-                sentence names it.
+            InputError: the file cannot be read, is no regular file, is too large, or is not a valid
+                description; the sentence names it.
         """
         text = read_bytes(path, cls.largest_file)
         try:
@@ -165,7 +173,8 @@ class Spec(BaseModel):
     def content_hash(self) -> str:
         """SHA-256 of the canonical JSON: equal for equal content, whatever the order it was given in.
 
-        What is None is left out: a description keeps its hash when a field that it does not use comes into being.
+        What is None is left out: a description keeps its hash when a field that it does not use
+        comes into being.
         """
         content = self.model_dump(mode="json", exclude_none=True)
         canonical = json.dumps(content, sort_keys=True, separators=(",", ":"))
@@ -174,5 +183,8 @@ class Spec(BaseModel):
 
 def schema_text(model: type[BaseModel]) -> str:
     """JSON schema (draft 2020-12) of a described type, in the form the repository publishes."""
-    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **model.model_json_schema()}
+    schema = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **model.model_json_schema(),
+    }
     return json.dumps(schema, indent=2) + "\n"

@@ -1,7 +1,8 @@
 """Mechanisms alike but for their numbers as one mechanism whose numbers are arrays.
 
-A stacked mechanism is for :class:`.kinematics.Kinematics` alone, whose arrays then have a first axis more: each of its
-numbers (lengths, masses, the start) is an array over the mechanisms, shape (n,). It is not validated.
+A stacked mechanism is for :class:`.kinematics.Kinematics` alone, whose arrays then have a first
+axis more: each of its numbers (lengths, masses, the start) is an array over the mechanisms, shape
+(n,). It is not validated.
 """
 
 from __future__ import annotations
@@ -64,7 +65,9 @@ def _columns(specs: Sequence[Spec]) -> dict[str, Any]:
 @lru_cache
 def _numbers(cls: type[Spec]) -> tuple[str, ...]:
     """Names of the fields that hold numbers, or vectors of them."""
-    return tuple(name for name, field in cls.model_fields.items() if _holds_floats(field.annotation))
+    return tuple(
+        name for name, field in cls.model_fields.items() if _holds_floats(field.annotation)
+    )
 
 
 def _holds_floats(annotation: object) -> bool:

@@ -71,9 +71,9 @@ class Provenance:
 class Trajectory(Reported):
     """States, forces and energies at an engine's own sample times.
 
-    What an engine cannot observe is absent from the mappings, never zeros; the methods then raise an error.
-    Points, torques, reactions and energies come from the engine's own quantities, not from q by our formulas,
-    wherever the engine has them.
+    What an engine cannot observe is absent from the mappings, never zeros; the methods then raise
+    an error. Points, torques, reactions and energies come from the engine's own quantities, not
+    from q by our formulas, wherever the engine has them.
     """
 
     reported_by: ClassVar[str] = "comparisons.report.run"
@@ -110,7 +110,10 @@ class Trajectory(Reported):
 
     def facts(self) -> Iterator[tuple[str, str]]:
         """Cost, releases and what was observed."""
-        yield "engine", f"{self.provenance.engine} {self.provenance.engine_version}, {self.provenance.steps} steps"
+        yield (
+            "engine",
+            f"{self.provenance.engine} {self.provenance.engine_version}, {self.provenance.steps} steps",
+        )
         yield "wall time", f"{self.provenance.wall_time:.3f} s"
         for name, time in self.release_times.items():
             if self.mechanism.stop(name).closed:
@@ -127,7 +130,8 @@ class Trajectory(Reported):
     def to_dataframe(self) -> pd.DataFrame:
         """Samples as a pandas data frame by time [s], in SI units.
 
-        Columns are called 'q theta', 'projectile x', 'projectile vx', 'stop hanger rest', 'joint fulcrum x'.
+        Columns are called 'q theta', 'projectile x', 'projectile vx', 'stop hanger rest', 'joint
+        fulcrum x'.
         """
         import pandas as pd
 
@@ -136,11 +140,17 @@ class Trajectory(Reported):
             columns |= {f"q {name}": self.q[:, i], f"u {name}": self.u[:, i]}
         for name, motion in self.markers.items():
             for i, axis in enumerate("xy"):
-                columns |= {f"{name} {axis}": motion.position[:, i], f"{name} v{axis}": motion.velocity[:, i]}
+                columns |= {
+                    f"{name} {axis}": motion.position[:, i],
+                    f"{name} v{axis}": motion.velocity[:, i],
+                }
         columns |= {f"stop {name}": values for name, values in self.stop_torques.items()}
         for name, force in self.joint_reactions.items():
             columns |= {f"joint {name} {axis}": force[:, i] for i, axis in enumerate("xy")}
-        columns |= {"kinetic energy": self.kinetic_energy, "potential energy": self.potential_energy}
+        columns |= {
+            "kinetic energy": self.kinetic_energy,
+            "potential energy": self.potential_energy,
+        }
         return pd.DataFrame(columns, index=pd.Index(self.t, name="t"))
 
     def marker(self, name: str) -> PointMotion:
@@ -201,10 +211,16 @@ class Trajectory(Reported):
         names = list(self.mechanism.coordinates)
         coords: dict[str, object] = {"time": self.t, "coordinate": names, "axis": ["x", "y"]}
         data = {
-            "q": _labelled(self.q, ("time", "coordinate"), "generalized coordinates", "rad (slides: m)"),
-            "u": _labelled(self.u, ("time", "coordinate"), "generalized speeds", "rad/s (slides: m/s)"),
+            "q": _labelled(
+                self.q, ("time", "coordinate"), "generalized coordinates", "rad (slides: m)"
+            ),
+            "u": _labelled(
+                self.u, ("time", "coordinate"), "generalized speeds", "rad/s (slides: m/s)"
+            ),
             "kinetic_energy": _labelled(self.kinetic_energy, ("time",), "kinetic energy", "J"),
-            "potential_energy": _labelled(self.potential_energy, ("time",), "potential energy", "J"),
+            "potential_energy": _labelled(
+                self.potential_energy, ("time",), "potential energy", "J"
+            ),
         }
         for name, dim, values, label, units in self._by_name():
             if values:
@@ -215,7 +231,10 @@ class Trajectory(Reported):
         coords["releasable_stop"] = list(self.release_times)
         label = "time of release (NaN: did not open)"
         data["release_time"] = _labelled(np.array(released), ("releasable_stop",), label, "s")
-        arrays = {name: xr.DataArray(values, dims=dims, attrs=attrs) for name, (dims, values, attrs) in data.items()}
+        arrays = {
+            name: xr.DataArray(values, dims=dims, attrs=attrs)
+            for name, (dims, values, attrs) in data.items()
+        }
         dataset = xr.Dataset(arrays, coords=coords, attrs=self._attributes())
         dataset["time"].attrs = {"units": "s", "long_name": "time"}
         return dataset
@@ -245,12 +264,14 @@ class Trajectory(Reported):
         """The motion, to be played in a notebook and saved as GIF, MP4, SVG or page.
 
         Args:
-            others: of the same mechanism; drawn over this one, with their deviations from it magnified.
+            others: of the same mechanism; drawn over this one, with their deviations from it
+                magnified.
 
         Raises:
             InputError: another one is of another mechanism.
         """
-        # Drawings are made of mechanisms, so they stand above this module and are loaded when asked for.
+        # Drawings are made of mechanisms, so they stand above this module and are loaded when asked
+        # for.
         return load_module("models.drawing.animation").animation_of(self, others)
 
     def launch(self, angle: float | None = None, marker: str = "projectile") -> Launch | None:
@@ -264,7 +285,9 @@ class Trajectory(Reported):
         opened = rest_opened(self.mechanism, body, self.release_times)
         if opened is None:
             return None
-        return locate_launch(self.t, self.marker(marker).position, self.marker(marker).velocity, angle, opened)
+        return locate_launch(
+            self.t, self.marker(marker).position, self.marker(marker).velocity, angle, opened
+        )
 
 
 def _labelled(
@@ -286,8 +309,13 @@ def from_dataset(dataset: xr.Dataset) -> Trajectory:
         InputError: the dataset was not made by :meth:`Trajectory.to_dataset`.
     """
     if dataset.attrs.get("format") != FORMAT:
-        raise InputError(f"the dataset's format is {dataset.attrs.get('format')!r}; {FORMAT!r} is needed.")
-    positions, velocities = _split(dataset, "position", "marker"), _split(dataset, "velocity", "marker")
+        raise InputError(
+            f"the dataset's format is {dataset.attrs.get('format')!r}; {FORMAT!r} is needed."
+        )
+    positions, velocities = (
+        _split(dataset, "position", "marker"),
+        _split(dataset, "velocity", "marker"),
+    )
     releases = _values(dataset, "release_time")
     names = [str(name) for name in dataset["releasable_stop"].values]
     return Trajectory(
@@ -299,11 +327,15 @@ def from_dataset(dataset: xr.Dataset) -> Trajectory:
         kinetic_energy=_values(dataset, "kinetic_energy"),
         potential_energy=_values(dataset, "potential_energy"),
         stop_torques=_split(dataset, "stop_torque", "stop"),
-        release_times={n: None if np.isnan(v) else float(v) for n, v in zip(names, releases, strict=True)},
+        release_times={
+            n: None if np.isnan(v) else float(v) for n, v in zip(names, releases, strict=True)
+        },
         joint_reactions=_split(dataset, "joint_reaction", "joint"),
         provenance=Provenance(**json.loads(dataset.attrs["provenance"])),
         joint_gaps=_split(dataset, "joint_gap", "open_joint"),
-        impacts=tuple((float(time), dict(impulses)) for time, impulses in json.loads(dataset.attrs["impacts"])),
+        impacts=tuple(
+            (float(time), dict(impulses)) for time, impulses in json.loads(dataset.attrs["impacts"])
+        ),
     )
 
 
@@ -343,8 +375,16 @@ def write_dataset(dataset: xr.Dataset, path: str | Path, *, compressed: bool = F
     buffer = io.BytesIO()
     newer: dict[str, Any] = {"libver": ("v110", "v110")} if compressed else {}
     with h5netcdf.File(buffer, "w", **newer) as file:
-        numeric = [name for name, values in dataset.data_vars.items() if values.ndim and values.dtype.kind == "f"]
-        how = {name: {"zlib": True, "complevel": 9, "shuffle": True} for name in numeric} if compressed else None
+        numeric = [
+            name
+            for name, values in dataset.data_vars.items()
+            if values.ndim and values.dtype.kind == "f"
+        ]
+        how = (
+            {name: {"zlib": True, "complevel": 9, "shuffle": True} for name in numeric}
+            if compressed
+            else None
+        )
         dataset.dump_to_store(H5NetCDFStore(file), encoding=how)
     write_bytes(path, buffer.getbuffer())
 
@@ -363,5 +403,7 @@ def load(path: str | Path) -> Trajectory:
             return from_dataset(dataset.load())
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    except Exception as error:  # of a broken file HDF5, h5netcdf and xarray raise errors of any kind
+    except (
+        Exception
+    ) as error:  # of a broken file HDF5, h5netcdf and xarray raise errors of any kind
         raise InputError(f"{path} is not a trajectory file: {cast('object', error)}.") from None

@@ -99,11 +99,15 @@ class Tree:
         """
         values = dict(zip(self.coordinates, q, strict=True))
         angles = {
-            body: turned if index is None else q[index] + turned for body, (index, turned) in self.attitudes.items()
+            body: turned if index is None else q[index] + turned
+            for body, (index, turned) in self.attitudes.items()
         }
         found = Configuration(angles, {GROUND: (0j, 0j)})
         for joint in self.joints:
-            at, turned = found.point(joint.parent, joint.parent_point), cmath.exp(-1j * angles[joint.parent])
+            at, turned = (
+                found.point(joint.parent, joint.parent_point),
+                cmath.exp(-1j * angles[joint.parent]),
+            )
             for name, direction in zip(joint.slides, joint.free_directions, strict=True):
                 at += values[name] * direction * turned
             found.carried[joint.child] = at, complex(*joint.child_point)

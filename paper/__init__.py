@@ -1,7 +1,7 @@
 """The paper, claim by claim: its figures drawn again, its numbers judged by stated rules.
 
-The public function `trebucheck.paper()` and this subpackage share one name; why it is a module that can be called is
-said in :mod:`..engines`.
+The public function `trebucheck.paper()` and this subpackage share one name; why it is a module that
+can be called is said in :mod:`..engines`.
 """
 
 from __future__ import annotations

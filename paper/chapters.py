@@ -67,12 +67,16 @@ def _engines(values: Sequence[EngineValue]) -> list[str]:
     return list(dict.fromkeys(value.engine for value in values))
 
 
-def _engine_value(values: Sequence[EngineValue], engine: str, form: str = ".6g", tolerance: str = "") -> str:
+def _engine_value(
+    values: Sequence[EngineValue], engine: str, form: str = ".6g", tolerance: str = ""
+) -> str:
     """An engine's value, or why there is none; with its tolerance where a format for it is given."""
     entry = next((each for each in values if each.engine == engine), None)
     if entry is None or entry.value is None:
         return "–" if entry is None else entry.note or "–"
-    beside = "" if not tolerance or entry.tolerance is None else f" (± {entry.tolerance:{tolerance}})"
+    beside = (
+        "" if not tolerance or entry.tolerance is None else f" (± {entry.tolerance:{tolerance}})"
+    )
     return f"{entry.value:{form}}{beside}"
 
 
@@ -97,7 +101,10 @@ def _identification(data: JsonValue) -> Iterator[Block]:
     yield from _section("Start angles compatible with every printed digit", headings, extents)
     search = identification.search
     if search is not None:
-        rows = [(_degrees(*each.angles), each.worst, each.miss, each.starts) for each in search.solutions[:8]]
+        rows = [
+            (_degrees(*each.angles), each.worst, each.miss, each.starts)
+            for each in search.solutions[:8]
+        ]
         headings = ("θ, φ, α [deg]", "misses most", "by [half widths]", "starts that led there")
         text = f"{search.machines} machines looked at, {search.starts} minima refined."
         yield from _section("Search for other starts", headings, rows, [text])
@@ -155,7 +162,11 @@ def _drag(data: JsonValue) -> Iterator[Block]:
 def _area(interval: DragInterval | None) -> str:
     if interval is None:
         return "none"
-    return f"{interval.low:.4g} on" if interval.high is None else f"{interval.low:.4g} to {interval.high:.4g}"
+    return (
+        f"{interval.low:.4g} on"
+        if interval.high is None
+        else f"{interval.low:.4g} to {interval.high:.4g}"
+    )
 
 
 _READING: Values = {
@@ -182,7 +193,9 @@ def _readings(study: DragStudy) -> Iterator[Block]:
         "with the common one [deg]": lambda pair: math.degrees(pair[1].common_angle),
         "agrees": lambda pair: pair[1].agrees,
     }
-    yield from _section("World by world", fits, [(r, fit) for r in study.readings for fit in r.worlds])
+    yield from _section(
+        "World by world", fits, [(r, fit) for r in study.readings for fit in r.worlds]
+    )
 
 
 _POSITION: Values = {
@@ -200,7 +213,9 @@ def _sweep(data: JsonValue) -> Iterator[Block]:
     """Peak, thresholds, what happens where on the beam."""
     sweep = Sweep.model_validate(data)
     text = f"Swept from l1 = {sweep.start:g} to {sweep.end:g} m, l1 + l2 = {sweep.beam:g} m."
-    yield from _section("What the curve shows", ("", ""), [*_curve_facts(sweep), *_regime_facts(sweep)], [text])
+    yield from _section(
+        "What the curve shows", ("", ""), [*_curve_facts(sweep), *_regime_facts(sweep)], [text]
+    )
     ends = (sweep.regime.below, sweep.regime.above)
     positions = [*sweep.positions, *(position for position in ends if position is not None)]
     names = _engines([each for position in sweep.positions for each in position.engines])
@@ -216,8 +231,14 @@ def _curve_facts(s: Sweep) -> Iterator[tuple[str, str]]:
     backward = "nowhere" if s.backward.l1 is None else f"l1 = {s.backward.l1:.8g} m"
     yield "gravity turns the arm backward below", backward
     yield "least torque of gravity over the sweep", f"{s.backward.least_torque:.6g} N m, forward"
-    yield f"speed at l1 = {near.l1:g} m", f"{near.speed:.8g} m/s; by its neighbours {near.from_neighbours:.8g}"
-    yield "second difference there", f"{near.second_difference:.6g}; of the curve {near.second_derivative:.6g}"
+    yield (
+        f"speed at l1 = {near.l1:g} m",
+        f"{near.speed:.8g} m/s; by its neighbours {near.from_neighbours:.8g}",
+    )
+    yield (
+        "second difference there",
+        f"{near.second_difference:.6g}; of the curve {near.second_derivative:.6g}",
+    )
     slope = f"{trend.slope:.5g} m/s per m, R² {trend.determination:.5f}"
     yield f"slope from {trend.start:.4g} to {trend.end:.4g} m", slope
 
@@ -227,7 +248,10 @@ def _regime_facts(s: Sweep) -> Iterator[tuple[str, str]]:
     if regime.l1 is not None:
         change = f"l1 = {regime.l1.value:.9g} m; by root finding {regime.root:.9g} m"
         yield "a rest would have to pull beyond", change
-        yield "there the arm asks of the hanger", f"{regime.needed:.6g} m/s², gravity gives {regime.available:.6g}"
+        yield (
+            "there the arm asks of the hanger",
+            f"{regime.needed:.6g} m/s², gravity gives {regime.available:.6g}",
+        )
     if regime.swing is not None:
         zeros = ", ".join(f"{zero:.4g} s" for zero in regime.swing.zeros) or "none"
         yield "just above, both held: torque's zeros in a period", zeros
@@ -246,8 +270,13 @@ def _root_searches(artefact: Artefact) -> Iterator[Block]:
     guess = artefact.matching_guess
     texts = ["Nothing of the paper's program is published: this can only be compatible with it."]
     if guess is not None:
-        texts.insert(0, f"A guess of {guess:.4g} s would begin to fail just at l1 = {artefact.threshold:g} m.")
-    yield from _section("Could a root search make the paper's threshold?", _SEARCH, artefact.searches, texts)
+        texts.insert(
+            0,
+            f"A guess of {guess:.4g} s would begin to fail just at l1 = {artefact.threshold:g} m.",
+        )
+    yield from _section(
+        "Could a root search make the paper's threshold?", _SEARCH, artefact.searches, texts
+    )
 
 
 def _design(data: JsonValue) -> Iterator[Block]:
@@ -285,14 +314,20 @@ def _designs(design: Design) -> Iterator[Block]:
         *((f"{each.name} ({each.reading.value})", each.throwing) for each in design.designs),
         ("largest range of all", design.unconstrained),
     ]
-    r, h, l1 = (f"{low:g} to {high:g}" for low, high in (design.bounds.r, design.bounds.h, design.bounds.l1))
+    r, h, l1 = (
+        f"{low:g} to {high:g}" for low, high in (design.bounds.r, design.bounds.h, design.bounds.l1)
+    )
     text = (
         f"Chosen within r {r}, h {h}, l1 {l1} m, masses and l1 + l2 kept. "
         f"Asked besides: {'; '.join(design.constraints)}."
     )
-    active = "; ".join(f"{d.name} stands on {', '.join(d.optimality.active) or 'no bound'}" for d in design.designs)
+    active = "; ".join(
+        f"{d.name} stands on {', '.join(d.optimality.active) or 'no bound'}" for d in design.designs
+    )
     texts = [text, f"{active}."] if active else [text]
-    yield from _section("Designs", _DESIGN, [(name, each) for name, each in named if each is not None], texts)
+    yield from _section(
+        "Designs", _DESIGN, [(name, each) for name, each in named if each is not None], texts
+    )
 
 
 def _confirmed(each: CoincidingDesign) -> Iterator[Block]:
@@ -328,7 +363,11 @@ def _machines(data: JsonValue) -> Iterator[Block]:
 
 
 def _bounds(machines: Machines) -> str:
-    spans = [f"{name} of {low:g} to {high:g} m" for name, (low, high) in machines.bounds.items() if name != "theta0"]
+    spans = [
+        f"{name} of {low:g} to {high:g} m"
+        for name, (low, high) in machines.bounds.items()
+        if name != "theta0"
+    ]
     low, high = (math.degrees(angle) for angle in machines.bounds["theta0"])
     return f"{', '.join(spans)} and, where the arm begins backward, a start of {low:.0f} to {high:.0f} deg"
 
@@ -336,16 +375,27 @@ def _bounds(machines: Machines) -> str:
 def _throws(machines: Machines, names: Sequence[str]) -> Iterator[Block]:
     rows: list[tuple[object, ...]] = []
     for machine in machines.machines:
-        throws = [(machine.table_one, machine.engines), (machine.fastest_sling, ()), (machine.most_efficient, ())]
-        rows += [_throw(machine, throw, values, names) for throw, values in throws if throw is not None]
+        throws = [
+            (machine.table_one, machine.engines),
+            (machine.fastest_sling, ()),
+            (machine.most_efficient, ()),
+        ]
+        rows += [
+            _throw(machine, throw, values, names) for throw, values in throws if throw is not None
+        ]
     chosen = ("l1 [m]", "start [deg]", "sling [m]", "available [kJ]", "launch [s]")
     reached = ("arm there [deg]", "speed [m/s]", "kinetic energy [kJ]", "efficiency")
     legend = "; ".join(f"{machine.name}: {machine.text}" for machine in machines.machines)
-    yield from _section("Throws at 45 degrees", ("machine", *chosen, *reached, *names), rows, [f"{legend}."])
+    yield from _section(
+        "Throws at 45 degrees", ("machine", *chosen, *reached, *names), rows, [f"{legend}."]
+    )
 
 
 def _throw(
-    machine: MachineEfficiency, throw: SlingThrow, values: Sequence[EngineValue], names: Sequence[str]
+    machine: MachineEfficiency,
+    throw: SlingThrow,
+    values: Sequence[EngineValue],
+    names: Sequence[str],
 ) -> tuple[object, ...]:
     given = ("as given", "as given")
     return (

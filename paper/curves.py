@@ -70,8 +70,12 @@ def _curve(
             continue  # the engine does not show it
         t = each.trajectory.t
         indices = np.searchsorted(t, np.linspace(start, end, _SAMPLED))
-        inside = np.unique(indices[(indices < len(t)) & (t[np.minimum(indices, len(t) - 1)] <= end)])
-        curves.append(_series(figure, each.engine, "points", each.engine, labels, (x[inside], y[inside])))
+        inside = np.unique(
+            indices[(indices < len(t)) & (t[np.minimum(indices, len(t) - 1)] <= end)]
+        )
+        curves.append(
+            _series(figure, each.engine, "points", each.engine, labels, (x[inside], y[inside]))
+        )
     return curves
 
 
@@ -86,22 +90,36 @@ def _series(
     x, y = values
     fine, (x_label, y_label) = np.isfinite(x) & np.isfinite(y), labels
     points = {"x": tuple(x[fine].tolist()), "y": tuple(y[fine].tolist())}
-    return Series(figure=figure, name=name, kind=kind, engine=engine, x_label=x_label, y_label=y_label, **points)
+    return Series(
+        figure=figure,
+        name=name,
+        kind=kind,
+        engine=engine,
+        x_label=x_label,
+        y_label=y_label,
+        **points,
+    )
 
 
-def _printed(figure: str, name: str, labels: tuple[str, str], x: list[float], y: list[float]) -> Series:
+def _printed(
+    figure: str, name: str, labels: tuple[str, str], x: list[float], y: list[float]
+) -> Series:
     return _series(figure, name, "printed", None, labels, (np.array(x), np.array(y)))
 
 
 def _torque(throw: MachineThrow, figure: str, stop: str, sign: float) -> list[Series]:
     end = throw.solution.release_times[stop]
     until = throw.launch_time if end is None else min(1.1 * end, throw.launch_time)
-    return _curve(throw, figure, (_T, _TORQUE), 0.0, until, lambda t: (t.t, sign * t.stop_torque(stop)))
+    return _curve(
+        throw, figure, (_T, _TORQUE), 0.0, until, lambda t: (t.t, sign * t.stop_torque(stop))
+    )
 
 
 def _range(throw: MachineThrow) -> Iterator[Series]:
     labels, best = ("release time [s]", "range [m]"), throw.values[BEST_TIME]
-    curve = _curve(throw, "Fig. 4", labels, best - _ABOUT, best + _ABOUT, lambda t: (t.t, vacuum_ranges(t)))
+    curve = _curve(
+        throw, "Fig. 4", labels, best - _ABOUT, best + _ABOUT, lambda t: (t.t, vacuum_ranges(t))
+    )
     yield from curve
     times = np.arange(np.ceil((best - _ABOUT) / TIME_STEP), (best + _ABOUT) / TIME_STEP) * TIME_STEP
     sampled = (times, vacuum_ranges(throw.at(times)))
@@ -115,13 +133,18 @@ def _speed(evidence: Evidence) -> Iterator[Series]:
     if not isinstance(sweep, Sweep):
         return
     curve, l1 = sweep.curve, np.array(sweep.curve.l1)
-    laws = (("rests that can only push", curve.release_once), ("rests that hold as the paper's", curve.bilateral))
+    laws = (
+        ("rests that can only push", curve.release_once),
+        ("rests that hold as the paper's", curve.bilateral),
+    )
     for name, speeds in laws:
         y = np.array([np.nan if v is None else v for v in speeds])
         yield _series("Fig. 5", name, "line", None, labels, (l1, y))
     values = [(p.l1, each) for p in sweep.positions for each in p.engines]
     for name in dict.fromkeys(each.engine for _, each in values):
-        points = [(x, each.value) for x, each in values if each.engine == name and each.value is not None]
+        points = [
+            (x, each.value) for x, each in values if each.engine == name and each.value is not None
+        ]
         if points:
             x, y = np.array(points).T
             yield _series("Fig. 5", name, "points", name, labels, (x, y))

@@ -9,7 +9,16 @@ from typing import Literal
 
 import numpy as np
 
-from ..comparisons.report.plots import Axis, Panels, Plot, Rule, Series, Style, Symbol, engine_colour
+from ..comparisons.report.plots import (
+    Axis,
+    Panels,
+    Plot,
+    Rule,
+    Series,
+    Style,
+    Symbol,
+    engine_colour,
+)
 from .design.efficiency import MachineEfficiency, Machines, SlingThrow
 from .drag.study import DragStudy
 from .evidence.claims import Series as PaperSeries
@@ -36,7 +45,8 @@ def plots(series: Sequence[PaperSeries]) -> list[tuple[str, str, Panels]]:
     """Name, caption and plot of each figure of the paper that there are series of, in the paper's order."""
     names = sorted({_figure(each) for each in series})
     return [
-        (name, _CAPTIONS.get(name, ""), _panels([each for each in series if _figure(each) == name])) for name in names
+        (name, _CAPTIONS.get(name, ""), _panels([each for each in series if _figure(each) == name]))
+        for name in names
     ]
 
 
@@ -47,13 +57,18 @@ def _figure(series: PaperSeries) -> str:
 
 def _panels(series: Sequence[PaperSeries]) -> Panels:
     names = sorted({each.figure for each in series})
-    return tuple(_plot([each for each in series if each.figure == name], name, len(names) > 1) for name in names)
+    return tuple(
+        _plot([each for each in series if each.figure == name], name, len(names) > 1)
+        for name in names
+    )
 
 
 def _plot(series: Sequence[PaperSeries], name: str, titled: bool) -> Plot:
     first = series[0]
     paths = (first.x_label, first.y_label) == ("x [m]", "y [m]")  # a metre is a metre
-    drawn = tuple(Series(each.name, np.array(each.x), np.array(each.y), *_style(each)) for each in series)
+    drawn = tuple(
+        Series(each.name, np.array(each.x), np.array(each.y), *_style(each)) for each in series
+    )
     title = f"({name[-1]}) {_MACHINES.get(name[-1], '')}" if titled else ""
     return Plot(_axis(first.x_label), _axis(first.y_label), drawn, title, equal=paths, height=400)
 
@@ -79,14 +94,25 @@ def _style(series: PaperSeries) -> tuple[Style, Literal["line", "points"]]:
 def best_angles(study: DragStudy) -> Panels:
     """Best angle of release against drag area, world by world, and the printed angles."""
     series = tuple(
-        Series(curve.world, np.array(curve.drag_areas), np.degrees(curve.angles), Style(_WORLDS[curve.world], width=2))
+        Series(
+            curve.world,
+            np.array(curve.drag_areas),
+            np.degrees(curve.angles),
+            Style(_WORLDS[curve.world], width=2),
+        )
         for curve in study.readings[0].curves
     )
     rules = tuple(
-        Rule(math.degrees(each.value), f"{each.world}: {each.printed}° in print", _WORLDS[each.world], "y")
+        Rule(
+            math.degrees(each.value),
+            f"{each.world}: {each.printed}° in print",
+            _WORLDS[each.world],
+            "y",
+        )
         for each in study.printed
     )
-    # Logarithmic: what Venus feels at 0.1 m² takes Mars some hundred. Without drag nothing changes with the area.
+    # Logarithmic: what Venus feels at 0.1 m² takes Mars some hundred. Without drag nothing changes
+    # with the area.
     area = Axis("drag area", "m²", logarithmic=True)
     return (Plot(area, Axis("best angle of release", "deg"), series, rules=rules, height=400),)
 
@@ -102,6 +128,10 @@ def efficiencies(machines: Machines) -> Panels:
     series: list[Series] = []
     for (name, of), colour in zip(bars.items(), _BARS, strict=True):
         throws = [of(machine) for machine in machines.machines]
-        heights = np.array([np.nan if throw is None else 100 * throw.efficiency for throw in throws])
-        series.append(Series(name, np.arange(len(names), dtype=float), heights, Style(colour), "bar"))
+        heights = np.array(
+            [np.nan if throw is None else 100 * throw.efficiency for throw in throws]
+        )
+        series.append(
+            Series(name, np.arange(len(names), dtype=float), heights, Style(colour), "bar")
+        )
     return (Plot(Axis("", categories=names), Axis("efficiency", "%"), tuple(series), height=380),)

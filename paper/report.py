@@ -10,7 +10,19 @@ from dataclasses import replace
 
 from ..comparisons.report import document as doc
 from ..comparisons.report import markdown
-from ..comparisons.report.document import Block, Cell, Column, Document, Figure, Heading, Mark, Note, Text, table, words
+from ..comparisons.report.document import (
+    Block,
+    Cell,
+    Column,
+    Document,
+    Figure,
+    Heading,
+    Mark,
+    Note,
+    Text,
+    table,
+    words,
+)
 from ..comparisons.report.numbers import format_number, sentence
 from ..comparisons.report.sections import mechanism_as_data
 from ..models.machines.parameters import TrebuchetParameters
@@ -19,7 +31,12 @@ from .chapters import chapters
 from .evidence.claims import Claim, EngineValue, Quantity, Study, Verdict
 from .plots import plots
 
-_SHORT = {Verdict.HOLDS: "holds", Verdict.WITHIN_GRID: "in grid", Verdict.FAILS: "fails", Verdict.OPEN: "open"}
+_SHORT = {
+    Verdict.HOLDS: "holds",
+    Verdict.WITHIN_GRID: "in grid",
+    Verdict.FAILS: "fails",
+    Verdict.OPEN: "open",
+}
 _FAVOUR = (Verdict.FAILS, Verdict.OPEN, Verdict.WITHIN_GRID, Verdict.HOLDS)
 """Verdicts, the least favourable to a claim first."""
 _UNKNOWN = 5  # significant digits that are shown of a number whose uncertainty is not known
@@ -38,8 +55,14 @@ def document(study: Study) -> Document:
         "“Computational Modeling of a Trebuchet”: its numbers, orders and statements against a certified Lagrangian "
         f"reference and {', '.join(names) or 'no engine'}. Every verdict follows from a stated rule."
     )
-    tiles = tuple(doc.Tile(str(number), verdict.value, _MARKS[verdict]) for verdict, number in counts(study).items())
-    total, agreeing = Text(headline(study), "strong", medium="terminal"), Text(agreement(study), medium="terminal")
+    tiles = tuple(
+        doc.Tile(str(number), verdict.value, _MARKS[verdict])
+        for verdict, number in counts(study).items()
+    )
+    total, agreeing = (
+        Text(headline(study), "strong", medium="terminal"),
+        Text(agreement(study), medium="terminal"),
+    )
     most_important = doc.Listing(tuple(Text(each) for each in findings(study)), ordered=True)
     blocks = (
         Note(intro),
@@ -56,7 +79,9 @@ def document(study: Study) -> Document:
         agreeing,
         doc.terminal_only(most_important),
     )
-    return Document("The paper, claim by claim", blocks, "trebucheck paper", verdict=headline(study))
+    return Document(
+        "The paper, claim by claim", blocks, "trebucheck paper", verdict=headline(study)
+    )
 
 
 def summary(study: Study) -> str:
@@ -75,13 +100,17 @@ def engines(study: Study) -> list[str]:
 def facts(claims: Sequence[Claim]) -> list[Claim]:
     """One row for each fact that the paper claims: the one it is counted by.
 
-    A fact holds only if every row that states it does, so it has the verdict of the least favourable of its rows. Of
-    those with that verdict the row that the fact is named after stands for it, or the first.
+    A fact holds only if every row that states it does, so it has the verdict of the least
+    favourable of its rows. Of those with that verdict the row that the fact is named after stands
+    for it, or the first.
     """
     by_fact: dict[str, list[Claim]] = {}
     for claim in claims:
         by_fact.setdefault(claim.fact or claim.name, []).append(claim)
-    return [min(rows, key=lambda c: (_FAVOUR.index(c.verdict), c.name != name)) for name, rows in by_fact.items()]
+    return [
+        min(rows, key=lambda c: (_FAVOUR.index(c.verdict), c.name != name))
+        for name, rows in by_fact.items()
+    ]
 
 
 def counts(study: Study) -> dict[Verdict, int]:
@@ -94,7 +123,9 @@ def headline(study: Study) -> str:
     """One line: how many claims there are and what becomes of them."""
     n = counts(study)
     rows = len(study.claims)
-    repeats = f" (of {rows} rows; those that state one fact count once)" if rows > sum(n.values()) else ""
+    repeats = (
+        f" (of {rows} rows; those that state one fact count once)" if rows > sum(n.values()) else ""
+    )
     return (
         f"{sum(n.values())} claims{repeats}: {n[Verdict.HOLDS]} hold to the printed digits, "
         f"{n[Verdict.WITHIN_GRID]} within the paper's grid, {n[Verdict.FAILS]} do not hold, "
@@ -104,8 +135,15 @@ def headline(study: Study) -> str:
 
 def agreement(study: Study) -> str:
     """One line: how many of the engines' values lie within their tolerances."""
-    judged = [agrees for c in study.claims for each in c.engines if (agrees := each.agrees(c.ours)) is not None]
-    return f"{sum(judged)} of {len(judged)} values of engines lie within their agreement tolerances."
+    judged = [
+        agrees
+        for c in study.claims
+        for each in c.engines
+        if (agrees := each.agrees(c.ours)) is not None
+    ]
+    return (
+        f"{sum(judged)} of {len(judged)} values of engines lie within their agreement tolerances."
+    )
 
 
 def disagreeing(study: Study) -> list[tuple[Claim, EngineValue]]:
@@ -146,12 +184,14 @@ def _failing(claim: Claim) -> str:
 def worst(claims: Sequence[Claim], most: int) -> list[Claim]:
     """Claims that do not hold, farthest from ours first, no two from one section.
 
-    Before all others come those the paper draws its conclusions from, in its Sec. VII, and of these those in whose
-    section most fails.
+    Before all others come those the paper draws its conclusions from, in its Sec. VII, and of these
+    those in whose section most fails.
     """
     failing = [claim for claim in facts(claims) if claim.verdict is Verdict.FAILS]
     weight = Counter(_section(claim) for claim in failing)
-    ordered = sorted(failing, key=lambda c: ("VII" not in c.where, -weight[_section(c)], -(c.departure or 0.0)))
+    ordered = sorted(
+        failing, key=lambda c: ("VII" not in c.where, -weight[_section(c)], -(c.departure or 0.0))
+    )
     first: dict[str, Claim] = {}
     for claim in ordered:
         first.setdefault(_section(claim), claim)
@@ -208,15 +248,30 @@ def _claims(study: Study, names: Sequence[str]) -> Iterator[Block]:
         yield Text(repeated, "muted")
     for claim in counted:
         if claim.verdict in (Verdict.FAILS, Verdict.OPEN):
-            yield Text(f"({claim.where}): {claim.why}.", _MARKS[claim.verdict], claim.name, medium="terminal")
+            yield Text(
+                f"({claim.where}): {claim.why}.",
+                _MARKS[claim.verdict],
+                claim.name,
+                medium="terminal",
+            )
     for claim, each in disagreeing(study):
-        yield Text(f"({claim.name}): {each.value} is outside its tolerance.", "bad", each.engine, medium="terminal")
+        yield Text(
+            f"({claim.name}): {each.value} is outside its tolerance.",
+            "bad",
+            each.engine,
+            medium="terminal",
+        )
     rules = [(claim.name, claim.rule, claim.verdict.value) for claim in study.claims]
-    yield doc.Fold("The rules behind the verdicts", (table((words("claim"), words("rule"), words("verdict")), rules),))
+    yield doc.Fold(
+        "The rules behind the verdicts",
+        (table((words("claim"), words("rule"), words("verdict")), rules),),
+    )
     if study.unreached:
         unreached = [(each.where, each.printed, sentence(each.why)) for each in study.unreached]
         columns = (words("where"), words("printed"), words("why it has no row"))
-        yield doc.Fold("Numbers of the paper that no solver can reach, and why", (table(columns, unreached),))
+        yield doc.Fold(
+            "Numbers of the paper that no solver can reach, and why", (table(columns, unreached),)
+        )
 
 
 def _claim(claim: Claim, counted: Claim, names: Sequence[str], anchor: str) -> Iterator[doc.Row]:
@@ -265,15 +320,23 @@ def _engine_value(claim: Claim, engine: str) -> Cell:
     if entry.value is None:
         return Cell("–", hint=entry.note or "")
     tolerance = entry.tolerance
-    hint = "it has no tolerance" if tolerance is None else f"allowed: {format_number(tolerance)} from ours"
+    hint = (
+        "it has no tolerance"
+        if tolerance is None
+        else f"allowed: {format_number(tolerance)} from ours"
+    )
     return Cell(
-        f"{entry.value:.{9 if tolerance is not None else _UNKNOWN}g}", doc.mark_of(entry.agrees(claim.ours)), hint=hint
+        f"{entry.value:.{9 if tolerance is not None else _UNKNOWN}g}",
+        doc.mark_of(entry.agrees(claim.ours)),
+        hint=hint,
     )
 
 
 def _figures(study: Study) -> Iterator[Block]:
     yield Heading("Figures", 2, "figures")
-    yield Note("Lines: the reference. Symbols: samples of the engines. Red: the paper's own numbers.")
+    yield Note(
+        "Lines: the reference. Symbols: samples of the engines. Red: the paper's own numbers."
+    )
     for name, caption, plot in plots(study.series):
         yield Figure(plot, name, caption)
 
@@ -281,10 +344,14 @@ def _figures(study: Study) -> Iterator[Block]:
 def _tables(study: Study) -> Iterator[Block]:
     """Table I with the start, and the claims on Table II."""
     yield Heading("Tables", 2, "tables")
-    parameters = next((p for machine in study.machines if (p := parameters_of(machine)) is not None), None)
+    parameters = next(
+        (p for machine in study.machines if (p := parameters_of(machine)) is not None), None
+    )
     if parameters is not None:
         fields = TrebuchetParameters.model_fields
-        constants = [(name, f"{value:.9g}", fields[name].description or "") for name, value in parameters]
+        constants = [
+            (name, f"{value:.9g}", fields[name].description or "") for name, value in parameters
+        ]
         yield Heading("Table I")
         yield Note("With the start angles, which the paper does not print.")
         yield table(("constant", "value", words("what")), constants, medium="page")
@@ -295,7 +362,13 @@ def _tables(study: Study) -> Iterator[Block]:
     ]
     if rows:
         yield Heading("Table II")
-        columns = (words("row"), words("printed"), "ours", words("quantity"), words("verdict", wrap=False))
+        columns = (
+            words("row"),
+            words("printed"),
+            "ours",
+            words("quantity"),
+            words("verdict", wrap=False),
+        )
         yield table(columns, rows, medium="page")
 
 

@@ -1,7 +1,7 @@
 """The whole study of the paper: its throws, the further studies, and every claim judged by them.
 
-The further studies are computed from the paper's parameters alone and do not need each other: each runs in a process of
-its own, two at a time, so that one that dies costs only itself.
+The further studies are computed from the paper's parameters alone and do not need each other: each
+runs in a process of its own, two at a time, so that one that dies costs only itself.
 """
 
 from __future__ import annotations
@@ -92,7 +92,11 @@ _ROWS: dict[str, tuple[str, Callable[[Any, Evidence], Iterable[Row]]]] = {
 """Section of the paper and rows of each further study."""
 _INPUT = "what the machine is made of: the solvers start from it"
 UNREACHED = (
-    Unreached(where="Table I", printed="l1 10, l2 4, h 10, r 6 m; m_a 1000, m_b 60, m_cw 3000 kg", why=_INPUT),
+    Unreached(
+        where="Table I",
+        printed="l1 10, l2 4, h 10, r 6 m; m_a 1000, m_b 60, m_cw 3000 kg",
+        why=_INPUT,
+    ),
     Unreached(where="Table I", printed="g 9.81 m/s²", why="a fact of nature, given to the solvers"),
     Unreached(
         where="Table II",
@@ -109,7 +113,11 @@ UNREACHED = (
         printed="axes and curves",
         why="pictures without a table: only what text and captions say of them can be held against ours",
     ),
-    Unreached(where="Eqs. (1), (6), (7), (11)", printed="λ, γ, G1, G2, R", why="definitions, which are followed here"),
+    Unreached(
+        where="Eqs. (1), (6), (7), (11)",
+        printed="λ, γ, G1, G2, R",
+        why="definitions, which are followed here",
+    ),
 )
 """The numbers of the paper that no solver can reach, and why: with them, every number in it is accounted for."""
 
@@ -129,8 +137,10 @@ def study(
 
     Args:
         engines: names; all known ones if left out. Those absent or failing become notes.
-        parameters: of the machines; the paper's Table I if left out. Its numbers are about no others.
-        sections: which of the further studies to make, of those in :data:`SECTIONS`; all if left out.
+        parameters: of the machines; the paper's Table I if left out. Its numbers are about no
+        others.
+        sections: which of the further studies to make, of those in :data:`SECTIONS`; all if left
+        out.
         timeout: longest wait for one run of an engine, and for one of the further studies [s].
         progress: called before and after each part.
 
@@ -171,7 +181,9 @@ def _sections(requested: Sequence[str] | None) -> list[str]:
     return [name for name in SECTIONS if requested is None or name in requested]
 
 
-def _throw(name: str, parameters: TrebuchetParameters, engines: Sequence[str], timeout: float) -> MachineThrow:
+def _throw(
+    name: str, parameters: TrebuchetParameters, engines: Sequence[str], timeout: float
+) -> MachineThrow:
     with Worker(timeout) as worker:
         return throw_by_all(name, parameters, engines, worker)
 
@@ -215,7 +227,10 @@ def _of_section(name: str, evidence: Evidence) -> list[Claim]:
             why = f"{type(error).__name__}: {error}"
     if why is None:
         return []  # the study was not requested
-    quantity, failed = f"everything that the study '{name}' computes", undecided(f"its computation failed: {why}")
+    quantity, failed = (
+        f"everything that the study '{name}' computes",
+        undecided(f"its computation failed: {why}"),
+    )
     return [Row(f"all of {name}", where, "", quantity, None, failed).claim(evidence)]
 
 
@@ -247,7 +262,9 @@ class Jobs:
         at_once: how many at a time.
     """
 
-    def __init__(self, jobs: Mapping[str, Callable[[], Any]], timeout: float = 600.0, at_once: int = 2) -> None:
+    def __init__(
+        self, jobs: Mapping[str, Callable[[], Any]], timeout: float = 600.0, at_once: int = 2
+    ) -> None:
         self._worker = Worker(timeout, jobs=at_once)
         self._threads = ThreadPoolExecutor(at_once)
         self._jobs = [_Job(name, compute) for name, compute in jobs.items()]
@@ -286,7 +303,8 @@ class Jobs:
 def _quiet_tracker() -> Generator[None, None, None]:
     """A process that tracks locks, started meanwhile, removes those of killed jobs without telling the user of each.
 
-    loky starts it with the first pool; it outlives the jobs and can only be told through the environment.
+    loky starts it with the first pool; it outlives the jobs and can only be told through the
+    environment.
     """
     before = os.environ.get(_WARNINGS)
     os.environ[_WARNINGS] = ",".join(filter(None, [before, "ignore:resource_tracker"]))

@@ -1,10 +1,12 @@
 """Runs the plug-ins, each in an environment of its own, and keeps what the matrix shows of them.
 
-Of each: install it with trebucheck, run its tests, the suite of conformance, a comparison on every problem, and sweeps
-of its time step; then write `results/NAME.json`. A stage that has ended, well or not, is not run again while trebucheck
-and the plug-in are the same files; `--again` runs all of it. What fails is listed at the end, and nothing else is lost.
+Of each: install it with trebucheck, run its tests, the suite of conformance, a comparison on every
+problem, and sweeps of its time step; then write `results/NAME.json`. A stage that has ended, well
+or not, is not run again while trebucheck and the plug-in are the same files; `--again` runs all of
+it. What fails is listed at the end, and nothing else is lost.
 
-Called by `make plugins`; needs nothing but Python: python plugins/run.py SOURCE [--budget SECONDS] [--again] NAME...
+Called by `make plugins`; needs nothing but Python: python plugins/run.py SOURCE [--budget SECONDS]
+[--again] NAME...
 """
 
 from __future__ import annotations
@@ -69,19 +71,46 @@ class Plugin:
         if self.stage("environment", self.environment):
             return
         python = str(self.programs / "python")
-        pytest = [python, "-m", "pytest", "-q", "-c", "/dev/null", "-p", "no:cacheprovider", "--rootdir", str(HERE)]
-        tests = [str(path) for path in (HERE / self.name / "tests", HERE / "tests") if path.is_dir()]
+        pytest = [
+            python,
+            "-m",
+            "pytest",
+            "-q",
+            "-c",
+            "/dev/null",
+            "-p",
+            "no:cacheprovider",
+            "--rootdir",
+            str(HERE),
+        ]
+        tests = [
+            str(path) for path in (HERE / self.name / "tests", HERE / "tests") if path.is_dir()
+        ]
         self.stage("tests", lambda: self.call([*pytest, *tests], 20 * self.budget), always=True)
-        for study, batches in (("compare", MACHINES), ("converge", SWEPT), ("compare", self.library())):
+        for study, batches in (
+            ("compare", MACHINES),
+            ("converge", SWEPT),
+            ("compare", self.library()),
+        ):
             for name, batch in batches.items():
-                self.stage(f"{study} {name}", lambda s=study, n=name, of=batch: self.studied(s, n, of))
+                self.stage(
+                    f"{study} {name}", lambda s=study, n=name, of=batch: self.studied(s, n, of)
+                )
         self.stage("matrix", self.matrix, always=True)
-        conform = [*self.trebucheck("conform", f"{self.name}/tuned"), "--out", str(self.folder / "conformance")]
+        conform = [
+            *self.trebucheck("conform", f"{self.name}/tuned"),
+            "--out",
+            str(self.folder / "conformance"),
+        ]
         self.stage("conform", lambda: self.call(conform, 20 * self.budget))
 
     def stage(self, name: str, work: object, *, always: bool = False) -> int:
         """Exit code of a stage, run now or before; one that is not asked for is 0, and stays as it was."""
-        if self.only and name != "environment" and not any(name.startswith(each) for each in self.only):
+        if (
+            self.only
+            and name != "environment"
+            and not any(name.startswith(each) for each in self.only)
+        ):
             return 0
         stamp = self.folder / "stages" / f"{name.replace(' ', '-')}.json"
         kept = json.loads(stamp.read_text()) if stamp.is_file() else {}
@@ -102,12 +131,23 @@ class Plugin:
             venv.create(self.folder, with_pip=True)
         own = HERE / self.name / "constraints.txt"
         chosen = own if own.exists() else self.source / "constraints.txt"
-        pip = [str(self.programs / "python"), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+        pip = [
+            str(self.programs / "python"),
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--disable-pip-version-check",
+        ]
         both = [str(self.source), str(HERE / self.name)]
         code = self.call([*pip, "--constraint", str(chosen), *both, "pytest"], 1800.0)
         code = code or self.call([*pip, "--force-reinstall", "--no-deps", *both], 1800.0)
-        if (HERE / self.name / f"trebucheck_{self.name}" / "__main__.py").exists():  # it brings what pip cannot
-            code = code or self.call([str(self.programs / "python"), "-m", f"trebucheck_{self.name}"], 1800.0)
+        if (
+            HERE / self.name / f"trebucheck_{self.name}" / "__main__.py"
+        ).exists():  # it brings what pip cannot
+            code = code or self.call(
+                [str(self.programs / "python"), "-m", f"trebucheck_{self.name}"], 1800.0
+            )
         for folder in both:  # what pip leaves where it builds
             for left in [Path(folder) / "build", *Path(folder).glob("*.egg-info")]:
                 shutil.rmtree(left, ignore_errors=True)
@@ -115,12 +155,12 @@ class Plugin:
 
     def library(self) -> dict[str, Batch]:
         """The library's problems by chapter."""
-        code = (
-            "import trebucheck.models.problems.registry as r; print(*(f'{e.number}:{e.name}' for e in r.benchmarks()))"
-        )
+        code = "import trebucheck.models.problems.registry as r; print(*(f'{e.number}:{e.name}' for e in r.benchmarks()))"
         run = [str(self.programs / "python"), "-c", code]
         chapters: dict[str, tuple[str, ...]] = {}
-        for entry in subprocess.run(run, check=True, capture_output=True, text=True, cwd="/").stdout.split():
+        for entry in subprocess.run(
+            run, check=True, capture_output=True, text=True, cwd="/"
+        ).stdout.split():
             number, _, name = entry.partition(":")
             chapters[number[0]] = (*chapters.get(number[0], ()), name)
         return {chapter: Batch(problems) for chapter, problems in chapters.items()}
@@ -131,9 +171,14 @@ class Plugin:
 
     def studied(self, study: str, name: str, batch: Batch) -> int:
         """Exit code of a study of the engine: 0 if it came to an end, whatever it found."""
-        out, written = self.folder / study / name, {"compare": "results.json"}.get(study, f"{study}.json")
+        out, written = (
+            self.folder / study / name,
+            {"compare": "results.json"}.get(study, f"{study}.json"),
+        )
         (out / written).unlink(missing_ok=True)
-        command = self.trebucheck(study, "--engines", self.name, "--models", ",".join(batch.problems), *batch.arguments)
+        command = self.trebucheck(
+            study, "--engines", self.name, "--models", ",".join(batch.problems), *batch.arguments
+        )
         command += ["--knobs", "timestep"] if study == "converge" else []
         command += ["--resume", "--timeout", f"{self.budget:g}", "--quiet", "--out", str(out)]
         code = self.call(command, RUNS * self.budget * len(batch.problems))
@@ -142,8 +187,13 @@ class Plugin:
 
     def matrix(self) -> int:
         """What there is of results, as one file; none if there is nothing."""
-        found = [*self.folder.glob("compare/*/results.json"), *self.folder.glob("converge/*/converge.json")]
-        names = [str(path.relative_to(self.folder)) for path in sorted(found)]  # results tell their command
+        found = [
+            *self.folder.glob("compare/*/results.json"),
+            *self.folder.glob("converge/*/converge.json"),
+        ]
+        names = [
+            str(path.relative_to(self.folder)) for path in sorted(found)
+        ]  # results tell their command
         written, path = self.folder / "matrix.json", HERE / "results" / f"{self.name}.json"
         code = self.call(self.trebucheck("matrix", *names, "--quiet", "--out", written.name), 600.0)
         if not code:
@@ -164,7 +214,11 @@ class Plugin:
 
 def files(folder: Path) -> list[Path]:
     """Those that decide what runs."""
-    return sorted(path for path in folder.rglob("*") if path.suffix in (".py", ".cjs", ".toml", ".txt", ".json"))
+    return sorted(
+        path
+        for path in folder.rglob("*")
+        if path.suffix in (".py", ".cjs", ".toml", ".txt", ".json")
+    )
 
 
 def core_files(source: Path) -> Iterator[Path]:
@@ -187,12 +241,21 @@ def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("source", type=Path)
     parser.add_argument("names", nargs="+")
-    parser.add_argument("--budget", type=float, default=120.0, help="longest wait for one run, or one diagnosis [s]")
+    parser.add_argument(
+        "--budget", type=float, default=120.0, help="longest wait for one run, or one diagnosis [s]"
+    )
     parser.add_argument("--again", action="store_true", help="run what has been run before, too")
-    parser.add_argument("--only", default="", help="how the names of stages begin, comma-separated: compare E,matrix")
+    parser.add_argument(
+        "--only",
+        default="",
+        help="how the names of stages begin, comma-separated: compare E,matrix",
+    )
     given = parser.parse_args()
     only = tuple(filter(None, given.only.split(",")))
-    plugins = [Plugin(name, given.source.resolve(), given.budget, given.again, only) for name in given.names]
+    plugins = [
+        Plugin(name, given.source.resolve(), given.budget, given.again, only)
+        for name in given.names
+    ]
     for plugin in plugins:
         try:
             plugin.run()
@@ -202,7 +265,9 @@ def main() -> int:
     for plugin in plugins:
         failed = ", ".join(f"{stage} ({code})" for stage, (code, _) in plugin.done.items() if code)
         seconds = sum(spent for _, spent in plugin.done.values())
-        print(f"{plugin.name:<10} {len(plugin.done)} stages in {seconds:.0f} s; failed: {failed or 'none'}")
+        print(
+            f"{plugin.name:<10} {len(plugin.done)} stages in {seconds:.0f} s; failed: {failed or 'none'}"
+        )
     return int(any(code for plugin in plugins for code, _ in plugin.done.values()))
 
 

@@ -1,16 +1,19 @@
 r"""How bouncing ends: infinitely many impacts by a finite time, of which the last are summed in closed form.
 
-For 0 < e < 1 rebounds follow each other ever faster. Once they are short, what pulls the gap g back is linear in time
-and in the gap's speed, g'' = -(a + j t + c g'), with t along the resting motion. With rebound speed v after an impact
-at t, the series of the remaining flights sums, to first order in j and c, to
+For 0 < e < 1 rebounds follow each other ever faster. Once they are short, what pulls the gap g back
+is linear in time and in the gap's speed, g'' = -(a + j t + c g'), with t along the resting motion.
+With rebound speed v after an impact at t, the series of the remaining flights sums, to first order
+in j and c, to
 
     rest = t + tau (1 - tau (j / (3 a) + c / 6)),        tau = 2 v / (a (1 - e)).
 
-The sum errs by the cube of tau over the motion's own time, and an impact is located to the rounding of its gap over its
-speed: the time of rest is taken where both are small (`_SUMMED`), while impacts are followed further (`SETTLED`), so
-that states err by a rebound some 1e-13 times as high as the first fall.
+The sum errs by the cube of tau over the motion's own time, and an impact is located to the rounding
+of its gap over its
+speed: the time of rest is taken where both are small (`_SUMMED`), while impacts are followed
+further (`SETTLED`), so that states err by a rebound some 1e-13 times as high as the first fall.
 
-Both limits are parts of one speed scale; from which speed on a stop rebounds is the rule of :mod:`...models.rebound`.
+Both limits are parts of one speed scale; from which speed on a stop rebounds is the rule of
+:mod:`...models.rebound`.
 """
 
 from __future__ import annotations
@@ -45,10 +48,20 @@ class Bouncing:
             speeds: gap speeds by stop [its speed_unit].
         """
         self._energy = max(self._energy, float(self.equations.kinematics.kinetic_energy(q, u)))
-        return np.array([self._restitution[n] if v < -SETTLED * self._scale(n, q) else 0.0 for n, v in speeds.items()])
+        return np.array(
+            [
+                self._restitution[n] if v < -SETTLED * self._scale(n, q) else 0.0
+                for n, v in speeds.items()
+            ]
+        )
 
     def note_impact(
-        self, t: float, q: FloatArray, u: FloatArray, closed: Sequence[str], speeds: Mapping[str, float]
+        self,
+        t: float,
+        q: FloatArray,
+        u: FloatArray,
+        closed: Sequence[str],
+        speeds: Mapping[str, float],
     ) -> None:
         """Note which of the stops that were met are at rest now, and when those that bounce will be.
 
@@ -87,7 +100,9 @@ class Bouncing:
         others = tuple(other for other in closed if other != name)
         row = self._row(name, q)
         response = self.equations.response(q, row)
-        along = response / (row @ response)  # speeds that an impulse of the stop causes, for a gap speed of 1
+        along = response / (
+            row @ response
+        )  # speeds that an impulse of the stop causes, for a gap speed of 1
         resting = u - along * (row @ u)
         pull = self._pull(name, q, resting, others)
         if pull <= 0.0:
@@ -95,7 +110,9 @@ class Bouncing:
         tau = 2.0 * e * speed / (pull * (1.0 - e))
         acceleration = self.equations.solve(q, resting, (*others, name))[0]
         later = self._pull(name, q + tau * resting, resting + tau * acceleration, others)
-        up, down = (self._pull(name, q, resting + sign * speed * along, others) for sign in (1.0, -1.0))
+        up, down = (
+            self._pull(name, q, resting + sign * speed * along, others) for sign in (1.0, -1.0)
+        )
         return tau * (1.0 - (later - pull) / (3.0 * pull) - tau * (up - down) / (12.0 * speed))
 
     def _pull(self, name: str, q: FloatArray, u: FloatArray, others: Sequence[str]) -> float:

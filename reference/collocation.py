@@ -1,8 +1,8 @@
 """A motion as one polynomial over a window that fulfils the equations of motion at Gauss's points of it.
 
-Hairer, Norsett, Wanner, *Solving Ordinary Differential Equations I*, 1993, II.7. Where the motion is analytic the error
-falls as fast as its Legendre series does. What happens between the points, at which the equations may be singular, is
-never evaluated.
+Hairer, Norsett, Wanner, *Solving Ordinary Differential Equations I*, 1993, II.7. Where the motion
+is analytic the error falls as fast as its Legendre series does. What happens between the points, at
+which the equations may be singular, is never evaluated.
 """
 
 from __future__ import annotations
@@ -18,7 +18,10 @@ from scipy.linalg import lu_factor, lu_solve
 from ..models.arrays import FloatArray
 
 _ITERATIONS = 20
-_ROUNDING, _STALLED = 1e-15, 1e-12  # of the largest arm: a change this small ends the iteration; where none is smaller
+_ROUNDING, _STALLED = (
+    1e-15,
+    1e-12,
+)  # of the largest arm: a change this small ends the iteration; where none is smaller
 
 Accelerations = Callable[[FloatArray, FloatArray], FloatArray]
 """Of coordinates and speeds, shapes (n, n_q)."""
@@ -64,7 +67,8 @@ def collocated(
         given: the state, at the window's start or in its middle.
         window: its start and half its length [s].
         n: number of points.
-        guess: another polynomial near it; constant accelerations, those of the given state, if left out.
+        guess: another polynomial near it; constant accelerations, those of the given state, if left
+        out.
         arms: weights of the coordinates, shape (n_q,), that make them comparable.
 
     Returns:
@@ -74,14 +78,23 @@ def collocated(
     base = (given.time - start) / half - 1.0
     x, to_series, once, twice = gauss(n, base)
     once, twice = half * once, half**2 * twice
-    start_q, start_u = given.q + half * np.outer(x - base, given.u), np.broadcast_to(given.u, (n, len(given.u)))
-    a = _first(accelerations, given, base, n) if guess is None else guess.values(guess.a, start + half * (x + 1))
+    start_q, start_u = (
+        given.q + half * np.outer(x - base, given.u),
+        np.broadcast_to(given.u, (n, len(given.u))),
+    )
+    a = (
+        _first(accelerations, given, base, n)
+        if guess is None
+        else guess.values(guess.a, start + half * (x + 1))
+    )
     last, factors = np.inf, None
     for _ in range(_ITERATIONS):
         q, u = start_q + twice @ a, start_u + once @ a
         if factors is None:
             factors = lu_factor(_newton(accelerations, q, u, once, twice), check_finite=False)
-        change = lu_solve(factors, (accelerations(q, u) - a).ravel(), check_finite=False).reshape(a.shape)
+        change = lu_solve(factors, (accelerations(q, u) - a).ravel(), check_finite=False).reshape(
+            a.shape
+        )
         a = a + change
         size = float((np.abs(twice @ change) * arms).max())
         if not size < 10:
@@ -99,7 +112,9 @@ def _first(accelerations: Accelerations, given: Given, base: float, n: int) -> F
     return np.broadcast_to(a, (n, len(a)))
 
 
-def _integrated(given: Given, window: tuple[float, float], series: FloatArray, base: float) -> Polynomial:
+def _integrated(
+    given: Given, window: tuple[float, float], series: FloatArray, base: float
+) -> Polynomial:
     start, half = window
     u = np.asarray(half * legendre.legint(series, lbnd=base), dtype=np.float64)
     u[0] += given.u
@@ -119,7 +134,9 @@ def _newton(
         dq[j], du[j] = 1e-7, 1e-6 * max(1.0, float(np.abs(u).max()))
         by_q = (accelerations(q + dq, u) - accelerations(q - dq, u)) / (2 * dq[j])
         by_u = (accelerations(q, u + du) - accelerations(q, u - du)) / (2 * du[j])
-        matrix[:, :, :, j] = -(by_q[:, :, None] * twice[:, None, :] + by_u[:, :, None] * once[:, None, :])
+        matrix[:, :, :, j] = -(
+            by_q[:, :, None] * twice[:, None, :] + by_u[:, :, None] * once[:, None, :]
+        )
     return matrix.reshape(n * n_q, n * n_q) + np.eye(n * n_q)
 
 

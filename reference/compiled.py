@@ -1,8 +1,8 @@
 """Accelerations and multipliers in machine code, where Numba is installed: the same equations, without NumPy's calls.
 
-A mechanism of a few bodies spends its time in the calls of NumPy's functions and not in their arithmetic: Numba's code
-takes a tenth of it. It is compiled once for all mechanisms and kept on disk. Its results differ from those of
-:mod:`.equations` by rounding.
+A mechanism of a few bodies spends its time in the calls of NumPy's functions and not in their
+arithmetic: Numba's code takes a tenth of it. It is compiled once for all mechanisms and kept on
+disk. Its results differ from those of :mod:`.equations` by rounding.
 """
 
 from __future__ import annotations
@@ -81,7 +81,14 @@ class CompiledEquations:
     def arrays(self) -> tuple[Any, ...]:
         """All arrays, in the order in which the kernel takes them."""
         matrices = self.products, self.weights, self.inertias
-        return self.angles, self.carried, *matrices, self.added.arrays, self.point_rows, self.angle_rows
+        return (
+            self.angles,
+            self.carried,
+            *matrices,
+            self.added.arrays,
+            self.point_rows,
+            self.angle_rows,
+        )
 
     def solve(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Accelerations and multipliers of states of shape (n_q,) or (n, n_q).

@@ -12,7 +12,8 @@ from ..models.arrays import FloatArray
 from .compiled import CompiledEquations, kernel, not_unique
 from .integrator import Integrator, StepLimit
 
-# As in SciPy's RungeKutta: of the step that the error estimate promises, least and greatest change of a step.
+# As in SciPy's RungeKutta: of the step that the error estimate promises, least and greatest change
+# of a step.
 _SAFETY, _LEAST_FACTOR, _GREATEST_FACTOR = 0.9, 0.2, 10.0
 _EXPONENT = -1.0 / 8.0  # of the error, whose estimate is of seventh order
 
@@ -52,7 +53,9 @@ class CompiledIntegrator(Integrator):
                 break
             # An error that is no number asks for the shortest step.
             size, rejected = size * np.fmax(_LEAST_FACTOR, _SAFETY * error**_EXPONENT), True
-        factor = _GREATEST_FACTOR if error == 0 else min(_GREATEST_FACTOR, _SAFETY * error**_EXPONENT)
+        factor = (
+            _GREATEST_FACTOR if error == 0 else min(_GREATEST_FACTOR, _SAFETY * error**_EXPONENT)
+        )
         self.h_previous, self.y_old = size, self.y
         self.t, self.y, self.f = t, end, stages[-1]
         self.h_abs, self._stages = size * (min(1.0, factor) if rejected else factor), stages
@@ -61,10 +64,18 @@ class CompiledIntegrator(Integrator):
     def _dense_output_impl(self) -> DenseOutput:
         extra, weights = _extra()
         coefficients = kernel().dense_output(
-            self.y_old, self.y, self._stages, self.h_previous, extra, weights, self._equations.arrays
+            self.y_old,
+            self.y,
+            self._stages,
+            self.h_previous,
+            extra,
+            weights,
+            self._equations.arrays,
         )
         self.nfev += len(extra)
-        return Interpolant(self.t_old, self.t, np.asarray(self.y_old, dtype=np.float64), coefficients)
+        return Interpolant(
+            self.t_old, self.t, np.asarray(self.y_old, dtype=np.float64), coefficients
+        )
 
 
 class Interpolant(DenseOutput):
@@ -73,7 +84,9 @@ class Interpolant(DenseOutput):
     def __init__(self, start: float, end: float, y: FloatArray, coefficients: FloatArray) -> None:
         super().__init__(start, end)
         self._size, self._coefficients = end - start, coefficients
-        self._y = np.ascontiguousarray(y)  # one layout, as in the compiled equations: pickling makes it so
+        self._y = np.ascontiguousarray(
+            y
+        )  # one layout, as in the compiled equations: pickling makes it so
 
     def _call_impl(self, t: FloatArray) -> FloatArray:
         parts = (np.atleast_1d(t) - self.t_old) / self._size

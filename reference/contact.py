@@ -1,38 +1,45 @@
 r"""Contacts of the stops: which of them are active, what an impact does, and what follows from every event.
 
-At one state both are the linear complementarity problem of unilateral constraints. With A = G M^{-1} G^T, the Delassus
-matrix (symmetric, positive semidefinite), and b = G (what the gaps do without the stops),
+At one state both are the linear complementarity problem of unilateral constraints. With A = G
+M^{-1} G^T, the Delassus matrix (symmetric, positive semidefinite), and b = G (what the gaps do
+without the stops),
 
     0 <= x  complementary to  A x + b >= 0
 
-has x as torques when b are gap accelerations, and as impulses when b_i = (1 + e_i) times gap speed i: Newton's law
-of restitution with complementarity (Moreau, *Unilateral contact and dry friction in finite freedom dynamics*, 1988;
-Glocker and Pfeiffer, *Multiple impacts with friction in rigid multibody systems*, Nonlinear Dynamics 7, 1995). So a
-gap whose stop pushes leaves with -e times its speed before, one whose stop does not push leaves at least so fast.
+has x as torques when b are gap accelerations, and as impulses when b_i = (1 + e_i) times gap speed
+i: Newton's law of restitution with complementarity (Moreau, *Unilateral contact and dry friction in
+finite freedom dynamics*, 1988; Glocker and Pfeiffer, *Multiple impacts with friction in rigid
+multibody systems*, Nonlinear Dynamics 7, 1995). So a gap whose stop pushes leaves with -e times its
+speed before, one whose stop does not push leaves at least so fast.
 
-It is the optimality condition of the smallest change of motion that the stops allow: min |y|^2 over R^T y + b >= 0,
-with A = R^T R and y = R x. That is a least-distance problem, solved as a non-negative least-squares problem (Lawson and
-Hanson, *Solving Least Squares Problems*, ch. 23), so all stops are decided at once and no order is ever chosen.
+It is the optimality condition of the smallest change of motion that the stops allow: min |y|^2 over
+R^T y + b >= 0, with A = R^T R and y = R x. That is a least-distance problem, solved as a
+non-negative least-squares problem (Lawson and Hanson, *Solving Least Squares Problems*, ch. 23), so
+all stops are decided at once and no order is ever chosen.
 
-- **Unique** is the motion after it: y is. Impulses (torques) of stops that are redundant are not; those returned belong
-  to independent stops, the others being zero.
-- **Redundant stops with different e** do not agree on the speed: the one that asks for more pushes, the other parts.
-- **No solution** exists where stops stand against each other, as two that hold one body from both sides, and no speed
-  gives each of them its rebound. Then none of them rebounds (e = 0 for all stops of that impact, which always has a
-  solution): the limit of a gap that shrinks to nothing between two stops with e < 1.
+- **Unique** is the motion after it: y is. Impulses (torques) of stops that are redundant are not;
+  those returned belong to independent stops, the others being zero.
+- **Redundant stops with different e** do not agree on the speed: the one that asks for more pushes,
+the other parts.
+- **No solution** exists where stops stand against each other, as two that hold one body from both
+  sides, and no speed gives each of them its rebound. Then none of them rebounds (e = 0 for all
+  stops of that impact, which always has a solution): the limit of a gap that shrinks to nothing
+  between two stops with e < 1.
 
-Between events an integrator moves the machine under a fixed set of closed stops, and locates the events itself. What
-follows from an event is decided here, once for all integrators (:class:`ActiveSet`).
+Between events an integrator moves the machine under a fixed set of closed stops, and locates the
+events itself. What follows from an event is decided here, once for all integrators
+(:class:`ActiveSet`).
 
 - **Release.** The torque of a closed stop falls through zero: it opens.
-- **Impact** (unilateral law only). The gap of an open stop falls through zero: speeds jump in the metric of the mass
-  matrix with the stop's restitution e. Stops that touch at the same instant take part, active ones included.
-- **No endless bouncing.** For 0 < e < 1 rebounds follow each other ever faster and come to rest at a finite time. A
-  stop that is met slowly does not bounce (e = 0 there), and the rest of the series is summed (:mod:`.bouncing`). With
-  e = 1 nothing settles, nor should it.
-- **No endless rattling.** Two stops may throw the machine to and fro between them, ever faster, towards an instant
-  that is never reached. Impacts within `TOGETHER` of each other are one: their stops are solved at once, after which
-  none of them closes.
+- **Impact** (unilateral law only). The gap of an open stop falls through zero: speeds jump in the
+  metric of the mass matrix with the stop's restitution e. Stops that touch at the same instant take
+  part, active ones included.
+- **No endless bouncing.** For 0 < e < 1 rebounds follow each other ever faster and come to rest at
+  a finite time. A stop that is met slowly does not bounce (e = 0 there), and the rest of the series
+  is summed (:mod:`.bouncing`). With e = 1 nothing settles, nor should it.
+- **No endless rattling.** Two stops may throw the machine to and fro between them, ever faster,
+  towards an instant that is never reached. Impacts within `TOGETHER` of each other are one: their
+  stops are solved at once, after which none of them closes.
 """
 
 from __future__ import annotations
@@ -55,7 +62,10 @@ TOGETHER = 1e-9  # [s]
 _TOUCHING = 1e-11  # [rad] an open stop with a gap below this takes part in an impact
 _AT_REST = 1e-9  # [rad/s] gap speeds below this are rounding of an impact's solution
 _IMMOBILE = 1e-14  # of the largest inverse inertia: that of a gap which cannot move
-_SAME_DEMAND = (1e-12, 1e-9)  # of the largest gap speed (acceleration): two that differ by less do not contradict
+_SAME_DEMAND = (
+    1e-12,
+    1e-9,
+)  # of the largest gap speed (acceleration): two that differ by less do not contradict
 _CONTRADICTION = 1e-7  # inverse of the largest y, in units of the offset, that is an answer
 _FITS = 1e-9  # [m], [m/s] how well loops of joints must close at the start
 
@@ -100,7 +110,9 @@ def _root(matrix: FloatArray) -> FloatArray:
     return (np.sqrt(values[kept]) * vectors[:, kept]).T
 
 
-def active_contacts(equations: Equations, q: FloatArray, u: FloatArray, touching: Sequence[str]) -> tuple[str, ...]:
+def active_contacts(
+    equations: Equations, q: FloatArray, u: FloatArray, touching: Sequence[str]
+) -> tuple[str, ...]:
     """Which of the touching stops push (torque >= 0), the others being about to open.
 
     A stop whose torque would be negative cannot push and is left out, all stops decided at once.
@@ -120,18 +132,25 @@ def active_contacts(equations: Equations, q: FloatArray, u: FloatArray, touching
     matrix, free = _delassus(equations, q, u, touching)
     torques = solve_lcp(matrix, free)
     if torques is None:
-        raise SimulationError(f"no forces of the stops {', '.join(touching)} keep all of their gaps open: they jam.")
+        raise SimulationError(
+            f"no forces of the stops {', '.join(touching)} keep all of their gaps open: they jam."
+        )
     return tuple(name for name, torque in zip(touching, torques, strict=True) if torque > 0)
 
 
 def resolve_impact(
-    equations: Equations, q: FloatArray, u: FloatArray, touching: Sequence[str], restitution: FloatArray
+    equations: Equations,
+    q: FloatArray,
+    u: FloatArray,
+    touching: Sequence[str],
+    restitution: FloatArray,
 ) -> tuple[FloatArray, dict[str, float]]:
     """Speeds after an impact of the touching stops, and their impulses, all decided at once.
 
-    Newton's law with complementarity (Moreau; Glocker and Pfeiffer): u+ = u- + M^{-1} G^T P with P >= 0 complementary
-    to G u+ + e G u- >= 0. The speeds are unique, impulses of redundant stops are not. Where no speeds give each stop
-    its rebound, because stops stand against each other, none rebounds.
+    Newton's law with complementarity (Moreau; Glocker and Pfeiffer): u+ = u- + M^{-1} G^T P with P
+    >= 0 complementary to G u+ + e G u- >= 0. The speeds are unique, impulses of redundant stops are
+    not. Where no speeds give each stop its rebound, because stops stand against each other, none
+    rebounds.
 
     Args:
         q, u: state before, shape (n_q,).
@@ -147,11 +166,20 @@ def resolve_impact(
     rows = gap_jacobian(equations, q, touching)
     matrix, _ = _delassus(equations, q, u, touching)
     approach = rows @ u
-    # Where none rebounds, the rounding of two that stand against each other at rest may still contradict itself.
-    demands = ((1.0 + restitution) * approach, approach, np.where(np.abs(approach) <= _AT_REST, 0.0, approach))
-    impulses = next((found for demand in demands if (found := solve_lcp(matrix, demand)) is not None), None)
+    # Where none rebounds, the rounding of two that stand against each other at rest may still
+    # contradict itself.
+    demands = (
+        (1.0 + restitution) * approach,
+        approach,
+        np.where(np.abs(approach) <= _AT_REST, 0.0, approach),
+    )
+    impulses = next(
+        (found for demand in demands if (found := solve_lcp(matrix, demand)) is not None), None
+    )
     if impulses is None:
-        raise SimulationError(f"the impact of the stops {', '.join(touching)} has no solution: they jam.")
+        raise SimulationError(
+            f"the impact of the stops {', '.join(touching)} has no solution: they jam."
+        )
     after = u + equations.response(q, rows.T @ impulses)
     return after, dict(zip(touching, impulses.tolist(), strict=True))
 
@@ -168,7 +196,9 @@ def _delassus(
     rows = gap_jacobian(equations, q, touching)
     free = equations.solve(q, u, ())[0]
     response = np.array([equations.response(q, row) for row in rows])
-    return rows @ response.T, rows @ free + equations.constraint_bias(q, u, touching)[equations.n_loops :]
+    return rows @ response.T, rows @ free + equations.constraint_bias(q, u, touching)[
+        equations.n_loops :
+    ]
 
 
 def starts_at_rest(kinematics: Kinematics, closed: Sequence[str]) -> BoolArray:
@@ -179,7 +209,9 @@ def starts_at_rest(kinematics: Kinematics, closed: Sequence[str]) -> BoolArray:
     q, u = initial_state(kinematics.mechanism)
     rows = [kinematics.gap_jacobian(name, q) for name in closed]
     speeds = [np.abs(np.sum(row * u, axis=-1)) <= _AT_REST for row in rows]
-    speeds.append(np.all(np.abs(kinematics.loop_jacobian(q) @ u[..., None]) <= _FITS, axis=(-2, -1)))
+    speeds.append(
+        np.all(np.abs(kinematics.loop_jacobian(q) @ u[..., None]) <= _FITS, axis=(-2, -1))
+    )
     speeds.append(np.all(np.abs(kinematics.loop_residual(q)) <= _FITS, axis=-1))
     return np.all(speeds, axis=0)
 
@@ -208,7 +240,9 @@ class ActiveSet:
     def __init__(self, problem: Problem, equations: Equations) -> None:
         self.problem = problem
         self.equations = equations
-        self.releases: dict[str, float | None] = {stop.name: None for stop in problem.mechanism.stops}
+        self.releases: dict[str, float | None] = {
+            stop.name: None for stop in problem.mechanism.stops
+        }
         self.impacts: list[tuple[float, dict[str, float]]] = []
         """Time [s] and impulse of each stop that took part [N m s]."""
         self._last_impact: dict[str, float] = {}
@@ -243,7 +277,12 @@ class ActiveSet:
         )
 
     def after(
-        self, t: float, q: FloatArray, u: FloatArray, closed: Sequence[str], events: Sequence[EventFunction]
+        self,
+        t: float,
+        q: FloatArray,
+        u: FloatArray,
+        closed: Sequence[str],
+        events: Sequence[EventFunction],
     ) -> PostEventState:
         """What follows from events at one instant.
 
@@ -269,16 +308,24 @@ class ActiveSet:
         self._bouncing.note_impact(t, state.q, state.u, state.closed, met)
         return state
 
-    def _with_active_contacts(self, t: float, q: FloatArray, u: FloatArray, touching: Sequence[str]) -> PostEventState:
+    def _with_active_contacts(
+        self, t: float, q: FloatArray, u: FloatArray, touching: Sequence[str]
+    ) -> PostEventState:
         """The state with those of the touching stops active that neither open nor would have to pull."""
-        resting = tuple(name for name, speed in self._gap_speeds(touching, q, u).items() if abs(speed) <= _AT_REST)
+        resting = tuple(
+            name
+            for name, speed in self._gap_speeds(touching, q, u).items()
+            if abs(speed) <= _AT_REST
+        )
         closed = active_contacts(self.equations, q, u, resting)
         for name in touching:
             if name not in closed:
                 self._note_release(name, t)
         return PostEventState(t, q, u, closed)
 
-    def _resolve_impact(self, t: float, q: FloatArray, u: FloatArray, touching: tuple[str, ...]) -> FloatArray:
+    def _resolve_impact(
+        self, t: float, q: FloatArray, u: FloatArray, touching: tuple[str, ...]
+    ) -> FloatArray:
         restitution = self._bouncing.restitution(q, u, self._gap_speeds(touching, q, u))
         after, impulses = resolve_impact(self.equations, q, u, touching, restitution)
         self.impacts.append((t, impulses))
@@ -306,7 +353,10 @@ class ActiveSet:
             self.releases[name] = t
 
     def _refuse_open_loops(self, q: FloatArray, u: FloatArray) -> None:
-        residual, speeds = self.equations.loop_residual(q), self.equations.constraint_jacobian(q, ()) @ u
+        residual, speeds = (
+            self.equations.loop_residual(q),
+            self.equations.constraint_jacobian(q, ()) @ u,
+        )
         if np.any(np.abs(residual) > _FITS) or np.any(np.abs(speeds) > _FITS):
             worst = f"{np.abs(residual).max():.3g} m and {np.abs(speeds).max():.3g} m/s"
             names = ", ".join(joint.name for joint in self.problem.mechanism.loop_joints)

@@ -1,8 +1,8 @@
 """How long a step may be where a damper decides: DOP853's steps are then limited by stability, not by accuracy.
 
-On the border of stability a step's end is accurate, for the error estimate of the next step corrects it, but the dense
-output in between is not: with h times the decay rate at 6 it errs a hundred times more than the step. Steps of at most
-`_SHARE` time constants are well inside.
+On the border of stability a step's end is accurate, for the error estimate of the next step
+corrects it, but the dense output in between is not: with h times the decay rate at 6 it errs a
+hundred times more than the step. Steps of at most `_SHARE` time constants are well inside.
 """
 
 from __future__ import annotations
@@ -25,10 +25,15 @@ def longest_step(equations: Equations, q: FloatArray, closed: Sequence[str]) -> 
         closed: active stops.
     """
     elements = equations.mechanism.force_elements
-    if not any(e.damping > 0 for e in elements if isinstance(e, SpringDamper | RotationalSpringDamper)):
+    if not any(
+        e.damping > 0 for e in elements if isinstance(e, SpringDamper | RotationalSpringDamper)
+    ):
         return np.inf
     units = np.eye(len(q))
     # Accelerations are quadratic in speeds: dampers are what is odd in them.
-    up, down = (equations.solve(np.broadcast_to(q, units.shape), sign * units, closed)[0] for sign in (1.0, -1.0))
+    up, down = (
+        equations.solve(np.broadcast_to(q, units.shape), sign * units, closed)[0]
+        for sign in (1.0, -1.0)
+    )
     fastest = np.abs(np.linalg.eigvals((up - down).T / 2)).max()
     return _SHARE / float(fastest) if fastest > 0 else np.inf

@@ -1,9 +1,9 @@
 """Arrays that carry their derivatives along several directions: forward differentiation without formulas of one's own.
 
-NumPy's functions, applied to such arrays, apply the chain rule (Griewank and Walther, Evaluating Derivatives, 2008,
-Chapter 3), so that what is written once for numbers gives derivatives as well, exact but for rounding. Real and
-complex arrays are alike; |z|, Re z and conj z are differentiated as functions of two real numbers, for the directions
-are real.
+NumPy's functions, applied to such arrays, apply the chain rule (Griewank and Walther, Evaluating
+Derivatives, 2008, Chapter 3), so that what is written once for numbers gives derivatives as well,
+exact but for rounding. Real and complex arrays are alike; |z|, Re z and conj z are differentiated
+as functions of two real numbers, for the directions are real.
 """
 
 from __future__ import annotations
@@ -94,7 +94,9 @@ def _each(operand: Any) -> Any:
 
 def _of_shape(value: Any, tangents: Any) -> Dual:
     shape = (*np.shape(value), tangents.shape[-1])
-    return Dual(value, tangents if tangents.shape == shape else np.broadcast_to(tangents, shape).copy())
+    return Dual(
+        value, tangents if tangents.shape == shape else np.broadcast_to(tangents, shape).copy()
+    )
 
 
 def _add(a: Any, b: Any) -> Dual:
@@ -125,7 +127,9 @@ def _matmul(a: Any, b: Any) -> Dual:
         part = np.swapaxes(a.tangents, -1, -2) @ right
         parts.append(part if right.ndim == 1 else np.swapaxes(part, -1, -2))
     if isinstance(b, Dual):
-        parts.append(left @ b.tangents if right.ndim == 1 else np.tensordot(left, b.tangents, axes=1))
+        parts.append(
+            left @ b.tangents if right.ndim == 1 else np.tensordot(left, b.tangents, axes=1)
+        )
     return Dual(left @ right, parts[0] if len(parts) == 1 else parts[0] + parts[1])
 
 
@@ -159,7 +163,10 @@ def _sum(a: Dual, axis: int) -> Dual:
 def _stack(items: Sequence[Any], axis: int = 0) -> Dual:
     empty = np.zeros_like(next(item.tangents for item in items if isinstance(item, Dual)))
     tangents = [item.tangents if isinstance(item, Dual) else empty for item in items]
-    return Dual(np.stack([value_of(item) for item in items], axis), np.stack(tangents, axis - 1 if axis < 0 else axis))
+    return Dual(
+        np.stack([value_of(item) for item in items], axis),
+        np.stack(tangents, axis - 1 if axis < 0 else axis),
+    )
 
 
 def _transposed(a: Dual, *_: int) -> Dual:

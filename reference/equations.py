@@ -1,24 +1,26 @@
 r"""Equations of motion of a mechanism in its minimal coordinates, constraints by multipliers.
 
-With w = (-i e^{-i q}) on angles and 1 on slides (:mod:`..models.phasors`) and K = C^H diag(m) C over the
-bodies' centres C, one Hermitian matrix H_ij = conj(w_i) K_ij w_j holds everything quadratic:
+With w = (-i e^{-i q}) on angles and 1 on slides (:mod:`..models.phasors`) and K = C^H diag(m) C
+over the bodies' centres C, one Hermitian matrix H_ij = conj(w_i) K_ij w_j holds everything
+quadratic:
 
-    M(q)   = Re H + diag(I)                    mass matrix (M_ij = Re(K_ij e^{i(q_i - q_j)}) for two angles)
-    b(q,u) = Im(H) (s u^2),  s = 1 on angles   centrifugal forces, on the left: M a + b = Q + G^T lam
-    Q(q)   = Re(conj(w) (C^H m) (-i g))        gravity
+    M(q)   = Re H + diag(I)                    mass matrix (M_ij = Re(K_ij e^{i(q_i - q_j)}) for two
+    angles) b(q,u) = Im(H) (s u^2),  s = 1 on angles   centrifugal forces, on the left: M a + b = Q
+    + G^T lam Q(q)   = Re(conj(w) (C^H m) (-i g))        gravity
 
-Slides along lines that turn add a second derivative to w, so that its Jacobian J is not diagonal: then
-H = J^H K J, b = Re(J^H K dJ/dt u) and Q = Re(J^H (C^H m) (-i g)). Force elements add theirs
+Slides along lines that turn add a second derivative to w, so that its Jacobian J is not diagonal:
+then H = J^H K J, b = Re(J^H K dJ/dt u) and Q = Re(J^H (C^H m) (-i g)). Force elements add theirs
 (:mod:`..models.applied_forces`).
 
-Constraints (closed stops, loops of joints) enter by the index-1 form of KKT: G a = -gamma. Where some of them follow
-from the others (a beam on three parallel cranks), the accelerations are unique and the multipliers are not: those of
-least norm are taken (:mod:`.dependence`).
+Constraints (closed stops, loops of joints) enter by the index-1 form of KKT: G a = -gamma. Where
+some of them follow from the others (a beam on three parallel cranks), the accelerations are unique
+and the multipliers are not: those of least norm are taken (:mod:`.dependence`).
 
-Consistent initialisation: the nearest coordinates and speeds that fulfil the constraints. Gauss-Newton with the least
-step that removes the linearised residual, G(q) dq = -residual; speeds are projected onto the null space of G (e.g.
-Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems, 1989, Sec. 3.6). "Nearest" is in the plain norm of
-the coordinates, not in the metric of the mass matrix: no force acts here.
+Consistent initialisation: the nearest coordinates and speeds that fulfil the constraints.
+Gauss-Newton with the least step that removes the linearised residual, G(q) dq = -residual; speeds
+are projected onto the null space of G (e.g. Haug, Computer Aided Kinematics and Dynamics of
+Mechanical Systems, 1989, Sec. 3.6). "Nearest" is in the plain norm of the coordinates, not in the
+metric of the mass matrix: no force acts here.
 """
 
 from __future__ import annotations
@@ -41,7 +43,10 @@ from .dependence import Basis, Scales, least_step, scales_of
 
 _ITERATIONS = 30  # from a slightly changed mechanism's start it takes three or four
 _FITS = 1e-14  # [rad or m] relative to the size of the coordinates
-_BESIDE, _POSITIONS = 1e-2, 3  # [rad; slides: of the largest length] distance and number of positions tried beside one
+_BESIDE, _POSITIONS = (
+    1e-2,
+    3,
+)  # [rad; slides: of the largest length] distance and number of positions tried beside one
 
 
 class Equations:
@@ -103,14 +108,18 @@ class Equations:
     def potential_energy(self, q: FloatArray) -> FloatArray:
         """Potential energy of gravity, zero at the world's origin, and of the springs [J], shape (...,)."""
         of_gravity = self.kinematics.potential_energy(q)
-        return of_gravity if self._applied is None else of_gravity + self._applied.potential_energy(q)
+        return (
+            of_gravity if self._applied is None else of_gravity + self._applied.potential_energy(q)
+        )
 
     def forces(self, q: FloatArray, u: FloatArray) -> FloatArray:
         """Q(q) - b(q, u), and what a fault adds to them: all generalized forces but the constraints', (..., n_q)."""
         rates = self._rates(q)
         return self._forces(q, u, rates, self._quadratic(q, rates))
 
-    def _forces(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
+    def _forces(
+        self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray
+    ) -> FloatArray:
         """Q - b: generalized forces without the constraints', shape (..., n_q)."""
         forces = self._gravity_forces(q, rates) - self._bias(q, u, rates, quadratic)
         return forces if self._applied is None else forces + self._applied.generalized(q, u, rates)
@@ -129,7 +138,9 @@ class Equations:
             jacobian[..., k, c] = -1j * q[..., k] * rates[..., k]
         return jacobian
 
-    def _bias(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
+    def _bias(
+        self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray
+    ) -> FloatArray:
         if not self.kinematics.carried:
             return (quadratic.imag @ (self._angles * u * u)[..., None])[..., 0]
         forces = self.kinematics.curvature(q, u, rates) @ self._products.T
@@ -161,12 +172,14 @@ class Equations:
             yield from enumerate(self.kinematics.loop_closures)
         yield from enumerate((self._gaps[name] for name in closed), start=self.n_loops)
 
-    def solve(self, q: FloatArray, u: FloatArray, closed: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    def solve(
+        self, q: FloatArray, u: FloatArray, closed: Sequence[str]
+    ) -> tuple[FloatArray, FloatArray]:
         """Accelerations and multipliers under the loop joints and the closed stops.
 
         Returns:
-            a, shape (..., n_q) [rad/s^2 or m/s^2], and lam, shape (..., n_loops + n_closed): generalized forces
-            conjugate to the constraints [N or N m].
+            a, shape (..., n_q) [rad/s^2 or m/s^2], and lam, shape (..., n_loops + n_closed):
+            generalized forces conjugate to the constraints [N or N m].
         """
         if (compiled := self.compiled(q, closed)) is not None:
             return compiled.solve(q, u)
@@ -178,7 +191,9 @@ class Equations:
             return self._solved(mass, forces), np.zeros((*q.shape[:-1], 0))
         jacobian, right = self.constraint_jacobian(q, closed), -self.constraint_bias(q, u, closed)
         if (basis := self.basis(q, closed)) is not None:
-            a, reduced = self._constrained(mass, basis.rows @ jacobian, forces, _times(basis.rows, right))
+            a, reduced = self._constrained(
+                mass, basis.rows @ jacobian, forces, _times(basis.rows, right)
+            )
             return a, _times(np.swapaxes(basis.rows, -1, -2), reduced)
         return self._constrained(mass, jacobian, forces, right)
 
@@ -212,8 +227,9 @@ class Equations:
         """Independent combinations of the constraints in states (..., n_q); None where all are independent.
 
         Raises:
-            SimulationError: the first state is in a singular position (a four-bar with all its pins on one line), in
-                which fewer constraints are independent than beside it: accelerations are not unique there.
+            SimulationError: the first state is in a singular position (a four-bar with all its pins
+                on one line), in which fewer constraints are independent than beside it:
+                accelerations are not unique there.
         """
         names = tuple(closed)
         if names not in self._ranks:
@@ -227,7 +243,9 @@ class Equations:
         inertia = np.diag(self._products).real + np.diag(self._inertias)
         for k, c in self.kinematics.carried:  # with the slide at 1 m
             inertia[c] += inertia[k]
-        scales = scales_of(inertia, np.array([f.amplitudes for f in functions]).reshape(-1, len(inertia)))
+        scales = scales_of(
+            inertia, np.array([f.amplitudes for f in functions]).reshape(-1, len(inertia))
+        )
         # A gap that nothing changes has a row of rounding errors, which would count as independent.
         idle = np.array([False] * self.n_loops + [name in self._immovable for name in closed])
         return replace(scales, rows=np.where(idle, 0.0, scales.rows))
@@ -243,8 +261,8 @@ class Equations:
     def independence(self, q: FloatArray, closed: Sequence[str], length: float) -> FloatArray:
         """Least singular value of the independent constraints in positions (..., n_q), shape (...,); inf without any.
 
-        Of their Jacobian, with lengths in parts of a given one [m]: rounding errors of positions show in the
-        coordinates, speeds and forces that constraints determine divided by it.
+        Of their Jacobian, with lengths in parts of a given one [m]: rounding errors of positions
+        show in the coordinates, speeds and forces that constraints determine divided by it.
         """
         names = tuple(closed)
         functions = (*self.kinematics.loop_closures, *(self._gaps[name] for name in names))
@@ -263,7 +281,8 @@ class Equations:
     def rank_at_start(self, closed: Sequence[str]) -> int:
         """Number of independent constraints of the loops and of the closed stops.
 
-        Stops that depend on other constraints in the start alone, and not beside it, count as independent.
+        Stops that depend on other constraints in the start alone, and not beside it, count as
+        independent.
         """
         most, names = self._loop_rank + len(closed), tuple(closed)
         if not names:
@@ -282,7 +301,9 @@ class Equations:
         self, mass: FloatArray, jacobian: FloatArray, forces: FloatArray, right: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Accelerations and multipliers of M a - G^T lam = f, G a = right."""
-        solution = self._solved(kkt_matrix(mass, jacobian), np.concatenate([forces, right], axis=-1))
+        solution = self._solved(
+            kkt_matrix(mass, jacobian), np.concatenate([forces, right], axis=-1)
+        )
         return solution[..., : mass.shape[-1]], solution[..., mass.shape[-1] :]
 
     def _solved(self, matrix: FloatArray, right: FloatArray) -> FloatArray:
@@ -314,7 +335,8 @@ def consistent_coordinates(
     Args:
         q: first guess, shape (n_q,) [rad or m].
         closed: names of the closed stops.
-        gaps: of each of them, where its wall is to be, shape (n_closed,) [rad or m]; 0 where left out.
+        gaps: of each of them, where its wall is to be, shape (n_closed,) [rad or m]; 0 where left
+            out.
 
     Returns:
         Shape (n_q,); None if the iteration does not converge.
@@ -335,10 +357,16 @@ def _nearest(
     return None
 
 
-def consistent_speeds(equations: Equations, q: FloatArray, u: FloatArray, closed: Sequence[str]) -> FloatArray:
+def consistent_speeds(
+    equations: Equations, q: FloatArray, u: FloatArray, closed: Sequence[str]
+) -> FloatArray:
     """The speeds nearest to u that keep loops closed and the closed stops touching, shape (n_q,)."""
     jacobian = equations.constraint_jacobian(q, closed)
-    return u - least_step(jacobian, jacobian @ u, equations.rank_at_start(closed)) if len(jacobian) else u
+    return (
+        u - least_step(jacobian, jacobian @ u, equations.rank_at_start(closed))
+        if len(jacobian)
+        else u
+    )
 
 
 def _rank_near(equations: Equations, q: FloatArray, closed: Sequence[str]) -> int:
@@ -349,7 +377,9 @@ def _rank_near(equations: Equations, q: FloatArray, closed: Sequence[str]) -> in
         return rank
     # Where constraints follow from others, whatever fulfils those others fulfils them, too.
     random, angles = np.random.default_rng(1), equations.kinematics.is_angle > 0
-    size = _BESIDE * np.where(angles, 1.0, np.abs(equations.kinematics.centres[:, angles]).max(initial=0.0))
+    size = _BESIDE * np.where(
+        angles, 1.0, np.abs(equations.kinematics.centres[:, angles]).max(initial=0.0)
+    )
     for _ in range(_POSITIONS):
         guess = q + size * random.uniform(-1, 1, len(q))
         if _nearest(equations, guess, closed, np.zeros(len(closed)), rank) is None:

@@ -1,8 +1,9 @@
 """SciPy's DOP853 with limits: an integration that gets nowhere ends with one sentence.
 
-Near a singular position of a loop of joints the rounding of its equations exceeds the tolerance however short the step,
-so that steps are accepted that hardly advance. A part that swings a million times faster than the machine moves takes a
-million times the steps. Neither ends by itself, and each step's dense output is kept.
+Near a singular position of a loop of joints the rounding of its equations exceeds the tolerance
+however short the step, so that steps are accepted that hardly advance. A part that swings a million
+times faster than the machine moves takes a million times the steps. Neither ends by itself, and
+each step's dense output is kept.
 """
 
 from __future__ import annotations
@@ -37,7 +38,9 @@ class StepLimit:
 
     def __init__(self, states: int, end: float, most: int = MOST_STEPS) -> None:
         self.end = end
-        most = min(most, MOST_STEPS, _MOST_MEMORY // (500 + 64 * states))  # 8 vectors a step, and their objects
+        most = min(
+            most, MOST_STEPS, _MOST_MEMORY // (500 + 64 * states)
+        )  # 8 vectors a step, and their objects
         self.most = most // _WINDOW * _WINDOW
         self._taken, self._marked = 0, 0.0
 
@@ -86,20 +89,33 @@ class Integrator(DOP853):
         self._rates, self._tolerance = rates, tolerance
         self.limit = limit or StepLimit(len(y), end)
         with numerical(f"at t = {start:.6g} s"):
-            super().__init__(cast("Any", rates), start, y, end, max_step=longest, rtol=tolerance[0], atol=tolerance[1])
+            super().__init__(
+                cast("Any", rates),
+                start,
+                y,
+                end,
+                max_step=longest,
+                rtol=tolerance[0],
+                atol=tolerance[1],
+            )
             if not (np.isfinite(self.f).all() and np.isfinite(self.h_abs)):
-                raise SimulationError(f"the reference's accelerations are not finite at t = {start:.6g} s.")
+                raise SimulationError(
+                    f"the reference's accelerations are not finite at t = {start:.6g} s."
+                )
 
     def step(self) -> None:
         """Take one step.
 
         Raises:
-            SimulationError: the step size collapsed, the equations are singular, or a limit is reached.
+            SimulationError: the step size collapsed, the equations are singular, or a limit is
+                reached.
         """
         with numerical(f"after t = {self.t:.6g} s"):
             message = super().step()
         if message is not None:
-            raise SimulationError(f"the reference's integrator stopped at t = {self.t:.6g} s: {message.rstrip('.')}.")
+            raise SimulationError(
+                f"the reference's integrator stopped at t = {self.t:.6g} s: {message.rstrip('.')}."
+            )
         self.limit.count(self.t)
 
     def go_on(self, t: float, y: FloatArray) -> None:
@@ -126,8 +142,8 @@ def _blas() -> ThreadpoolController:
 def one_thread() -> Generator[None]:
     """Computing in which linear algebra runs in one thread.
 
-    Two threads share a system of a hundred unknowns in less time than they take to meet, and on a busy machine they
-    wait for each other a hundred times longer.
+    Two threads share a system of a hundred unknowns in less time than they take to meet, and on a
+    busy machine they wait for each other a hundred times longer.
     """
     with _blas().limit(limits=1, user_api="blas"):
         yield

@@ -1,7 +1,8 @@
 """The kernel of :mod:`.compiled`, to be compiled by Numba: imported where that is installed, when first needed.
 
-It is written in loops over numbers, which take machine code no longer than operations on whole arrays and Numba a
-third of the time to compile. Its arguments are the fields of :class:`.compiled.CompiledEquations`.
+It is written in loops over numbers, which take machine code no longer than operations on whole
+arrays and Numba a third of the time to compile. Its arguments are the fields of
+:class:`.compiled.CompiledEquations`.
 """
 
 from __future__ import annotations
@@ -42,7 +43,9 @@ def _add_carried(row: Any, q: Any, carried: Any) -> None:
 
 
 @_inlined
-def _fill_mass(matrix: Any, q: Any, carried: Any, products: Any, inertias: Any, rates: Any, moved: Any) -> None:
+def _fill_mass(
+    matrix: Any, q: Any, carried: Any, products: Any, inertias: Any, rates: Any, moved: Any
+) -> None:
     """Re(J^H K J) + I, by way of K J."""
     n = len(q)
     for i in range(n):
@@ -60,7 +63,14 @@ def _fill_mass(matrix: Any, q: Any, carried: Any, products: Any, inertias: Any, 
 
 @_inlined
 def _fill_forces(
-    right: Any, q: Any, carried: Any, products: Any, weights: Any, rates: Any, curvature: Any, centrifugal: bool
+    right: Any,
+    q: Any,
+    carried: Any,
+    products: Any,
+    weights: Any,
+    rates: Any,
+    curvature: Any,
+    centrifugal: bool,
 ) -> None:
     """Q - b = Re(J^H (W - K dJ/dt u)), or Q alone."""
     n = len(q)
@@ -90,7 +100,14 @@ def _add_linear(
 
 @_inlined
 def _fill_constraints(
-    matrix: Any, right: Any, q: Any, carried: Any, point_rows: Any, angle_rows: Any, rates: Any, curvature: Any
+    matrix: Any,
+    right: Any,
+    q: Any,
+    carried: Any,
+    point_rows: Any,
+    angle_rows: Any,
+    rates: Any,
+    curvature: Any,
 ) -> None:
     """G, -G^T and -gamma."""
     n, m = len(q), len(point_rows)
@@ -218,7 +235,9 @@ def step(y: Any, f: Any, h: float, tableau: Any, tolerance: Any, arrays: Any) ->
 
 
 @_compiled
-def dense_output(y: Any, end: Any, stages: Any, h: float, extra: Any, weights: Any, arrays: Any) -> Any:
+def dense_output(
+    y: Any, end: Any, stages: Any, h: float, extra: Any, weights: Any, arrays: Any
+) -> Any:
     """Coefficients of DOP853's interpolant, shape (7, n_states), from three further stages."""
     first = len(stages)
     all_stages = np.empty((first + len(extra), len(y)))
@@ -255,7 +274,15 @@ def _load() -> None:
     numbers, complexes, y = np.zeros((1, 1)), np.zeros((1, 1), dtype=np.complex128), np.zeros(2)
     added = y[:1], numbers, numbers, 0.0, True
     rows = np.zeros((0, 1), dtype=np.complex128), np.zeros((0, 1))
-    arrays = np.ones(1), np.zeros((0, 2), dtype=np.intp), complexes, complexes[0], np.ones((1, 1)), added, *rows
+    arrays = (
+        np.ones(1),
+        np.zeros((0, 2), dtype=np.intp),
+        complexes,
+        complexes[0],
+        np.ones((1, 1)),
+        added,
+        *rows,
+    )
     solve(numbers, numbers, arrays)
     _, stages, _, _ = step(y, y, 1.0, (np.zeros((2, 1)), y, y), (1.0, 1.0), arrays)
     coefficients = dense_output(y, y, stages, 1.0, np.zeros((1, 2)), np.zeros((1, 3)), arrays)

@@ -1,7 +1,7 @@
 """The reference perturbed by one fault, whose effect is compared with a deviation.
 
-The effect of a wrong release time, a stop that never opens, added friction or missing forces on a motion is computed
-by the same equations and integrator, changed in that one thing.
+The effect of a wrong release time, a stop that never opens, added friction or missing forces on a
+motion is computed by the same equations and integrator, changed in that one thing.
 """
 
 from __future__ import annotations
@@ -38,10 +38,16 @@ class _With(Equations):
     def _added(self) -> Added:
         return self._beside
 
-    def _bias(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
-        return super()._bias(q, u, rates, quadratic) if self._beside.centrifugal else np.zeros_like(u)
+    def _bias(
+        self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray
+    ) -> FloatArray:
+        return (
+            super()._bias(q, u, rates, quadratic) if self._beside.centrifugal else np.zeros_like(u)
+        )
 
-    def _forces(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
+    def _forces(
+        self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray
+    ) -> FloatArray:
         added = self._beside
         linear = added.constant - (q - added.relaxed) @ added.stiffness.T - u @ added.damping.T
         momenta = (quadratic.real + self._inertias) @ u[..., None]
@@ -50,7 +56,9 @@ class _With(Equations):
     def potential_energy(self, q: FloatArray) -> FloatArray:
         """With the energy of springs [J]."""
         stretched = q - self._beside.relaxed
-        return super().potential_energy(q) + 0.5 * np.sum(stretched @ self._beside.stiffness * stretched, axis=-1)
+        return super().potential_energy(q) + 0.5 * np.sum(
+            stretched @ self._beside.stiffness * stretched, axis=-1
+        )
 
 
 class WithoutCentrifugal(_With):
@@ -82,7 +90,9 @@ class WithJoint(_With):
         torque: float = 0.0,
     ) -> None:
         perturbed_joint = next(j for j in mechanism.joints if j.name == joint)
-        row = Kinematics(mechanism).angle(perturbed_joint.child, perturbed_joint.parent).coefficients
+        row = (
+            Kinematics(mechanism).angle(perturbed_joint.child, perturbed_joint.parent).coefficients
+        )
         both = np.outer(row, row)
         start = np.array(mechanism.start, dtype=np.float64)
         springs = {"constant": torque * row, "stiffness": stiffness * both, "relaxed": start}
@@ -125,7 +135,8 @@ def solve_scheduled(
     """Integrate with each closed stop active until its given time.
 
     Args:
-        problem: its law of the stops does not matter here: they open at the given times, and none closes.
+        problem: its law of the stops does not matter here: they open at the given times, and none
+        closes.
         releases: by stop, when it opens [s]; None: never. Stops not named open as at t = 0.
         equations: with a fault; the mechanism's own if left out.
 
@@ -141,7 +152,10 @@ def solve_scheduled(
     schedule = {s.name: releases.get(s.name, 0.0) for s in problem.mechanism.stops if s.closed}
     started = time.perf_counter()
     y = np.concatenate(initial_state(problem.mechanism))
-    times = sorted({t for t in schedule.values() if t is not None and 0 < t < problem.duration} | {problem.duration})
+    times = sorted(
+        {t for t in schedule.values() if t is not None and 0 < t < problem.duration}
+        | {problem.duration}
+    )
     segments: list[Segment] = []
     now = 0.0
     for end in times:

@@ -26,7 +26,8 @@ def joint_reactions(
 
     Args:
         q: coordinates, shape (n, n_q).
-        needed: force that each body's momentum needs beyond gravity and force elements [N], shape (n, 2).
+        needed: force that each body's momentum needs beyond gravity and force elements [N], shape
+        (n, 2).
         loop_multipliers: shape (n, n_loops) [N or N m].
         stop_torques: of all stops [N m, N of one on a point], shape (n,).
     """
@@ -57,7 +58,9 @@ def _in_world(kinematics: Kinematics, q: FloatArray, body: str, direction: compl
     return np.stack([turned.real, turned.imag], axis=-1)
 
 
-def _loop_forces(kinematics: Kinematics, q: FloatArray, multipliers: FloatArray) -> dict[str, FloatArray]:
+def _loop_forces(
+    kinematics: Kinematics, q: FloatArray, multipliers: FloatArray
+) -> dict[str, FloatArray]:
     """Force of each loop joint on its child [N], from its multipliers."""
     forces: dict[str, FloatArray] = {}
     column = 0
@@ -65,7 +68,9 @@ def _loop_forces(kinematics: Kinematics, q: FloatArray, multipliers: FloatArray)
         frame = joint.parent if joint.free_directions else GROUND
         force = np.zeros((len(q), 2))
         for direction in joint.held_directions:
-            force = force + multipliers[:, column, None] * _in_world(kinematics, q, frame, direction)
+            force = force + multipliers[:, column, None] * _in_world(
+                kinematics, q, frame, direction
+            )
             column += 1
         column += joint.holds_angle
         forces[joint.name] = force
@@ -83,7 +88,9 @@ def undetermined_forces(
     if basis is None:
         return (), ()
     mechanism, null, n_l = equations.mechanism, basis.null, equations.n_loops
-    stops = {stop.name: np.zeros(len(null)) for stop in mechanism.stops} | dict(zip(closed, null.T[n_l:], strict=True))
+    stops = {stop.name: np.zeros(len(null)) for stop in mechanism.stops} | dict(
+        zip(closed, null.T[n_l:], strict=True)
+    )
     still = {body.name: np.zeros((len(null), 2)) for body in mechanism.bodies}
     states = np.broadcast_to(q, (len(null), len(q)))
     forces = joint_reactions(equations.kinematics, states, still, null[:, :n_l], stops)

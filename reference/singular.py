@@ -1,15 +1,17 @@
 r"""Motion through singular positions, in which loop constraints that are independent beside them lose rank.
 
-In such a position (a parallelogram with all its pins on one line) branches of the configuration space meet, the
-equations of motion read 0/0, and rounding decides on which branch an integrator leaves. The motion itself is smooth
-where its speed tells the branch: if the vanishing singular values of the constraint Jacobian change sign along it, no
-other branch has its tangent (Golubitsky and Guillemin, Stable Mappings and Their Singularities, 1973, on transversal
-crossings). A singular value that only touches zero tells of branches that touch, or of a mechanism at rest.
+In such a position (a parallelogram with all its pins on one line) branches of the configuration
+space meet, the equations of motion read 0/0, and rounding decides on which branch an integrator
+leaves. The motion itself is smooth where its speed tells the branch: if the vanishing singular
+values of the constraint Jacobian change sign along it, no other branch has its tangent (Golubitsky
+and Guillemin, Stable Mappings and Their Singularities, 1973, on transversal crossings). A singular
+value that only touches zero tells of branches that touch, or of a mechanism at rest.
 
-Across such a position the motion is taken as one polynomial over a short window that fulfils the equations of motion
-at Gauss's points, which lie beside the position (:mod:`.collocation`). Whatever leaves the branch has a pole in the
-window and is near no polynomial: then polynomials of different degrees differ, or the loops do not close between the
-points. Their difference tells how far the passage is known. Multipliers have simple poles there in general: see
+Across such a position the motion is taken as one polynomial over a short window that fulfils the
+equations of motion at Gauss's points, which lie beside the position (:mod:`.collocation`). Whatever
+leaves the branch has a pole in the window and is near no polynomial: then polynomials of different
+degrees differ, or the loops do not close between the points. Their difference tells how far the
+passage is known. Multipliers have simple poles there in general: see
 :meth:`.window.Window.multipliers`.
 """
 
@@ -40,7 +42,10 @@ _DRIFT = 3e-12  # of the largest arm: loops that close no better are integrated 
 _SAMPLES = 200  # of a window, in search of singular positions
 _ITERATIONS, _PLACINGS = 20, 8
 _EPSILON = 4 * float(np.finfo(np.float64).eps)
-_PROBES, _SAFETY = np.linspace(0.0, 1.0, 5), 2.0  # of a step; of what it may change, as speeds inside it are others
+_PROBES, _SAFETY = (
+    np.linspace(0.0, 1.0, 5),
+    2.0,
+)  # of a step; of what it may change, as speeds inside it are others
 _POSITIONS = 32  # random ones, for the largest arms
 
 
@@ -53,16 +58,22 @@ class Watch:
         if equations.n_loops:
             basis = equations.basis(q, closed)
             self.rank = equations.n_loops + len(closed) if basis is None else basis.rows.shape[-2]
-            self.level = _NEAR if self.rank else 0.0  # joints that say again what the tree says lose no rank
+            self.level = (
+                _NEAR if self.rank else 0.0
+            )  # joints that say again what the tree says lose no rank
             positions = q + np.random.default_rng(1).uniform(-np.pi, np.pi, (_POSITIONS, len(q)))
             arms = np.abs(equations.constraint_jacobian(positions, closed)).max(axis=0)
             self.arms = arms.max(axis=0)
             self.reach = float(self.arms.max(initial=0.0)) or 1.0
             self.scales = scales_of(np.sum(arms**2, axis=0), arms)
-            self._slopes = np.linalg.norm(self.scales.rows[:, None] * arms, axis=0) * self.scales.columns
+            self._slopes = (
+                np.linalg.norm(self.scales.rows[:, None] * arms, axis=0) * self.scales.columns
+            )
         self._slack, self._speeds = -np.inf, np.zeros(len(q))
 
-    def window(self, dense: DenseOutput, start: float, end: float, speeds: FloatArray) -> Window | None:
+    def window(
+        self, dense: DenseOutput, start: float, end: float, speeds: FloatArray
+    ) -> Window | None:
         """The motion across a singular position which a step comes near, from some time in the step on.
 
         Args:
@@ -96,18 +107,23 @@ class Watch:
 
     def nears(self, q: FloatArray, change: FloatArray) -> bool:
         """Whether another change of the coordinates leads near a singular position."""
-        values = self._values(q + _PROBES[:, None] * change)[:, -1] if self.level else np.array([np.inf])
+        values = (
+            self._values(q + _PROBES[:, None] * change)[:, -1] if self.level else np.array([np.inf])
+        )
         if values[0] > _NEAR:
             self.level = self.level and _NEAR
         return bool(values.min() < self.level)
 
-    def window_from(self, start: float, q: FloatArray, u: FloatArray, least: float = np.inf) -> Window | None:
+    def window_from(
+        self, start: float, q: FloatArray, u: FloatArray, least: float = np.inf
+    ) -> Window | None:
         """The motion across the singular position ahead of a state at `start` [s], as :meth:`window`.
 
         Args:
             start: [s].
             q, u: the state.
-            least: singular value to which an integrator has come by itself, of which it may come closer without one.
+            least: singular value to which an integrator has come by itself, of which it may come
+                closer without one.
         """
         window = self._across(Given(start, *self.projected(q, u)))
         if window is None:
@@ -137,8 +153,12 @@ class Watch:
                     break
             window = None if motion is None else self._refined(motion, given)
             if window is not None and window.passages:
-                later = (passage for passage in window.passages if passage.time > start - half * BESIDE)
-                passages = tuple(replace(passage, time=max(passage.time, start)) for passage in later)
+                later = (
+                    passage for passage in window.passages if passage.time > start - half * BESIDE
+                )
+                passages = tuple(
+                    replace(passage, time=max(passage.time, start)) for passage in later
+                )
                 return replace(window, start=start, passages=passages)
         raise SimulationError(
             f"the reference cannot start at t = {start:.6g} s in a singular position, in which constraints that are "
@@ -148,7 +168,9 @@ class Watch:
     def projected(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The nearest coordinates and speeds that fulfil the constraints."""
         for _ in range(3):
-            q = q - least_step(self.equations.constraint_jacobian(q, self.closed), self._residual(q), self.rank)
+            q = q - least_step(
+                self.equations.constraint_jacobian(q, self.closed), self._residual(q), self.rank
+            )
         jacobian = self.equations.constraint_jacobian(q, self.closed)
         return q, u - least_step(jacobian, jacobian @ u, self.rank)
 
@@ -198,7 +220,9 @@ class Watch:
             if k == 0:
                 return None
             if abs(ahead[k] - half) < 0.05 * half:
-                clear = ahead[k:][values[k:] > 0.5 * values[0]]  # of the next singular position, if there is one
+                clear = ahead[k:][
+                    values[k:] > 0.5 * values[0]
+                ]  # of the next singular position, if there is one
                 end = clear[np.argmin(np.abs(clear - 2 * half))] if len(clear) else 2 * half
                 return self._collocated(given, given.time, 0.5 * float(end), _FIRST, motion)
             half = float(ahead[k])
@@ -212,7 +236,9 @@ class Watch:
             before, motion = motion, self._collocated(given, placed.start, placed.half, n, motion)
             if motion is None:
                 return None
-            difference = float((np.abs(motion.values(motion.q, t) - before.values(before.q, t)) * self.arms).max())
+            difference = float(
+                (np.abs(motion.values(motion.q, t) - before.values(before.q, t)) * self.arms).max()
+            )
             difference /= self.reach
             if difference <= _AGREE:
                 break
@@ -220,10 +246,16 @@ class Watch:
         if not self._is_branch(motion, passages, difference, t):
             return None
         poles = np.array([passage.time for passage in passages])
-        return Window(float(t[0]), float(t[-1]), passages, motion, self._forces(motion, poles), poles)
+        return Window(
+            float(t[0]), float(t[-1]), passages, motion, self._forces(motion, poles), poles
+        )
 
     def _is_branch(
-        self, motion: Polynomial, passages: Sequence[SingularPassage], difference: float, t: FloatArray
+        self,
+        motion: Polynomial,
+        passages: Sequence[SingularPassage],
+        difference: float,
+        t: FloatArray,
     ) -> bool:
         """Whether a polynomial closes the loops between its points, too, and is worth more than an integrator's steps.
 
@@ -233,7 +265,9 @@ class Watch:
         open_by = float(np.abs(self._residual(motion.values(motion.q, t))).max()) / self.reach
         if not passages:
             values = self._values(motion.values(motion.q, t))[:, -1]
-            return bool(open_by < _CLOSES and difference <= _AGREE and values.min() < _CLOSE < values[0])
+            return bool(
+                open_by < _CLOSES and difference <= _AGREE and values.min() < _CLOSE < values[0]
+            )
         if _CLOSES < open_by < _DRIFT:
             raise SimulationError(
                 f"the reference gave up at t = {passages[0].time:.6g} s near a singular position: the loops fail to "
@@ -242,13 +276,19 @@ class Watch:
             )
         return open_by < _CLOSES
 
-    def _passages(self, motion: Polynomial, difference: float, t: FloatArray) -> Iterator[SingularPassage]:
+    def _passages(
+        self, motion: Polynomial, difference: float, t: FloatArray
+    ) -> Iterator[SingularPassage]:
         """Where singular values vanish, each of them changing its sign."""
-        for bracket in (fine for rough in self._minima(motion, t) for fine in self._minima(motion, rough)):
+        for bracket in (
+            fine for rough in self._minima(motion, t) for fine in self._minima(motion, rough)
+        ):
             time, value, rate = self._zero(motion, bracket)
             if value > _VANISHES:
                 continue
-            lost = int((self._values(motion.values(motion.q, np.array(time))) < 10 * _VANISHES).sum())
+            lost = int(
+                (self._values(motion.values(motion.q, np.array(time))) < 10 * _VANISHES).sum()
+            )
             self._refuse_touching(motion, time, lost)
             uncertain = (difference + _EPSILON) / abs(rate) + _EPSILON * abs(time)
             yield SingularPassage(time, uncertain, difference, lost)
@@ -263,10 +303,14 @@ class Watch:
         """Newton's iteration for a zero of the least singular value in t [s]; its value there, and its rate [1/s]."""
         time, step, rate, value = float(t[len(t) // 2]), 0.1 * float(t[-1] - t[0]), 0.0, np.inf
         for _ in range(_ITERATIONS):
-            before, here, after = self._scaled(motion.values(motion.q, time + step * np.array([-1.0, 0.0, 1.0])))
+            before, here, after = self._scaled(
+                motion.values(motion.q, time + step * np.array([-1.0, 0.0, 1.0]))
+            )
             left, values, right = np.linalg.svd(here)
             value = float(values[self.rank - 1])
-            rate = float(left[:, self.rank - 1] @ (after - before) @ right[self.rank - 1]) / (2 * step)
+            rate = float(left[:, self.rank - 1] @ (after - before) @ right[self.rank - 1]) / (
+                2 * step
+            )
             newton = time - value / rate if rate else time
             if abs(newton - time) <= _EPSILON * abs(time):
                 break
@@ -292,7 +336,9 @@ class Watch:
     def _collocated(
         self, given: Given, start: float, half: float, n: int, guess: Polynomial | None
     ) -> Polynomial | None:
-        return collocated(self._accelerations, given, (start, half), n, guess, self.arms / self.reach)
+        return collocated(
+            self._accelerations, given, (start, half), n, guess, self.arms / self.reach
+        )
 
     def _accelerations(self, q: FloatArray, u: FloatArray) -> FloatArray:
         return self.equations.solve(q, u, self.closed)[0]
@@ -301,7 +347,9 @@ class Watch:
         """Legendre series of :attr:`Window.forces`, through Gauss's points."""
         x, to_series, _, _ = gauss(len(motion.a), -1.0)
         t = motion.start + motion.half * (x + 1)
-        forces = self.equations.solve(motion.values(motion.q, t), motion.values(motion.u, t), self.closed)[1]
+        forces = self.equations.solve(
+            motion.values(motion.q, t), motion.values(motion.u, t), self.closed
+        )[1]
         return to_series @ (forces * np.prod((t[:, None] - poles) / motion.half, axis=1)[:, None])
 
 
@@ -313,10 +361,17 @@ def note_singular_start(equations: Equations, q: FloatArray, u: FloatArray) -> N
     for rank in range(equations.n_loops, equations.rank(q, ()), -1):
         place = beside
         for _ in range(_ITERATIONS):
-            place = place - least_step(equations.constraint_jacobian(place, ()), equations.loop_residual(place), rank)
-            if not np.abs(place - beside).max() < 1.0:  # where the rank is less, steps have no bound
+            place = place - least_step(
+                equations.constraint_jacobian(place, ()), equations.loop_residual(place), rank
+            )
+            if (
+                not np.abs(place - beside).max() < 1.0
+            ):  # where the rank is less, steps have no bound
                 break
-        near = np.abs(place - beside).max() < 1e-2 and np.abs(equations.loop_residual(place)).max() < 1e-12
+        near = (
+            np.abs(place - beside).max() < 1e-2
+            and np.abs(equations.loop_residual(place)).max() < 1e-12
+        )
         if near and equations.rank(place, ()) == rank:
             equations.note_rank((), rank)
             return

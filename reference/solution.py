@@ -39,20 +39,26 @@ class Segment:
     ) -> tuple[FloatArray, FloatArray]:
         """Accelerations and multipliers of the segment's own states, shape (n, n_q), at times t [s].
 
-        Across singular positions, in which the equations of motion are 0/0, they are read from the window.
+        Across singular positions, in which the equations of motion are 0/0, they are read from the
+        window.
         """
         a, multipliers = np.empty_like(q), np.empty((len(t), equations.n_loops + len(self.closed)))
         regular = np.ones(len(t), dtype=bool)
         for window in self.windows:
             inside = (t >= window.start) & (t <= window.end)
-            a[inside], multipliers[inside] = window.accelerations(t[inside]), window.multipliers(t[inside])
+            a[inside], multipliers[inside] = (
+                window.accelerations(t[inside]),
+                window.multipliers(t[inside]),
+            )
             regular &= ~inside
         if regular.any():
             a[regular], multipliers[regular] = equations.solve(q[regular], u[regular], self.closed)
         return a, multipliers
 
 
-_Forces = Callable[[Segment, Equations, FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+_Forces = Callable[
+    [Segment, Equations, FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray]
+]
 """Accelerations and multipliers of states of a segment."""
 
 
@@ -80,7 +86,9 @@ class Solution(Shown):
     evaluations: int
     settings: Mapping[str, object]
     wall_time: float
-    rest_times: Mapping[str, tuple[float, ...]] = field(default_factory=dict[str, tuple[float, ...]])
+    rest_times: Mapping[str, tuple[float, ...]] = field(
+        default_factory=dict[str, tuple[float, ...]]
+    )
     """By stop, when it ceased to bounce, or was met without rebound, and stayed closed [s]."""
 
     def headline(self) -> str:
@@ -104,7 +112,9 @@ class Solution(Shown):
         """
         end = self.segments[-1].end
         if len(t) and (t.min() < 0 or t.max() > end):
-            raise InputError(f"the reference covers 0 to {end:.6g} s; {t.min():.6g} to {t.max():.6g} s was asked for.")
+            raise InputError(
+                f"the reference covers 0 to {end:.6g} s; {t.min():.6g} to {t.max():.6g} s was asked for."
+            )
         n_q = len(self.problem.mechanism.coordinates)
         q, u = (np.empty((len(t), n_q)) for _ in range(2))
         for segment, indices in self._by_segment(t):
@@ -126,16 +136,22 @@ class Solution(Shown):
             t: shape (n,).
             q, u: states, shape (n, n_q).
         """
-        return self._motion(t, q, u, lambda segment, equations, _, q, u: equations.solve(q, u, segment.closed))
+        return self._motion(
+            t, q, u, lambda segment, equations, _, q, u: equations.solve(q, u, segment.closed)
+        )
 
     def _motion(self, t: FloatArray, q: FloatArray, u: FloatArray, forces: _Forces) -> Motion:
         a, loops = np.empty_like(q), np.empty((len(t), self.equations.n_loops))
         torques = {stop.name: np.zeros(len(t)) for stop in self.problem.mechanism.stops}
         with numerical("with the forces of its motion"):
             for segment, indices in self._by_segment(t):
-                a[indices], multipliers = forces(segment, self.equations, t[indices], q[indices], u[indices])
+                a[indices], multipliers = forces(
+                    segment, self.equations, t[indices], q[indices], u[indices]
+                )
                 loops[indices] = multipliers[:, : self.equations.n_loops]
-                for name, torque in zip(segment.closed, multipliers[:, self.equations.n_loops :].T, strict=True):
+                for name, torque in zip(
+                    segment.closed, multipliers[:, self.equations.n_loops :].T, strict=True
+                ):
                     torques[name][indices] = torque
         refuse_infinite("accelerations", a)
         refuse_infinite("forces of joints and stops", loops, *torques.values())
@@ -144,17 +160,32 @@ class Solution(Shown):
     def joint_reactions(self, motion: Motion) -> dict[str, FloatArray]:
         """Force on each joint's child, world frame [N], shape (n, 2), by Newton's law for its subtree."""
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
-        gravity, applied = np.array(mechanism.gravity_vector), self.equations.applied_on_bodies(motion.q, motion.u)
-        second, needed = kinematics.second_flow(motion.q, motion.u, motion.a), dict[str, FloatArray]()
+        gravity, applied = (
+            np.array(mechanism.gravity_vector),
+            self.equations.applied_on_bodies(motion.q, motion.u),
+        )
+        second, needed = (
+            kinematics.second_flow(motion.q, motion.u, motion.a),
+            dict[str, FloatArray](),
+        )
         for body in mechanism.bodies:
-            acceleration = as_vectors(weighted(second, kinematics.point(body.name, body.centre).coefficients))
+            acceleration = as_vectors(
+                weighted(second, kinematics.point(body.name, body.centre).coefficients)
+            )
             needed[body.name] = body.mass * (acceleration - gravity) - applied.get(body.name, 0.0)
-        return joint_reactions(kinematics, motion.q, needed, motion.loop_multipliers, motion.stop_torques)
+        return joint_reactions(
+            kinematics, motion.q, needed, motion.loop_multipliers, motion.stop_torques
+        )
 
     @property
     def singular_passages(self) -> tuple[SingularPassage, ...]:
         """Singular positions that the motion goes through, in order of time; joint forces have poles there."""
-        return tuple(passage for segment in self.segments for window in segment.windows for passage in window.passages)
+        return tuple(
+            passage
+            for segment in self.segments
+            for window in segment.windows
+            for passage in window.passages
+        )
 
     @property
     def undetermined_joints(self) -> tuple[str, ...]:
@@ -171,9 +202,12 @@ class Solution(Shown):
         sets: list[tuple[tuple[str, ...], tuple[str, ...]]] = []
         for segment in self.segments:
             middle = np.asarray(segment.interpolant((segment.start + segment.end) / 2))
-            sets.append(undetermined_forces(self.equations, middle[: len(middle) // 2], segment.closed))
+            sets.append(
+                undetermined_forces(self.equations, middle[: len(middle) // 2], segment.closed)
+            )
         joints, stops = (
-            tuple(dict.fromkeys(name for names in kind for name in names)) for kind in zip(*sets, strict=True)
+            tuple(dict.fromkeys(name for names in kind for name in names))
+            for kind in zip(*sets, strict=True)
         )
         return joints, stops
 
@@ -185,9 +219,9 @@ class Solution(Shown):
     def launch_at(self, angle: float, marker: str = "projectile") -> Launch | None:
         """First time the marker's velocity comes down to `angle` [rad] after its body's stops have opened.
 
-        Found on the integrator's own steps (:func:`...models.launch.first_launch`), and so the same in every solution
-        that is long enough. At an impact that turns the velocity through the direction, the velocity is the one
-        between those before and after it.
+        Found on the integrator's own steps (:func:`...models.launch.first_launch`), and so the same
+        in every solution that is long enough. At an impact that turns the velocity through the
+        direction, the velocity is the one between those before and after it.
         """
         marker_model = self.problem.mechanism.marker(marker)
         if marker_model is None:
@@ -196,13 +230,21 @@ class Solution(Shown):
         if after is None:
             return None
         row = self.equations.kinematics.point(marker_model.body, marker_model.point)
-        rests = {stop.name for stop in self.problem.mechanism.stops if stop.body == marker_model.body and stop.closed}
+        rests = {
+            stop.name
+            for stop in self.problem.mechanism.stops
+            if stop.body == marker_model.body and stop.closed
+        }
         pieces = self._free_pieces(row, after, rests)
         return first_launch(pieces, angle, self.equations.kinematics.speed_scale(row))
 
-    def _free_pieces(self, row: PointCoefficients, after: float, rests: set[str]) -> Iterator[SmoothVelocity | None]:
+    def _free_pieces(
+        self, row: PointCoefficients, after: float, rests: set[str]
+    ) -> Iterator[SmoothVelocity | None]:
         """A point's velocity from `after` [s] on, by segment; None where one of these stops pushes or strikes."""
-        strikes = {t for t, impulses in self.impacts if any(impulses.get(name, 0.0) > 0 for name in rests)}
+        strikes = {
+            t for t, impulses in self.impacts if any(impulses.get(name, 0.0) > 0 for name in rests)
+        }
         for segment in self.segments:
             if segment.end <= after:
                 continue
@@ -226,7 +268,9 @@ class Solution(Shown):
         """The motion at the given times [s], shape (n,), with all that a trajectory holds."""
         return self.reading(t, self.motion(t), provenance)
 
-    def reading(self, t: FloatArray, motion: Motion, provenance: Provenance | None = None) -> Trajectory:
+    def reading(
+        self, t: FloatArray, motion: Motion, provenance: Provenance | None = None
+    ) -> Trajectory:
         """All that a trajectory holds, of a motion at the times t [s], shape (n,)."""
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
         markers: dict[str, PointMotion] = {}
@@ -237,14 +281,21 @@ class Solution(Shown):
             )
             for marker in mechanism.markers:
                 row = kinematics.point(marker.body, marker.point)
-                position, velocity = weighted(phasors, row.coefficients), weighted(flow, row.coefficients)
-                markers[marker.name] = PointMotion(as_vectors(row.offset + position), as_vectors(velocity))
+                position, velocity = (
+                    weighted(phasors, row.coefficients),
+                    weighted(flow, row.coefficients),
+                )
+                markers[marker.name] = PointMotion(
+                    as_vectors(row.offset + position), as_vectors(velocity)
+                )
             kinetic = kinematics.kinetic_energy(motion.q, motion.u)
             potential = self.equations.potential_energy(motion.q)
             reactions = self.joint_reactions(motion)
         refuse_infinite("energies", kinetic, potential)
         refuse_infinite("joint reactions", *reactions.values())
-        refuse_infinite("markers", *(v for point in markers.values() for v in (point.position, point.velocity)))
+        refuse_infinite(
+            "markers", *(v for point in markers.values() for v in (point.position, point.velocity))
+        )
         return Trajectory(
             mechanism=mechanism,
             t=t,

@@ -1,9 +1,9 @@
 """The reference motion: DOP853 between events, every event found by root finding on the dense output of a step.
 
-Releases and closings are both downward zero crossings of a function that starts at or above zero: a torque, or a gap.
-Inside each step the function is sampled at a few points. A gap that has just opened starts at zero and may be back
-before the first of them, and one that grazes zero may dip below between two: the sign of its speed shows it, and then
-the turning point is located first.
+Releases and closings are both downward zero crossings of a function that starts at or above zero: a
+torque, or a gap. Inside each step the function is sampled at a few points. A gap that has just
+opened starts at zero and may be back before the first of them, and one that grazes zero may dip
+below between two: the sign of its speed shows it, and then the turning point is located first.
 """
 
 from __future__ import annotations
@@ -54,7 +54,8 @@ def solve(
     """Integrate a problem with SciPy's DOP853.
 
     Args:
-        rtol, atol: local error bounds of the integrator, relative and absolute [rad, m, rad/s, m/s].
+        rtol, atol: local error bounds of the integrator, relative and absolute [rad, m, rad/s,
+        m/s].
         equations: with a fault (:mod:`.perturbed`); the mechanism's own if left out.
         most_steps: after which it gives up.
 
@@ -62,17 +63,20 @@ def solve(
         A continuous solution with every release (and, under the unilateral law, impact) located.
 
     Raises:
-        SimulationError: the integrator's step size collapsed or it gets nowhere, the equations are singular or leave
-            the finite numbers, or there are more than ten thousand events.
+        SimulationError: the integrator's step size collapsed or it gets nowhere, the equations are
+            singular or leave the finite numbers, or there are more than ten thousand events.
     """
     with numerical("from the start"), one_thread():
-        return _Integration(problem, rtol, atol, equations or Equations(problem.mechanism), most_steps).run()
+        return _Integration(
+            problem, rtol, atol, equations or Equations(problem.mechanism), most_steps
+        ).run()
 
 
 def characteristic_time(mechanism: Mechanism) -> float:
     """The machine's own time scale, sqrt(reach / g) [s], reach being the sum of its links' lengths.
 
-    A link is as long as its farthest point that has a name or a mass: a balanced arm's centre is close to its pin.
+    A link is as long as its farthest point that has a name or a mass: a balanced arm's centre is
+    close to its pin.
 
     Raises:
         InputError: there is no gravity, and so no such scale.
@@ -81,8 +85,13 @@ def characteristic_time(mechanism: Mechanism) -> float:
         raise InputError("gravity = 0.0 of the mechanism: nothing would fall; it must be positive.")
     reach = 0.0
     for body, joint in zip(mechanism.bodies, mechanism.tree_joints, strict=True):
-        points = [body.centre, *(marker.point for marker in mechanism.markers if marker.body == body.name)]
-        reach += max(math.dist(joint.child_point, point) for point in points) + math.dist(joint.parent_point, (0, 0))
+        points = [
+            body.centre,
+            *(marker.point for marker in mechanism.markers if marker.body == body.name),
+        ]
+        reach += max(math.dist(joint.child_point, point) for point in points) + math.dist(
+            joint.parent_point, (0, 0)
+        )
     return math.sqrt(max(reach, 1e-6) / mechanism.gravity)
 
 
@@ -114,13 +123,17 @@ def solve_to_launch(mechanism: Mechanism, stop_law: StopLaw = StopLaw.RELEASE_ON
     scale = characteristic_time(mechanism)
 
     def launched(solution: Solution) -> bool:
-        return solution.launch is not None and solution.launch.time < 0.9 * solution.segments[-1].end
+        return (
+            solution.launch is not None and solution.launch.time < 0.9 * solution.segments[-1].end
+        )
 
     return solve_until(mechanism, (spans * scale for spans in _LAUNCH_SPANS), launched, stop_law)
 
 
 class _Integration:
-    def __init__(self, problem: Problem, rtol: float, atol: float, equations: Equations, most_steps: int) -> None:
+    def __init__(
+        self, problem: Problem, rtol: float, atol: float, equations: Equations, most_steps: int
+    ) -> None:
         self.problem = problem
         self.equations = equations
         self.active_set = ActiveSet(problem, self.equations)
@@ -138,7 +151,9 @@ class _Integration:
             segment, events = self._segment(initial)
             n_events += len(events)
             if n_events > _MAX_EVENTS:
-                raise SimulationError(f"the reference met more than {_MAX_EVENTS} events by t = {initial.t:.6g} s.")
+                raise SimulationError(
+                    f"the reference met more than {_MAX_EVENTS} events by t = {initial.t:.6g} s."
+                )
             if segment.end > segment.start or not events:
                 segments.append(segment)
             if not events:
@@ -159,9 +174,19 @@ class _Integration:
     def _segment(self, initial: PostEventState) -> tuple[Segment, list[Event]]:
         """Integrate under one active set, to its first events or to the end."""
         finder = EventFinder(self.equations, initial, self.active_set.event_functions(initial))
-        y, tolerance = np.concatenate([initial.q, initial.u]), (self.tolerances["rtol"], self.tolerances["atol"])
+        y, tolerance = (
+            np.concatenate([initial.q, initial.u]),
+            (self.tolerances["rtol"], self.tolerances["atol"]),
+        )
         segment, events, stepper = integrate_segment(
-            self.equations, initial.closed, initial.t, y, self.problem.duration, tolerance, finder.first, self.limit
+            self.equations,
+            initial.closed,
+            initial.t,
+            y,
+            self.problem.duration,
+            tolerance,
+            finder.first,
+            self.limit,
         )
         self.evaluations += stepper.nfev
         return segment, events
@@ -169,7 +194,9 @@ class _Integration:
     def _after(self, events: list[Event], before: PostEventState) -> PostEventState:
         n_q, state = len(self.problem.mechanism.coordinates), events[0].state
         functions = [event.function for event in events]
-        return self.active_set.after(events[0].t, state[:n_q].copy(), state[n_q:].copy(), before.closed, functions)
+        return self.active_set.after(
+            events[0].t, state[:n_q].copy(), state[n_q:].copy(), before.closed, functions
+        )
 
 
 def integrate_segment(
@@ -191,7 +218,8 @@ def integrate_segment(
         limit: of the motion that this is a segment of.
 
     Returns:
-        The segment, its events, and the integrator as it stopped (its state is that of the last whole step).
+        The segment, its events, and the integrator as it stopped (its state is that of the last
+        whole step).
 
     Raises:
         SimulationError: as :class:`.integrator.Integrator`, or a singular position is reached.
@@ -224,7 +252,9 @@ def integrate_segment(
 class _Path:
     """The pieces of one segment's motion, to its first events."""
 
-    def __init__(self, locate: Callable[[DenseOutput, float, float], list[Event]], start: float, end: float) -> None:
+    def __init__(
+        self, locate: Callable[[DenseOutput, float, float], list[Event]], start: float, end: float
+    ) -> None:
         self.times, self.events = [start], list[Event]()
         self._locate, self._end = locate, end
         self._pieces, self._windows = list[DenseOutput](), list[Window]()
@@ -239,7 +269,9 @@ class _Path:
     def cross(self, window: Window) -> FloatArray:
         """Go on across a singular position; the coordinates and the speeds behind it, shape (2, n_q)."""
         piece = window.dense_output()
-        end, self.events = first_events(self._locate, piece, window.start, min(window.end, self._end))
+        end, self.events = first_events(
+            self._locate, piece, window.start, min(window.end, self._end)
+        )
         self.times.append(end)
         self._pieces.append(piece)
         self._windows.append(window.until(end, releases(self.events)))
@@ -247,7 +279,9 @@ class _Path:
 
     def segment(self, closed: tuple[str, ...]) -> Segment:
         """The segment up to here."""
-        if len(self._pieces) > 1 and self.times[-1] <= self.times[-2]:  # the event fell on the step's very start
+        if (
+            len(self._pieces) > 1 and self.times[-1] <= self.times[-2]
+        ):  # the event fell on the step's very start
             self.times.pop()
             self._pieces.pop()
         interpolant = OdeSolution(np.array(self.times), self._pieces)
@@ -255,7 +289,10 @@ class _Path:
 
 
 def first_events(
-    locate: Callable[[DenseOutput, float, float], list[Event]], piece: DenseOutput, start: float, end: float
+    locate: Callable[[DenseOutput, float, float], list[Event]],
+    piece: DenseOutput,
+    start: float,
+    end: float,
 ) -> tuple[float, list[Event]]:
     """The first events in a window, part by part as it is longer than a step, and their time; else none and the end."""
     for t0, t1 in pairwise(np.linspace(start, end, _PARTS + 1).tolist()):
@@ -281,7 +318,9 @@ class Event:
 class EventFinder:
     """Locates the first events after a state, step by step."""
 
-    def __init__(self, equations: Equations, initial: PostEventState, functions: tuple[EventFunction, ...]) -> None:
+    def __init__(
+        self, equations: Equations, initial: PostEventState, functions: tuple[EventFunction, ...]
+    ) -> None:
         self.equations = equations
         self.initial = initial
         self.functions = functions
@@ -303,9 +342,15 @@ class EventFinder:
             return []
         earliest = min(t for t, _ in crossings)
         state = np.asarray(piece(earliest), dtype=np.float64)
-        return [Event(function, earliest, state) for t, function in crossings if t - earliest <= _SAME_TIME]
+        return [
+            Event(function, earliest, state)
+            for t, function in crossings
+            if t - earliest <= _SAME_TIME
+        ]
 
-    def _release(self, stop: str, piece: DenseOutput, times: FloatArray, states: FloatArray) -> float | None:
+    def _release(
+        self, stop: str, piece: DenseOutput, times: FloatArray, states: FloatArray
+    ) -> float | None:
         column = self.equations.n_loops + self.initial.closed.index(stop)
 
         def torque(state: FloatArray) -> FloatArray:
@@ -317,9 +362,13 @@ class EventFinder:
         if not len(falls):
             return None
         i = int(falls[0])
-        return _root(lambda t: float(torque(np.asarray(piece(t)))), float(times[i]), float(times[i + 1]))
+        return _root(
+            lambda t: float(torque(np.asarray(piece(t)))), float(times[i]), float(times[i + 1])
+        )
 
-    def _closing(self, stop: str, piece: DenseOutput, times: FloatArray, states: FloatArray) -> float | None:
+    def _closing(
+        self, stop: str, piece: DenseOutput, times: FloatArray, states: FloatArray
+    ) -> float | None:
         kinematics, n = self.equations.kinematics, self.n_q
 
         def gap_at(state: FloatArray) -> FloatArray:
@@ -362,7 +411,8 @@ def _downward_zero_crossing(
     start_gap = gap(start)
     if start_gap > 0:
         return _root(gap, start, end) if gaps[1] < 0 else None
-    # At zero, within rounding, and on its way down: it closes here. Rounding alone does not take it far below.
+    # At zero, within rounding, and on its way down: it closes here. Rounding alone does not take it
+    # far below.
     return start if start_gap >= -_ROUNDING and gaps[1] < -_ROUNDING else None
 
 

@@ -53,7 +53,11 @@ class Window:
                 f"the reference gave up at t = {end:.6g} s: a stop opens in a singular position, in which its torque "
                 "grows beyond all bounds."
             )
-        return replace(self, end=end, passages=tuple(passage for passage in self.passages if passage.time <= end))
+        return replace(
+            self,
+            end=end,
+            passages=tuple(passage for passage in self.passages if passage.time <= end),
+        )
 
     def dense_output(self) -> DenseOutput:
         """As that of an integrator's step."""
@@ -69,11 +73,17 @@ class Window:
         Within a hundred-thousandth of the window the mean of both sides is given: the finite part.
         """
         near = _POLE * self.motion.half
-        of = np.argmin(np.abs(t[:, None] - self.poles), axis=1) if len(self.poles) else np.zeros(len(t), dtype=int)
+        of = (
+            np.argmin(np.abs(t[:, None] - self.poles), axis=1)
+            if len(self.poles)
+            else np.zeros(len(t), dtype=int)
+        )
         pole = self.poles[of] if len(self.poles) else np.full(len(t), np.inf)
         inside = np.abs(t - pole) < near
         sides = [np.where(inside, pole + side * near, t) for side in (-1.0, 1.0)]
-        return 0.5 * np.sum([self.motion.values(self.forces, at) / self._distances(at) for at in sides], axis=0)
+        return 0.5 * np.sum(
+            [self.motion.values(self.forces, at) / self._distances(at) for at in sides], axis=0
+        )
 
     def _distances(self, t: FloatArray) -> FloatArray:
         return np.prod((t[:, None] - self.poles) / self.motion.half, axis=1)[:, None]

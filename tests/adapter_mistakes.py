@@ -1,7 +1,8 @@
 """Mistakes that strangers make in the adapter of an engine, against what a comparison says of them: the table.
 
-Each engine is the reference at a tolerance of 1e-10, given another mechanism, moved by another law or read wrongly.
-Nothing here uses the code that suspects such mistakes. Run as a script, it prints the table:
+Each engine is the reference at a tolerance of 1e-10, given another mechanism, moved by another law
+or read wrongly. Nothing here uses the code that suspects such mistakes. Run as a script, it prints
+the table:
 
     python tests/adapter_mistakes.py [PROBLEM | random:SEED ...] [+MISTAKE ...]
 """
@@ -48,7 +49,9 @@ class Mistake:
 # --- reading: arrays of a right motion ---
 
 
-def _points(f: Trajectory, change: Callable[[str, PointMotion], PointMotion]) -> dict[str, PointMotion]:
+def _points(
+    f: Trajectory, change: Callable[[str, PointMotion], PointMotion]
+) -> dict[str, PointMotion]:
     return {name: change(name, motion) for name, motion in f.markers.items()}
 
 
@@ -90,14 +93,20 @@ def _shifted_names(f: Trajectory) -> Trajectory:
     """All reactions under the name of the joint before: an index off by one."""
     names = list(f.joint_reactions)
     return replace(
-        f, joint_reactions={n: f.joint_reactions[m] for n, m in zip(names, names[1:] + names[:1], strict=True)}
+        f,
+        joint_reactions={
+            n: f.joint_reactions[m] for n, m in zip(names, names[1:] + names[:1], strict=True)
+        },
     )
 
 
 def _frame(end: str) -> Spoil:
     def read(f: Trajectory) -> Trajectory:
         ends = {joint.name: getattr(joint, end) for joint in f.mechanism.joints}
-        turned = _each(f.joint_reactions, lambda n, v: v if ends[n] == GROUND else _turned(v, _angle(f, ends[n])))
+        turned = _each(
+            f.joint_reactions,
+            lambda n, v: v if ends[n] == GROUND else _turned(v, _angle(f, ends[n])),
+        )
         return replace(f, joint_reactions=turned)
 
     return read
@@ -106,7 +115,9 @@ def _frame(end: str) -> Spoil:
 def _weightless(f: Trajectory) -> Trajectory:
     """Reactions less the weight of the child: what carries it at rest is left out."""
     down = f.mechanism.gravity * np.array(f.mechanism.gravity_direction)
-    weights = {joint.name: f.mechanism.body(joint.child).mass * down for joint in f.mechanism.joints}
+    weights = {
+        joint.name: f.mechanism.body(joint.child).mass * down for joint in f.mechanism.joints
+    }
     return replace(f, joint_reactions=_each(f.joint_reactions, lambda n, v: v + weights[n]))
 
 
@@ -152,7 +163,9 @@ def _leapfrog(f: Trajectory) -> Trajectory:
     """Speeds of half a step before, and all that is computed from them and the positions of now."""
     early = replace(f, u=_at(f, -0.5 * _step(f)).u)
     rows = {m.name: f.kinematics.point(m.body, m.point) for m in f.mechanism.markers}
-    points = _points(f, lambda n, m: replace(m, velocity=f.kinematics.velocity(rows[n], f.q, early.u)))
+    points = _points(
+        f, lambda n, m: replace(m, velocity=f.kinematics.velocity(rows[n], f.q, early.u))
+    )
     return replace(early, markers=points, kinetic_energy=_kinetic(f.mechanism, early))
 
 
@@ -160,7 +173,9 @@ def _marker_at(point: Callable[[tb.Mechanism, Any], Any]) -> Spoil:
     """Markers at another point of their bodies."""
 
     def read(f: Trajectory) -> Trajectory:
-        rows = {m.name: f.kinematics.point(m.body, point(f.mechanism, m)) for m in f.mechanism.markers}
+        rows = {
+            m.name: f.kinematics.point(m.body, point(f.mechanism, m)) for m in f.mechanism.markers
+        }
         return replace(f, markers={
             n: PointMotion(f.kinematics.position(r, f.q), f.kinematics.velocity(r, f.q, f.u)) for n, r in rows.items()
         })  # fmt: skip
@@ -174,7 +189,9 @@ def _centre(m: tb.Mechanism, marker: Any) -> Any:
 
 def _velocity_of_centre(f: Trajectory) -> Trajectory:
     centred = _marker_at(_centre)(f)
-    return replace(f, markers=_points(f, lambda n, m: replace(m, velocity=centred.markers[n].velocity)))
+    return replace(
+        f, markers=_points(f, lambda n, m: replace(m, velocity=centred.markers[n].velocity))
+    )
 
 
 def _local(f: Trajectory) -> Trajectory:
@@ -188,7 +205,11 @@ def _relative(q: bool, u: bool) -> Spoil:
     """Angles of the joints in place of the bodies'."""
 
     def read(f: Trajectory) -> Trajectory:
-        rows = [f.kinematics.angle(j.child, j.parent) for j in f.mechanism.tree_joints if not j.holds_angle]
+        rows = [
+            f.kinematics.angle(j.child, j.parent)
+            for j in f.mechanism.tree_joints
+            if not j.holds_angle
+        ]
         n = len(rows)
         angles, speeds = f.q.copy(), f.u.copy()
         for i, row in enumerate(rows):
@@ -199,7 +220,9 @@ def _relative(q: bool, u: bool) -> Spoil:
     return read
 
 
-def _energy(kinetic: Callable[..., Any] | None = None, potential: Callable[..., Any] | None = None) -> Spoil:
+def _energy(
+    kinetic: Callable[..., Any] | None = None, potential: Callable[..., Any] | None = None
+) -> Spoil:
     """Energies of a mechanism with other fields, in the right motion."""
 
     def read(f: Trajectory) -> Trajectory:
@@ -234,7 +257,10 @@ def _potential_of_origins(f: Trajectory) -> Trajectory:
 
 def _releases(change: Callable[[Trajectory, float], float]) -> Spoil:
     def read(f: Trajectory) -> Trajectory:
-        return replace(f, release_times=_each(f.release_times, lambda _, t: None if t is None else change(f, t)))
+        return replace(
+            f,
+            release_times=_each(f.release_times, lambda _, t: None if t is None else change(f, t)),
+        )
 
     return read
 
@@ -276,7 +302,9 @@ def _first_zero(f: Trajectory) -> Trajectory:
     def zero(_: str, v: Any) -> Any:
         return np.concatenate([0 * v[:1], v[1:]])
 
-    return replace(f, joint_reactions=_each(f.joint_reactions, zero), stop_torques=_each(f.stop_torques, zero))
+    return replace(
+        f, joint_reactions=_each(f.joint_reactions, zero), stop_torques=_each(f.stop_torques, zero)
+    )
 
 
 def _only(f: Trajectory, name: str, values: Any) -> Trajectory:
@@ -318,7 +346,9 @@ def _about_joint(m: tb.Mechanism) -> tb.Mechanism:
 
 def _stops(change: Callable[[Any], dict[str, Any]]) -> Build:
     def built(m: tb.Mechanism) -> tb.Mechanism:
-        return m.model_copy(update={"stops": tuple(s.model_copy(update=change(s)) for s in m.stops)})
+        return m.model_copy(
+            update={"stops": tuple(s.model_copy(update=change(s)) for s in m.stops)}
+        )
 
     return built
 
@@ -331,7 +361,11 @@ def _rubbing(kind: str) -> Build:
         size = sum(b.mass for b in m.bodies) * (m.gravity or 9.81)
         brakes = [
             RotationalSpringDamper(
-                name=f"rubbing {j.name}", body=j.child, relative_to=j.parent, damping=1e-3 * size, stiffness=0.0
+                name=f"rubbing {j.name}",
+                body=j.child,
+                relative_to=j.parent,
+                damping=1e-3 * size,
+                stiffness=0.0,
             )
             for j in m.joints
             if j.kind == kind
@@ -356,7 +390,9 @@ def _sampled(solution: Any, problem: tb.Problem, step: float) -> Trajectory:
     right = tb.engine("reference", timestep=step)
     t = np.arange(0.0, problem.duration + 0.5 * step, step)
     found = solution.trajectory(np.minimum(t, problem.duration))
-    return replace(found, provenance=replace(found.provenance, engine=right.name, settings={"timestep": step}))
+    return replace(
+        found, provenance=replace(found.provenance, engine=right.name, settings={"timestep": step})
+    )
 
 
 class _RubbingSlots(Equations):
@@ -370,7 +406,11 @@ class _RubbingSlots(Equations):
 
 def _held(problem: tb.Problem, step: float) -> Trajectory:
     """Closed stops hold in both directions."""
-    return _sampled(solve_scheduled(problem, dict.fromkeys(s.name for s in problem.mechanism.stops)), problem, step)
+    return _sampled(
+        solve_scheduled(problem, dict.fromkeys(s.name for s in problem.mechanism.stops)),
+        problem,
+        step,
+    )
 
 
 def _opened(change: Callable[[float, float], float]) -> Move:
@@ -411,15 +451,18 @@ MISTAKES: dict[str, Mistake] = {
         lambda f: replace(f, joint_reactions=_each(f.joint_reactions, lambda _, v: 0.5 * v)),
     ),
     "reactions one step old": Mistake(
-        ("forces shifted",), lambda f: replace(f, joint_reactions=_each(f.joint_reactions, lambda _, v: _later(v)))
+        ("forces shifted",),
+        lambda f: replace(f, joint_reactions=_each(f.joint_reactions, lambda _, v: _later(v))),
     ),
     "forces zero in the first sample": Mistake(("first sample", "at the start"), _first_zero),
     # time
     "speeds half a step early": Mistake(
-        ("velocities shifted", "speeds of the coordinates, velocities", "speeds, and"), _speeds_at(-0.5)
+        ("velocities shifted", "speeds of the coordinates, velocities", "speeds, and"),
+        _speeds_at(-0.5),
     ),
     "speeds one step late": Mistake(
-        ("velocities shifted", "speeds of the coordinates, velocities", "speeds, and"), _speeds_at(1.0)
+        ("velocities shifted", "speeds of the coordinates, velocities", "speeds, and"),
+        _speeds_at(1.0),
     ),
     "all one step ahead": Mistake(("time shifted",), _earlier),
     "clock in single precision": Mistake(
@@ -431,44 +474,71 @@ MISTAKES: dict[str, Mistake] = {
     ),
     "speeds by backward differences": Mistake(("velocities shifted",), _backward_differences),
     # markers
-    "markers at the centres of mass": Mistake(("centre of mass", "point of the", "taken for"), _marker_at(_centre)),
+    "markers at the centres of mass": Mistake(
+        ("centre of mass", "point of the", "taken for"), _marker_at(_centre)
+    ),
     "markers at the bodies' origins": Mistake(
         ("taken for", "origin", "point of the"),
         _marker_at(lambda m, p: p.point if p.body == GROUND else (0.0, 0.0)),
     ),
-    "velocities of the centres of mass": Mistake(("velocity of", "velocities of", "taken for"), _velocity_of_centre),
+    "velocities of the centres of mass": Mistake(
+        ("velocity of", "velocities of", "taken for"), _velocity_of_centre
+    ),
     "velocities in the bodies' frames": Mistake(("frame",), _local),
     "y of the markers down": Mistake(
         ("mirrored, y", "mirrored"),
-        lambda f: replace(f, markers=_points(f, lambda _, m: PointMotion(m.position * [1, -1], m.velocity * [1, -1]))),
+        lambda f: replace(
+            f,
+            markers=_points(
+                f, lambda _, m: PointMotion(m.position * [1, -1], m.velocity * [1, -1])
+            ),
+        ),
     ),
     "origin of the positions elsewhere": Mistake(
         ("origin of",),
-        lambda f: replace(f, markers=_points(f, lambda _, m: replace(m, position=m.position + np.array([0.3, -0.2])))),
+        lambda f: replace(
+            f,
+            markers=_points(
+                f, lambda _, m: replace(m, position=m.position + np.array([0.3, -0.2]))
+            ),
+        ),
     ),
     # coordinates
-    "angles in degrees": Mistake(("degrees",), lambda f: replace(f, q=np.where(_is_angle(f), np.degrees(f.q), f.q))),
+    "angles in degrees": Mistake(
+        ("degrees",), lambda f: replace(f, q=np.where(_is_angle(f), np.degrees(f.q), f.q))
+    ),
     "angles and speeds in degrees": Mistake(
         ("degrees",),
         lambda f: replace(
-            f, q=np.where(_is_angle(f), np.degrees(f.q), f.q), u=np.where(_is_angle(f), np.degrees(f.u), f.u)
+            f,
+            q=np.where(_is_angle(f), np.degrees(f.q), f.q),
+            u=np.where(_is_angle(f), np.degrees(f.u), f.u),
         ),
     ),
     "angles anticlockwise, slides right": Mistake(
         ("sign of", "wrong sign", "anticlockwise"),
-        lambda f: replace(f, q=np.where(_is_angle(f), -f.q, f.q), u=np.where(_is_angle(f), -f.u, f.u)),
+        lambda f: replace(
+            f, q=np.where(_is_angle(f), -f.q, f.q), u=np.where(_is_angle(f), -f.u, f.u)
+        ),
     ),
     "angles from another zero": Mistake(("zero", "start"), _moved_angles(lambda f: 0.5 * math.pi)),
     "last angle from another zero": Mistake(
         ("another zero", "relative to the start"),
-        lambda f: replace(f, q=f.q + 0.5 * math.pi * (np.arange(f.q.shape[1]) == len(f.mechanism.angles) - 1)),
+        lambda f: replace(
+            f, q=f.q + 0.5 * math.pi * (np.arange(f.q.shape[1]) == len(f.mechanism.angles) - 1)
+        ),
     ),
     "angles a turn off": Mistake(("another zero", "wrapped"), _moved_angles(lambda f: 2 * math.pi)),
     "angles relative": Mistake(("relative to the parent",), _relative(True, True)),
-    "angles relative, speeds not": Mistake(("relative to the parent", "angles"), _relative(True, False)),
-    "speeds relative, angles not": Mistake(("relative to the parent", "speeds"), _relative(False, True)),
+    "angles relative, speeds not": Mistake(
+        ("relative to the parent", "angles"), _relative(True, False)
+    ),
+    "speeds relative, angles not": Mistake(
+        ("relative to the parent", "speeds"), _relative(False, True)
+    ),
     "coordinates in reverse order": Mistake(
-        ("are those of", "exchanged"), lambda f: replace(f, q=f.q[:, ::-1].copy(), u=f.u[:, ::-1].copy())
+        ("are those of", "exchanged"),
+        lambda f: replace(f, q=f.q[:, ::-1].copy(), u=f.u[:, ::-1].copy()),
     ),
     # stops
     "torque as impulse": Mistake(
@@ -480,13 +550,20 @@ MISTAKES: dict[str, Mistake] = {
     ),
     "torques of two stops swapped": Mistake(("exchanged",), _swapped_torques),
     "release one step late": Mistake(("release",), _releases(lambda f, t: t + _step(f))),
-    "release at the next sample": Mistake(("release",), _releases(lambda f, t: float(f.t[np.searchsorted(f.t, t)]))),
+    "release at the next sample": Mistake(
+        ("release",), _releases(lambda f, t: float(f.t[np.searchsorted(f.t, t)]))
+    ),
     "release 0.1 s late": Mistake(("release",), _releases(lambda f, t: t + 0.1)),
     "never released is 0": Mistake(
-        ("release",), lambda f: replace(f, release_times=_each(f.release_times, lambda _, t: 0.0 if t is None else t))
+        ("release",),
+        lambda f: replace(
+            f, release_times=_each(f.release_times, lambda _, t: 0.0 if t is None else t)
+        ),
     ),
     # energies
-    "potential energy without springs": Mistake(("potential energy",), _energy(potential=_without_springs)),
+    "potential energy without springs": Mistake(
+        ("potential energy",), _energy(potential=_without_springs)
+    ),
     "potential energy of the origins": Mistake(("potential energy",), _potential_of_origins),
     "potential energy with the wrong sign": Mistake(
         ("potential energy",), lambda f: replace(f, potential_energy=-f.potential_energy)
@@ -498,10 +575,16 @@ MISTAKES: dict[str, Mistake] = {
     "kinetic energy without rotation": Mistake(
         ("kinetic energy",), _energy(kinetic=lambda m: _bodies(m, lambda b: {"inertia": 0.0}))
     ),
-    "kinetic energy of inertias about the joints": Mistake(("kinetic energy",), _energy(kinetic=_about_joint)),
+    "kinetic energy of inertias about the joints": Mistake(
+        ("kinetic energy",), _energy(kinetic=_about_joint)
+    ),
     "kinetic energy of the first body alone": Mistake(
         ("kinetic energy",),
-        _energy(kinetic=lambda m: _bodies(m, lambda b: {} if b == m.bodies[0] else {"mass": 0.0, "inertia": 0.0})),
+        _energy(
+            kinetic=lambda m: _bodies(
+                m, lambda b: {} if b == m.bodies[0] else {"mass": 0.0, "inertia": 0.0}
+            )
+        ),
     ),
     "kinetic energy from half a step before": Mistake(
         ("kinetic energy",),
@@ -511,36 +594,57 @@ MISTAKES: dict[str, Mistake] = {
     "gravity 9.8": Mistake(
         ("gravity", "g ("), built=lambda m: m.model_copy(update={"gravity": m.gravity * 9.8 / 9.81})
     ),
-    "gravity 10": Mistake(("gravity", "g ("), built=lambda m: m.model_copy(update={"gravity": m.gravity * 10 / 9.81})),
+    "gravity 10": Mistake(
+        ("gravity", "g ("), built=lambda m: m.model_copy(update={"gravity": m.gravity * 10 / 9.81})
+    ),
     "gravity tilted 3 deg": Mistake(("direction of gravity",), built=_turned_ground),
     "no gravity": Mistake(("gravity",), built=lambda m: m.model_copy(update={"gravity": 0.0})),
     "gravity along -y whatever is asked": Mistake(
         ("gravity",), built=lambda m: m.model_copy(update={"gravity_direction": (0.0, -1.0)})
     ),
     "inertias about the joints": Mistake(("inertia",), built=_about_joint),
-    "no inertias": Mistake(("inertia",), built=lambda m: _bodies(m, lambda b: {"inertia": 1e-3 * b.inertia})),
+    "no inertias": Mistake(
+        ("inertia",), built=lambda m: _bodies(m, lambda b: {"inertia": 1e-3 * b.inertia})
+    ),
     "centres at the origins": Mistake(("centre of mass", "centres"), built=_at_origins),
     "rest length ignored": Mistake(
-        ("rest length", "rest angle"), built=_elements(lambda e: _with(e, rest_length=lambda _: 0.0))
+        ("rest length", "rest angle"),
+        built=_elements(lambda e: _with(e, rest_length=lambda _: 0.0)),
     ),
-    "rest angle ignored": Mistake(("rest angle",), built=_elements(lambda e: _with(e, rest_angle=lambda _: 0.0))),
-    "damping ignored": Mistake(_DAMPING, built=_elements(lambda e: _with(e, damping=lambda _: 0.0))),
-    "damping doubled": Mistake(_DAMPING, built=_elements(lambda e: _with(e, damping=lambda c: 2 * c))),
-    "stiffness in N/mm": Mistake(("stiffness",), built=_elements(lambda e: _with(e, stiffness=lambda k: 1e-3 * k))),
-    "motor with the wrong sign": Mistake(("torque",), built=_elements(lambda e: _with(e, torque=lambda v: -v))),
+    "rest angle ignored": Mistake(
+        ("rest angle",), built=_elements(lambda e: _with(e, rest_angle=lambda _: 0.0))
+    ),
+    "damping ignored": Mistake(
+        _DAMPING, built=_elements(lambda e: _with(e, damping=lambda _: 0.0))
+    ),
+    "damping doubled": Mistake(
+        _DAMPING, built=_elements(lambda e: _with(e, damping=lambda c: 2 * c))
+    ),
+    "stiffness in N/mm": Mistake(
+        ("stiffness",), built=_elements(lambda e: _with(e, stiffness=lambda k: 1e-3 * k))
+    ),
+    "motor with the wrong sign": Mistake(
+        ("torque",), built=_elements(lambda e: _with(e, torque=lambda v: -v))
+    ),
     "motor against the ground": Mistake(
         ("relative", "torque", "reaction"),
         built=_elements(lambda e: {"relative_to": GROUND} if e.kind.endswith("torque") else {}),
     ),
     "first force element forgotten": Mistake(("missing",), built=_first_element),
-    "all force elements forgotten": Mistake(("missing", "force element", "spring"), built=_without_springs),
+    "all force elements forgotten": Mistake(
+        ("missing", "force element", "spring"), built=_without_springs
+    ),
     "start speeds ignored": Mistake(
-        _START_SPEED, built=lambda m: m.model_copy(update={"start_speeds": (0.0,) * len(m.coordinates)})
+        _START_SPEED,
+        built=lambda m: m.model_copy(update={"start_speeds": (0.0,) * len(m.coordinates)}),
     ),
     "stops open at the start forgotten": Mistake(
-        ("missing",), built=lambda m: m.model_copy(update={"stops": tuple(s for s in m.stops if s.closed)})
+        ("missing",),
+        built=lambda m: m.model_copy(update={"stops": tuple(s for s in m.stops if s.closed)}),
     ),
-    "all stops forgotten": Mistake(("missing",), built=lambda m: m.model_copy(update={"stops": ()})),
+    "all stops forgotten": Mistake(
+        ("missing",), built=lambda m: m.model_copy(update={"stops": ()})
+    ),
     "restitution ignored": Mistake(("restitution",), built=_stops(lambda s: {"restitution": 0.0})),
     "restitution 1": Mistake(("restitution",), built=_stops(lambda s: {"restitution": 1.0})),
     "pins rub": Mistake(_DAMPING, built=_rubbing("pin")),
@@ -568,12 +672,16 @@ class Stranger(Honest):
             own = tb.Problem(wrong, duration=problem.duration, stop_law=problem.stop_law)
             found = mistake.moved(own, self.timestep)
         else:
-            found = _moved(wrong.to_json(), problem.duration, tb.StopLaw(problem.stop_law), self.timestep)
+            found = _moved(
+                wrong.to_json(), problem.duration, tb.StopLaw(problem.stop_law), self.timestep
+            )
         found = replace(found, mechanism=problem.mechanism)
         stops = {stop.name: None for stop in problem.mechanism.stops}
         nothing = {s.name: np.zeros(len(found.t)) for s in problem.mechanism.stops if s.closed}
         found = replace(
-            found, stop_torques=nothing | dict(found.stop_torques), release_times=stops | dict(found.release_times)
+            found,
+            stop_torques=nothing | dict(found.stop_torques),
+            release_times=stops | dict(found.release_times),
         )
         return mistake.read(found) if mistake.read else found
 
@@ -584,7 +692,11 @@ _CURRENT: list[str] = []
 
 def announce(folder: Path) -> None:
     """Write the metadata of an installed distribution that brings the engine."""
-    plugins.announce(folder, "trebucheck-strangers", "[trebucheck.engines]\nstranger = adapter_mistakes:Stranger\n")
+    plugins.announce(
+        folder,
+        "trebucheck-strangers",
+        "[trebucheck.engines]\nstranger = adapter_mistakes:Stranger\n",
+    )
 
 
 def problem(name: str) -> tuple[tb.Mechanism, dict[str, Any]]:
@@ -631,7 +743,9 @@ def _show(name: str, mistake: str, run: Run) -> str:
     said = "; ".join(f"{c.name} {c.amount} {c.explained:.4f}" for c in causes)
     share, broken = max(((m.share or 0.0, m.label) for m in run.metrics), default=(0.0, ""))
     word = verdict(MISTAKES[mistake], run)
-    print(f"{name:16} {word:8} {mistake:44} [{broken} {share:.3g}] {run.message or said}", flush=True)
+    print(
+        f"{name:16} {word:8} {mistake:44} [{broken} {share:.3g}] {run.message or said}", flush=True
+    )
     return word
 
 
@@ -654,4 +768,8 @@ if __name__ == "__main__":
         announce(Path(folder))
         sys.path.insert(0, folder)
         names = [a for a in sys.argv[1:] if not a.startswith("+")]
-        print(_table(names or ["fixed", "rolling"], [a[1:] for a in sys.argv[1:] if a.startswith("+")]))
+        print(
+            _table(
+                names or ["fixed", "rolling"], [a[1:] for a in sys.argv[1:] if a.startswith("+")]
+            )
+        )

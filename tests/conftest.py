@@ -18,16 +18,27 @@ from trebucheck.cli.app import main
 from trebucheck.comparisons.runs.worker import Worker
 from trebucheck.engines.registry import engine_class, engine_names
 
-# Derandomised: a red run is red again on the next machine. `HYPOTHESIS_PROFILE=search` looks further.
-_COMMON = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow, HealthCheck.function_scoped_fixture]}
-_NO_SHRINKING = (Phase.explicit, Phase.generate)  # a failing machine is shown as found: shrinking takes minutes
-settings.register_profile("ci", derandomize=True, max_examples=20, database=None, phases=_NO_SHRINKING, **_COMMON)
+# Derandomised: a red run is red again on the next machine. `HYPOTHESIS_PROFILE=search` looks
+# further.
+_COMMON = {
+    "deadline": None,
+    "suppress_health_check": [HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+}
+_NO_SHRINKING = (
+    Phase.explicit,
+    Phase.generate,
+)  # a failing machine is shown as found: shrinking takes minutes
+settings.register_profile(
+    "ci", derandomize=True, max_examples=20, database=None, phases=_NO_SHRINKING, **_COMMON
+)
 settings.register_profile("search", max_examples=200, **_COMMON)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--engines", default="", help="comma-separated engines to test; all known ones by default")
+    parser.addoption(
+        "--engines", default="", help="comma-separated engines to test; all known ones by default"
+    )
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -39,10 +50,14 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 def _param(name: str) -> object:
     absent = not engine_class(name).is_installed()
-    return pytest.param(name, marks=pytest.mark.skipif(absent, reason=f"{name} is not installed here"), id=name)
+    return pytest.param(
+        name, marks=pytest.mark.skipif(absent, reason=f"{name} is not installed here"), id=name
+    )
 
 
-ABSENT = tuple(name for name in ("mujoco", "pymunk", "exudyn") if not engine_class(name).is_installed())
+ABSENT = tuple(
+    name for name in ("mujoco", "pymunk", "exudyn") if not engine_class(name).is_installed()
+)
 """Engines of this package whose library is not here."""
 _ASKED_FOR: set[str] = set()
 """Those of them that the test, or the fixture, of the moment has asked for."""
@@ -73,16 +88,26 @@ def pytest_fixture_setup(fixturedef: pytest.FixtureDef[Any]) -> Generator[None, 
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item: pytest.Function, call: pytest.CallInfo[None]) -> Generator[None, Any, Any]:
+def pytest_runtest_makereport(
+    item: pytest.Function, call: pytest.CallInfo[None]
+) -> Generator[None, Any, Any]:
     """A test that fails without an engine that it has asked for is skipped, with that reason; no other one is."""
     report = yield
     error = call.excinfo.value if call.excinfo else None
-    lacking = str(getattr(error, "name", "")).partition(".")[0] if isinstance(error, ImportError) else ""
-    needed = {*_ASKED_FOR, *(name for name in ABSENT if name == lacking or _NOT_HERE % name in str(error))}
+    lacking = (
+        str(getattr(error, "name", "")).partition(".")[0] if isinstance(error, ImportError) else ""
+    )
+    needed = {
+        *_ASKED_FOR,
+        *(name for name in ABSENT if name == lacking or _NOT_HERE % name in str(error)),
+    }
     for definitions in item._fixtureinfo.name2fixturedefs.values():
         needed.update(*(_NEEDED_BY.get(definition, ()) for definition in definitions))
     if report.failed and needed:
-        report.outcome, reason = "skipped", f"it needs {', '.join(sorted(needed))}, which is not installed here"
+        report.outcome, reason = (
+            "skipped",
+            f"it needs {', '.join(sorted(needed))}, which is not installed here",
+        )
         report.longrepr = str(item.path), (item.location[1] or 0) + 1, f"Skipped: {reason}"
     return report
 
@@ -107,7 +132,9 @@ def third_party(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Mo
 
 
 @pytest.fixture
-def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+def refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., str]:
     """The sentence by which the command line refuses its arguments: exit code 2, nothing printed, nothing written."""
 
     def run(*arguments: str) -> str:
@@ -140,7 +167,9 @@ def kept_processes(monkeypatch: pytest.MonkeyPatch, _idle_processes: list[Any]) 
     path, start, close = list(sys.path), Worker._start, Worker.close
 
     def taken(worker: Worker) -> Any:
-        if not _idle_processes or sys.path != path:  # a plug-in on another path is found by a new process only
+        if (
+            not _idle_processes or sys.path != path
+        ):  # a plug-in on another path is found by a new process only
             return start(worker)
         worker._started.append(_idle_processes.pop())
         return worker._started[-1]

@@ -1,8 +1,9 @@
 """Seeded faults against the causes that a diagnosis names: the confusion table.
 
-Each fault is built without the code that suspects it: mechanisms are changed by their data, forces by equations of
-their own, readings by arithmetic on the arrays. Sizes are in parts of the mechanism's, so that every fault can be built
-into every mechanism. Run as a script, it prints the table:
+Each fault is built without the code that suspects it: mechanisms are changed by their data, forces
+by equations of their own, readings by arithmetic on the arrays. Sizes are in parts of the
+mechanism's, so that every fault can be built into every mechanism. Run as a script, it prints the
+table:
 
     python tests/confusion.py [MODEL ...] [--scale FACTOR]
 """
@@ -85,7 +86,9 @@ class Bench:
         """Under further forces from a time [s] on: the motion up to there, and another one from its state."""
         before = self.moved(self.mechanism)
         start = self.solution.motion(np.array([since]))
-        open_by_then = [n for n, t in self.solution.release_times.items() if t is not None and t <= since]
+        open_by_then = [
+            n for n, t in self.solution.release_times.items() if t is not None and t <= since
+        ]
         stops = [s.model_dump() for s in self.mechanism.stops if s.name not in open_by_then]
         later = tb.Mechanism(
             **{
@@ -96,7 +99,12 @@ class Bench:
             }
         )
         n = int(np.searchsorted(self.t, since))
-        solution = solve(tb.Problem(later, duration=1.03 * self.end - since), HONEST, HONEST, Forced(later, forces))
+        solution = solve(
+            tb.Problem(later, duration=1.03 * self.end - since),
+            HONEST,
+            HONEST,
+            Forced(later, forces),
+        )
         after = solution.trajectory(self.t[n:] - since)
         zero = np.zeros(len(after.t))
 
@@ -109,15 +117,24 @@ class Bench:
             u=joined(before.u, after.u),
             markers={
                 k: PointMotion(
-                    joined(m.position, after.markers[k].position), joined(m.velocity, after.markers[k].velocity)
+                    joined(m.position, after.markers[k].position),
+                    joined(m.velocity, after.markers[k].velocity),
                 )
                 for k, m in before.markers.items()
             },
             kinetic_energy=joined(before.kinetic_energy, after.kinetic_energy),
             potential_energy=joined(before.potential_energy, after.potential_energy),
-            stop_torques={k: joined(v, after.stop_torques.get(k, zero)) for k, v in before.stop_torques.items()},
-            joint_reactions={k: joined(v, after.joint_reactions[k]) for k, v in before.joint_reactions.items()},
-            release_times={**before.release_times, **{k: t and t + since for k, t in after.release_times.items()}},
+            stop_torques={
+                k: joined(v, after.stop_torques.get(k, zero))
+                for k, v in before.stop_torques.items()
+            },
+            joint_reactions={
+                k: joined(v, after.joint_reactions[k]) for k, v in before.joint_reactions.items()
+            },
+            release_times={
+                **before.release_times,
+                **{k: t and t + since for k, t in after.release_times.items()},
+            },
         )
 
 
@@ -140,7 +157,9 @@ def data(**changes: Any) -> Callable[[Bench], tb.Trajectory]:
     return lambda b: b.moved(b.mechanism.model_copy(update={k: v(b) for k, v in changes.items()}))
 
 
-def part(parts: str, index: int, field: str, change: Callable[[Any, Bench], Any]) -> Callable[[Bench], tb.Trajectory]:
+def part(
+    parts: str, index: int, field: str, change: Callable[[Any, Bench], Any]
+) -> Callable[[Bench], tb.Trajectory]:
     """The mechanism with another value of one part."""
 
     def make(b: Bench) -> tb.Trajectory:
@@ -156,7 +175,11 @@ def part(parts: str, index: int, field: str, change: Callable[[Any, Bench], Any]
 def turned_gravity(b: Bench, angle: float) -> tb.Trajectory:
     """Gravity turned anticlockwise, and with it weights: what joints bear and the potential energy follow it."""
     direction = complex(*b.mechanism.gravity_direction) * np.exp(1j * angle)
-    return b.moved(b.mechanism.model_copy(update={"gravity_direction": (float(direction.real), float(direction.imag))}))
+    return b.moved(
+        b.mechanism.model_copy(
+            update={"gravity_direction": (float(direction.real), float(direction.imag))}
+        )
+    )
 
 
 def third_body(b: Bench) -> tb.Trajectory:
@@ -196,7 +219,8 @@ def drag(b: Bench) -> tb.Trajectory:
         v = (rates * u).sum(axis=-1)
         size = 2e-4 * b.torque / b.length / (b.mechanism.gravity * b.length)
         return (
-            -size * (np.abs(v) * v)[..., None].real * rates.real - size * (np.abs(v) * v)[..., None].imag * rates.imag
+            -size * (np.abs(v) * v)[..., None].real * rates.real
+            - size * (np.abs(v) * v)[..., None].imag * rates.imag
         )
 
     return b.stopped(force)
@@ -213,11 +237,15 @@ def read(change: Callable[[tb.Trajectory], dict[str, Any]]) -> Callable[[Bench],
     return make
 
 
-def markers(change: Callable[[PointMotion], PointMotion], last: bool = False) -> Callable[[Bench], tb.Trajectory]:
+def markers(
+    change: Callable[[PointMotion], PointMotion], last: bool = False
+) -> Callable[[Bench], tb.Trajectory]:
     def make(b: Bench) -> tb.Trajectory:
         found = b.right()
         chosen = [b.mechanism.markers[-1].name] if last else list(found.markers)
-        return replace(found, markers={n: change(m) if n in chosen else m for n, m in found.markers.items()})
+        return replace(
+            found, markers={n: change(m) if n in chosen else m for n, m in found.markers.items()}
+        )
 
     return make
 
@@ -241,7 +269,9 @@ def cut(b: Bench, share: float) -> tb.Trajectory:
 def moved_marker(b: Bench) -> tb.Trajectory:
     found, marker = b.right(), b.mechanism.markers[-1]
     k = b.solution.equations.kinematics
-    row = k.point(marker.body, (marker.point[0] + 0.001 * b.length, marker.point[1] + 0.002 * b.length))
+    row = k.point(
+        marker.body, (marker.point[0] + 0.001 * b.length, marker.point[1] + 0.002 * b.length)
+    )
     return replace(
         found,
         markers={
@@ -252,7 +282,9 @@ def moved_marker(b: Bench) -> tb.Trajectory:
 
 
 def noisy(values: Any, seed: int, size: float = 1e-4) -> Any:
-    return values + size * np.abs(values).max(axis=0) * np.random.default_rng(seed).standard_normal(values.shape)
+    return values + size * np.abs(values).max(axis=0) * np.random.default_rng(seed).standard_normal(
+        values.shape
+    )
 
 
 def noisy_everything(f: tb.Trajectory) -> dict[str, Any]:
@@ -260,7 +292,9 @@ def noisy_everything(f: tb.Trajectory) -> dict[str, Any]:
         "q": noisy(f.q, 1),
         "u": noisy(f.u, 2),
         "kinetic_energy": noisy(f.kinetic_energy, 3),
-        "markers": {n: PointMotion(noisy(m.position, 4), noisy(m.velocity, 5)) for n, m in f.markers.items()},
+        "markers": {
+            n: PointMotion(noisy(m.position, 4), noisy(m.velocity, 5)) for n, m in f.markers.items()
+        },
         "potential_energy": noisy(f.potential_energy, 6),
     }
 
@@ -272,13 +306,19 @@ def outlier(f: tb.Trajectory) -> dict[str, Any]:
         "q": f.q + wave,
         "u": f.u + wave,
         "kinetic_energy": f.kinetic_energy * (1 + wave[:, 0]),
-        "markers": {n: PointMotion(m.position * (1 + wave), m.velocity * (1 + wave)) for n, m in f.markers.items()},
+        "markers": {
+            n: PointMotion(m.position * (1 + wave), m.velocity * (1 + wave))
+            for n, m in f.markers.items()
+        },
     }
 
 
 def single_steps(b: Bench) -> tb.Trajectory:
     """Semi-implicit steps of its own, a wrong scheme of first order: the error of a method."""
-    e, (q, u) = b.solution.equations, (b.solution.motion(b.t[:1]).q[0], b.solution.motion(b.t[:1]).u[0])
+    e, (q, u) = (
+        b.solution.equations,
+        (b.solution.motion(b.t[:1]).q[0], b.solution.motion(b.t[:1]).u[0]),
+    )
     opened = b.solution.release_times
     states = [(q, u)]
     for t0, t1 in zip(b.t[:-1], b.t[1:], strict=True):
@@ -287,7 +327,9 @@ def single_steps(b: Bench) -> tb.Trajectory:
         u = u + (t1 - t0) * e.solve(q, u, closed)[0]
         q = q + (t1 - t0) * u
         states.append((q, u))
-    motion = b.solution.motion_of(b.t, np.array([s[0] for s in states]), np.array([s[1] for s in states]))
+    motion = b.solution.motion_of(
+        b.t, np.array([s[0] for s in states]), np.array([s[1] for s in states])
+    )
     return b.solution.reading(b.t, motion)
 
 
@@ -307,7 +349,9 @@ def _started(index: int, shift: float) -> Callable[[Bench], tb.Trajectory]:
     return make
 
 
-def _twice(first: Callable[[tb.Mechanism, Bench], tb.Mechanism], *more: Any) -> Callable[[Bench], tb.Trajectory]:
+def _twice(
+    first: Callable[[tb.Mechanism, Bench], tb.Mechanism], *more: Any
+) -> Callable[[Bench], tb.Trajectory]:
     def make(b: Bench) -> tb.Trajectory:
         wrong = first(b.mechanism, b)
         for change in more:
@@ -322,7 +366,9 @@ def _with(
 ) -> Callable[[tb.Mechanism, Bench], tb.Mechanism]:
     def change(m: tb.Mechanism, b: Bench) -> tb.Mechanism:
         every = [*getattr(m, parts)]
-        every[index] = every[index].model_copy(update={k: v(getattr(every[index], k), b) for k, v in values.items()})
+        every[index] = every[index].model_copy(
+            update={k: v(getattr(every[index], k), b) for k, v in values.items()}
+        )
         return m.model_copy(update={parts: tuple(every)})
 
     return change
@@ -353,15 +399,29 @@ def _of_data(mechanism: tb.Mechanism) -> Iterator[Seed]:
     last = len(joints) - 1
     sling, pin = names[last], joints[last].name
 
-    yield Seed("gravity 0.1 % strong", ("gravity",), data(gravity=lambda b: 1.001 * b.mechanism.gravity))
-    yield Seed("a quarter of gravity", ("gravity",), data(gravity=lambda b: 0.25 * b.mechanism.gravity))
-    yield Seed("gravity tilted 0.05 deg", ("direction of gravity",), lambda b: turned_gravity(b, math.radians(0.05)))
-    yield Seed("gravity tilted 3 deg", ("direction of gravity",), lambda b: turned_gravity(b, math.radians(-3)))
+    yield Seed(
+        "gravity 0.1 % strong", ("gravity",), data(gravity=lambda b: 1.001 * b.mechanism.gravity)
+    )
+    yield Seed(
+        "a quarter of gravity", ("gravity",), data(gravity=lambda b: 0.25 * b.mechanism.gravity)
+    )
+    yield Seed(
+        "gravity tilted 0.05 deg",
+        ("direction of gravity",),
+        lambda b: turned_gravity(b, math.radians(0.05)),
+    )
+    yield Seed(
+        "gravity tilted 3 deg",
+        ("direction of gravity",),
+        lambda b: turned_gravity(b, math.radians(-3)),
+    )
     for i, name in enumerate(names):
         named = (f"mass of the {name}", "m_b (", "m_cw (", "m_a (", f"inertia of the {name}")
         yield Seed(f"mass of the {name} +0.2 %", named, part("bodies", i, "mass", _scaled(1.002)))
     yield Seed(
-        "arm's inertia -1 %", (f"inertia of the {names[0]}", "armature"), part("bodies", 0, "inertia", _scaled(0.99))
+        "arm's inertia -1 %",
+        (f"inertia of the {names[0]}", "armature"),
+        part("bodies", 0, "inertia", _scaled(0.99)),
     )
     yield Seed(
         "arm's mass +30 %",
@@ -389,8 +449,16 @@ def _of_data(mechanism: tb.Mechanism) -> Iterator[Seed]:
     centre = (f"centre of mass of the {names[0]}",)
     yield Seed("arm's centre aside", centre, part("bodies", 0, "centre", _aside(0, 2e-4)))
     yield Seed("arm's centre aslant, far", centre, part("bodies", 0, "centre", _aside(0.03, 0.02)))
-    yield Seed("another start", ("start of", "theta0", "phi0", "alpha0", "place of the"), _started(last, 1e-3))
-    yield Seed("a start 10 deg off", ("start of", "theta0", "phi0", "alpha0"), _started(0, math.radians(10)))
+    yield Seed(
+        "another start",
+        ("start of", "theta0", "phi0", "alpha0", "place of the"),
+        _started(last, 1e-3),
+    )
+    yield Seed(
+        "a start 10 deg off",
+        ("start of", "theta0", "phi0", "alpha0"),
+        _started(0, math.radians(10)),
+    )
 
 
 def _of_forces(mechanism: tb.Mechanism) -> Iterator[Seed]:
@@ -398,7 +466,9 @@ def _of_forces(mechanism: tb.Mechanism) -> Iterator[Seed]:
     middle, pin, last = joints[1], joints[-1].name, len(joints) - 1
     spring = lambda b, i, k: on_relative(b, i, lambda x, v: -k * b.torque * x)  # noqa: E731
     yield Seed("a spring on a pin", (f"spring on the {middle.name}",), lambda b: spring(b, 1, 1e-4))
-    yield Seed("a strong spring on a pin", (f"spring on the {middle.name}",), lambda b: spring(b, 1, 0.05))
+    yield Seed(
+        "a strong spring on a pin", (f"spring on the {middle.name}",), lambda b: spring(b, 1, 0.05)
+    )
     yield Seed(
         "a spring relaxed elsewhere",
         (f"spring on the {middle.name}", f"torque on the {middle.name}"),
@@ -420,12 +490,18 @@ def _of_readings(mechanism: tb.Mechanism) -> Iterator[Seed]:
     pin, marker = mechanism.tree_joints[-1].name, mechanism.markers[-1].name
     stop = next((s.name for s in mechanism.stops if s.closed), None)
     yield Seed("time times 1.001", ("rate of time",), at_times(lambda t, b: t / 1.001))
-    yield Seed("a late state", ("time shifted",), at_times(lambda t, b: np.maximum(t - 7e-4 * b.end, 0.0)))
     yield Seed(
-        "kinetic energy 0.1 % low", ("kinetic energy",), read(lambda f: {"kinetic_energy": 0.999 * f.kinetic_energy})
+        "a late state", ("time shifted",), at_times(lambda t, b: np.maximum(t - 7e-4 * b.end, 0.0))
     )
     yield Seed(
-        "half the kinetic energy", ("kinetic energy",), read(lambda f: {"kinetic_energy": 0.5 * f.kinetic_energy})
+        "kinetic energy 0.1 % low",
+        ("kinetic energy",),
+        read(lambda f: {"kinetic_energy": 0.999 * f.kinetic_energy}),
+    )
+    yield Seed(
+        "half the kinetic energy",
+        ("kinetic energy",),
+        read(lambda f: {"kinetic_energy": 0.5 * f.kinetic_energy}),
     )
     yield Seed(
         "potential energy zero at the start",
@@ -446,12 +522,18 @@ def _of_readings(mechanism: tb.Mechanism) -> Iterator[Seed]:
     yield Seed("a run cut at 90 %", ("run ends early",), lambda b: cut(b, 0.9))
     yield Seed("speeds with the wrong sign", ("speeds",), read(lambda f: {"u": -f.u}))
     yield Seed(
-        "angles wrapped", ("wrapped", "sign of", "coordinates"), read(lambda f: {"q": np.angle(np.exp(1j * f.q))})
+        "angles wrapped",
+        ("wrapped", "sign of", "coordinates"),
+        read(lambda f: {"q": np.angle(np.exp(1j * f.q))}),
     )
     yield Seed("degrees", ("degrees",), read(lambda f: {"q": np.degrees(f.q)}))
-    yield Seed("all in degrees", ("degrees",), read(lambda f: {"q": np.degrees(f.q), "u": np.degrees(f.u)}))
     yield Seed(
-        "markers mirrored", ("mirrored",), markers(lambda m: PointMotion(m.position * [-1, 1], m.velocity * [-1, 1]))
+        "all in degrees", ("degrees",), read(lambda f: {"q": np.degrees(f.q), "u": np.degrees(f.u)})
+    )
+    yield Seed(
+        "markers mirrored",
+        ("mirrored",),
+        markers(lambda m: PointMotion(m.position * [-1, 1], m.velocity * [-1, 1])),
     )
     yield Seed(
         "velocities with the wrong sign",
@@ -473,7 +555,8 @@ def _of_readings(mechanism: tb.Mechanism) -> Iterator[Seed]:
                 "u": f.u.astype(np.float32).astype(float),
                 "markers": {
                     n: PointMotion(
-                        m.position.astype(np.float32).astype(float), m.velocity.astype(np.float32).astype(float)
+                        m.position.astype(np.float32).astype(float),
+                        m.velocity.astype(np.float32).astype(float),
                     )
                     for n, m in f.markers.items()
                 },
@@ -484,7 +567,11 @@ def _of_readings(mechanism: tb.Mechanism) -> Iterator[Seed]:
         yield Seed(
             "markers exchanged",
             ("exchanged",),
-            read(lambda f: {"markers": dict(zip(f.markers, list(f.markers.values())[::-1], strict=True))}),
+            read(
+                lambda f: {
+                    "markers": dict(zip(f.markers, list(f.markers.values())[::-1], strict=True))
+                }
+            ),
         )
     yield Seed(
         "reactions with the wrong sign",
@@ -506,7 +593,8 @@ def _of_readings(mechanism: tb.Mechanism) -> Iterator[Seed]:
                 "kinetic_energy": 0 * f.kinetic_energy,
                 "potential_energy": 0 * f.potential_energy + f.potential_energy[0],
                 "markers": {
-                    n: PointMotion(0 * m.position + m.position[0], 0 * m.velocity) for n, m in f.markers.items()
+                    n: PointMotion(0 * m.position + m.position[0], 0 * m.velocity)
+                    for n, m in f.markers.items()
                 },
             }
         ),
@@ -522,11 +610,17 @@ def _of_readings(mechanism: tb.Mechanism) -> Iterator[Seed]:
             ("torque", "force"),
             read(lambda f: {"stop_torques": {n: -v for n, v in f.stop_torques.items()}}),
         )
-        yield Seed("releases not told", ("release",), read(lambda f: {"release_times": dict.fromkeys(f.release_times)}))
+        yield Seed(
+            "releases not told",
+            ("release",),
+            read(lambda f: {"release_times": dict.fromkeys(f.release_times)}),
+        )
         yield Seed(
             "releases told early",
             ("release",),
-            read(lambda f: {"release_times": {n: t and 0.99 * t for n, t in f.release_times.items()}}),
+            read(
+                lambda f: {"release_times": {n: t and 0.99 * t for n, t in f.release_times.items()}}
+            ),
         )
 
 
@@ -534,7 +628,11 @@ def _unknown(mechanism: tb.Mechanism) -> Iterator[Seed]:
     last = len(mechanism.bodies) - 1
     yield Seed("drag on the projectile", UNKNOWN, drag)
     yield Seed("a third body", UNKNOWN, third_body)
-    yield Seed("a spring that stiffens", UNKNOWN, lambda b: on_relative(b, 1, lambda x, v: -2e-3 * b.torque * x**3))
+    yield Seed(
+        "a spring that stiffens",
+        UNKNOWN,
+        lambda b: on_relative(b, 1, lambda x, v: -2e-3 * b.torque * x**3),
+    )
     yield Seed(
         "a spring that stiffens, last pin",
         UNKNOWN,
@@ -543,13 +641,19 @@ def _unknown(mechanism: tb.Mechanism) -> Iterator[Seed]:
     yield Seed(
         "friction of the square",
         UNKNOWN,
-        lambda b: on_relative(b, 0, lambda x, v: -1e-4 * b.torque * v * np.abs(v) * b.length / b.mechanism.gravity),
+        lambda b: on_relative(
+            b, 0, lambda x, v: -1e-4 * b.torque * v * np.abs(v) * b.length / b.mechanism.gravity
+        ),
     )
     yield Seed(
         "dry friction",
         UNKNOWN,
         lambda b: on_relative(
-            b, 0, lambda x, v: -1e-3 * b.torque * np.tanh(50 * v * math.sqrt(b.length / b.mechanism.gravity))
+            b,
+            0,
+            lambda x, v: (
+                -1e-3 * b.torque * np.tanh(50 * v * math.sqrt(b.length / b.mechanism.gravity))
+            ),
         ),
     )
     yield Seed("noise on everything", UNKNOWN, read(noisy_everything))
@@ -559,7 +663,8 @@ def _unknown(mechanism: tb.Mechanism) -> Iterator[Seed]:
             f"a torque from {since:g} of the time on",
             UNKNOWN,
             lambda b, since=since: b.pulsed(
-                since * b.end, lambda e, q, u: 1e-3 * b.torque * np.broadcast_to(np.eye(q.shape[-1])[0], q.shape)
+                since * b.end,
+                lambda e, q, u: 1e-3 * b.torque * np.broadcast_to(np.eye(q.shape[-1])[0], q.shape),
             ),
         )
     yield Seed("steps of first order", UNKNOWN, single_steps)
@@ -567,7 +672,8 @@ def _unknown(mechanism: tb.Mechanism) -> Iterator[Seed]:
         "two masses wrong",
         UNKNOWN,
         _twice(
-            _with("bodies", 0, mass=_scaled(1.003), inertia=_scaled(1.003)), _with("bodies", last, mass=_scaled(0.998))
+            _with("bodies", 0, mass=_scaled(1.003), inertia=_scaled(1.003)),
+            _with("bodies", last, mass=_scaled(0.998)),
         ),
     )
     yield Seed(
@@ -575,7 +681,8 @@ def _unknown(mechanism: tb.Mechanism) -> Iterator[Seed]:
         UNKNOWN,
         lambda b: b.stopped(
             lambda e, q, u: (
-                -2e-5 * unit(b) * u + ((e.kinematics.rates(q).conj() * e._weights) * (np.exp(1e-3j) - 1)).real
+                -2e-5 * unit(b) * u
+                + ((e.kinematics.rates(q).conj() * e._weights) * (np.exp(1e-3j) - 1)).real
             )
         ),
     )
@@ -662,6 +769,8 @@ if __name__ == "__main__":
     chosen = [a for a in arguments if not a.startswith(("-", "+"))] or ["fixed", "rolling"]
     for name in chosen:
         bench = Bench.of(scaled(model(name), factor))
-        seeded = [seed for seed in seeds(bench.mechanism) if not only or any(o in seed.name for o in only)]
+        seeded = [
+            seed for seed in seeds(bench.mechanism) if not only or any(o in seed.name for o in only)
+        ]
         print(name)
         print(counted([_show(diagnosed(bench, seed)) for seed in seeded]))

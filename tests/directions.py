@@ -12,12 +12,19 @@ from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.reference.equations import Equations, consistent_coordinates, kkt_matrix
 from trebucheck.reference.solver import solve
 from trebucheck.reference.throw.tangent import StateTangent, state_tangent
-from trebucheck.reference.throw.variational import VariationalEquations, consistent_direction, moved, numbers
+from trebucheck.reference.throw.variational import (
+    VariationalEquations,
+    consistent_direction,
+    moved,
+    numbers,
+)
 
 Direction = dict[str, float]
 
 
-def stepped(mechanism: Mechanism, direction: Direction, step: float, active: tuple[str, ...]) -> Mechanism:
+def stepped(
+    mechanism: Mechanism, direction: Direction, step: float, active: tuple[str, ...]
+) -> Mechanism:
     """A mechanism moved along a direction, with unit vectors of length 1, on its loops and closed stops."""
     other = moved(mechanism, direction, step)
     unit = {
@@ -26,14 +33,18 @@ def stepped(mechanism: Mechanism, direction: Direction, step: float, active: tup
     }
     other = _of_length_one(other.model_copy(update=unit), "gravity_direction")
     equations, (q, u) = Equations(other), initial_state(other)
-    closest = consistent_coordinates(equations, q, [stop.name for stop in other.stops if stop.closed])
+    closest = consistent_coordinates(
+        equations, q, [stop.name for stop in other.stops if stop.closed]
+    )
     assert closest is not None
     mass, jacobian = equations.mass_matrix(closest), equations.constraint_jacobian(closest, active)
     if (basis := equations.basis(closest, active)) is not None:
         jacobian = basis.rows @ jacobian
     kkt, right = kkt_matrix(mass, jacobian), np.concatenate([mass @ u, np.zeros(len(jacobian))])
     speeds = np.linalg.solve(kkt, right)[: len(q)]
-    return other.model_copy(update={"start": tuple(closest.tolist()), "start_speeds": tuple(speeds.tolist())})
+    return other.model_copy(
+        update={"start": tuple(closest.tolist()), "start_speeds": tuple(speeds.tolist())}
+    )
 
 
 def random_direction(mechanism: Mechanism, least: float) -> Direction:
@@ -45,14 +56,18 @@ def random_direction(mechanism: Mechanism, least: float) -> Direction:
         base, _, component = name.rpartition(".")
         if not base.endswith(("axis", "normal", "gravity_direction")):
             direction[name] = (
-                part * max(least, abs(value)) if value or not name.endswith(("inertia", "restitution")) else 0
+                part * max(least, abs(value))
+                if value or not name.endswith(("inertia", "restitution"))
+                else 0
             )
         elif component == "0":
             direction |= {name: -part * known[f"{base}.1"], f"{base}.1": part * value}
     return consistent_direction(mechanism, direction)
 
 
-def derivatives(mechanism: Mechanism, directions: list[Direction], t: float, law: StopLaw) -> StateTangent:
+def derivatives(
+    mechanism: Mechanism, directions: list[Direction], t: float, law: StopLaw
+) -> StateTangent:
     solution = solve(Problem(mechanism, duration=t, stop_law=law))
     return state_tangent(solution, VariationalEquations(mechanism, directions), t)
 

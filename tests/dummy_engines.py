@@ -247,7 +247,9 @@ def _in_body(found: tb.Trajectory) -> tb.Trajectory:
     turned = {}
     for joint in found.mechanism.joints:
         if joint.name in found.joint_reactions:
-            angle = found.q[:, found.mechanism.coordinates.index(found.mechanism.body(joint.child).angle)]
+            angle = found.q[
+                :, found.mechanism.coordinates.index(found.mechanism.body(joint.child).angle)
+            ]
             z = np.array([1, 1j]) @ found.joint_reactions[joint.name].T * np.exp(1j * angle)
             turned[joint.name] = np.stack([z.real, z.imag], axis=1)
     return replace(found, joint_reactions=turned)
@@ -264,9 +266,14 @@ def _interpolated(found: tb.Trajectory) -> tb.Trajectory:
     few = np.unique([*range(0, len(found.t), 100), len(found.t) - 1])
 
     def drawn(values: Any) -> Any:
-        return np.stack([np.interp(found.t, found.t[few], c[few]) for c in values.reshape(len(found.t), -1).T], axis=1)
+        return np.stack(
+            [np.interp(found.t, found.t[few], c[few]) for c in values.reshape(len(found.t), -1).T],
+            axis=1,
+        )
 
-    moved = _markers(found, lambda m: replace(m, position=drawn(m.position), velocity=drawn(m.velocity)))
+    moved = _markers(
+        found, lambda m: replace(m, position=drawn(m.position), velocity=drawn(m.velocity))
+    )
     return replace(moved, q=drawn(found.q), u=drawn(found.u))
 
 
@@ -281,8 +288,12 @@ SPOILS: dict[str, Callable[[tb.Trajectory], tb.Trajectory]] = {
     "decreasing": lambda f: replace(f, t=np.concatenate([f.t[:-2], f.t[-2:][::-1]])),
     "integers": lambda f: replace(f, t=np.arange(len(f.t))),
     "late-all": late,
-    "renamed-joint": lambda f: replace(f, joint_reactions={f"{n}!": v for n, v in f.joint_reactions.items()}),
-    "other-machine": lambda f: replace(f, mechanism=f.mechanism.model_copy(update={"gravity": 1.0})),
+    "renamed-joint": lambda f: replace(
+        f, joint_reactions={f"{n}!": v for n, v in f.joint_reactions.items()}
+    ),
+    "other-machine": lambda f: replace(
+        f, mechanism=f.mechanism.model_copy(update={"gravity": 1.0})
+    ),
     "swapped-coordinates": lambda f: replace(f, q=f.q[:, ::-1], u=f.u[:, ::-1]),
 }
 
@@ -290,7 +301,12 @@ SPOILS: dict[str, Callable[[tb.Trajectory], tb.Trajectory]] = {
 def _frictional(mechanism: tb.Mechanism) -> tb.Mechanism:
     """A damper in the first hinge."""
     brake = RotationalSpringDamper(
-        name="friction", body=mechanism.bodies[0].name, relative_to=GROUND, stiffness=0.0, damping=200.0, rest_angle=0.0
+        name="friction",
+        body=mechanism.bodies[0].name,
+        relative_to=GROUND,
+        stiffness=0.0,
+        damping=200.0,
+        rest_angle=0.0,
     )
     return mechanism.model_copy(update={"force_elements": (*mechanism.force_elements, brake)})
 

@@ -6,7 +6,12 @@ from typing import Any
 
 import numpy as np
 from mechanisms import G, body_of, everything, pin
-from trebucheck.models.force_elements import ConstantForce, ConstantTorque, RotationalSpringDamper, SpringDamper
+from trebucheck.models.force_elements import (
+    ConstantForce,
+    ConstantTorque,
+    RotationalSpringDamper,
+    SpringDamper,
+)
 from trebucheck.models.joints import GROUND, FreeJoint, PrismaticJoint, SlotJoint, WeldJoint
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Mechanism
@@ -37,22 +42,41 @@ def afloat(*bodies: Any, joints: tuple[Any, ...] = (), **changes: Any) -> Mechan
 
 def slot(**changes: Any) -> SlotJoint:
     """A slot of the hull for the bob."""
-    fields: dict[str, Any] = {"parent": "hull", "child": "bob", "parent_point": (0.3, 0.2), "child_point": (0.05, 0.1)}
+    fields: dict[str, Any] = {
+        "parent": "hull",
+        "child": "bob",
+        "parent_point": (0.3, 0.2),
+        "child_point": (0.05, 0.1),
+    }
     return SlotJoint(**({"name": "slot", "axis": (0.6, 0.8), "coordinate": "s"} | fields | changes))
 
 
 def rail(parent: str, angle: float, **changes: Any) -> PrismaticJoint:
     """A rail of a body or the ground for the block."""
-    fields: dict[str, Any] = {"parent": parent, "child": "bob", "parent_point": (0.3, 0.2), "child_point": (0.05, 0.1)}
+    fields: dict[str, Any] = {
+        "parent": parent,
+        "child": "bob",
+        "parent_point": (0.3, 0.2),
+        "child_point": (0.05, 0.1),
+    }
     return PrismaticJoint(
-        **({"name": "rail", "axis": (0.8, -0.6), "angle": angle, "coordinate": "p"} | fields | changes)
+        **(
+            {"name": "rail", "axis": (0.8, -0.6), "angle": angle, "coordinate": "p"}
+            | fields
+            | changes
+        )
     )
 
 
 def weld(parent: str = "hull", angle: float = 0.9) -> WeldJoint:
     """The block on the hull."""
     return WeldJoint(
-        name="weld", parent=parent, child="bob", parent_point=(0.3, 0.2), child_point=(0.05, 0.1), angle=angle
+        name="weld",
+        parent=parent,
+        child="bob",
+        parent_point=(0.3, 0.2),
+        child_point=(0.05, 0.1),
+        angle=angle,
     )
 
 
@@ -74,7 +98,9 @@ def braced(joint: Any, mechanism: Mechanism) -> Mechanism:
     kinematics, q = Kinematics(mechanism), np.array(mechanism.start)
     at = kinematics.position(kinematics.point("bob", (0.5, 0.2)), q)
     joint = joint.model_copy(update={"parent_point": tuple(at.tolist()), "child_point": (0.5, 0.2)})
-    closed = Mechanism(**(dict(mechanism) | {"joints": (*mechanism.joints, joint), "start_speeds": ()}))
+    closed = Mechanism(
+        **(dict(mechanism) | {"joints": (*mechanism.joints, joint), "start_speeds": ()})
+    )
     jacobian = Kinematics(closed).loop_jacobian(q)
     free = np.linalg.svd(jacobian)[2][len(jacobian) :]
     speeds = free.T @ (free @ np.array(mechanism.start_speeds))
@@ -119,10 +145,13 @@ ELEMENTS: dict[str, Mechanism] = {
 }  # fmt: skip
 
 
-def lever(normal: tuple[float, float], closed: bool, motor: float, on: str = "hull", e: float = 0.0) -> Mechanism:
+def lever(
+    normal: tuple[float, float], closed: bool, motor: float, on: str = "hull", e: float = 0.0
+) -> Mechanism:
     """A hull with a motor on its hinge, and a bob on another hinge that stands on the hull, or falls onto it.
 
-    The wall is a side of the hull and the point one of the bob, or (on the ground) the other way round.
+    The wall is a side of the hull and the point one of the bob, or (on the ground) the other way
+    round.
     """
     start, above = (0.4, 2.9), 0.0 if closed else 0.1
     plain = Mechanism(
@@ -155,5 +184,9 @@ WALLS = {
     "released by a motor": (lever(UP, True, 0.0), 0.4, StopLaw.RELEASE_ONCE),
     "impact": (lever(TILTED, False, -9.0, e=0.5), 0.5, StopLaw.UNILATERAL),
     "impact that stays": (lever(UP, False, -4.0), 0.35, StopLaw.UNILATERAL),
-    "a point of the ground": (lever((0.0, -1.0), False, -30.0, on=GROUND, e=0.7), 0.35, StopLaw.UNILATERAL),
+    "a point of the ground": (
+        lever((0.0, -1.0), False, -30.0, on=GROUND, e=0.7),
+        0.35,
+        StopLaw.UNILATERAL,
+    ),
 }

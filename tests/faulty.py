@@ -125,7 +125,9 @@ def run_with(fault: Fault, model: str, monkeypatch: pytest.MonkeyPatch) -> Run:
 
     monkeypatch.setattr(comparing, "Runner", runner)
     monkeypatch.setattr(registry, "engine", spoilt)  # with other options it is as faulty
-    results = tb.compare([model], [fault.engine], ["tuned"], isolate=False, **(fault.options or {})).results
+    results = tb.compare(
+        [model], [fault.engine], ["tuned"], isolate=False, **(fault.options or {})
+    ).results
     return results.runs[0]
 
 
@@ -143,7 +145,9 @@ def parameters(**changes: float) -> Callable[[tb.Mechanism], tb.Mechanism]:
     return lambda mechanism: build[mechanism.name](P(**changes))
 
 
-def body(name: str, **changes: float | Callable[[Any], float]) -> Callable[[tb.Mechanism], tb.Mechanism]:
+def body(
+    name: str, **changes: float | Callable[[Any], float]
+) -> Callable[[tb.Mechanism], tb.Mechanism]:
     """The machine with another body."""
 
     def wrong(mechanism: tb.Mechanism) -> tb.Mechanism:
@@ -194,14 +198,19 @@ def tilted_wall(name: str, angle: float) -> Callable[[tb.Mechanism], tb.Mechanis
     def wrong(mechanism: tb.Mechanism) -> tb.Mechanism:
         stop = mechanism.stop(name)
         normal = (-np.sin(angle), np.cos(angle))
-        turned = {"normal": normal, "offset": np.dot(normal, _start_place(mechanism, stop.body, stop.point))}
+        turned = {
+            "normal": normal,
+            "offset": np.dot(normal, _start_place(mechanism, stop.body, stop.point)),
+        }
         stops = [s.model_dump() | (turned if s.name == name else {}) for s in mechanism.stops]
         return tb.Mechanism(**{**mechanism.model_dump(), "stops": stops})
 
     return wrong
 
 
-def _start_place(mechanism: tb.Mechanism, body: str, point: tuple[float, float]) -> tuple[float, float]:
+def _start_place(
+    mechanism: tb.Mechanism, body: str, point: tuple[float, float]
+) -> tuple[float, float]:
     kinematics = Kinematics(mechanism)
     x, y = kinematics.position(kinematics.point(body, point), np.array(mechanism.start))
     return float(x), float(y)
@@ -252,7 +261,9 @@ def rounded_text(monkeypatch: pytest.MonkeyPatch, change: Callable[[str], str]) 
 
     def spoilt(*arguments: Any) -> str:
         text = right(*arguments)
-        refuse_idle((wrong := change(text)) != text, f"{change.__name__} of {len(text)} characters of MJCF")
+        refuse_idle(
+            (wrong := change(text)) != text, f"{change.__name__} of {len(text)} characters of MJCF"
+        )
         return wrong
 
     monkeypatch.setattr(_mujoco_model, "mjcf", spoilt)
@@ -268,7 +279,9 @@ def damped(text: str) -> str:
 
 
 def scaled_torques(trajectory: tb.Trajectory) -> tb.Trajectory:
-    return replace(trajectory, stop_torques={n: 1.001 * v for n, v in trajectory.stop_torques.items()})
+    return replace(
+        trajectory, stop_torques={n: 1.001 * v for n, v in trajectory.stop_torques.items()}
+    )
 
 
 def flipped_torque(trajectory: tb.Trajectory) -> tb.Trajectory:

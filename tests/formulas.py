@@ -1,7 +1,7 @@
 """A motion given by formulas, in the place of a reference solution: what comparisons measure is then known exactly.
 
-A trolley on a level slot carries an arm, which its rest holds until RELEASE and which turns evenly from then on. The
-motion need not obey any law: a comparison only compares.
+A trolley on a level slot carries an arm, which its rest holds until RELEASE and which turns evenly
+from then on. The motion need not obey any law: a comparison only compares.
 """
 
 from __future__ import annotations
@@ -32,7 +32,14 @@ END = 1.5
 REST = Stop(name="rest", body="arm", sense=1, limit=math.pi, closed=True)
 BUFFER = Stop(name="buffer", body="arm", sense=-1, limit=-10.0, closed=False)
 WALL = PointStop(name="wall", body="arm", point=(ARM, 0), normal=(0, 1), offset=-4.0, closed=False)
-SLOT = SlotJoint(name="slot", child="trolley", parent_point=(0, 0), child_point=(0, 0), axis=(1.0, 0.0), coordinate="s")
+SLOT = SlotJoint(
+    name="slot",
+    child="trolley",
+    parent_point=(0, 0),
+    child_point=(0, 0),
+    axis=(1.0, 0.0),
+    coordinate="s",
+)
 
 
 def trolley(**changes: object) -> tb.Mechanism:
@@ -70,7 +77,9 @@ class Formula:
     singular_passages: tuple[SingularPassage, ...] = ()
     segments: tuple[()] = ()
     launches: Mapping[str, Launch] = field(
-        default_factory=lambda: {"projectile": Launch(LAUNCH, ARM * TURN, (math.sqrt(2), math.sqrt(2)))}
+        default_factory=lambda: {
+            "projectile": Launch(LAUNCH, ARM * TURN, (math.sqrt(2), math.sqrt(2)))
+        }
     )
     undetermined_joints: tuple[str, ...] = ()
     undetermined_stops: tuple[str, ...] = ()
@@ -101,7 +110,10 @@ class Formula:
 
     def trajectory(self, t: FloatArray) -> tb.Trajectory:
         """At times t [s], shape (n,)."""
-        q, u = (np.stack([np.asarray(values, dtype=float) for values in of(t)], axis=1) for of in (self.q, self.u))
+        q, u = (
+            np.stack([np.asarray(values, dtype=float) for values in of(t)], axis=1)
+            for of in (self.q, self.u)
+        )
         return tb.Trajectory(
             mechanism=self.mechanism, t=t, q=q, u=u,
             markers={marker.name: self._point(marker, q, u) for marker in self.mechanism.markers},

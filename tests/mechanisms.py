@@ -14,7 +14,14 @@ from trebucheck.models.force_elements import (
     RotationalSpringDamper,
     SpringDamper,
 )
-from trebucheck.models.joints import GROUND, FreeJoint, PinJoint, PrismaticJoint, SlotJoint, WeldJoint
+from trebucheck.models.joints import (
+    GROUND,
+    FreeJoint,
+    PinJoint,
+    PrismaticJoint,
+    SlotJoint,
+    WeldJoint,
+)
 from trebucheck.models.machines.trebuchet import PROJECTILE, fixed, rolling
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem
@@ -26,7 +33,8 @@ from trebucheck.reference.solver import solve
 
 G = 9.81
 
-# --- The paper's Table I ----------------------------------------------------------------------------------------
+# --- The paper's Table I
+# ----------------------------------------------------------------------------------------
 
 TABLE_ONE: dict[str, Mechanism] = {"fixed": fixed(), "rolling": rolling()}
 
@@ -50,7 +58,8 @@ def misplaced(found: Trajectory, exact: Solution) -> float:
     return max(position_error(found, exact, marker.name) for marker in found.mechanism.markers)
 
 
-# --- Parts ------------------------------------------------------------------------------------------------------
+# --- Parts
+# ------------------------------------------------------------------------------------------------------
 
 
 def pin(name: str, parent: str, child: str, at: Vector = (0, 0), on: Vector = (0, 0)) -> PinJoint:
@@ -58,22 +67,35 @@ def pin(name: str, parent: str, child: str, at: Vector = (0, 0), on: Vector = (0
     return PinJoint(name=name, parent=parent, child=child, parent_point=at, child_point=on)
 
 
-def angle_stop(limit: float, restitution: float = 0.0, body: str = "bob", name: str = "stop") -> Stop:
+def angle_stop(
+    limit: float, restitution: float = 0.0, body: str = "bob", name: str = "stop"
+) -> Stop:
     """An open stop that a clockwise rotation of a body meets at `limit` [rad]."""
     return Stop(name=name, body=body, sense=-1, limit=-limit, closed=False, restitution=restitution)
 
 
-def floor(depth: float, restitution: float = 0.0, body: str = "bob", point: Vector = (2.0, 0)) -> PointStop:
+def floor(
+    depth: float, restitution: float = 0.0, body: str = "bob", point: Vector = (2.0, 0)
+) -> PointStop:
     """An open floor for a point of a body, `depth` below the origin [m]."""
     return PointStop(
-        name="floor", body=body, point=point, normal=(0, 1), offset=-depth, closed=False, restitution=restitution
+        name="floor",
+        body=body,
+        point=point,
+        normal=(0, 1),
+        offset=-depth,
+        closed=False,
+        restitution=restitution,
     )
 
 
-# --- Pendulums --------------------------------------------------------------------------------------------------
+# --- Pendulums
+# --------------------------------------------------------------------------------------------------
 
 
-def hanging_bob(*stops: Stop | PointStop, start: float = 0.0, length: float = 2.0, **changes: object) -> Mechanism:
+def hanging_bob(
+    *stops: Stop | PointStop, start: float = 0.0, length: float = 2.0, **changes: object
+) -> Mechanism:
     """A point mass of 3 kg on a massless rod; angle 0 points along +x, pi/2 straight down."""
     fields: dict[str, object] = {
         "name": "pendulum",
@@ -91,20 +113,34 @@ def rod_pendulum(*stops: Stop, start: float = 0.0) -> Mechanism:
     """A rod with inertia that falls clockwise about its pin."""
     rod = Body(name="rod", angle="a", mass=2.0, centre=(1, 0), inertia=0.5)
     return Mechanism(
-        name="pendulum", bodies=(rod,), joints=(pin("pin", GROUND, "rod"),), stops=stops, gravity=G, start=(start,)
+        name="pendulum",
+        bodies=(rod,),
+        joints=(pin("pin", GROUND, "rod"),),
+        stops=stops,
+        gravity=G,
+        start=(start,),
     )
 
 
-# --- Chains of two bodies ---------------------------------------------------------------------------------------
+# --- Chains of two bodies
+# ---------------------------------------------------------------------------------------
 
 OBLIQUE_SLOT = SlotJoint(
-    name="hook", child="upper", parent_point=(1, 2), child_point=(0.1, 0.1), axis=(0.8, 0.6), coordinate="s"
+    name="hook",
+    child="upper",
+    parent_point=(1, 2),
+    child_point=(0.1, 0.1),
+    axis=(0.8, 0.6),
+    coordinate="s",
 )
 """A slot that goes uphill, for the upper body of a chain."""
 
 
 def chain(
-    *stops: Stop | PointStop, inertias: tuple[float, float] = (0.1, 0.2), hook: Vector = (0.1, 0.2), **changes: object
+    *stops: Stop | PointStop,
+    inertias: tuple[float, float] = (0.1, 0.2),
+    hook: Vector = (0.1, 0.2),
+    **changes: object,
 ) -> Mechanism:
     """Two bodies off every axis, hung from a point that is not the world's origin, moving at the start.
 
@@ -120,9 +156,15 @@ def chain(
             Body(name="upper", angle="a", mass=1, centre=(0.5, 0.1), inertia=inertias[0]),
             Body(name="lower", angle="b", mass=2, centre=(0.4, -0.5), inertia=inertias[1]),
         ),
-        "joints": (pin("hook", GROUND, "upper", (0.3, 2), hook), pin("pin", "upper", "lower", (1, 0), (0, 0.1))),
+        "joints": (
+            pin("hook", GROUND, "upper", (0.3, 2), hook),
+            pin("pin", "upper", "lower", (1, 0), (0, 0.1)),
+        ),
         "stops": stops,
-        "markers": (Marker(name="tip", body="lower", point=(0.1, -1.5)), Marker(name="peg", body=GROUND, point=(1, 2))),
+        "markers": (
+            Marker(name="tip", body="lower", point=(0.1, -1.5)),
+            Marker(name="peg", body=GROUND, point=(1, 2)),
+        ),
         "gravity": G,
         "start": (0.3, 0.2),
         "start_speeds": (1.0, -2.0),
@@ -134,12 +176,18 @@ def chain_on_a_slot(**changes: object) -> Mechanism:
     """The chain on a slot that goes uphill, moving at the start."""
     here = chain(**changes)
     return chain(
-        **{"joints": (OBLIQUE_SLOT, here.joints[1]), "start": (0.3, 0.2, 0.4), "start_speeds": (1.0, -2.0, 0.7)}
+        **{
+            "joints": (OBLIQUE_SLOT, here.joints[1]),
+            "start": (0.3, 0.2, 0.4),
+            "start_speeds": (1.0, -2.0, 0.7),
+        }
         | changes
     )
 
 
-def rods_on_a_slot(*stops: Stop | PointStop, inertia: float, tip: Vector, **changes: object) -> Mechanism:
+def rods_on_a_slot(
+    *stops: Stop | PointStop, inertia: float, tip: Vector, **changes: object
+) -> Mechanism:
     """Two rods, the upper one on a tilted slot, with no point where it would be easy.
 
     Args:
@@ -149,7 +197,12 @@ def rods_on_a_slot(*stops: Stop | PointStop, inertia: float, tip: Vector, **chan
         changes: fields of the mechanism.
     """
     slot = SlotJoint(
-        name="slot", child="upper", parent_point=(1, 2), child_point=(-0.1, 0.3), axis=(0.6, 0.8), coordinate="s"
+        name="slot",
+        child="upper",
+        parent_point=(1, 2),
+        child_point=(-0.1, 0.3),
+        axis=(0.6, 0.8),
+        coordinate="s",
     )
     fields: dict[str, object] = {
         "name": "rods",
@@ -166,7 +219,8 @@ def rods_on_a_slot(*stops: Stop | PointStop, inertia: float, tip: Vector, **chan
     return Mechanism(**(fields | changes))
 
 
-# --- Linkages and ladders ---------------------------------------------------------------------------------------
+# --- Linkages and ladders
+# ---------------------------------------------------------------------------------------
 
 
 def slider_crank(
@@ -189,7 +243,11 @@ def slider_crank(
     # The tip is on the line: sin(b + tilt) length = -sin(crank + tilt).
     rod = -math.asin(math.sin(crank + tilt) / length) - tilt
     slot = SlotJoint(
-        name="slot", child="rod", parent_point=(0, 0), child_point=(length, 0), axis=(math.cos(tilt), math.sin(tilt))
+        name="slot",
+        child="rod",
+        parent_point=(0, 0),
+        child_point=(length, 0),
+        axis=(math.cos(tilt), math.sin(tilt)),
     )
     fields: dict[str, object] = {
         "name": "slider crank",
@@ -216,7 +274,8 @@ def four_bar(*further: Body, start: tuple[float, ...] = (), **changes: object) -
     crank, coupler, rocker, foot = -1.2, 2.5, 2.0, complex(3, 0)
     end = cmath.exp(-1j * crank)
     span = foot - end
-    # The circles around the crank's end and the rocker's foot meet where the coupler meets the rocker.
+    # The circles around the crank's end and the rocker's foot meet where the coupler meets the
+    # rocker.
     along = (coupler**2 - rocker**2 + abs(span) ** 2) / (2 * abs(span))
     meeting = end + span / abs(span) * complex(along, math.sqrt(coupler**2 - along**2))
     hung = changes.pop("hung", ())
@@ -242,7 +301,9 @@ def four_bar(*further: Body, start: tuple[float, ...] = (), **changes: object) -
     return Mechanism(**(fields | changes))
 
 
-def parallel_cranks(n: int, *stops: Stop | PointStop, start: float = 0.3, hung: bool = False) -> Mechanism:
+def parallel_cranks(
+    n: int, *stops: Stop | PointStop, start: float = 0.3, hung: bool = False
+) -> Mechanism:
     """A beam on n equal, parallel cranks, as a pendulum of one degree of freedom: more than two cranks are redundant.
 
     Args:
@@ -258,7 +319,10 @@ def parallel_cranks(n: int, *stops: Stop | PointStop, start: float = 0.3, hung: 
         bodies=(
             Body.model_validate({"name": "crank 0", "angle": "angle 0", **crank}),
             Body(name=beam, angle="tilt", mass=3.0, centre=(0.7, 0.1), inertia=0.5),
-            *(Body.model_validate({"name": f"crank {k}", "angle": f"angle {k}", **crank}) for k in range(1, n)),
+            *(
+                Body.model_validate({"name": f"crank {k}", "angle": f"angle {k}", **crank})
+                for k in range(1, n)
+            ),
             *((further,) if hung else ()),
         ),
         joints=(
@@ -283,19 +347,33 @@ def scaled(mechanism: Mechanism, s: float) -> Mechanism:
 
     changes: dict[str, object] = {
         "bodies": tuple(
-            b.model_copy(update={"mass": b.mass * s**3, "inertia": b.inertia * s**5, "centre": vector(b.centre)})
+            b.model_copy(
+                update={
+                    "mass": b.mass * s**3,
+                    "inertia": b.inertia * s**5,
+                    "centre": vector(b.centre),
+                }
+            )
             for b in mechanism.bodies
         ),
         "joints": tuple(
-            j.model_copy(update={"parent_point": vector(j.parent_point), "child_point": vector(j.child_point)})
+            j.model_copy(
+                update={
+                    "parent_point": vector(j.parent_point),
+                    "child_point": vector(j.child_point),
+                }
+            )
             for j in mechanism.joints
         ),
         "stops": tuple(
-            p.model_copy(update={"point": vector(p.point), "offset": p.offset * s}) if isinstance(p, PointStop) else p
+            p.model_copy(update={"point": vector(p.point), "offset": p.offset * s})
+            if isinstance(p, PointStop)
+            else p
             for p in mechanism.stops
         ),
         "markers": tuple(
-            m.model_copy(update={"point": vector(m.point), "mass": m.mass and m.mass * s**3}) for m in mechanism.markers
+            m.model_copy(update={"point": vector(m.point), "mass": m.mass and m.mass * s**3})
+            for m in mechanism.markers
         ),
         "force_elements": tuple(_scaled_element(e, s) for e in mechanism.force_elements),
     }
@@ -312,16 +390,21 @@ def _scaled_element(element: AnyForceElement, s: float) -> AnyForceElement:
     fields = {name: value for name, value in element.model_dump().items() if name in powers}
     return element.model_copy(
         update={
-            name: tuple(x * s ** powers[name] for x in value) if isinstance(value, tuple) else value * s ** powers[name]
+            name: tuple(x * s ** powers[name] for x in value)
+            if isinstance(value, tuple)
+            else value * s ** powers[name]
             for name, value in fields.items()
         }
     )
 
 
-# --- Every element ----------------------------------------------------------------------------------------------------
+# --- Every element
+# ----------------------------------------------------------------------------------------------------
 
 
-def body_of(name: str, angle: str | None, mass: float, centre: tuple[float, float], inertia: float) -> Body:
+def body_of(
+    name: str, angle: str | None, mass: float, centre: tuple[float, float], inertia: float
+) -> Body:
     """A body; one without the name of an angle hangs on a joint that holds its angle."""
     return Body(name=name, angle=angle, mass=mass, centre=centre, inertia=inertia)
 
@@ -379,10 +462,23 @@ def everything() -> Mechanism:
 def bouncing(height: float, restitution: float) -> Mechanism:
     """A point mass on an upright rail above a floor."""
     rail = PrismaticJoint(
-        name="rail", child="ball", parent_point=(0, 0), child_point=(0, 0), axis=(0, 1), coordinate="height"
+        name="rail",
+        child="ball",
+        parent_point=(0, 0),
+        child_point=(0, 0),
+        axis=(0, 1),
+        coordinate="height",
     )
     floor = PointStop(
-        name="floor", body="ball", point=(0, 0), normal=(0, 1), offset=0, closed=False, restitution=restitution
+        name="floor",
+        body="ball",
+        point=(0, 0),
+        normal=(0, 1),
+        offset=0,
+        closed=False,
+        restitution=restitution,
     )
     ball = Body(name="ball", mass=1.0, centre=(0, 0), inertia=0)
-    return Mechanism(name="ball", bodies=(ball,), joints=(rail,), stops=(floor,), gravity=G, start=(height,))
+    return Mechanism(
+        name="ball", bodies=(ball,), joints=(rail,), stops=(floor,), gravity=G, start=(height,)
+    )

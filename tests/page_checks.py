@@ -23,13 +23,20 @@ def looks(page: Page, call: str) -> Any:
 
 def serious(page: Page) -> list[str]:
     """Serious and critical violations that axe finds; drawings whose boxes have names are left out."""
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
-    found = axe.Axe().run(page, context={"exclude": [["[aria-hidden=true]"]]}).response["violations"]
+    axe = pytest.importorskip(
+        "axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed"
+    )
+    found = (
+        axe.Axe().run(page, context={"exclude": [["[aria-hidden=true]"]]}).response["violations"]
+    )
     return [_said(each) for each in found if each["impact"] in ("serious", "critical")]
 
 
 def _said(violation: dict[str, Any]) -> str:
-    nodes = [node["html"][:150] + " ".join(c["message"] for c in node["any"]) for node in violation["nodes"][:3]]
+    nodes = [
+        node["html"][:150] + " ".join(c["message"] for c in node["any"])
+        for node in violation["nodes"][:3]
+    ]
     return f"{violation['impact']} {violation['id']} ({len(violation['nodes'])}): {nodes}"
 
 

@@ -60,11 +60,15 @@ def _study(model: str) -> Study:
 def _throw() -> Document:
     performance = perform(tb.rolling(), {}, best=True)
     sensitive, _ = sensitivities_of(performance, "rolling", tb.TrebuchetParameters())
-    return throw_report.document(performance, performance.throw.model_copy(update={"sensitivities": sensitive}))
+    return throw_report.document(
+        performance, performance.throw.model_copy(update={"sensitivities": sensitive})
+    )
 
 
 def _recommend() -> Document:
-    found = recommend(Study(["pendulum"], ["pymunk"], isolate=False), Asked(position=1e-2), neighbours=0)
+    found = recommend(
+        Study(["pendulum"], ["pymunk"], isolate=False), Asked(position=1e-2), neighbours=0
+    )
     return recommend_report.document(found)
 
 
@@ -76,7 +80,8 @@ def _diff() -> Document:
             update={
                 "engine_version": "99.0",
                 "metrics": tuple(
-                    m.model_copy(update={"value": 10 * m.value}) if m.value is not None else m for m in run.metrics
+                    m.model_copy(update={"value": 10 * m.value}) if m.value is not None else m
+                    for m in run.metrics
                 ),
             }
         )
@@ -88,11 +93,18 @@ def _diff() -> Document:
 
 
 def _paper() -> Document:
-    def claim(name: str, where: str, ours: float, unit: str, printed: str, *engines: EngineValue) -> Claim:
+    def claim(
+        name: str, where: str, ours: float, unit: str, printed: str, *engines: EngineValue
+    ) -> Claim:
         quantity = Quantity(value=ours, uncertainty=1e-9, unit=unit)
-        return Row(name, where, printed, f"the {name}", quantity, as_printed).judged(quantity, engines)
+        return Row(name, where, printed, f"the {name}", quantity, as_printed).judged(
+            quantity, engines
+        )
 
-    engines = [EngineValue(engine=name, value=v, tolerance=1e-3) for name, v in (("mujoco", 99.4), ("pymunk", 99.5))]
+    engines = [
+        EngineValue(engine=name, value=v, tolerance=1e-3)
+        for name, v in (("mujoco", 99.4), ("pymunk", 99.5))
+    ]
     claims = (
         claim("launch speed", "Sec. V", 99.4, "m/s", "99.4 m/s", *engines),
         claim("lever ratio", "Secs. V, VII", 1.82, "", "2.42:1"),

@@ -25,7 +25,9 @@ second = plugins:Second
 """
 
 
-def announce(folder: Path, name: str = "trebucheck-test-plugins", entry_points: str = ENTRY_POINTS) -> None:
+def announce(
+    folder: Path, name: str = "trebucheck-test-plugins", entry_points: str = ENTRY_POINTS
+) -> None:
     """Write the metadata of an installed distribution that brings engines, by default these."""
     info = folder / f"{name.replace('-', '_')}-1.0.dist-info"
     info.mkdir()
@@ -87,8 +89,12 @@ class Second(Echo):
     def simulate(self, problem: tb.Problem) -> tb.Trajectory:
         given, factor = problem.mechanism, 1.0 + self.timestep**2
         speeds = tuple(speed * factor for speed in given.start_speeds)
-        stronger = given.model_copy(update={"gravity": given.gravity * factor, "start_speeds": speeds})
-        found = super().simulate(tb.Problem(stronger, duration=problem.duration, stop_law=problem.stop_law))
+        stronger = given.model_copy(
+            update={"gravity": given.gravity * factor, "start_speeds": speeds}
+        )
+        found = super().simulate(
+            tb.Problem(stronger, duration=problem.duration, stop_law=problem.stop_law)
+        )
         return replace(found, mechanism=given)
 
 

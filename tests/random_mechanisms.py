@@ -12,7 +12,15 @@ from trebucheck.models.force_elements import (
     RotationalSpringDamper,
     SpringDamper,
 )
-from trebucheck.models.joints import GROUND, AnyJoint, FreeJoint, PinJoint, PrismaticJoint, SlotJoint, WeldJoint
+from trebucheck.models.joints import (
+    GROUND,
+    AnyJoint,
+    FreeJoint,
+    PinJoint,
+    PrismaticJoint,
+    SlotJoint,
+    WeldJoint,
+)
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.spec import Vector
@@ -64,7 +72,10 @@ def _changed(mechanism: Mechanism, **fields: object) -> Mechanism:
 
 def _tree(draw: _Draw) -> Mechanism:
     names = tuple(f"b{k}" for k in range(1 + draw.count(5)))
-    joints = [_tree_joint(draw, draw.choice((GROUND, *names[:k])), name, k == 0) for k, name in enumerate(names)]
+    joints = [
+        _tree_joint(draw, draw.choice((GROUND, *names[:k])), name, k == 0)
+        for k, name in enumerate(names)
+    ]
     bodies = tuple(
         Body(
             name=name, angle=None if joint.holds_angle else f"angle {name}", mass=draw.number(0.3, 3),
@@ -86,17 +97,38 @@ def _tree(draw: _Draw) -> Mechanism:
 
 
 def _tree_joint(draw: _Draw, parent: str, child: str, first: bool) -> AnyJoint:
-    kind = draw.choice(tuple(k for k in _JOINTS if not (first and k == "weld") and (parent == GROUND or k != "free")))
+    kind = draw.choice(
+        tuple(
+            k for k in _JOINTS if not (first and k == "weld") and (parent == GROUND or k != "free")
+        )
+    )
     if kind == "free":
         points = {"parent_point": draw.point(), "child_point": draw.point()}
-        return FreeJoint(name=f"to {child}", child=child, coordinates=(f"x {child}", f"y {child}"), **points)
-    return _joint(draw, kind, f"to {child}", parent, child, draw.point(), draw.number(-2, 2), f"slide {child}")
+        return FreeJoint(
+            name=f"to {child}", child=child, coordinates=(f"x {child}", f"y {child}"), **points
+        )
+    return _joint(
+        draw, kind, f"to {child}", parent, child, draw.point(), draw.number(-2, 2), f"slide {child}"
+    )
 
 
 def _joint(
-    draw: _Draw, kind: str, name: str, parent: str, child: str, at: Vector, angle: float, slide: str | None
+    draw: _Draw,
+    kind: str,
+    name: str,
+    parent: str,
+    child: str,
+    at: Vector,
+    angle: float,
+    slide: str | None,
 ) -> AnyJoint:
-    fields = {"name": name, "parent": parent, "child": child, "parent_point": at, "child_point": draw.point()}
+    fields = {
+        "name": name,
+        "parent": parent,
+        "child": child,
+        "parent_point": at,
+        "child_point": draw.point(),
+    }
     if kind == "pin":
         return PinJoint(**fields)
     if kind == "weld":
@@ -109,14 +141,22 @@ def _closed(mechanism: Mechanism, draw: _Draw) -> Mechanism:
     """With up to two loops, as long as a freedom is left; their joints are put where their points are at the start."""
     attitudes, free = mechanism.attitudes, len(mechanism.coordinates)
     for k in range(draw.count(2)):
-        child, kind = draw.choice(tuple(body.name for body in mechanism.bodies)), draw.choice(_LOOPS)
+        child, kind = (
+            draw.choice(tuple(body.name for body in mechanism.bodies)),
+            draw.choice(_LOOPS),
+        )
         others = {GROUND, *(body.name for body in mechanism.bodies)}
         others -= {name for name in others if attitudes[name][0] == attitudes[child][0]}
-        others -= {mechanism.joint_of(child).parent, *(body.name for body in mechanism.children(child))}
+        others -= {
+            mechanism.joint_of(child).parent,
+            *(body.name for body in mechanism.children(child)),
+        }
         if not others or free - _HELD[kind] < 1:
             continue
         free -= _HELD[kind]
-        joint = _loop_joint(mechanism, draw, kind, f"loop {k}", draw.choice(tuple(sorted(others))), child)
+        joint = _loop_joint(
+            mechanism, draw, kind, f"loop {k}", draw.choice(tuple(sorted(others))), child
+        )
         mechanism = _changed(mechanism, joints=(*mechanism.joints, joint))
     return _at_rest_on(mechanism)
 
@@ -129,12 +169,16 @@ def _at_rest_on(mechanism: Mechanism) -> Mechanism:
     return _changed(mechanism, start_speeds=tuple(speeds.tolist()))
 
 
-def _loop_joint(mechanism: Mechanism, draw: _Draw, kind: str, name: str, parent: str, child: str) -> AnyJoint:
+def _loop_joint(
+    mechanism: Mechanism, draw: _Draw, kind: str, name: str, parent: str, child: str
+) -> AnyJoint:
     kinematics, q = Kinematics(mechanism), np.array(mechanism.start)
     angle = float(kinematics.angle(child, parent).value(q))
     joint = _joint(draw, kind, name, parent, child, (0.0, 0.0), angle, None)
     vector = kinematics.between(child, joint.child_point, parent, (0.0, 0.0))
-    turned = complex(*kinematics.position(vector, q)) * np.exp(1j * float(kinematics.angle(parent).value(q)))
+    turned = complex(*kinematics.position(vector, q)) * np.exp(
+        1j * float(kinematics.angle(parent).value(q))
+    )
     return joint.model_copy(update={"parent_point": (float(turned.real), float(turned.imag))})
 
 
@@ -148,11 +192,19 @@ def _force_elements(mechanism: Mechanism, draw: _Draw) -> tuple[AnyForceElement,
         strength = {"stiffness": draw.number(0, 30), "damping": draw.number(0, 1.5)}
         if kind == "spring":
             points = {"point": draw.point(), "relative_point": draw.point(1.0)}
-            elements.append(SpringDamper(**pair, **strength, **points, rest_length=draw.number(0, 1)))
+            elements.append(
+                SpringDamper(**pair, **strength, **points, rest_length=draw.number(0, 1))
+            )
         elif kind == "twist":
-            elements.append(RotationalSpringDamper(**pair, **strength, rest_angle=draw.number(-2, 2)))
+            elements.append(
+                RotationalSpringDamper(**pair, **strength, rest_angle=draw.number(-2, 2))
+            )
         elif kind == "force":
-            elements.append(ConstantForce(name=f"force {k}", body=body, point=draw.point(), force=draw.point(5.0)))
+            elements.append(
+                ConstantForce(
+                    name=f"force {k}", body=body, point=draw.point(), force=draw.point(5.0)
+                )
+            )
         else:
             elements.append(ConstantTorque(**pair, torque=draw.number(-2, 2)))
     return tuple(elements)
@@ -174,7 +226,12 @@ def _stop(mechanism: Mechanism, draw: _Draw, name: str) -> Stop | PointStop:
     names = tuple(body.name for body in mechanism.bodies)
     body = draw.choice(names)
     other = draw.choice(tuple({GROUND: None} | {name: None for name in names if name != body}))
-    fields = {"name": name, "body": body, "relative_to": other, "restitution": draw.choice(("0", "0.5", "0.8"))}
+    fields = {
+        "name": name,
+        "body": body,
+        "relative_to": other,
+        "restitution": draw.choice(("0", "0.5", "0.8")),
+    }
     closed = draw.number(0, 1) < 0.2
     gap = 0.0 if closed else draw.number(0.05, 0.5)
     kinematics, q = Kinematics(mechanism), np.array(mechanism.start)
@@ -183,5 +240,7 @@ def _stop(mechanism: Mechanism, draw: _Draw, name: str) -> Stop | PointStop:
         limit = sense * float(kinematics.angle(body, other).value(q)) - gap
         return Stop(**fields, sense=sense, limit=limit, closed=closed)
     normal, point = draw.direction(), draw.point()
-    at = kinematics.component(complex(*normal), other, kinematics.between(body, point, other, (0.0, 0.0))).value(q)
+    at = kinematics.component(
+        complex(*normal), other, kinematics.between(body, point, other, (0.0, 0.0))
+    ).value(q)
     return PointStop(**fields, point=point, normal=normal, offset=float(at) - gap, closed=closed)

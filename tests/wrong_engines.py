@@ -1,7 +1,8 @@
 """Engines that are wrong in one way each, and one that is right: what every verdict is tried on.
 
-Each takes the reference's motion of the mechanism, or of another one; some spoil it. Nothing here declares a tolerance,
-a study or a built model: a comparison knows of these engines no more than of any stranger's.
+Each takes the reference's motion of the mechanism, or of another one; some spoil it. Nothing here
+declares a tolerance, a study or a built model: a comparison knows of these engines no more than of
+any stranger's.
 """
 
 from __future__ import annotations
@@ -69,7 +70,9 @@ def late(found: tb.Trajectory) -> tb.Trajectory:
     def moved(values: Any) -> Any:
         values = np.asarray(values)
         flat = values.reshape(len(found.t), -1)
-        return np.stack([np.interp(shifted, found.t, column) for column in flat.T], axis=1).reshape(values.shape)
+        return np.stack([np.interp(shifted, found.t, column) for column in flat.T], axis=1).reshape(
+            values.shape
+        )
 
     return replace(
         _markers(found, lambda m: PointMotion(moved(m.position), moved(m.velocity))),
@@ -104,7 +107,9 @@ SPOILS: dict[str, Spoil] = {
     "late": late,
     "truncated": truncated,
     "frozen": frozen,
-    "mirrored": lambda f: _markers(f, lambda m: PointMotion(m.position * [-1, 1], m.velocity * [-1, 1])),
+    "mirrored": lambda f: _markers(
+        f, lambda m: PointMotion(m.position * [-1, 1], m.velocity * [-1, 1])
+    ),
     "speed_sign": lambda f: replace(f, u=-f.u),
     "marker_speed_sign": lambda f: _markers(f, lambda m: replace(m, velocity=-m.velocity)),
     "half_speed": lambda f: _markers(f, lambda m: replace(m, velocity=0.5 * m.velocity)),
@@ -116,7 +121,9 @@ SPOILS: dict[str, Spoil] = {
     "half_energy": lambda f: replace(f, kinetic_energy=0.5 * f.kinetic_energy),
     "potential_zero": lambda f: replace(f, potential_energy=0.0 * f.potential_energy),
     "balanced_energies": lambda f: replace(
-        f, kinetic_energy=f.kinetic_energy * 0.9, potential_energy=f.potential_energy + 0.1 * f.kinetic_energy
+        f,
+        kinetic_energy=f.kinetic_energy * 0.9,
+        potential_energy=f.potential_energy + 0.1 * f.kinetic_energy,
     ),
     "never_releases": lambda f: replace(f, release_times=_mapped(f.release_times, lambda _: None)),
     "releases_early": lambda f: replace(
@@ -134,10 +141,14 @@ SPOILS: dict[str, Spoil] = {
         f, release_times=_mapped(f.release_times, lambda t: 1.0 if t is None else t)
     ),
     "swapped_releases": lambda f: replace(
-        f, release_times=dict(zip(f.release_times, list(f.release_times.values())[::-1], strict=True))
+        f,
+        release_times=dict(zip(f.release_times, list(f.release_times.values())[::-1], strict=True)),
     ),
     "swapped_reactions": lambda f: replace(
-        f, joint_reactions=dict(zip(f.joint_reactions, list(f.joint_reactions.values())[::-1], strict=True))
+        f,
+        joint_reactions=dict(
+            zip(f.joint_reactions, list(f.joint_reactions.values())[::-1], strict=True)
+        ),
     ),
     "milliseconds": lambda f: replace(f, t=1000 * f.t),
     "slow_time": lambda f: replace(f, t=1.001 * f.t),
@@ -146,7 +157,9 @@ SPOILS: dict[str, Spoil] = {
     ),
     "anticlockwise": lambda f: replace(f, q=-f.q, u=-f.u),
     "no_trajectory": lambda f: None,  # type: ignore[dict-item,return-value]
-    "swapped_markers": lambda f: replace(f, markers=dict(zip(f.markers, list(f.markers.values())[::-1], strict=True))),
+    "swapped_markers": lambda f: replace(
+        f, markers=dict(zip(f.markers, list(f.markers.values())[::-1], strict=True))
+    ),
 }
 """Ways to spoil a motion after it has been computed, by name."""
 
@@ -160,7 +173,9 @@ def _bodies(mechanism: tb.Mechanism, **factors: float) -> tb.Mechanism:
 
 def _first(mechanism: tb.Mechanism, **factors: float) -> tb.Mechanism:
     """With fields of the last body multiplied: a factor of all masses alone changes no motion."""
-    return mechanism.model_copy(update={"bodies": (*mechanism.bodies[:-1], *_bodies(mechanism, **factors).bodies[-1:])})
+    return mechanism.model_copy(
+        update={"bodies": (*mechanism.bodies[:-1], *_bodies(mechanism, **factors).bodies[-1:])}
+    )
 
 
 BUILDS: dict[str, Build] = {
@@ -170,7 +185,9 @@ BUILDS: dict[str, Build] = {
     "heavy_everywhere": lambda m: _bodies(m, mass=1.01, inertia=1.01),
     "round_arm": lambda m: _bodies(m, inertia=1.05),
     "no_stops": lambda m: m.model_copy(update={"stops": ()}),
-    "other_start": lambda m: m.model_copy(update={"start_speeds": (0.01,) * len(m.coordinates), "stops": ()}),
+    "other_start": lambda m: m.model_copy(
+        update={"start_speeds": (0.01,) * len(m.coordinates), "stops": ()}
+    ),
 }
 """Ways to build another mechanism, by name."""
 
@@ -188,12 +205,18 @@ class Bilateral(Honest):
     law = tb.StopLaw.RELEASE_ONCE
 
 
-WRONG: dict[str, type[Honest]] = {name: _wrong(name, fault) for name, fault in (SPOILS | BUILDS).items()}
+WRONG: dict[str, type[Honest]] = {
+    name: _wrong(name, fault) for name, fault in (SPOILS | BUILDS).items()
+}
 """By the name of the fault."""
 globals().update({cls.__name__: cls for cls in WRONG.values()})
 
 
 def announce(folder: Path) -> None:
     """Write the metadata of an installed distribution that brings these engines."""
-    points = [f"{cls.name} = wrong_engines:{cls.__name__}" for cls in (Honest, Bilateral, *WRONG.values())]
-    plugins.announce(folder, "trebucheck-wrong-engines", "\n".join(["[trebucheck.engines]", *points, ""]))
+    points = [
+        f"{cls.name} = wrong_engines:{cls.__name__}" for cls in (Honest, Bilateral, *WRONG.values())
+    ]
+    plugins.announce(
+        folder, "trebucheck-wrong-engines", "\n".join(["[trebucheck.engines]", *points, ""])
+    )

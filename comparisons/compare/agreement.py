@@ -47,12 +47,16 @@ class Quantity:
     def column(self) -> Column:
         """Its column in a table of runs."""
         medium = "any" if self.short else "page"
-        return Column(self.title, self.unit, short=self.short, of=self.cell, rank=self.rank, medium=medium)
+        return Column(
+            self.title, self.unit, short=self.short, of=self.cell, rank=self.rank, medium=medium
+        )
 
     def metrics(self, run: Run) -> list[Metric]:
         """Those it stands for."""
         of = [m for m in run.metrics if m.observed and self.subject in (None, m.subject)]
-        return [m for m in of if m.name == self.metric] or [m for m in of if m.name == self.otherwise]
+        return [m for m in of if m.name == self.metric] or [
+            m for m in of if m.name == self.otherwise
+        ]
 
     def value(self, run: Run) -> float | None:
         """The largest; None if one is missing, or the run has none."""
@@ -63,19 +67,31 @@ class Quantity:
         metrics, value = self.metrics(run), self.value(run)
         if not metrics:
             return Cell("")
-        other = "" if value is None else "".join({f" {m.unit}" for m in metrics} - {f" {self.unit}"})
-        named = [m for m in run.metrics if m.name == (self.judged or self.metric) and self.subject in (None, m.subject)]
+        other = (
+            "" if value is None else "".join({f" {m.unit}" for m in metrics} - {f" {self.unit}"})
+        )
+        named = [
+            m
+            for m in run.metrics
+            if m.name == (self.judged or self.metric) and self.subject in (None, m.subject)
+        ]
         text = format_number(value) + other
         if all(metric.holds is None for metric in named):
             return Cell(text, "unjudged", hint="compared, but held against no tolerance")
-        return Cell(text, mark_of(all(m.holds is not False for m in named)), hint=_hint(named), heat=_heat(named))
+        return Cell(
+            text,
+            mark_of(all(m.holds is not False for m in named)),
+            hint=_hint(named),
+            heat=_heat(named),
+        )
 
     def linked(self, run: Run) -> Cell:
         """The cell with a link to its plot, for a page; what the engine does not tell is said to be so."""
         cell = self.cell(run)
         if not cell.text:
             return Cell(
-                "–" if run.metrics else "", hint="not observed, or not part of this motion" if run.metrics else ""
+                "–" if run.metrics else "",
+                hint="not observed, or not part of this motion" if run.metrics else "",
             )
         return replace(cell, link=plots.anchor(run.model, self.plot) if self.plot else "")
 
@@ -83,7 +99,8 @@ class Quantity:
 def _hint(judged: Sequence[Metric]) -> str:
     """Each metric with its tolerance."""
     return "; ".join(
-        f"{m.label}: {format_number(m.value)} {m.unit}, tolerance {format_number(m.tolerance)}" for m in judged[:_HINTS]
+        f"{m.label}: {format_number(m.value)} {m.unit}, tolerance {format_number(m.tolerance)}"
+        for m in judged[:_HINTS]
     )
 
 
@@ -104,7 +121,9 @@ def _heat(judged: Sequence[Metric]) -> float | None:
 def largest(values: Iterable[float | None]) -> float | None:
     """Magnitude of the largest; None if one is missing, or all are."""
     sizes = [None if value is None else abs(value) for value in values]
-    return None if None in sizes else max((size for size in sizes if size is not None), default=None)
+    return (
+        None if None in sizes else max((size for size in sizes if size is not None), default=None)
+    )
 
 
 _POSITION = Quantity("position", "m", "position_max", short="position", plot=plots.DISTANCES)
@@ -113,7 +132,13 @@ _QUANTITIES = (
     Quantity("launch time", "s", "launch_time", plot=plots.DISTANCES),
     Quantity("launch speed", "m/s", "launch_speed", short="speed", rank=4, plot=plots.DISTANCES),
     Quantity("stop torque", "N m", "stop_torque_max", short="torque", rank=2, plot=plots.TORQUES),
-    Quantity("joint force", "1", "joint_reaction_relative", judged="joint_reaction_max", plot=plots.JOINT_FORCES),
+    Quantity(
+        "joint force",
+        "1",
+        "joint_reaction_relative",
+        judged="joint_reaction_max",
+        plot=plots.JOINT_FORCES,
+    ),
     Quantity(
         "energy",
         "1",
@@ -131,7 +156,10 @@ OVERVIEW = (_POSITION, *_QUANTITIES)
 
 def quantities(machine: Machine) -> tuple[Quantity, ...]:
     """Quantities of the agreement table: the position of each marker, then what every mechanism has."""
-    positions = (Quantity(marker.name, "m", "position_max", marker.name) for marker in machine.mechanism.markers)
+    positions = (
+        Quantity(marker.name, "m", "position_max", marker.name)
+        for marker in machine.mechanism.markers
+    )
     return (*positions, *_QUANTITIES)
 
 
@@ -155,7 +183,9 @@ def agreement(machine: Machine, runs: Iterable[Run]) -> Table:
     return terminal_only(without_empty_columns(table(heads, runs, caption)))
 
 
-_WALL = Column("wall", "s", of=lambda run: "–" if run.wall_time is None else f"{run.wall_time:.2f}", rank=6)
+_WALL = Column(
+    "wall", "s", of=lambda run: "–" if run.wall_time is None else f"{run.wall_time:.2f}", rank=6
+)
 
 
 def overview(results: Results) -> Table:
@@ -173,7 +203,11 @@ def overview(results: Results) -> Table:
     rows: list[Row] = []
     for machine in results.machines:
         rows += [row(f"{machine.model} machine")] if several else []
-        rows += [_overview_row(machine, run, quantities) for run in results.runs if run.model == machine.model]
+        rows += [
+            _overview_row(machine, run, quantities)
+            for run in results.runs
+            if run.model == machine.model
+        ]
     return page_only(without_empty_columns(table(heads, rows, _CAPTION)))
 
 
@@ -207,7 +241,9 @@ def _further(run: Run, quantities: Sequence[Quantity]) -> Cell:
         return Cell("")
     held = sum(metric.holds is True for metric in rest)
     broken = ", ".join(metric.label for metric in rest if metric.holds is False)
-    return Cell(f"{held}/{len(rest)}", mark_of(held == len(rest)), hint=broken, link=metrics_anchor(run))
+    return Cell(
+        f"{held}/{len(rest)}", mark_of(held == len(rest)), hint=broken, link=metrics_anchor(run)
+    )
 
 
 def verdict_cell(run: Run) -> Cell:
@@ -225,6 +261,10 @@ def ranking(results: Results) -> list[tuple[Run, float]]:
     worst: dict[str, tuple[Run, float]] = {}
     for run in results.ran:
         distance = _POSITION.value(run)
-        if run.engine != "reference" and distance is not None and distance >= worst.get(run.label, (run, -1.0))[1]:
+        if (
+            run.engine != "reference"
+            and distance is not None
+            and distance >= worst.get(run.label, (run, -1.0))[1]
+        ):
             worst[run.label] = (run, distance)
     return sorted(worst.values(), key=lambda each: each[1])

@@ -23,7 +23,16 @@ from ..diagnosis.motion import diagnose_motion, failed_diagnosis
 from ..diagnosis.settings import Rerun
 from ..report.numbers import format_number
 from ..runs.pairs import Compared, pair_of
-from ..runs.results import Diagnosis, Equality, Machine, Outcome, Pair, Run, SingularPosition, verdict_on
+from ..runs.results import (
+    Diagnosis,
+    Equality,
+    Machine,
+    Outcome,
+    Pair,
+    Run,
+    SingularPosition,
+    verdict_on,
+)
 from ..runs.runner import Runner, failure
 from ..runs.store import conditions, digest
 from ..runs.study import Study
@@ -104,9 +113,18 @@ class MachineRuns:
         self.motions: dict[str, Callable[[], Trajectory]] = {}
         self._compared: dict[str, Compared] = {}
         self._files: dict[str, str] = {}
-        self._parts = (mechanism.content_hash, repr(self.runner.until), repr(study.needs), self.runner.law.value)
+        self._parts = (
+            mechanism.content_hash,
+            repr(self.runner.until),
+            repr(study.needs),
+            self.runner.law.value,
+        )
         """Of the conditions under which a record is used again: whatever decides its content must be among them."""
-        self._kept = self.store.record(mechanism.name, _MachineRecord, conditions(*self._parts)) if self.store else None
+        self._kept = (
+            self.store.record(mechanism.name, _MachineRecord, conditions(*self._parts))
+            if self.store
+            else None
+        )
         self.machine = self._kept.machine if self._kept else machine_row(self.runner, self._needs)
         self.repeated = self._kept is not None
 
@@ -143,7 +161,9 @@ class MachineRuns:
     def _made(self, case: Case, engine: Engine) -> MadeRun:
         run = _row(case, engine, Outcome.NOT_JUDGED)
         try:
-            equality, diagnosis = self.runner.worker.call(check_and_diagnose, engine, self.runner.mechanism)
+            equality, diagnosis = self.runner.worker.call(
+                check_and_diagnose, engine, self.runner.mechanism
+            )
             run = run.model_copy(update={"equality": equality, "diagnosis": diagnosis})
             if not equality.holds:
                 unequal = {"outcome": Outcome.NOT_EQUIVALENT, "message": _unequal(equality)}
@@ -169,7 +189,9 @@ class MachineRuns:
         if self.store is None:
             return self.runner.simulate(engine)
         problem = self.runner.problem(engine)
-        made_by = conditions(problem.mechanism.content_hash, problem.duration, problem.stop_law, engine=engine)
+        made_by = conditions(
+            problem.mechanism.content_hash, problem.duration, problem.stop_law, engine=engine
+        )
         kept = self.store.trajectory(case.model, case.label, made_by)
         if kept is None:
             self.store.made.add(self.store.path(case.model, case.label).stem)
@@ -190,7 +212,9 @@ class MachineRuns:
         motions = trajectory, self.runner.solution, self.runner.end
         diagnose = partial(diagnose_motion, run.broken, *motions, Rerun(engine, simulate))
         try:
-            return self.runner.worker.compute(diagnose, "the diagnosis")  # it solves and runs many changed machines
+            return self.runner.worker.compute(
+                diagnose, "the diagnosis"
+            )  # it solves and runs many changed machines
         except Exception as error:
             return failed_diagnosis(run.broken, error)
 
@@ -208,7 +232,9 @@ class MachineRuns:
         return list(pairs.values())
 
     def _for_pairs(self, trajectory: Trajectory) -> Compared:
-        return Compared.of(trajectory, self.runner.reference(trajectory.t), self.runner.until.thrown)
+        return Compared.of(
+            trajectory, self.runner.reference(trajectory.t), self.runner.until.thrown
+        )
 
     def _pair(self, first: str, second: str) -> Pair:
         for label in (first, second):
@@ -216,7 +242,9 @@ class MachineRuns:
                 trajectory = self.motions[label]()
                 self._compared[label] = self._for_pairs(trajectory)
         end = self.machine.judged_to
-        return pair_of(self.machine.model, (first, second), self._compared[first], self._compared[second], end)
+        return pair_of(
+            self.machine.model, (first, second), self._compared[first], self._compared[second], end
+        )
 
 
 def machine_row(runner: Runner, needs: Needs) -> Machine:
@@ -243,9 +271,14 @@ def machine_row(runner: Runner, needs: Needs) -> Machine:
         reference_uncertainty=uncertainties.values,
         uncertainty_source=uncertainties.source,
         impacts=sum(time <= end for time, _ in solution.impacts),
-        singular_positions=tuple(SingularPosition(**asdict(p)) for p in solution.singular_passages if p.time <= end),
+        singular_positions=tuple(
+            SingularPosition(**asdict(p)) for p in solution.singular_passages if p.time <= end
+        ),
         release_times=dict(solution.release_times),
-        start_torques={name: float(torque[0]) for name, torque in solution.motion(np.zeros(1)).stop_torques.items()},
+        start_torques={
+            name: float(torque[0])
+            for name, torque in solution.motion(np.zeros(1)).stop_torques.items()
+        },
     )
 
 
@@ -260,5 +293,7 @@ def _row(case: Case, engine: Engine, outcome: Outcome) -> Run:
 def _unequal(equality: Equality) -> str:
     if equality.note:
         return equality.note
-    broken = ", ".join(f"{check.label} off by {format_number(check.value)}" for check in equality.broken)
+    broken = ", ".join(
+        f"{check.label} off by {format_number(check.value)}" for check in equality.broken
+    )
     return f"the built model differs before any motion: {broken}; its motion was not compared."

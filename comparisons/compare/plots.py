@@ -96,7 +96,11 @@ def motion(comparison: Comparison) -> Animation:
 
 
 def _scene(comparison: Comparison, machine: Machine) -> Scene:
-    runs = {label: run for (model, label), run in comparison.trajectories.items() if model == machine.model}
+    runs = {
+        label: run
+        for (model, label), run in comparison.trajectories.items()
+        if model == machine.model
+    }
     states, name = comparison.solutions[machine.model].trajectory, machine.model
     end, thrown, launch = machine.compared_to, machine.thrown, machine.launch_time
     return motion_scene(states, runs, end=end, thrown=thrown, launch=launch, name=name)
@@ -107,10 +111,16 @@ def figures(comparison: Comparison, machine: Machine) -> Grid:
 
     @cache
     def runs() -> list[Line]:
-        own = {label: t for (model, label), t in comparison.trajectories.items() if model == machine.model}
+        own = {
+            label: t
+            for (model, label), t in comparison.trajectories.items()
+            if model == machine.model
+        }
         return lines(comparison.solutions[machine.model], own, machine.compared_to)
 
-    def figure(name: str, caption: str, columns: int, draw: Callable[[Solution, Sequence[Line]], Panels]) -> Figure:
+    def figure(
+        name: str, caption: str, columns: int, draw: Callable[[Solution, Sequence[Line]], Panels]
+    ) -> Figure:
         drawn = partial(_drawn, draw, lambda: (comparison.solutions[machine.model], runs()))
         own = anchor(machine.model, name)
         return Figure(drawn, name.capitalize(), caption, own, machine.model, min(columns, _COLUMNS))
@@ -118,7 +128,9 @@ def figures(comparison: Comparison, machine: Machine) -> Grid:
     return Grid(tuple(figure(*each) for each in _figures(machine)))
 
 
-def _drawn(draw: Callable[..., Panels], given: Callable[[], tuple[Solution, Sequence[Line]]]) -> Panels:
+def _drawn(
+    draw: Callable[..., Panels], given: Callable[[], tuple[Solution, Sequence[Line]]]
+) -> Panels:
     return draw(*given())
 
 
@@ -132,11 +144,18 @@ def anchors(machine: Machine) -> set[str]:
     return {anchor(machine.model, name) for name, *_ in _figures(machine)}
 
 
-DISTANCES, TORQUES, FORCES, JOINT_FORCES = "distances", "stop torques", "stop forces", "joint forces"
+DISTANCES, TORQUES, FORCES, JOINT_FORCES = (
+    "distances",
+    "stop torques",
+    "stop forces",
+    "joint forces",
+)
 COORDINATES, ENERGY = "coordinates", "energy"
 
 
-def _figures(machine: Machine) -> Iterator[tuple[str, str, int, Callable[[Solution, Sequence[Line]], Panels]]]:
+def _figures(
+    machine: Machine,
+) -> Iterator[tuple[str, str, int, Callable[[Solution, Sequence[Line]], Panels]]]:
     """Name, sentence, number of quantities, and what draws it."""
     mechanism = machine.mechanism
     marks = _events(machine)
@@ -144,11 +163,18 @@ def _figures(machine: Machine) -> Iterator[tuple[str, str, int, Callable[[Soluti
     if ends:
         text = "Of each marker from the reference, at the engine's own times; no sample is interpolated. "
         text += f"Of each {_POINTS}th of the motion the largest is drawn."
-        yield DISTANCES, text, len(ends), partial(_over_time, quantities=ends, unit="m", marks=marks)
+        yield (
+            DISTANCES,
+            text,
+            len(ends),
+            partial(_over_time, quantities=ends, unit="m", marks=marks),
+        )
     for name, text, unit, quantities in _quantities(machine):
         if quantities:
             sentence = f"{text} Upper row: the reference, and runs that part from its line. Lower row: differences."
-            draw = partial(_over_time, quantities=quantities, unit=unit, marks=marks, end=machine.compared_to)
+            draw = partial(
+                _over_time, quantities=quantities, unit=unit, marks=marks, end=machine.compared_to
+            )
             yield name, sentence, len(quantities), draw
     text = "Total energy less the work of dampers, constant forces and torques, as a share of the energy at the start "
     text += "(where that is near zero: of the largest kinetic energy). Any drift but at impacts is numerical."
@@ -158,17 +184,26 @@ def _figures(machine: Machine) -> Iterator[tuple[str, str, int, Callable[[Soluti
 def _events(machine: Machine) -> tuple[Rule, ...]:
     """Where stops open and the projectile is launched in the reference."""
     times = {f"{name} opens": time for name, time in machine.release_times.items()}
-    return tuple(Rule(time, text) for text, time in times.items() if time is not None and time <= machine.compared_to)
+    return tuple(
+        Rule(time, text)
+        for text, time in times.items()
+        if time is not None and time <= machine.compared_to
+    )
 
 
 def _quantities(machine: Machine) -> Iterator[tuple[str, str, str, dict[str, Quantity]]]:
     """Name, sentence, unit and quantities of the plots over time."""
     mechanism = machine.mechanism
-    closed = {unit: [s for s in mechanism.stops if s.closed and s.force_unit == unit] for unit in ("N m", "N")}
+    closed = {
+        unit: [s for s in mechanism.stops if s.closed and s.force_unit == unit]
+        for unit in ("N m", "N")
+    }
     text = "At least 0 while the contact of the stop is active, 0 once it is released."
     yield TORQUES, text, "N m", {stop.name: _stop_torque(stop.name) for stop in closed["N m"]}
     yield FORCES, text, "N", {stop.name: _stop_torque(stop.name) for stop in closed["N"]}
-    forces = {joint.name: _joint_force(joint.name) for joint in mechanism.joints if joint.held_directions}
+    forces = {
+        joint.name: _joint_force(joint.name) for joint in mechanism.joints if joint.held_directions
+    }
     yield JOINT_FORCES, "Magnitude of the force on each joint's child.", "N", forces
     angles = {name: _coordinate(i) for i, name in enumerate(mechanism.angles)}
     yield COORDINATES, "Absolute angles, positive clockwise.", "rad", angles
@@ -203,10 +238,17 @@ def _over_time(
 
     A run whose engine cannot observe a quantity has no line.
     """
-    values = [] if end is None else [_values(solution, runs, *each, unit, marks, end) for each in quantities.items()]
+    values = (
+        []
+        if end is None
+        else [_values(solution, runs, *each, unit, marks, end) for each in quantities.items()]
+    )
     axis = Axis("distance" if end is None else "difference", unit, logarithmic=True)
     marks = marks if end is None else tuple(Rule(mark.at) for mark in marks)
-    return (*values, *(_differences(runs, name, quantity, axis, marks) for name, quantity in quantities.items()))
+    return (
+        *values,
+        *(_differences(runs, name, quantity, axis, marks) for name, quantity in quantities.items()),
+    )
 
 
 _TIME = Axis("t", "s")
@@ -229,7 +271,9 @@ def _values(
     return Plot(_TIME, Axis("", unit), tuple(series), name, rules=marks, height=230)
 
 
-def _differences(runs: Sequence[Line], name: str, quantity: Quantity, axis: Axis, marks: tuple[Rule, ...]) -> Plot:
+def _differences(
+    runs: Sequence[Line], name: str, quantity: Quantity, axis: Axis, marks: tuple[Rule, ...]
+) -> Plot:
     series: list[Series] = []
     for run in runs:
         with suppress(ValueError):
@@ -239,15 +283,23 @@ def _differences(runs: Sequence[Line], name: str, quantity: Quantity, axis: Axis
 
 def _energy_drift(solution: Solution, runs: Sequence[Line], marks: tuple[Rule, ...]) -> Panels:
     """Energy drift relative to the energy at the start, or to the largest kinetic energy where that says more."""
-    known = solution.trajectory(np.linspace(0.0, max((run.reference.t[-1] for run in runs), default=0.0), _POINTS))
+    known = solution.trajectory(
+        np.linspace(0.0, max((run.reference.t[-1] for run in runs), default=0.0), _POINTS)
+    )
     start, kinetic = float(known.total_energy[0]), float(known.kinetic_energy.max())
-    size, name = (abs(start), "|E(0)|") if abs(start) > LEAST_START * kinetic else (kinetic, "largest T")
+    size, name = (
+        (abs(start), "|E(0)|") if abs(start) > LEAST_START * kinetic else (kinetic, "largest T")
+    )
     series: list[Series] = []
     for run in runs:
         t, (energy, _) = run.reference.t, sampled_balance(run.trajectory)
         drift = np.abs(energy[: len(t)] - start) / (size or 1.0)
         series.append(Series(run.label, *thinned(t, drift), run.style))
-    axis = Axis(f"|E - E(0)| / {name}", "1", logarithmic=True) if size else Axis("|E - E(0)|", "J", logarithmic=True)
+    axis = (
+        Axis(f"|E - E(0)| / {name}", "1", logarithmic=True)
+        if size
+        else Axis("|E - E(0)|", "J", logarithmic=True)
+    )
     return (Plot(_TIME, axis, tuple(series), height=250, rules=marks),)
 
 
@@ -269,9 +321,16 @@ def work_precision(machines: Sequence[Machine], runs: Sequence[Run]) -> Figure:
 
 def _priced(runs: Sequence[Run]) -> Iterator[Series]:
     for run in runs:
-        distances = [metric.value for metric in run.metrics if metric.name == "position_max" and metric.observed]
+        distances = [
+            metric.value
+            for metric in run.metrics
+            if metric.name == "position_max" and metric.observed
+        ]
         if run.wall_time and distances and None not in distances:
             largest = max(abs(value) for value in distances if value is not None)
             steps = (f"{run.steps} steps",)
-            at, style = (np.array([run.wall_time]), np.array([largest])), run_style(run.engine, run.preset)
+            at, style = (
+                (np.array([run.wall_time]), np.array([largest])),
+                run_style(run.engine, run.preset),
+            )
             yield Series(run.label, *at, style, "points", steps)

@@ -36,7 +36,15 @@ from .sentences import differing, findings, verdict
 from .study import Comparison
 
 _QUESTION = "How far can you trust a multibody engine, and why does it differ?"
-_CERTIFIED = ("release_time", "launch_time", "launch_speed", "launch_angle", "range", "stop_torque", "total_energy")
+_CERTIFIED = (
+    "release_time",
+    "launch_time",
+    "launch_speed",
+    "launch_angle",
+    "range",
+    "stop_torque",
+    "total_energy",
+)
 _KNOWN = (
     "position_max",
     "velocity_max",
@@ -81,7 +89,10 @@ def document(comparison: Comparison) -> Document:
     for machine in results.machines:
         blocks += _chapter(comparison, machine)
     if any(run.outcome is not Outcome.AGREES for run in results.runs):
-        blocks += [Heading("What differs, and why", 2, "why"), *(page_only(each) for each in differing(results))]
+        blocks += [
+            Heading("What differs, and why", 2, "why"),
+            *(page_only(each) for each in differing(results)),
+        ]
     for machine in results.machines:
         blocks += _evidence(comparison, machine)
     blocks += [
@@ -91,7 +102,9 @@ def document(comparison: Comparison) -> Document:
         page_only(_own(results)),
     ]
     runs = ((run.model, run.label, run.engine_version, run.settings) for run in results.runs)
-    blocks += provenance(results, runs, [(machine.model, machine.mechanism) for machine in results.machines])
+    blocks += provenance(
+        results, runs, [(machine.model, machine.mechanism) for machine in results.machines]
+    )
     blocks += [doc.terminal_only(listed), Text(verdict(results), medium="terminal")]
     return Document(
         _QUESTION,
@@ -104,7 +117,9 @@ def document(comparison: Comparison) -> Document:
 def _own(results: Results) -> doc.Listing:
     """What trebucheck does in each engine's place."""
     stated = {run.label: run.supplied for run in results.runs if run.supplied is not None}
-    return doc.Listing(tuple(Text(sentence(given), lead=f"{label}:") for label, given in sorted(stated.items())))
+    return doc.Listing(
+        tuple(Text(sentence(given), lead=f"{label}:") for label, given in sorted(stated.items()))
+    )
 
 
 def _window(results: Results) -> str:
@@ -118,13 +133,20 @@ def _tiles(results: Results) -> doc.Tiles:
     rest = sum(counted[each] for each in (Outcome.NOT_JUDGED, Outcome.ABSENT, Outcome.UNSUPPORTED))
     tiles = [
         Tile(str(counted[Outcome.AGREES]), "agree", "good" if counted[Outcome.AGREES] else "plain"),
-        Tile(str(counted[Outcome.DISAGREES]), "disagree", "bad" if counted[Outcome.DISAGREES] else "plain"),
+        Tile(
+            str(counted[Outcome.DISAGREES]),
+            "disagree",
+            "bad" if counted[Outcome.DISAGREES] else "plain",
+        ),
         *([Tile(str(failed), "failed or not equivalent", "bad")] if failed else []),
         Tile(str(rest), "not judged", "warning" if rest else "plain"),
     ]
     ranked = ranking(results)
     if len(ranked) > 1:
-        for (run, distance), label in ((ranked[0], "nearest to the reference"), (ranked[-1], "farthest from it")):
+        for (run, distance), label in (
+            (ranked[0], "nearest to the reference"),
+            (ranked[-1], "farthest from it"),
+        ):
             tiles.append(Tile(run.label, label, detail=f"at most {format_number(distance)} m"))
     return doc.Tiles(tuple(tiles))
 
@@ -146,12 +168,23 @@ def _evidence(comparison: Comparison, machine: Machine) -> list[Block]:
     runs = [run for run in comparison.results.runs if run.model == machine.model]
     pairs = [pair for pair in comparison.results.pairs if pair.model == machine.model]
     return [
-        Heading(f"{machine.model.capitalize()} machine: the evidence", 2, plots.anchor(machine.model, "evidence")),
+        Heading(
+            f"{machine.model.capitalize()} machine: the evidence",
+            2,
+            plots.anchor(machine.model, "evidence"),
+        ),
         *_uncertainty(machine),
         *(_pairs(pairs) if pairs else ()),
         doc.Fold(
             "Model equivalence: each built model against the reference's equations, before any motion",
-            (table(_EQUIVALENCE_COLUMNS, [run for run in runs if run.equality], _EQUIVALENCE_CAPTION, "page"),),
+            (
+                table(
+                    _EQUIVALENCE_COLUMNS,
+                    [run for run in runs if run.equality],
+                    _EQUIVALENCE_CAPTION,
+                    "page",
+                ),
+            ),
             anchor=plots.anchor(machine.model, "equivalence"),
         ),
         *(_metrics(machine, run) for run in runs if run.metrics),
@@ -161,7 +194,9 @@ def _evidence(comparison: Comparison, machine: Machine) -> list[Block]:
 def _metrics(machine: Machine, run: Run) -> doc.Fold:
     held = len(run.judged) - len(run.broken)
     title = f"{machine.model}, {run.label}: every quantity, tolerance and reason ({held} of {len(run.judged)} hold)"
-    return doc.Fold(title, (table(_METRIC_COLUMNS, run.metrics, run.label),), anchor=metrics_anchor(run))
+    return doc.Fold(
+        title, (table(_METRIC_COLUMNS, run.metrics, run.label),), anchor=metrics_anchor(run)
+    )
 
 
 _LAWS = {
@@ -192,7 +227,11 @@ def _reference_sentences(machine: Machine) -> Iterator[str]:
 def _uncertainty(machine: Machine) -> tuple[Block, ...]:
     certificate = load_certificate(machine.mechanism)
     if certificate is None:
-        known = (f"{format_number(v)} in {k}" for k, v in machine.reference_uncertainty.items() if k in _KNOWN)
+        known = (
+            f"{format_number(v)} in {k}"
+            for k, v in machine.reference_uncertainty.items()
+            if k in _KNOWN
+        )
         text = (
             "This machine has no certificate (`trebucheck certify` makes one). By a second integration at a coarser "
             f"tolerance the reference is known to {', '.join(known)} (SI units)."
@@ -206,7 +245,9 @@ def _uncertainty(machine: Machine) -> tuple[Block, ...]:
         "reference's uncertainty is refused."
     )
     title = "How far the reference is known: its certificate"
-    return (doc.Fold(title, (page_only(certified_figures(figures, "Certified values")), Note(text))),)
+    return (
+        doc.Fold(title, (page_only(certified_figures(figures, "Certified values")), Note(text))),
+    )
 
 
 def _check(run: Run, kind: str) -> Cell:
@@ -214,7 +255,10 @@ def _check(run: Run, kind: str) -> Cell:
     checks = [check for check in run.equality.checks if check.name == kind] if run.equality else []
     if not checks:
         return Cell("–")
-    return Cell(format_number(largest(check.value for check in checks)), mark_of(all(check.holds for check in checks)))
+    return Cell(
+        format_number(largest(check.value for check in checks)),
+        mark_of(all(check.holds for check in checks)),
+    )
 
 
 def _equal(equality: Equality) -> Cell:
@@ -225,7 +269,9 @@ def _equal(equality: Equality) -> Cell:
     return Cell(text, mark if equality.holds else "bad")
 
 
-_EQUIVALENCE_CAPTION = "Largest relative differences of the built models to the reference's equations"
+_EQUIVALENCE_CAPTION = (
+    "Largest relative differences of the built models to the reference's equations"
+)
 _EQUIVALENCE_COLUMNS = (
     Column("engine", of=lambda run: run.label),
     *(Column(kind, of=partial(_check, kind=kind)) for kind in _CHECKS),
@@ -235,12 +281,19 @@ _EQUIVALENCE_COLUMNS = (
 
 
 def _pairs(pairs: Sequence[Pair]) -> tuple[Block, ...]:
-    tuned = [pair for pair in pairs if pair.first.endswith("tuned") and pair.second.endswith("tuned")]
+    tuned = [
+        pair for pair in pairs if pair.first.endswith("tuned") and pair.second.endswith("tuned")
+    ]
     every = without_empty_columns(table(_PAIR_COLUMNS, pairs, "Engine against engine, all pairs"))
     return (
         doc.Fold("Engine against engine", (_matrix(pairs), every)),
         without_empty_columns(
-            table(_PAIR_COLUMNS, tuned, "engine against engine (tuned; the report has all)", "terminal")
+            table(
+                _PAIR_COLUMNS,
+                tuned,
+                "engine against engine (tuned; the report has all)",
+                "terminal",
+            )
         ),
     )
 
@@ -257,9 +310,19 @@ _PAIR_COLUMNS = (
 def _matrix(pairs: Sequence[Pair]) -> Table:
     """Distances above the diagonal."""
     distances = {(pair.first, pair.second): format_number(pair.position_max) for pair in pairs}
-    labels = list(dict.fromkeys([*(first for first, _ in distances), *(second for _, second in distances)]))
-    rows = [(first, *(distances.get((first, second), "") for second in labels[1:])) for first in labels[:-1]]
-    return table(["engine", *labels[1:]], rows, "Largest distance between the two positions of a marker [m]", "page")
+    labels = list(
+        dict.fromkeys([*(first for first, _ in distances), *(second for _, second in distances)])
+    )
+    rows = [
+        (first, *(distances.get((first, second), "") for second in labels[1:]))
+        for first in labels[:-1]
+    ]
+    return table(
+        ["engine", *labels[1:]],
+        rows,
+        "Largest distance between the two positions of a marker [m]",
+        "page",
+    )
 
 
 def _metric_value(metric: Metric) -> Cell:
@@ -276,6 +339,8 @@ _METRIC_COLUMNS = (
     Column("value", of=_metric_value),
     Column("unit", of=lambda metric: metric.unit),
     Column("tolerance", of=lambda metric: format_number(metric.tolerance)),
-    Column("stated by", of=lambda metric: metric.source or ("" if metric.observed else "not observed")),
+    Column(
+        "stated by", of=lambda metric: metric.source or ("" if metric.observed else "not observed")
+    ),
     Column("reason", of=lambda metric: metric.reason or _unjudged_reason(metric)),
 )

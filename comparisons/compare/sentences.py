@@ -28,7 +28,9 @@ _MOST = 3
 def verdict(results: Results) -> str:
     """One line: how many runs came to which verdict, and what was judged."""
     counted = Counter(run.outcome for run in results.runs)
-    outcomes = ", ".join(f"{counted[each]} {_PLURALS.get(each, each.value)}" for each in Outcome if counted[each])
+    outcomes = ", ".join(
+        f"{counted[each]} {_PLURALS.get(each, each.value)}" for each in Outcome if counted[each]
+    )
     judged = sum(len(run.judged) for run in results.runs)
     held = judged - sum(len(run.broken) for run in results.runs)
     checks = [run.equality for run in results.runs if run.equality is not None]
@@ -58,7 +60,9 @@ def findings(results: Results) -> Iterator[Text]:
             yield Text(f"{run.outcome.value}: {run.message}", MARKS[run.outcome], lead=f"{name}:")
         if run.unjudged:
             labels = ", ".join(metric.label for metric in run.unjudged)
-            yield Text(f"not judged: {labels} ({run.unjudged[0].note}).", "warning", lead=f"{name}:")
+            yield Text(
+                f"not judged: {labels} ({run.unjudged[0].note}).", "warning", lead=f"{name}:"
+            )
         for sentence in diagnosis(run):
             yield Text(sentence, "strong", lead=f"{name}, why:")
 
@@ -72,7 +76,10 @@ def complaints(run: Run, most: int | None = None) -> list[str]:
     broken = sorted(run.broken, key=lambda m: m.share or 0.0)
     sentences = [_complaint(metric) for metric in broken[::-1][:most]]
     rest = len(broken) - len(sentences)
-    return [*sentences, f"{rest} more of {len(run.judged)} judged quantities break their tolerance."][: len(broken)]
+    return [
+        *sentences,
+        f"{rest} more of {len(run.judged)} judged quantities break their tolerance.",
+    ][: len(broken)]
 
 
 def _complaint(m: Metric) -> str:
@@ -91,15 +98,23 @@ def diagnosis(run: Measured) -> list[str]:
     if diagnosed.parts_at is not None:
         holding = ", ".join(diagnosed.holding) or "no stop"
         when = f"from t = {diagnosed.parts_at:.6g} s, while {holding} held in the reference"
-    only = " The motion follows the reference: only what is read from it differs." if diagnosed.motion_agrees else ""
-    return [f"differs from the reference {when}, first in {diagnosed.leads}.{only} {_likeliest(diagnosed)}"]
+    only = (
+        " The motion follows the reference: only what is read from it differs."
+        if diagnosed.motion_agrees
+        else ""
+    )
+    return [
+        f"differs from the reference {when}, first in {diagnosed.leads}.{only} {_likeliest(diagnosed)}"
+    ]
 
 
 def _likeliest(diagnosed: Diagnosis) -> str:
     """The causes that account for enough of the deviation; without one, what the suspects account for."""
     shares = "; ".join(_suspicion(cause) for cause in diagnosed.named or diagnosed.causes[:3])
     if diagnosed.named:
-        alike = [cause for cause in diagnosed.causes[diagnosed.likeliest :] if cause.explained >= SAME]
+        alike = [
+            cause for cause in diagnosed.causes[diagnosed.likeliest :] if cause.explained >= SAME
+        ]
         rest = f" As well by: {', '.join(cause.name for cause in alike)}." if alike else ""
         return f"Likeliest: {shares}.{rest}"
     if shares:
@@ -135,7 +150,8 @@ def why_anchor(run: Run) -> str:
 
 def _said_of(run: Run) -> Iterator[Text]:
     yield from (
-        Text(sentence, "bad" if n < len(run.broken) else "plain") for n, sentence in enumerate(complaints(run, _MOST))
+        Text(sentence, "bad" if n < len(run.broken) else "plain")
+        for n, sentence in enumerate(complaints(run, _MOST))
     )
     if run.message:
         yield Text(_capital(run.message), MARKS[run.outcome])

@@ -27,8 +27,13 @@ def stored(folder: str | Path) -> Comparison:
     missing = [str(path) for path in kept.values() if not path.is_file()]
     if missing:
         raise InputError(f"trajectory {missing[0]!r} is missing; make the comparison again.")
-    solutions = {m.model: Until("time", m.compared_to).solve(m.mechanism, m.stop_law)[0] for m in results.machines}
-    return Comparison(results, solutions, {key: load(path) for key, path in kept.items()}, repeated=True)
+    solutions = {
+        m.model: Until("time", m.compared_to).solve(m.mechanism, m.stop_law)[0]
+        for m in results.machines
+    }
+    return Comparison(
+        results, solutions, {key: load(path) for key, path in kept.items()}, repeated=True
+    )
 
 
 def read_results(path: str | Path) -> Results:
@@ -49,9 +54,13 @@ def read_results(path: str | Path) -> Results:
     if twice:
         raise InputError(f"{path}: the run {', '.join(twice[0])} is there twice; once is needed.")
     known = {machine.model for machine in results.machines}
-    unknown = [run.model for run in results.runs if run.outcome in COMPARED and run.model not in known]
+    unknown = [
+        run.model for run in results.runs if run.outcome in COMPARED and run.model not in known
+    ]
     if unknown:
-        raise InputError(f"{path}: there are runs of {unknown[0]!r}, which is not among the machines.")
+        raise InputError(
+            f"{path}: there are runs of {unknown[0]!r}, which is not among the machines."
+        )
     return results
 
 
@@ -61,8 +70,12 @@ def _refuse_others(path: Path) -> None:
     try:
         content = json.loads(text)
     except (ValueError, RecursionError):
-        raise InputError(f"{path} is not JSON; the results.json of `trebucheck compare` is needed.") from None
+        raise InputError(
+            f"{path} is not JSON; the results.json of `trebucheck compare` is needed."
+        ) from None
     found = content.get("format") if isinstance(content, dict) else None
     if found != FORMAT:
         has = "no format" if found is None else f"format {str(found)[:60]!r}"
-        raise InputError(f"{path} has {has}; a results.json of `trebucheck compare` has {FORMAT!r}: make it again.")
+        raise InputError(
+            f"{path} has {has}; a results.json of `trebucheck compare` has {FORMAT!r}: make it again."
+        )

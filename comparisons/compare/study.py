@@ -47,7 +47,12 @@ class Comparison(Reported):
     def rows(self) -> Iterator[dict[str, object]]:
         """A quantity of a run a row."""
         for run in self.results.runs:
-            head = {"model": run.model, "engine": run.engine, "preset": run.preset, "outcome": run.outcome.value}
+            head = {
+                "model": run.model,
+                "engine": run.engine,
+                "preset": run.preset,
+                "outcome": run.outcome.value,
+            }
             for metric in run.metrics:
                 yield {**head, **metric.model_dump(), "holds": metric.holds}
 
@@ -83,23 +88,25 @@ def compare(
         presets: 'tuned', 'stock', or both.
         parameters: of the named machines, all of one class; their defaults if left out.
         timestep: of every engine [s]; each preset's own if left out.
-        duration: end of the compared motion [s]; a problem's own, else the reference's launch, if left out.
+        duration: end of the compared motion [s]; a problem's own, else the reference's launch, if
+        left out.
         until: the end in other words: 'launch:MARKER', 'release:STOP', or a time [s].
-        tolerances: needs by quantity, in its unit or in parts of its scale, e.g. {'position': 1e-3, 'energy': '0.1%'};
-            for one subject 'position:projectile'; for whatever has none, 'default'. What is left out is held against
-            the engine's claim or the default.
+        tolerances: needs by quantity, in its unit or in parts of its scale, e.g. {'position': 1e-3,
+            'energy': '0.1%'}; for one subject 'position:projectile'; for whatever has none,
+            'default'. What is left out is held against the engine's claim or the default.
         stop_law: 'release-once' or 'unilateral'; a problem's own, else 'release-once', if left out.
         store: where trajectories are kept and, if asked, taken from again.
         isolate: simulate in a process of its own, so that an engine's crash costs only its row.
         timeout: longest wait for one isolated run [s]; what takes longer becomes a failed row.
-        jobs: references, runs and diagnoses made at once, each in a process; the results but for wall times are the
-            same in the same order.
+        jobs: references, runs and diagnoses made at once, each in a process; the results but for
+            wall times are the same in the same order.
         progress: called before each case with the number done and the number of all.
-        options: further options, each for every engine that has it, or as 'mujoco.solref' (a key of a mapping given
-            with two asterisks) for one.
+        options: further options, each for every engine that has it, or as 'mujoco.solref' (a key of
+            a mapping given with two asterisks) for one.
 
     Raises:
-        InputError: a name or a value is not valid. A run that fails raises nothing: it becomes a failed row.
+        InputError: a name or a value is not valid. A run that fails raises nothing: it becomes a
+            failed row.
     """
     study = Study(
         models=models,
@@ -118,7 +125,9 @@ def compare(
     return compare_study(study, progress)
 
 
-def compare_study(study: Study, progress: Callable[[Case, int, int], None] | None = None) -> Comparison:
+def compare_study(
+    study: Study, progress: Callable[[Case, int, int], None] | None = None
+) -> Comparison:
     """As :func:`compare`, of a study.
 
     Args:
@@ -129,7 +138,10 @@ def compare_study(study: Study, progress: Callable[[Case, int, int], None] | Non
         InputError: as :func:`compare`.
     """
     cases = [
-        Case(m.name, name, preset) for m in study.mechanisms for name in study.every_engine for preset in study.presets
+        Case(m.name, name, preset)
+        for m in study.mechanisms
+        for name in study.every_engine
+        for preset in study.presets
     ]
     # Every engine is made before the first run, so that a wrong name or option costs no waiting.
     engines = {(c.engine, c.preset): study.engine(c.engine, c.preset) for c in cases}
@@ -160,12 +172,20 @@ def compare_study(study: Study, progress: Callable[[Case, int, int], None] | Non
             pairs=tuple(pairs),
         ),
         OnDemand({name: lambda runs=runs: runs.runner.solution for name, runs in moved.items()}),
-        OnDemand({(name, label): make for name, runs in moved.items() for label, make in runs.motions.items()}),
+        OnDemand(
+            {
+                (name, label): make
+                for name, runs in moved.items()
+                for label, make in runs.motions.items()
+            }
+        ),
         all(runs.repeated for runs in machines.values()),
     )
 
 
-def _machine_runs(study: Study, worker: Worker, mechanism: Mechanism) -> MachineRuns | FailedMachine:
+def _machine_runs(
+    study: Study, worker: Worker, mechanism: Mechanism
+) -> MachineRuns | FailedMachine:
     try:
         return MachineRuns(study, mechanism, worker)
     except SimulationError as error:

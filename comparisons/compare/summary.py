@@ -27,7 +27,9 @@ from .sentences import complaints, verdict
 
 _ROWS, _CAUSES, _COMPLAINTS = 16, 6, 10
 """Runs and causes that are shown at once, and sentences on broken tolerances of a run behind a fold."""
-_SIGNS = "Largest differences to the reference. ✓ holds its tolerance, ✗ breaks it, ○ is not judged."
+_SIGNS = (
+    "Largest differences to the reference. ✓ holds its tolerance, ✗ breaks it, ○ is not judged."
+)
 
 
 def summary(results: Results) -> Document:
@@ -83,7 +85,9 @@ def cause(diagnosis: Diagnosis) -> str:
     """What a run differs in first, and its likeliest cause, in a line."""
     if diagnosis.note:
         return f"cause unknown: {diagnosis.note}"
-    named = " or ".join(f"{each.name} ({each.amount})" if each.amount else each.name for each in diagnosis.named)
+    named = " or ".join(
+        f"{each.name} ({each.amount})" if each.amount else each.name for each in diagnosis.named
+    )
     return f"first in {diagnosis.leads}, {f'likeliest: {named}' if named else 'cause unknown'}"
 
 
@@ -103,7 +107,9 @@ def _folds(results: Results, rest: Sequence[Run], broken: Sequence[Text]) -> Ite
     if rest or broken:
         yield Fold(f"Further runs ({len(rest)})", (_errors(rest), Listing(tuple(broken))))
     complained = [(run, complaints(run, _COMPLAINTS)) for run in results.runs if run.broken]
-    items = [Text(text, lead=f"{run.model}, {run.label}:") for run, texts in complained for text in texts]
+    items = [
+        Text(text, lead=f"{run.model}, {run.label}:") for run, texts in complained for text in texts
+    ]
     if items:
         yield Fold("Tolerances that are broken", (Listing(tuple(items)),))
     mechanisms = [(m.model, m.mechanism_hash[:16], f"{m.judged_to:.6g}") for m in results.machines]

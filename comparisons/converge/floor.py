@@ -78,13 +78,17 @@ def floor(site: Site, uncertainty: float, finer: Sequence[tuple[float, float]] =
 
     if site.error <= REFUSED_BELOW * uncertainty:
         return because(
-            "the reference's uncertainty", f"it is known to {format_number(uncertainty)}, a tenth of this or more"
+            "the reference's uncertainty",
+            f"it is known to {format_number(uncertainty)}, a tenth of this or more",
         )
     grown = [(value, error) for value, error in finer if error >= GROWN * site.error]
     if grown and site.value is not None and "timestep" in site.swept:
         value, error = grown[-1]
         power = math.log(error / site.error) / math.log(value / site.value)
-        return because("rounding", f"grows again as the step h shrinks, as h^{power:.1f} to {format_number(value)} s")
+        return because(
+            "rounding",
+            f"grows again as the step h shrinks, as h^{power:.1f} to {format_number(value)} s",
+        )
     return because(*_lowered_most(site))
 
 
@@ -98,12 +102,15 @@ def _lowered_most(site: Site) -> tuple[str, str]:
         if error is not None:
             remaining.append((error / site.error, refinement))
     lowered = sorted(
-        ((share, refinement) for share, refinement in remaining if share <= LOWERED), key=lambda lowering: lowering[0]
+        ((share, refinement) for share, refinement in remaining if share <= LOWERED),
+        key=lambda lowering: lowering[0],
     )
     if not lowered:
         nothing = f"none of {len(remaining)} other knobs, turned one notch, lowers it by a fifth"
         if engine_study(site.engine).single_precision:
             return "single precision", f"{nothing}; it rounds to {_SINGLE:.1e}, as its study says"
         return "not found", nothing
-    effects = "; ".join(f"{refinement.description} leaves {share:.2g}" for share, refinement in lowered[:_NAMED])
+    effects = "; ".join(
+        f"{refinement.description} leaves {share:.2g}" for share, refinement in lowered[:_NAMED]
+    )
     return lowered[0][1].cause, effects

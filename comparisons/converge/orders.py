@@ -1,9 +1,10 @@
 """Observed orders of convergence: the power law that errors follow, and Richardson's limit.
 
-The order is a straight line in the log-log plane, over the range in which there is one. The limit is what an engine
-would say with no time step at all, as functions of time: the deviations from the reference stand on one grid of times,
-so that those of different steps can be subtracted and extrapolated sample by sample. (Richardson 1911; Roache,
-Verification and Validation, on observed orders.)
+The order is a straight line in the log-log plane, over the range in which there is one. The limit
+is what an engine would say with no time step at all, as functions of time: the deviations from the
+reference stand on one grid of times, so that those of different steps can be subtracted and
+extrapolated sample by sample. (Richardson 1911; Roache, Verification and Validation, on observed
+orders.)
 """
 
 from __future__ import annotations
@@ -25,18 +26,21 @@ CONFIDENCE = 0.95
 FEWEST = 4  # points of a line: two make it, two more can gainsay it
 SLOPE = 0.1
 """How far the local slope may depart from a line's along its run: the bar the suite states for orders. A parabola that
-is off a line by r at worst, over a length L of the logarithm, has slopes that are off by 6 r / L at its ends; so a run
-is taken for straight if its worst point is off by no more than SLOPE * L / 6."""
+is off a line by r at worst, over a length L of the logarithm, has slopes that are off by 6 r / L at
+its ends; so a run is taken for straight if its worst point is off by no more than SLOPE * L / 6."""
 TENFOLD = 10.0
 """An exponent is only claimed where the error changes at least so much: less may be a floor with a slope."""
 
 
-def power_law(values: Sequence[float], errors: Sequence[float | None], uncertainty: float = 0.0) -> PowerLaw | None:
+def power_law(
+    values: Sequence[float], errors: Sequence[float | None], uncertainty: float = 0.0
+) -> PowerLaw | None:
     """The power law that tells the most of a study: error = factor * value^exponent.
 
-    Of all runs of at least four neighbouring points on a line (least squares of the logarithms) whose slope departs
-    by less than `SLOPE`, the one along which the error changes most. The rule knows of no expected exponent; it leaves
-    out a floor, on which the error does not change, and a coarse end with another slope.
+    Of all runs of at least four neighbouring points on a line (least squares of the logarithms)
+    whose slope departs by less than `SLOPE`, the one along which the error changes most. The rule
+    knows of no expected exponent; it leaves out a floor, on which the error does not change, and a
+    coarse end with another slope.
 
     Args:
         values: of the swept parameter, positive.
@@ -48,8 +52,14 @@ def power_law(values: Sequence[float], errors: Sequence[float | None], uncertain
     """
     order = np.argsort(values)
     x = np.array(values, dtype=np.float64)[order]
-    y = np.array([np.nan if e is None or e <= uncertainty or e <= 0 else e for e in errors], dtype=np.float64)[order]
-    laws = [law for law in _lines(x, y) if abs(law.exponent) * np.log(law.high / law.low) >= np.log(TENFOLD)]
+    y = np.array(
+        [np.nan if e is None or e <= uncertainty or e <= 0 else e for e in errors], dtype=np.float64
+    )[order]
+    laws = [
+        law
+        for law in _lines(x, y)
+        if abs(law.exponent) * np.log(law.high / law.low) >= np.log(TENFOLD)
+    ]
     return max(laws, key=lambda law: abs(law.exponent) * np.log(law.high / law.low), default=None)
 
 
@@ -81,7 +91,10 @@ def _line(x: FloatArray, y: FloatArray) -> tuple[PowerLaw, float]:
 ASYMPTOTIC = 0.1
 """How far an observed order may lie from a whole number: the bar the suite states for orders themselves."""
 _LOWEST, _HIGHEST = 0.1, 8.0  # orders that are looked for
-_NEAR, _CANDIDATES = 0.03, 6001  # range of the fitting step about the one asked for, relative; steps tried in it
+_NEAR, _CANDIDATES = (
+    0.03,
+    6001,
+)  # range of the fitting step about the one asked for, relative; steps tried in it
 
 
 @dataclass(frozen=True)
@@ -122,8 +135,9 @@ def largest(position: FloatArray) -> float:
 def limit(levels: Sequence[Level]) -> Extrapolated | None:
     """The best limit of a ladder of levels, judged without the reference.
 
-    Of all three neighbouring levels whose successive differences show a whole order, those whose limits from two and
-    from three levels lie nearest to each other. A coarse triple fails by the next power, a fine one by rounding.
+    Of all three neighbouring levels whose successive differences show a whole order, those whose
+    limits from two and from three levels lie nearest to each other. A coarse triple fails by the
+    next power, a fine one by rounding.
 
     Args:
         levels: of one engine and preset, at least three.
@@ -133,7 +147,9 @@ def limit(levels: Sequence[Level]) -> Extrapolated | None:
     """
     ladder = sorted(levels, key=lambda level: -level.step)
     triples = zip(ladder, ladder[1:], ladder[2:], strict=False)
-    limits = [extrapolated for triple in triples if (extrapolated := _extrapolated(triple)) is not None]
+    limits = [
+        extrapolated for triple in triples if (extrapolated := _extrapolated(triple)) is not None
+    ]
     return min(limits, key=lambda extrapolated: extrapolated.estimate, default=None)
 
 
@@ -190,8 +206,9 @@ def _extrapolated(triple: tuple[Level, Level, Level]) -> Extrapolated | None:
 def fitting(step: float, end: float, events: Sequence[float], longest: float = math.inf) -> float:
     """The step near the one asked for of which whole numbers come nearest to filling what remains after each event.
 
-    Engines fit a whole number of equal steps between an event and the end, and so shorten them by up to one part in
-    that number. Unequal shortening would spoil the ratio of the steps, on which Richardson's extrapolation rests.
+    Engines fit a whole number of equal steps between an event and the end, and so shorten them by
+    up to one part in that number. Unequal shortening would spoil the ratio of the steps, on which
+    Richardson's extrapolation rests.
 
     Args:
         step: asked for [s].

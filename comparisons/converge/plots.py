@@ -19,10 +19,16 @@ def convergence(studies: Sequence[Study]) -> Panels:
         Plot(
             Axis("time step", "s", logarithmic=True),
             _error(curve),
-            tuple(each for study in studies for each in (*_points(study, column, study.label), *_line(study, column))),
+            tuple(
+                each
+                for study in studies
+                for each in (*_points(study, column, study.label), *_line(study, column))
+            ),
             # Lines may all but cover each other; their slopes, each at another place, do not.
             labels=tuple(
-                label for k, study in enumerate(studies, 1) for label in _slope(study, column, k / (len(studies) + 1))
+                label
+                for k, study in enumerate(studies, 1)
+                for label in _slope(study, column, k / (len(studies) + 1))
             ),
             height=430,
         )
@@ -66,7 +72,10 @@ def _timed(study: Study, curve: Curve) -> Series:
     times = [sorted(point.wall_times) for point in timed]
     x = np.array([np.median(each) for each in times], dtype=float)
     y = np.array([point.error(curve.quantity) or np.nan for point in timed], dtype=float)
-    spread = np.array([each[0] for each in times], dtype=float), np.array([each[-1] for each in times], dtype=float)
+    spread = (
+        np.array([each[0] for each in times], dtype=float),
+        np.array([each[-1] for each in times], dtype=float),
+    )
     hints = tuple(f"{study.title} = {point.value:.3g}" for point in timed)
     return Series(study.label, x, y, run_style(study.engine, study.preset), "both", hints, spread)
 
@@ -77,7 +86,11 @@ def exponent(law: PowerLaw | None) -> str:
 
 
 def _error(curve: Curve) -> Axis:
-    name = "position" if curve.quantity == "position" else f"stop {'force' if curve.unit == 'N' else 'torque'}"
+    name = (
+        "position"
+        if curve.quantity == "position"
+        else f"stop {'force' if curve.unit == 'N' else 'torque'}"
+    )
     return Axis(f"largest error, {name}", curve.unit, logarithmic=True)
 
 

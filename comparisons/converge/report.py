@@ -8,7 +8,19 @@ from functools import partial
 import numpy as np
 
 from ..report import document as doc
-from ..report.document import Block, Cell, Column, Document, Heading, Note, Row, Table, Text, row, table
+from ..report.document import (
+    Block,
+    Cell,
+    Column,
+    Document,
+    Heading,
+    Note,
+    Row,
+    Table,
+    Text,
+    row,
+    table,
+)
 from ..report.numbers import format_number, format_settings
 from ..report.sections import compared_time, provenance
 from . import plots
@@ -45,7 +57,11 @@ def document(studies: Studies) -> Document:
     blocks: list[Block] = []
     if failures:
         blocks.append(
-            doc.Fold(f"What did not run ({len(failures)})", (doc.Listing(failures),), opened=len(failures) <= 5)
+            doc.Fold(
+                f"What did not run ({len(failures)})",
+                (doc.Listing(failures),),
+                opened=len(failures) <= 5,
+            )
         )
     for machine in studies.machines:
         blocks += _chapter(machine)
@@ -55,7 +71,9 @@ def document(studies: Studies) -> Document:
         for study in machine.studies
     )
     blocks += [Heading("How it is measured", 2), Note(_INTRODUCTION)]
-    blocks += provenance(studies, runs, [(machine.model, machine.mechanism) for machine in studies.machines])
+    blocks += provenance(
+        studies, runs, [(machine.model, machine.mechanism) for machine in studies.machines]
+    )
     blocks.append(doc.Listing(failures, medium="terminal"))
     number = sum(len(machine.studies) for machine in studies.machines)
     models = ", ".join(machine.model for machine in studies.machines)
@@ -82,10 +100,15 @@ def _failures(studies: Studies) -> Iterator[str]:
 def _chapter(machine: MachineStudies) -> Iterator[Block]:
     steps = [study for study in machine.studies if study.knob == "timestep"]
     others = [study for study in machine.studies if study.knob != "timestep"]
-    known = [f"{format_number(value)} {_unit(machine, name)}" for name, value in machine.uncertainty.items()]
+    known = [
+        f"{format_number(value)} {_unit(machine, name)}"
+        for name, value in machine.uncertainty.items()
+    ]
     yield Heading(f"{machine.model.capitalize()} machine", 2, machine.model)
     compared = compared_time(machine.launch_time, machine.compared_to, machine.judged_to)
-    yield Note(f"{compared} The reference is known to {' and '.join(known)} (by {machine.uncertainty_source}).")
+    yield Note(
+        f"{compared} The reference is known to {' and '.join(known)} (by {machine.uncertainty_source})."
+    )
     if steps:
         yield Heading("Order in the time step")
         yield _orders(machine, steps)
@@ -96,14 +119,21 @@ def _chapter(machine: MachineStudies) -> Iterator[Block]:
         yield from _limits(machine)
     if steps:
         yield doc.Figure(
-            partial(plots.work_precision, steps), "Error against wall time", _WORK, f"{machine.model}-work-precision"
+            partial(plots.work_precision, steps),
+            "Error against wall time",
+            _WORK,
+            f"{machine.model}-work-precision",
         )
     if others:
         yield Heading("Other swept parameters")
         yield Note(_OTHERS)
         yield _laws(machine, others)
         for study in others:
-            yield doc.Figure(partial(plots.swept_parameter, study), f"{study.label}: {study.title}", _about(study))
+            yield doc.Figure(
+                partial(plots.swept_parameter, study),
+                f"{study.label}: {study.title}",
+                _about(study),
+            )
     yield doc.Fold("Every point", tuple(_points(study) for study in machine.studies))
 
 
@@ -127,12 +157,18 @@ def _curve_row(study: Study, curve: Curve, names: Iterable[str], *end: str) -> R
     """What was found of a quantity; the names of its study stand in the position's row, the only one in a terminal."""
     position = curve.quantity == "position"
     first = (name if position else "" for name in names)
-    return row(*first, curve.quantity, *_law(study, curve), *end, medium="any" if position else "page")
+    return row(
+        *first, curve.quantity, *_law(study, curve), *end, medium="any" if position else "page"
+    )
 
 
 def _law(study: Study, curve: Curve) -> tuple[str | Cell, ...]:
     """Expected and found exponent, the range of the law, the floor and its cause."""
-    expected = f"{study.expected:g}" if study.expected is not None and curve.quantity == "position" else "–"
+    expected = (
+        f"{study.expected:g}"
+        if study.expected is not None and curve.quantity == "position"
+        else "–"
+    )
     law, floor = curve.law, curve.floor
     span = "" if law is None else f"{format_number(law.high)} to {format_number(law.low)}"
     if floor is None:
@@ -155,7 +191,14 @@ def _limit(machine: MachineStudies, study: Study, curve: Curve) -> tuple[str, st
 def _floors(studies: Sequence[Study]) -> Table:
     heads = "engine | quantity | floor | at [s] | cause | measured there: share of the error that is left"
     rows = [
-        (study.label, curve.quantity, _law(study, curve)[3], format_number(floor.value), floor.cause, floor.evidence)
+        (
+            study.label,
+            curve.quantity,
+            _law(study, curve)[3],
+            format_number(floor.value),
+            floor.cause,
+            floor.evidence,
+        )
         for study in studies
         for curve in study.curves
         if (floor := curve.floor) is not None
@@ -164,7 +207,11 @@ def _floors(studies: Sequence[Study]) -> Table:
 
 
 def _limits(machine: MachineStudies) -> Iterator[Block]:
-    tuned = [pair for pair in machine.pairs if pair.first.endswith(" tuned") and pair.second.endswith(" tuned")]
+    tuned = [
+        pair
+        for pair in machine.pairs
+        if pair.first.endswith(" tuned") and pair.second.endswith(" tuned")
+    ]
     to_reference = [
         row(limit.label, "reference", format_number(limit.position), medium="page")
         for limit in machine.limits
@@ -178,8 +225,15 @@ def _limits(machine: MachineStudies) -> Iterator[Block]:
 
 
 def _pairs(pairs: Sequence[LimitPair], caption: str, before: Sequence[Row] = ()) -> Table:
-    rows = [*before, *(row(pair.first, pair.second, format_number(pair.position)) for pair in pairs)]
-    return table(doc.ranked(doc.columns("first | second | position [m]"), second=0, position=0), rows, caption)
+    rows = [
+        *before,
+        *(row(pair.first, pair.second, format_number(pair.position)) for pair in pairs),
+    ]
+    return table(
+        doc.ranked(doc.columns("first | second | position [m]"), second=0, position=0),
+        rows,
+        caption,
+    )
 
 
 def _laws(machine: MachineStudies, studies: Sequence[Study]) -> Table:
@@ -217,8 +271,15 @@ def _about(study: Study) -> str:
 def _points(study: Study) -> Table:
     whole = [f"{curve.quantity} [{curve.unit}]" for curve in study.curves]
     own = [f"of the parameter [{curve.unit}]" for curve in study.curves if study.own]
-    heads = " | ".join([f"{study.title} [{study.unit}]", "options", *whole, *own, "steps", "wall [s]"])
-    return table(heads, [_point(study, point) for point in study.points], f"{study.label}: {study.title}", "page")
+    heads = " | ".join(
+        [f"{study.title} [{study.unit}]", "options", *whole, *own, "steps", "wall [s]"]
+    )
+    return table(
+        heads,
+        [_point(study, point) for point in study.points],
+        f"{study.label}: {study.title}",
+        "page",
+    )
 
 
 def _point(study: Study, point: Point) -> tuple[object, ...]:

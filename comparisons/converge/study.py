@@ -18,14 +18,28 @@ from ..runs.study import Counter, Study, all_in_order
 from ..runs.trials import Deviation, Trial, Trials, trials_of
 from .floor import Site, floor
 from .orders import FEWEST, Extrapolated, Level, fitting, largest, limit, power_law
-from .results import Curve, Floor, Limit, LimitPair, MachineStudies, Point, PowerLaw, QuantityName, Studies
+from .results import (
+    Curve,
+    Floor,
+    Limit,
+    LimitPair,
+    MachineStudies,
+    Point,
+    PowerLaw,
+    QuantityName,
+    Studies,
+)
 from .results import Study as ParameterStudy
 
 _METRICS: Mapping[QuantityName, str] = {"position": "position_max", "torque": "stop_torque_max"}
 _STEPS = tuple(1e-2 / 2**k for k in range(8))  # 1e-2 to 7.8e-5 s: two decades and a little
 _STOCK_STEPS = _STEPS[:6]  # down to 3e-4 s: finer ones are no newcomer's, and cost the most
-_STEPS_TIME = 1.36  # [s] characteristic time of machines with these steps, the mean of the named ones
-_COARSER = tuple(_STEPS[0] * 2 ** (k / 2) for k in range(1, 9))  # to 0.16 s, an eighth of the time below
+_STEPS_TIME = (
+    1.36  # [s] characteristic time of machines with these steps, the mean of the named ones
+)
+_COARSER = tuple(
+    _STEPS[0] * 2 ** (k / 2) for k in range(1, 9)
+)  # to 0.16 s, an eighth of the time below
 _UNKNOWN = StepOrder(None, "the order of a plug-in is not known beforehand")
 
 
@@ -33,21 +47,29 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
     """Carry out the studies.
 
     Args:
-        study: mechanisms, engines (all known ones but the reference if None; those not installed are listed as
-            absent), how they are run, and the end of the compared motion. Its options are set in every sweep of an
-            engine that has them, over those of the sweep. Its presets are not used: each swept parameter has its own.
+        study: mechanisms, engines (all known ones but the reference if None; those not installed
+            are listed as absent), how they are run, and the end of the compared motion. Its options
+            are set in every sweep of an engine that has them, over those of the sweep. Its presets
+            are not used: each swept parameter has its own.
         chosen: names of swept parameters (:func:`parameter_names`); all if left out.
 
     Raises:
-        InputError: a name or value is not valid, or there is nothing to do. A failed run is a failed point, a
-            machine whose reference fails is left out, with its reason.
+        InputError: a name or value is not valid, or there is nothing to do. A failed run is a
+            failed point, a machine whose reference fails is left out, with its reason.
     """
     absent, plan = _plan(study, chosen)
-    count = Counter(len(study.mechanisms) * sum(len(parameter.values) for _, parameter in plan), study.progress)
+    count = Counter(
+        len(study.mechanisms) * sum(len(parameter.values) for _, parameter in plan), study.progress
+    )
     with study.worker() as worker:
         moved, failures = trials_of(study, worker)
         known = dict(_uncertainties(moved, failures))
-        swept = [(each, name, parameter) for each in moved if each.mechanism.name in known for name, parameter in plan]
+        swept = [
+            (each, name, parameter)
+            for each in moved
+            if each.mechanism.name in known
+            for name, parameter in plan
+        ]
 
         def sweep(
             trials: Trials, name: str, parameter: SweptParameter
@@ -58,7 +80,12 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
 
         found = all_in_order(lambda each: sweep(*each), swept, study.jobs)
         machines = [
-            _machine(each, known[model], [(study, limit) for of, study, limit in found if of == model], absent)
+            _machine(
+                each,
+                known[model],
+                [(study, limit) for of, study, limit in found if of == model],
+                absent,
+            )
             for each in moved
             if (model := each.mechanism.name) in known
         ]
@@ -93,7 +120,11 @@ def _timestep(engine: str, preset: str) -> SweptParameter:
 
 def parameter_names() -> tuple[str, ...]:
     """What `--knobs` can ask for."""
-    own = [parameter.name for name in engine_names() for parameter in engine_study(name).swept_parameters]
+    own = [
+        parameter.name
+        for name in engine_names()
+        for parameter in engine_study(name).swept_parameters
+    ]
     return tuple(dict.fromkeys(["timestep", *own]))
 
 
@@ -105,10 +136,16 @@ def swept_parameters(name: str, names: list[str] | None = None) -> list[SweptPar
     """
     for chosen in names or ():
         if chosen not in parameter_names():
-            raise InputError(f"there is no knob {chosen!r}; there are: {', '.join(parameter_names())}.")
+            raise InputError(
+                f"there is no knob {chosen!r}; there are: {', '.join(parameter_names())}."
+            )
     presets = [preset for preset in ("tuned", "stock") if preset in engine_class(name).presets()]
     options = set(engine(name, "tuned").settings)
-    own = [parameter for parameter in engine_study(name).swept_parameters if parameter.requires <= options]
+    own = [
+        parameter
+        for parameter in engine_study(name).swept_parameters
+        if parameter.requires <= options
+    ]
     every = [*(_timestep(name, preset) for preset in presets), *own]
     return [parameter for parameter in every if names is None or parameter.name in names]
 
@@ -123,9 +160,13 @@ def _plan(study: Study, chosen: Sequence[str] | None) -> tuple[list[str], _Plan]
         InputError: there is nothing to do, or an option is not valid or is what is swept.
     """
     names, parameters = study.measured_engines, list(chosen) if chosen else None
-    every = [(name, parameter) for name in names for parameter in swept_parameters(name, parameters)]
+    every = [
+        (name, parameter) for name in names for parameter in swept_parameters(name, parameters)
+    ]
     if not every:
-        raise InputError(f"none of the engines {', '.join(names)} has any of the knobs {', '.join(chosen or ())}.")
+        raise InputError(
+            f"none of the engines {', '.join(names)} has any of the knobs {', '.join(chosen or ())}."
+        )
     absent = [name for name in names if not engine_class(name).is_installed()]
     plan = [(name, parameter) for name, parameter in every if name not in absent]
     for name, parameter in plan:
@@ -183,7 +224,12 @@ class _Sweep:
         count: Counter,
         own: Mapping[str, Any],
     ) -> None:
-        self.machine, self.uncertainty, self.name, self.parameter = trials, uncertainty, name, parameter
+        self.machine, self.uncertainty, self.name, self.parameter = (
+            trials,
+            uncertainty,
+            name,
+            parameter,
+        )
         self.fixed = {**parameter.base, **own}
         """Options that stay as they are, the user's own among them."""
         self.of_step = "timestep" in parameter.options(parameter.values[0])
@@ -204,7 +250,9 @@ class _Sweep:
         """
         for value in _COARSER:
             coarsest = self.points[0].position
-            above = sum((point.position or 0.0) > self.uncertainty["position"] for point in self.points)
+            above = sum(
+                (point.position or 0.0) > self.uncertainty["position"] for point in self.points
+            )
             if not coarsest or above >= FEWEST:
                 return
             self._measure(self._fitting_step(value))
@@ -257,16 +305,30 @@ class _Sweep:
         """Law and floor of one quantity along the sweep."""
         own = self.without is not None
         errors = [point.error(quantity, own) for point in self.points]
-        law = power_law([point.value for point in self.points], errors, 0.0 if own else self.uncertainty[quantity])
-        ran = [(point.value, error) for point, error in zip(self.points, errors, strict=True) if error]
-        explained = self._floor_along(quantity, law, ran) if self.without is None else self._floor_without(quantity)
+        law = power_law(
+            [point.value for point in self.points],
+            errors,
+            0.0 if own else self.uncertainty[quantity],
+        )
+        ran = [
+            (point.value, error) for point, error in zip(self.points, errors, strict=True) if error
+        ]
+        explained = (
+            self._floor_along(quantity, law, ran)
+            if self.without is None
+            else self._floor_without(quantity)
+        )
         unit = self.machine.mechanism.force_unit
         return Curve(quantity=quantity, force_unit=unit, law=law, floor=explained)
 
     def _floor_without(self, quantity: QuantityName) -> Floor | None:
         """What sets the error that is left with the parameter's own error taken out."""
         left = None if self.without is None else _whole(self.without, quantity)
-        return None if left is None else self.floor(self.parameter.without or {}, quantity, (None, left))
+        return (
+            None
+            if left is None
+            else self.floor(self.parameter.without or {}, quantity, (None, left))
+        )
 
     def _floor_along(
         self, quantity: QuantityName, law: PowerLaw | None, ran: Sequence[tuple[float, float]]
@@ -277,7 +339,9 @@ class _Sweep:
         if len(beyond) < (1 if law is None else 2) or _still_falls(ran):
             return None
         at = beyond[-1] if law is None else min(beyond, key=lambda point: point[1])
-        return self.floor(self.parameter.options(at[0]), quantity, at, beyond[beyond.index(at) + 1 :])
+        return self.floor(
+            self.parameter.options(at[0]), quantity, at, beyond[beyond.index(at) + 1 :]
+        )
 
     def floor(
         self,
@@ -296,7 +360,9 @@ class _Sweep:
             tuple(self.parameter.options(self.parameter.values[0])),
             ConstraintKinds.of(self.machine.mechanism),
         )
-        site = Site(self.name, self.engine(options).settings, swept, error, value, measure, constraints)
+        site = Site(
+            self.name, self.engine(options).settings, swept, error, value, measure, constraints
+        )
         return floor(site, self.uncertainty[quantity], finer)
 
     def limit(self) -> Extrapolated | None:
@@ -333,8 +399,8 @@ def _whole(trial: Trial, quantity: QuantityName) -> float | None:
 def _position(trial: Trial) -> float | None:
     """Largest error at any sample or at the end [m].
 
-    The end lies between two samples of a coarse step, and a growing error is largest there. What gives the reference
-    back is not interpolated.
+    The end lies between two samples of a coarse step, and a growing error is largest there. What
+    gives the reference back is not interpolated.
     """
     sampled = trial.position
     if not sampled or trial.deviation is None:
@@ -343,7 +409,11 @@ def _position(trial: Trial) -> float | None:
 
 
 def _point(
-    value: float, parameter: SweptParameter, trial: Trial | None, message: str | None, without: Trial | None
+    value: float,
+    parameter: SweptParameter,
+    trial: Trial | None,
+    message: str | None,
+    without: Trial | None,
 ) -> Point:
     options: dict[str, Any] = dict(parameter.options(value))
     if trial is None or trial.deviation is None:

@@ -32,15 +32,25 @@ _SAMPLES = 200  # intervals of time
 _COARSE = 1e-12  # tolerance of the second integration, some thirty times the reference's own
 _SAFETY = 4.0
 _ROUNDING = 64 * float(np.finfo(np.float64).eps)
-_KNOWN = ("q", "u", "position", "velocity", "kinetic_energy", "potential_energy", "stop_torque", "joint_reaction")
+_KNOWN = (
+    "q",
+    "u",
+    "position",
+    "velocity",
+    "kinetic_energy",
+    "potential_energy",
+    "stop_torque",
+    "joint_reaction",
+)
 
 
 def certified_dataset(given: Mechanism | Problem) -> xr.Dataset:
     """The reference motion of a problem, or of a mechanism up to its launch or for some characteristic times.
 
-    A variable `NAME_uncertainty` beside each one bounds its error, at each time the largest up to then: four times the
-    largest difference from other computations of the motion (a coarser integration; redundant coordinates and Taylor
-    series in 80-bit floats, where they have all of its elements), and sixty-four roundings of its largest value.
+    A variable `NAME_uncertainty` beside each one bounds its error, at each time the largest up to
+    then: four times the largest difference from other computations of the motion (a coarser
+    integration; redundant coordinates and Taylor series in 80-bit floats, where they have all of
+    its elements), and sixty-four roundings of its largest value.
 
     Raises:
         SimulationError: the reference cannot move it.
@@ -48,7 +58,9 @@ def certified_dataset(given: Mechanism | Problem) -> xr.Dataset:
     problem = given if isinstance(given, Problem) else None
     mechanism = given.mechanism if isinstance(given, Problem) else given
     until = Until.of(problem.duration if problem else None)
-    runner = Runner(mechanism, until=until, law=problem.stop_law if problem else StopLaw.RELEASE_ONCE)
+    runner = Runner(
+        mechanism, until=until, law=problem.stop_law if problem else StopLaw.RELEASE_ONCE
+    )
     solution, end = runner.solution, runner.end
     times = np.linspace(0.0, end, _SAMPLES + 1)
     ours = solution.trajectory(times)
@@ -69,9 +81,18 @@ def certified_dataset(given: Mechanism | Problem) -> xr.Dataset:
 def _others(solution: Solution, times: FloatArray) -> Iterator[tuple[str, Trajectory]]:
     """Other computations of the same motion, read at the same times [s]."""
     given = solution.problem
-    problem = Problem(given.mechanism, duration=min(given.duration, 1.02 * float(times[-1])), stop_law=given.stop_law)
-    yield f"DOP853 at a tolerance of {_COARSE:g}", solve(problem, _COARSE, _COARSE).trajectory(times)
-    if solution.singular_passages:  # the others do not know of them, and may leave the smooth branch there
+    problem = Problem(
+        given.mechanism,
+        duration=min(given.duration, 1.02 * float(times[-1])),
+        stop_law=given.stop_law,
+    )
+    yield (
+        f"DOP853 at a tolerance of {_COARSE:g}",
+        solve(problem, _COARSE, _COARSE).trajectory(times),
+    )
+    if (
+        solution.singular_passages
+    ):  # the others do not know of them, and may leave the smooth branch there
         return
     with suppress(UnsupportedProblemError, SimulationError):
         redundant = solve_redundant(problem)
@@ -79,7 +100,10 @@ def _others(solution: Solution, times: FloatArray) -> Iterator[tuple[str, Trajec
         q, u = (np.array(values) for values in zip(*states, strict=True))
         yield "redundant coordinates", solution.reading(times, solution.motion_of(times, q, u))
     with suppress(UnsupportedProblemError, SimulationError, EngineNotInstalledError):
-        yield "Taylor series in 80-bit floats", solve_taylor(problem, precision="extended").trajectory(times)
+        yield (
+            "Taylor series in 80-bit floats",
+            solve_taylor(problem, precision="extended").trajectory(times),
+        )
 
 
 def _differences(dataset: xr.Dataset, other: Trajectory) -> dict[str, FloatArray]:
@@ -90,7 +114,9 @@ def _differences(dataset: xr.Dataset, other: Trajectory) -> dict[str, FloatArray
         if name in dataset:
             apart = abs(dataset[name] - theirs[name])
             apart = apart.max("axis") if "axis" in apart.dims else apart
-            differences[name] = np.maximum.accumulate(np.asarray(apart.values, dtype=np.float64), axis=0)
+            differences[name] = np.maximum.accumulate(
+                np.asarray(apart.values, dtype=np.float64), axis=0
+            )
     return differences
 
 
@@ -111,26 +137,48 @@ def _add_events(dataset: xr.Dataset, solution: Solution, end: float) -> None:
     impacts = [(t, impulses) for t, impulses in solution.impacts if t <= end]
     if impacts:
         dataset.coords["struck_stop"] = stops
-        times, impulses = np.array([t for t, _ in impacts]), [[one.get(s, 0.0) for s in stops] for _, one in impacts]
-        dataset["impact_time"] = (("impact",), times, {"units": "s", "long_name": "times of the impacts"})
-        about = {"units": "N s (stops on angles: N m s)", "long_name": "impulses of the stops in each impact"}
+        times, impulses = (
+            np.array([t for t, _ in impacts]),
+            [[one.get(s, 0.0) for s in stops] for _, one in impacts],
+        )
+        dataset["impact_time"] = (
+            ("impact",),
+            times,
+            {"units": "s", "long_name": "times of the impacts"},
+        )
+        about = {
+            "units": "N s (stops on angles: N m s)",
+            "long_name": "impulses of the stops in each impact",
+        }
         dataset["impact_impulse"] = (("impact", "struck_stop"), np.array(impulses), about)
     rests = [(t, name) for name, times in solution.rest_times.items() for t in times if t <= end]
     if rests:
         dataset.coords["rest"] = [name for _, name in rests]
-        about = {"units": "s", "long_name": "times at which stops ceased to bounce, and stayed closed"}
+        about = {
+            "units": "s",
+            "long_name": "times at which stops ceased to bounce, and stayed closed",
+        }
         dataset["rest_time"] = (("rest",), np.array([t for t, _ in rests]), about)
     launch: Launch | None = solution.launch
     if launch is not None and launch.time <= end:
-        dataset["launch_time"] = ((), launch.time, {"units": "s", "long_name": "launch at 45 degrees"})
-        dataset["launch_speed"] = ((), launch.speed, {"units": "m/s", "long_name": "speed of the projectile then"})
+        dataset["launch_time"] = (
+            (),
+            launch.time,
+            {"units": "s", "long_name": "launch at 45 degrees"},
+        )
+        dataset["launch_speed"] = (
+            (),
+            launch.speed,
+            {"units": "m/s", "long_name": "speed of the projectile then"},
+        )
 
 
 def _described(mechanism: Mechanism, horizon: float, methods: list[str]) -> dict[str, object]:
     found = find_benchmark(mechanism.name)
     return {
         "data_format": DATA_FORMAT,
-        "title": f"Certified trajectory of {mechanism.name!r}" + (f": {found.text}" if found else ""),
+        "title": f"Certified trajectory of {mechanism.name!r}"
+        + (f": {found.text}" if found else ""),
         "references": found.source if found else "",
         "trebucheck_version": __version__,
         "mechanism_hash": mechanism.content_hash,

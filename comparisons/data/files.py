@@ -40,11 +40,15 @@ def content(name: str) -> bytes:
     """
     known = published()
     if name not in known:
-        raise InputError(f"there is no published trajectory {name!r}; there are: {', '.join(known)}.")
+        raise InputError(
+            f"there is no published trajectory {name!r}; there are: {', '.join(known)}."
+        )
     data = _read(name)
     if data is None or hashlib.sha256(data).hexdigest() != known[name]:
         state = "missing" if data is None else "changed"
-        raise InputError(f"the published trajectory of {name!r} is {state}: it does not have its checksum.")
+        raise InputError(
+            f"the published trajectory of {name!r} is {state}: it does not have its checksum."
+        )
     return data
 
 
@@ -55,7 +59,12 @@ def states() -> Iterator[tuple[str, str, int, State]]:
         if data is None:
             yield name, digest, 0, "missing"
         else:
-            yield name, digest, len(data), "good" if hashlib.sha256(data).hexdigest() == digest else "changed"
+            yield (
+                name,
+                digest,
+                len(data),
+                "good" if hashlib.sha256(data).hexdigest() == digest else "changed",
+            )
 
 
 def _read(name: str) -> bytes | None:
@@ -72,5 +81,7 @@ def publish(name: str, folder: Path) -> None:
     path = folder / f"{name}.nc"
     write_dataset(certified_dataset(library_problem(name) or model(name)), path, compressed=True)
     present = (each for each in names() if (folder / f"{each}.nc").is_file())
-    lines = (f"{hashlib.sha256((folder / f'{n}.nc').read_bytes()).hexdigest()}  {n}.nc" for n in present)
+    lines = (
+        f"{hashlib.sha256((folder / f'{n}.nc').read_bytes()).hexdigest()}  {n}.nc" for n in present
+    )
     write_text(folder / CHECKSUMS, "\n".join(lines) + "\n")

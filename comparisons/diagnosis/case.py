@@ -60,12 +60,18 @@ class Case:
         """Coordinates or speeds that are not of the mechanism's shape, and what they are instead."""
         right = (len(self.whole.t), len(self.mechanism.coordinates))
         given = {"coordinates": self.whole.q.shape, "speeds of coordinates": self.whole.u.shape}
-        return {name: f"{shape} instead of {right}" for name, shape in given.items() if shape != right}
+        return {
+            name: f"{shape} instead of {right}" for name, shape in given.items() if shape != right
+        }
 
     @property
     def missing_markers(self) -> tuple[str, ...]:
         """Markers of the mechanism that the trajectory does not have."""
-        return tuple(marker.name for marker in self.mechanism.markers if marker.name not in self.whole.markers)
+        return tuple(
+            marker.name
+            for marker in self.mechanism.markers
+            if marker.name not in self.whole.markers
+        )
 
     @cached_property
     def trajectory(self) -> Trajectory:
@@ -76,10 +82,14 @@ class Case:
     @property
     def _away(self) -> IndexArray:
         """Compared samples that are not beside an event of either, where speeds or forces jump; all if few are left."""
-        every = np.arange(1, self.compared)  # without the start: an engine that records its states late starts there
+        every = np.arange(
+            1, self.compared
+        )  # without the start: an engine that records its states late starts there
         motions = self.solution, self.whole
         impacts = [time for motion in motions for time, _ in motion.impacts]
-        releases = [time for motion in motions for time in motion.release_times.values() if time is not None]
+        releases = [
+            time for motion in motions for time in motion.release_times.values() if time is not None
+        ]
         t, guard = self.whole.t[every], EVENT_GUARD * self.step
         beside = np.zeros(len(t), dtype=bool)
         for time in (*impacts, *releases):
@@ -133,7 +143,9 @@ class Case:
         """Size of the deviation of each quantity, in parts of the whole."""
         parts = self.channels.parts(self.trajectory, self.reference)
         size = float(np.linalg.norm(self.deviation)) or 1.0
-        return {name: float(np.linalg.norm(self.weights * part)) / size for name, part in parts.items()}
+        return {
+            name: float(np.linalg.norm(self.weights * part)) / size for name, part in parts.items()
+        }
 
     @cached_property
     def first_errors(self) -> dict[str, float]:
@@ -168,19 +180,23 @@ class Case:
         """The motion under other equations; None if it cannot be computed.
 
         Args:
-            patience: it is given up after so many times the reference's steps: equations that are so stiff are far
-                from any that fit.
+            patience: it is given up after so many times the reference's steps: equations that are
+                so stiff are far from any that fit.
         """
         try:
             with np.errstate(all="ignore"):
                 most = patience * self._reference_steps
-                return solve(self.problem(equations.mechanism), _TOLERANCE, _TOLERANCE, equations, most)
+                return solve(
+                    self.problem(equations.mechanism), _TOLERANCE, _TOLERANCE, equations, most
+                )
         except (TrebucheckError, np.linalg.LinAlgError, ValueError):
             return None
 
     @cached_property
     def _reference_steps(self) -> int:
-        return max(_REFERENCE_STEPS, sum(len(segment.interpolant.ts) for segment in self.solution.segments))
+        return max(
+            _REFERENCE_STEPS, sum(len(segment.interpolant.ts) for segment in self.solution.segments)
+        )
 
     def under(self, law: StopLaw) -> Solution | None:
         """The motion under the other law of the stops; None if it cannot be computed."""
@@ -193,8 +209,8 @@ class Case:
     def seen(self, wrong: Solution, motion: Motion) -> tuple[FloatArray, FloatArray]:
         """Signatures of a faulty motion, as an engine reads it that believes in the fault, and as others do.
 
-        An engine with a wrong body computes markers and energies by that; an adapter that gets coordinates from the
-        engine computes them from the right description.
+        An engine with a wrong body computes markers and energies by that; an adapter that gets
+        coordinates from the engine computes them from the right description.
         """
         told = self.reference.provenance
         own = wrong.reading(self.t, motion, told)

@@ -26,9 +26,14 @@ def consistent_mechanism(fields: dict[str, Any], start_moves: bool = False) -> M
 
     Args:
         fields: as a mechanism's `model_dump`; directions are brought to length one.
-        start_moves: where a closed stop does not touch, the start is taken to where it does; else the stop is.
+        start_moves: where a closed stop does not touch, the start is taken to where it does; else
+            the stop is.
     """
-    fields = {**fields, "joints": _unit(fields["joints"], "axis"), "stops": _unit(fields["stops"], "normal")}
+    fields = {
+        **fields,
+        "joints": _unit(fields["joints"], "axis"),
+        "stops": _unit(fields["stops"], "normal"),
+    }
     try:
         return _mechanism(fields)
     except InputError:
@@ -52,7 +57,9 @@ def with_closed_loops(mechanism: Mechanism) -> Mechanism | None:
     if not any(mechanism.loop_closure_residual.values()):
         return mechanism
     start = _consistent_start(mechanism, mechanism.stops)
-    return None if start is None else consistent_mechanism({**mechanism.model_dump(), "start": start})
+    return (
+        None if start is None else consistent_mechanism({**mechanism.model_dump(), "start": start})
+    )
 
 
 def _mechanism(fields: dict[str, Any], **changes: Any) -> Mechanism:
@@ -84,7 +91,9 @@ def _touching(bare: Mechanism, stops: Sequence[Stop | PointStop]) -> tuple[Stop 
     return tuple(moved(stop) if stop.closed else stop for stop in stops)
 
 
-def _consistent_start(mechanism: Mechanism, stops: Sequence[Stop | PointStop]) -> tuple[float, ...] | None:
+def _consistent_start(
+    mechanism: Mechanism, stops: Sequence[Stop | PointStop]
+) -> tuple[float, ...] | None:
     """The start nearest to the mechanism's at which loops close and closed stops touch.
 
     Args:

@@ -19,8 +19,14 @@ def energy_readings(r: Trajectory) -> Iterator[Reading]:
     unit = float(np.abs(r.kinetic_energy).max()) or 1.0
     raised = replace(r, potential_energy=r.potential_energy + unit)
     yield Reading("zero of the potential energy", (raised,), lambda f: f"{f[0] * unit:+.4g} J")
-    moved = replace(r, kinetic_energy=2 * r.kinetic_energy, potential_energy=r.potential_energy - r.kinetic_energy)
-    yield Reading("kinetic energy counted as potential", (moved,), lambda f: f"{-100 * f[0]:+.3g} %")
+    moved = replace(
+        r,
+        kinetic_energy=2 * r.kinetic_energy,
+        potential_energy=r.potential_energy - r.kinetic_energy,
+    )
+    yield Reading(
+        "kinetic energy counted as potential", (moved,), lambda f: f"{-100 * f[0]:+.3g} %"
+    )
     yield from _kinetic(r)
     for name, part in _potential_parts(r):
         if part.any() and _is_part(part, r.potential_energy):
@@ -28,7 +34,9 @@ def energy_readings(r: Trajectory) -> Iterator[Reading]:
             yield Reading(f"{name} in the potential energy", (wrong,), lambda f: scale_text(f[0]))
     origins = Equations(_changed_bodies(r.mechanism, centre=(0.0, 0.0))).potential_energy(r.q)
     if (origins != r.potential_energy).any():
-        yield Reading("potential energy of the bodies' origins", (replace(r, potential_energy=origins),))
+        yield Reading(
+            "potential energy of the bodies' origins", (replace(r, potential_energy=origins),)
+        )
 
 
 def _is_part(part: FloatArray, whole: FloatArray) -> bool:

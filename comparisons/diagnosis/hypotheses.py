@@ -15,7 +15,13 @@ from ...models.joints import AnyJoint, FreeJoint
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...reference.equations import Equations
-from ...reference.perturbed import WithDamping, WithJoint, WithoutCentrifugal, WithRubbing, WithTiltedGravity
+from ...reference.perturbed import (
+    WithDamping,
+    WithJoint,
+    WithoutCentrifugal,
+    WithRubbing,
+    WithTiltedGravity,
+)
 from .consistent import with_closed_loops
 from .suspects import Kind, Suspect, combined, machine_suspects, mechanism_length
 
@@ -41,7 +47,9 @@ class Component:
         size = factor * self.scale
         lowest = {"": -1.0, "rad": -math.pi, "m": -self.length}.get(self.unit, -math.inf)
         highest = {"": _MOST, "rad": math.pi, "m": self.length}.get(self.unit, math.inf)
-        return math.isfinite(size) and lowest <= size <= highest and not (self.positive and size < 0)
+        return (
+            math.isfinite(size) and lowest <= size <= highest and not (self.positive and size < 0)
+        )
 
     def text(self, factor: float) -> str:
         """`factor` times the small size."""
@@ -77,7 +85,8 @@ def hypotheses(mechanism: Mechanism, closing: bool = True) -> list[Hypothesis]:
 
     Args:
         mechanism: without faults.
-        closing: whether the start of a faulty mechanism is moved to where its loops close, as a motion needs it.
+        closing: whether the start of a faulty mechanism is moved to where its loops close, as a
+            motion needs it.
     """
     suspects = [suspect for suspect in machine_suspects(mechanism) if suspect.scale]
     found: list[Hypothesis] = []
@@ -89,11 +98,19 @@ def hypotheses(mechanism: Mechanism, closing: bool = True) -> list[Hypothesis]:
     return [*found, *_laws(mechanism)]
 
 
-def of_suspects(mechanism: Mechanism, name: str, suspects: Sequence[Suspect], closing: bool = False) -> Hypothesis:
+def of_suspects(
+    mechanism: Mechanism, name: str, suspects: Sequence[Suspect], closing: bool = False
+) -> Hypothesis:
     """A fault of as many numbers as there are suspects."""
     length = 2 * mechanism_length(mechanism)
-    labels = [s.name.removeprefix(s.group).lstrip(", ") or "along" for s in suspects] if len(suspects) > 1 else [""]
-    components = [Component(label, s.scale, s.unit, length) for label, s in zip(labels, suspects, strict=True)]
+    labels = (
+        [s.name.removeprefix(s.group).lstrip(", ") or "along" for s in suspects]
+        if len(suspects) > 1
+        else [""]
+    )
+    components = [
+        Component(label, s.scale, s.unit, length) for label, s in zip(labels, suspects, strict=True)
+    ]
 
     def make(factors: Sequence[float]) -> Equations | None:
         wrong = combined(mechanism, suspects, factors)
@@ -108,12 +125,16 @@ def _laws(mechanism: Mechanism) -> Iterator[Hypothesis]:
     length, gravity = mechanism_length(mechanism), mechanism.gravity or 1.0
     torque = _SMALL * sum(body.mass for body in mechanism.bodies) * gravity * length
 
-    def law(name: str, make: Callable[[Sequence[float]], Equations], *components: Component) -> Hypothesis:
+    def law(
+        name: str, make: Callable[[Sequence[float]], Equations], *components: Component
+    ) -> Hypothesis:
         return Hypothesis(name, "law", components, name, make)
 
     if mechanism.gravity:
         tilt = Component("", _SMALL, "rad")
-        yield law("direction of gravity", lambda f: WithTiltedGravity(mechanism, f[0] * _SMALL), tilt)
+        yield law(
+            "direction of gravity", lambda f: WithTiltedGravity(mechanism, f[0] * _SMALL), tilt
+        )
     rate = Component("rate", _SMALL * math.sqrt(gravity / length), "1/s", positive=True)
     yield law("damping of all bodies", lambda f: WithDamping(mechanism, f[0] * rate.scale), rate)
     yield from _rubbing(mechanism, torque, math.sqrt(gravity / length), length)
@@ -123,22 +144,36 @@ def _laws(mechanism: Mechanism) -> Iterator[Hypothesis]:
     for joint in _turning(mechanism):
         element = partial(WithJoint, mechanism, joint.name)
         yield law(
-            f"friction or damping of the {joint.name}", lambda f, e=element: e(damping=f[0] * viscous.scale), viscous
+            f"friction or damping of the {joint.name}",
+            lambda f, e=element: e(damping=f[0] * viscous.scale),
+            viscous,
         )
-        yield law(f"torque on the {joint.name}", lambda f, e=element: e(torque=f[0] * torque), constant)
-        yield law(f"spring on the {joint.name}", lambda f, e=element: e(stiffness=f[0] * torque), spring)
+        yield law(
+            f"torque on the {joint.name}", lambda f, e=element: e(torque=f[0] * torque), constant
+        )
+        yield law(
+            f"spring on the {joint.name}", lambda f, e=element: e(stiffness=f[0] * torque), spring
+        )
         both = partial(_sprung, element, torque)
         yield law(f"spring on the {joint.name}", both, spring, constant)
 
 
-def _rubbing(mechanism: Mechanism, torque: float, rate: float, length: float) -> Iterator[Hypothesis]:
+def _rubbing(
+    mechanism: Mechanism, torque: float, rate: float, length: float
+) -> Iterator[Hypothesis]:
     """Viscous friction of slides, each alone, and the same in all joints of a kind."""
     kinematics, n = Kinematics(mechanism), len(mechanism.coordinates)
-    pins = np.array([kinematics.angle(joint.child, joint.parent).coefficients for joint in _turning(mechanism)])
-    slides = np.eye(n)[[i for i, name in enumerate(mechanism.coordinates) if name not in mechanism.angles]]
+    pins = np.array(
+        [kinematics.angle(joint.child, joint.parent).coefficients for joint in _turning(mechanism)]
+    )
+    slides = np.eye(n)[
+        [i for i, name in enumerate(mechanism.coordinates) if name not in mechanism.angles]
+    ]
     hinges = np.array([joint.kind == "pin" for joint in _turning(mechanism)])
     turning = {"all turning joints": pins} | ({} if hinges.all() else {"all pins": pins[hinges]})
-    groups = {name: (rows, torque / rate, "N m s/rad") for name, rows in turning.items() if len(rows) > 1}
+    groups = {
+        name: (rows, torque / rate, "N m s/rad") for name, rows in turning.items() if len(rows) > 1
+    }
     force = torque / length / (length * rate), "N s/m"
     for row in slides:
         groups[f"slide {mechanism.coordinates[int(row.argmax())]}"] = row[None], *force
@@ -150,13 +185,19 @@ def _rubbing(mechanism: Mechanism, torque: float, rate: float, length: float) ->
         yield Hypothesis(f"friction or damping of {name}", "law", viscous, name, make)
 
 
-def _rubbed(mechanism: Mechanism, rows: FloatArray, size: float, factors: Sequence[float]) -> Equations:
+def _rubbed(
+    mechanism: Mechanism, rows: FloatArray, size: float, factors: Sequence[float]
+) -> Equations:
     return WithRubbing(mechanism, rows, factors[0] * size)
 
 
 def _turning(mechanism: Mechanism) -> Iterator[AnyJoint]:
     """Joints in which two bodies turn against each other: a free body turns in none."""
-    return (joint for joint in mechanism.joints if not (joint.holds_angle or isinstance(joint, FreeJoint)))
+    return (
+        joint
+        for joint in mechanism.joints
+        if not (joint.holds_angle or isinstance(joint, FreeJoint))
+    )
 
 
 def armatures(mechanism: Mechanism) -> Iterator[Hypothesis]:
@@ -165,7 +206,9 @@ def armatures(mechanism: Mechanism) -> Iterator[Hypothesis]:
     for joint in _turning(mechanism):
         name, element = f"armature of the {joint.name}", partial(WithJoint, mechanism, joint.name)
         inertia = Component("", size, "kg m^2", positive=True)
-        yield Hypothesis(name, "law", (inertia,), name, lambda f, e=element: e(armature=f[0] * size))
+        yield Hypothesis(
+            name, "law", (inertia,), name, lambda f, e=element: e(armature=f[0] * size)
+        )
 
 
 def _sprung(element: Callable[..., Equations], unit: float, factors: Sequence[float]) -> Equations:

@@ -43,7 +43,11 @@ class _Times:
         t = self.reference.t
 
         def at(factor: float) -> Trajectory | None:
-            return taken(self.read(t + factor * self.instant)) if abs(factor) * _INSTANT < _LATEST else None
+            return (
+                taken(self.read(t + factor * self.instant))
+                if abs(factor) * _INSTANT < _LATEST
+                else None
+            )
 
         def text(f: Sequence[float]) -> str:
             return f"{f[0] * self.instant:+.3g} s, {f[0] * self.instant / self.step:+.3g} steps"
@@ -59,10 +63,14 @@ class _Times:
         t = self.reference.t
 
         def at(factor: float) -> Trajectory | None:
-            return self.read(t * (1 + factor * _INSTANT)) if abs(factor) * _INSTANT < _LATEST else None
+            return (
+                self.read(t * (1 + factor * _INSTANT)) if abs(factor) * _INSTANT < _LATEST else None
+            )
 
         first = self.read(t * (1 + _INSTANT))
-        return Reading("rate of time", (first,), lambda f: f"times {1 / (1 + f[0] * _INSTANT):.6g}", at)
+        return Reading(
+            "rate of time", (first,), lambda f: f"times {1 / (1 + f[0] * _INSTANT):.6g}", at
+        )
 
 
 def late_readings(solution: Solution, r: Trajectory, step: float) -> Iterator[Reading]:
@@ -82,7 +90,9 @@ def late_readings(solution: Solution, r: Trajectory, step: float) -> Iterator[Re
         yield times.shifted(f"{name} shifted in time", lambda x, kind=kind: _KINDS[kind](r, x))
 
 
-def partly_late_readings(solution: Solution, r: Trajectory, step: float, wrong: Sequence[str]) -> Iterator[Reading]:
+def partly_late_readings(
+    solution: Solution, r: Trajectory, step: float, wrong: Sequence[str]
+) -> Iterator[Reading]:
     """All those kinds of quantity read at one other time that deviate, and no others.
 
     Args:
@@ -95,7 +105,9 @@ def partly_late_readings(solution: Solution, r: Trajectory, step: float, wrong: 
         name = f"{', '.join(_ALONE[kind] for kind in kinds)} shifted in time"
         yield times.shifted(name, lambda x: _taken(r, x, [_KINDS[kind] for kind in kinds]))
     if {*_SPEEDS, "kinetic energy"} <= {*kinds} and "coordinates" not in kinds:
-        yield times.shifted("speeds, and the energy of them, shifted in time", lambda x: _of_speeds(solution, r, x))
+        yield times.shifted(
+            "speeds, and the energy of them, shifted in time", lambda x: _of_speeds(solution, r, x)
+        )
 
 
 def _of_speeds(solution: Solution, r: Trajectory, x: Trajectory) -> Trajectory:
@@ -104,7 +116,9 @@ def _of_speeds(solution: Solution, r: Trajectory, x: Trajectory) -> Trajectory:
     return replace(mixed, stop_torques=r.stop_torques, joint_reactions=r.joint_reactions)
 
 
-def _taken(r: Trajectory, x: Trajectory, takes: Iterable[Callable[[Trajectory, Trajectory], Trajectory]]) -> Trajectory:
+def _taken(
+    r: Trajectory, x: Trajectory, takes: Iterable[Callable[[Trajectory, Trajectory], Trajectory]]
+) -> Trajectory:
     for take in takes:
         r = take(r, x)
     return r
@@ -119,11 +133,15 @@ def _speeds(r: Trajectory, x: Trajectory) -> Trajectory:
 
 
 def _positions(r: Trajectory, x: Trajectory) -> Trajectory:
-    return replace(r, markers={n: replace(m, position=x.markers[n].position) for n, m in r.markers.items()})
+    return replace(
+        r, markers={n: replace(m, position=x.markers[n].position) for n, m in r.markers.items()}
+    )
 
 
 def _velocities(r: Trajectory, x: Trajectory) -> Trajectory:
-    return replace(r, markers={n: replace(m, velocity=x.markers[n].velocity) for n, m in r.markers.items()})
+    return replace(
+        r, markers={n: replace(m, velocity=x.markers[n].velocity) for n, m in r.markers.items()}
+    )
 
 
 _SPEEDS = {"speeds of coordinates": _speeds}

@@ -1,7 +1,7 @@
 """Mistakes of reading that not every joint, marker or coordinate need share: other names, frames, points and zeros.
 
-Each of these readings takes for every subject that value of the reference, right or misread in one way, which is
-nearer to the given one. None is fitted, so that what it accounts for is evidence.
+Each of these readings takes for every subject that value of the reference, right or misread in one
+way, which is nearer to the given one. None is fitted, so that what it accounts for is evidence.
 """
 
 from __future__ import annotations
@@ -45,7 +45,11 @@ def _apart(one: FloatArray, other: FloatArray) -> float:
 
 def _nearer(given: Values, right: Values, wrong: Values) -> list[str]:
     """Subjects of which the wrong values are nearer to the given ones than the right ones."""
-    return [name for name, values in right.items() if _apart(given[name], wrong[name]) < _apart(given[name], values)]
+    return [
+        name
+        for name, values in right.items()
+        if _apart(given[name], wrong[name]) < _apart(given[name], values)
+    ]
 
 
 def _subjects(names: Sequence[str], right: Values, wrong: Values) -> str:
@@ -56,7 +60,9 @@ def _subjects(names: Sequence[str], right: Values, wrong: Values) -> str:
 
 def _exchange(of: str, right: Values, given: Values) -> tuple[str, dict[str, str]] | None:
     """A sentence and whose value each subject has, where it is another one's."""
-    nearest = {name: min(right, key=lambda m: (_apart(given[name], right[m]), m != name)) for name in right}
+    nearest = {
+        name: min(right, key=lambda m: (_apart(given[name], right[m]), m != name)) for name in right
+    }
     wrong = {name: other for name, other in nearest.items() if name != other}
     if not wrong:
         return None
@@ -74,9 +80,14 @@ def _forces(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
     for how, change in _force_mistakes(r):
         wrong = {name: change(name, values) for name, values in right.items()}
         names = _nearer(given.joint_reactions, right, wrong)
-        if names and not (how == _OTHER_BODY and len(names) in (1, len(right))):  # else it is a scale
+        if names and not (
+            how == _OTHER_BODY and len(names) in (1, len(right))
+        ):  # else it is a scale
             forces = {**r.joint_reactions, **{name: wrong[name] for name in names}}
-            yield Reading(f"joint forces{_subjects(names, right, wrong)} {how}", (replace(r, joint_reactions=forces),))
+            yield Reading(
+                f"joint forces{_subjects(names, right, wrong)} {how}",
+                (replace(r, joint_reactions=forces),),
+            )
 
 
 _OTHER_BODY = "wrong sign"
@@ -96,7 +107,10 @@ def _force_mistakes(r: Trajectory) -> Iterator[tuple[str, Callable[[str, FloatAr
                 lambda name, v, sign=sign, end=end: sign * in_frame(r, ends[name][end], v),
             )
     gravity = np.array(r.mechanism.gravity_vector)
-    yield "without the weight of the body", lambda name, v: v + r.mechanism.body(ends[name][0]).mass * gravity
+    yield (
+        "without the weight of the body",
+        lambda name, v: v + r.mechanism.body(ends[name][0]).mass * gravity,
+    )
 
 
 def in_frame(r: Trajectory, body: str, vectors: FloatArray) -> FloatArray:
@@ -108,7 +122,9 @@ def in_frame(r: Trajectory, body: str, vectors: FloatArray) -> FloatArray:
 
 def _torques(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
     """Torques of stops, and forces of those on points, each under another one's name."""
-    right = _common({s.name: r.stop_torques[s.name] for s in r.mechanism.stops if s.closed}, given.stop_torques)
+    right = _common(
+        {s.name: r.stop_torques[s.name] for s in r.mechanism.stops if s.closed}, given.stop_torques
+    )
     exchanged = _exchange("torques of the ", right, given.stop_torques)
     if exchanged is not None:
         torques = {name: right[other] for name, other in exchanged[1].items()}
@@ -120,13 +136,22 @@ def _markers(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
     right = {n: _stacked(r.markers[n]) for n in names}
     exchanged = _exchange("", right, {n: _stacked(given.markers[n]) for n in names})
     if exchanged is not None:
-        yield Reading(exchanged[0], (replace(r, markers=_with(r, {n: r.markers[m] for n, m in exchanged[1].items()})),))
+        yield Reading(
+            exchanged[0],
+            (replace(r, markers=_with(r, {n: r.markers[m] for n, m in exchanged[1].items()})),),
+        )
     taken = {n: _taken(r, n, given.markers[n]) for n in names}
     nearest = exchanged[1] if exchanged is not None else dict.fromkeys(names, "")
-    known = {n: motion for n, (_, motion) in taken.items() if not _is_same(motion, r.markers.get(nearest[n]))}
+    known = {
+        n: motion
+        for n, (_, motion) in taken.items()
+        if not _is_same(motion, r.markers.get(nearest[n]))
+    }
     text = "; ".join(filter(None, (_taken_text(n, *labels) for n, (labels, _) in taken.items())))
     if text and known:  # else they are exchanged
-        yield Reading(text, (replace(r, markers=_with(r, {n: motion for n, (_, motion) in taken.items()})),))
+        yield Reading(
+            text, (replace(r, markers=_with(r, {n: motion for n, (_, motion) in taken.items()})),)
+        )
     bodies = {marker.name: marker.body for marker in r.mechanism.markers}
     velocities = {n: r.markers[n].velocity for n in names}
     local = {n: in_frame(r, bodies[n], v) for n, v in velocities.items()}
@@ -142,7 +167,9 @@ def _with(r: Trajectory, changed: Mapping[str, PointMotion]) -> dict[str, PointM
 
 
 def _is_same(one: PointMotion, other: PointMotion | None) -> bool:
-    return other is not None and _apart(_stacked(one), _stacked(other)) < _ROUNDING * float(np.abs(_stacked(one)).max())
+    return other is not None and _apart(_stacked(one), _stacked(other)) < _ROUNDING * float(
+        np.abs(_stacked(one)).max()
+    )
 
 
 def _stacked(motion: PointMotion) -> FloatArray:
@@ -154,11 +181,15 @@ def _taken(r: Trajectory, name: str, given: PointMotion) -> tuple[tuple[str, str
     marker = r.mechanism.marker(name)
     assert marker is not None
     own = {"": r.markers[name]}
-    known = {w: _at(r, *at) for at, w in _known_points(r).items() if at != (marker.body, marker.point)}
+    known = {
+        w: _at(r, *at) for at, w in _known_points(r).items() if at != (marker.body, marker.point)
+    }
     points = own | known
     position = min(points, key=lambda what: _apart(given.position, points[what].position))
     velocity = min(points, key=lambda what: _apart(given.velocity, points[what].velocity))
-    if _apart(given.velocity, points[position].velocity) == _apart(given.velocity, points[velocity].velocity):
+    if _apart(given.velocity, points[position].velocity) == _apart(
+        given.velocity, points[velocity].velocity
+    ):
         velocity = position  # on a body that does not turn the velocity tells no point
     return (position, velocity), PointMotion(points[position].position, points[velocity].velocity)
 
@@ -167,7 +198,9 @@ def _taken_text(name: str, position: str, velocity: str) -> str:
     if position == velocity:
         return f"{name} taken for {position}" if position else ""
     parts = (("position", position), ("velocity", velocity))
-    return "; ".join(f"{what} of the {name} taken for that of {other}" for what, other in parts if other)
+    return "; ".join(
+        f"{what} of the {name} taken for that of {other}" for what, other in parts if other
+    )
 
 
 def _known_points(r: Trajectory) -> dict[tuple[str, Vector], str]:
@@ -191,13 +224,17 @@ def _at(r: Trajectory, body: str, point: Vector) -> PointMotion:
 
 def _coordinates(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
     """Coordinates in another order; and angles of joints, anticlockwise, in degrees, from another zero."""
-    q, u = ({n: values[:, i] for i, n in enumerate(r.mechanism.coordinates)} for values in (r.q, r.u))
+    q, u = (
+        {n: values[:, i] for i, n in enumerate(r.mechanism.coordinates)} for values in (r.q, r.u)
+    )
     own = [{n: values[:, i] for i, n in enumerate(q)} for values in (given.q, given.u)]
     orders = [_exchange("coordinates ", *pair) for pair in zip((q, u), own, strict=True)]
     text = next((found[0] for found in orders if found is not None), None)
     if text is not None:
         names = [list(q) if found is None else list(found[1].values()) for found in orders]
-        columns = [np.stack([v[n] for n in order], axis=1) for v, order in zip((q, u), names, strict=True)]
+        columns = [
+            np.stack([v[n] for n in order], axis=1) for v, order in zip((q, u), names, strict=True)
+        ]
         yield Reading(text, (replace(r, q=columns[0], u=columns[1]),))
     yield from _angles(r, given)
 
@@ -241,7 +278,13 @@ def _by(r: Trajectory, given: Trajectory, wrong: _Angles) -> Iterator[Reading]:
     if not wrong.how:
         yield Reading(f"coordinates {_zero_text(r, zeros, wrong)}", (taken,))
         return
-    what = "angles" if misread and fast else "angles, not their speeds," if misread else "speeds of the angles"
+    what = (
+        "angles"
+        if misread and fast
+        else "angles, not their speeds,"
+        if misread
+        else "speeds of the angles"
+    )
     text = _zero_text(r, zeros, wrong) if misread and zeros.any() else ""
     yield Reading(" ".join(filter(None, (what, wrong.how, text))), (taken,))
 
@@ -268,11 +311,15 @@ def _frames(r: Trajectory) -> Iterator[_Angles]:
     """Angles as they are, and relative to the parents', where those turn."""
     start = np.array(r.mechanism.start)
     yield _Angles("", r.q, r.u, start)
-    joints = [joint for joint in r.mechanism.tree_joints if not joint.holds_angle]  # one for each angle
+    joints = [
+        joint for joint in r.mechanism.tree_joints if not joint.holds_angle
+    ]  # one for each angle
     columns = [r.mechanism.attitudes[joint.parent][0] for joint in joints]
     relative = np.eye(len(start))
     for i, column in enumerate(columns):
         if column is not None:
             relative[i, column] -= 1.0
     if any(column is not None for column in columns):
-        yield _Angles("relative to the parent", r.q @ relative.T, r.u @ relative.T, relative @ start)
+        yield _Angles(
+            "relative to the parent", r.q @ relative.T, r.u @ relative.T, relative @ start
+        )

@@ -15,7 +15,14 @@ from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism
 from ...reference.equations import Equations
 from ...reference.integrator import one_thread
-from ..equivalence.checks import EXACT, Expected, check_model, expected, gap_errors, scaled_differences
+from ..equivalence.checks import (
+    EXACT,
+    Expected,
+    check_model,
+    expected,
+    gap_errors,
+    scaled_differences,
+)
 from ..equivalence.states import random_states
 from ..runs.results import Cause, Diagnosis, Equality
 from .hypotheses import Hypothesis, armatures, gross_faults, hypotheses, of_suspects
@@ -26,7 +33,9 @@ from .suspects import Kind, machine_suspects, wall_suspects
 
 _TELLING = 0.05  # of a deviation: what accounts for less is no suspect
 _ALIKE = 1e-6  # relative, or [rad]: of a value that was mistaken for another
-_READ_OFF = 0.992  # weight of a cause that one quantity shows, against one that explains all of them
+_READ_OFF = (
+    0.992  # weight of a cause that one quantity shows, against one that explains all of them
+)
 _NO_TORQUE = 0.97  # the same of a stop that carries none: it may be at another position
 _CORRECTIONS = 6  # of a size, by Gauss and Newton
 _PARTS = (1.0, 0.5, 0.25, 0.1, 0.01)  # of a correction that leads to a size that makes no sense
@@ -48,47 +57,70 @@ def check_and_diagnose(engine: Engine, mechanism: Mechanism) -> tuple[Equality, 
 @one_thread()
 def diagnose_model(engine: Engine, mechanism: Mechanism, broken: Equality) -> Diagnosis:
     """What may have been built wrong, the most likely first."""
-    worst = max(broken.broken, key=lambda check: math.inf if check.value is None else check.value / check.tolerance)
+    worst = max(
+        broken.broken,
+        key=lambda check: math.inf if check.value is None else check.value / check.tolerance,
+    )
     causes: list[Cause] = []
     if isinstance(engine, Inspectable):
         states = random_states(mechanism)
         if broken.states:
             inspection = engine.inspect(mechanism, states)
-            causes = [part for read in (_plain, _walls, _fitted) for part in read(mechanism, states, inspection)]
+            causes = [
+                part
+                for read in (_plain, _walls, _fitted)
+                for part in read(mechanism, states, inspection)
+            ]
         else:
             causes = list(_unknown_stops(engine, mechanism, states))
     listed, likeliest = ranked(causes)
     return Diagnosis(leads=worst.label, causes=listed, likeliest=likeliest)
 
 
-def _unknown_stops(engine: Inspectable, mechanism: Mechanism, states: Sequence[State]) -> Iterator[Cause]:
+def _unknown_stops(
+    engine: Inspectable, mechanism: Mechanism, states: Sequence[State]
+) -> Iterator[Cause]:
     """Stops that the model lacks: without them it can be inspected."""
     for stop in mechanism.stops:
         without = [state for state in states if stop.name not in state.closed]
         if len(without) < len(states):
-            with suppress(Exception):  # the engine may raise anything: then this stop is not the only cause
+            with suppress(
+                Exception
+            ):  # the engine may raise anything: then this stop is not the only cause
                 engine.inspect(mechanism, without)
                 yield Cause(name=f"{stop.name} missing", kind="law", explained=1.0)
 
 
-def _plain(mechanism: Mechanism, states: Sequence[State], inspection: Inspection) -> Iterator[Cause]:
+def _plain(
+    mechanism: Mechanism, states: Sequence[State], inspection: Inspection
+) -> Iterator[Cause]:
     """Causes that single quantities show: a wrong start, a stop at a wrong position, a missing stop."""
     for i, (name, value, right) in enumerate(
         zip(mechanism.coordinates, inspection.start, mechanism.start, strict=True)
     ):
         if abs(value - right) > EXACT * max(1.0, abs(right)):
             mistake = _mistaken(float(value), right)
-            amount = mistake or _difference(float(value) - right, "rad" if i < len(mechanism.angles) else "m")
-            yield Cause(name=f"start of {name}", kind="start", amount=amount, explained=1.0 if mistake else _READ_OFF)
+            amount = mistake or _difference(
+                float(value) - right, "rad" if i < len(mechanism.angles) else "m"
+            )
+            yield Cause(
+                name=f"start of {name}",
+                kind="start",
+                amount=amount,
+                explained=1.0 if mistake else _READ_OFF,
+            )
     for name, gap in gap_errors(expected(mechanism, states), inspection.dynamics).items():
         if abs(gap) > EXACT and mechanism.stop(name).effort == "torque":
             amount = f"{math.degrees(gap):+.3g} deg" if abs(gap) < math.pi else ""
-            yield Cause(name=f"place of the {name}", kind="machine", amount=amount, explained=_READ_OFF)
+            yield Cause(
+                name=f"place of the {name}", kind="machine", amount=amount, explained=_READ_OFF
+            )
     for stop in mechanism.stops:
         pairs = zip(inspection.dynamics, states, strict=True)
         held = [d.stop_torques.get(stop.name) for d, state in pairs if stop.name in state.closed]
         if held and not any(held):
-            # A stop at another position carries no torque either: its position is then the more likely cause.
+            # A stop at another position carries no torque either: its position is then the more
+            # likely cause.
             yield Cause(name=f"{stop.name} missing", kind="law", explained=_NO_TORQUE)
 
 
@@ -97,7 +129,9 @@ def _difference(value: float, unit: str) -> str:
     return "" if unit == "rad" and abs(value) > 2 * math.pi else f"{value:+.3g} {unit}"
 
 
-def _walls(mechanism: Mechanism, states: Sequence[State], inspection: Inspection) -> Iterator[Cause]:
+def _walls(
+    mechanism: Mechanism, states: Sequence[State], inspection: Inspection
+) -> Iterator[Cause]:
     """Walls at wrong positions, by the gaps alone: no other quantity may show a point that is off its wall."""
     right = expected(mechanism, states)
     deviation = _gaps(right, inspection.dynamics, inspection.dynamics)
@@ -106,7 +140,10 @@ def _walls(mechanism: Mechanism, states: Sequence[State], inspection: Inspection
 
     def signature(equations: Equations) -> FloatArray:
         gaps = expected(equations.mechanism, states, equations).gaps
-        faulty = [replace(dynamics, stop_gaps=wrong) for dynamics, wrong in zip(inspection.dynamics, gaps, strict=True)]
+        faulty = [
+            replace(dynamics, stop_gaps=wrong)
+            for dynamics, wrong in zip(inspection.dynamics, gaps, strict=True)
+        ]
         return _gaps(right, faulty, inspection.dynamics)[None]
 
     for suspect in wall_suspects(mechanism):
@@ -120,10 +157,14 @@ def _mistaken(angle: float, right: float) -> str:
     size = max(1.0, abs(right))
     degrees, radians = math.degrees(right), math.radians(right)
     readings = {"sign": -right, "degrees for radians": degrees, "radians for degrees": radians}
-    return next((what for what, value in readings.items() if abs(angle - value) <= _ALIKE * size), "")
+    return next(
+        (what for what, value in readings.items() if abs(angle - value) <= _ALIKE * size), ""
+    )
 
 
-def _fitted(mechanism: Mechanism, states: Sequence[State], inspection: Inspection) -> Iterator[Cause]:
+def _fitted(
+    mechanism: Mechanism, states: Sequence[State], inspection: Inspection
+) -> Iterator[Cause]:
     """Suspects whose mechanisms differ from the right one in the same way, start and stops included."""
     right = expected(mechanism, states)
     gaps = _gaps(right, inspection.dynamics, inspection.dynamics)
@@ -142,7 +183,9 @@ def _fitted(mechanism: Mechanism, states: Sequence[State], inspection: Inspectio
             found[group] = better(found[group], result) if group in found else result
     yield from (each.cause for each in found.values())
     for name, kind, equations in _gross(mechanism):
-        shares = [match(deviation, signature, fixed=True).explained for signature in signatures(equations)]
+        shares = [
+            match(deviation, signature, fixed=True).explained for signature in signatures(equations)
+        ]
         yield Cause(name=name, kind=kind, explained=max(shares, default=0.0))
 
 
@@ -167,7 +210,11 @@ def _measured(
     """
     zero = np.zeros(len(hypothesis.components))
     columns = _columns(hypothesis, zero, signatures)
-    fits = [] if columns is None else [fit(deviation, columns[:, way]) for way in range(columns.shape[1])]
+    fits = (
+        []
+        if columns is None
+        else [fit(deviation, columns[:, way]) for way in range(columns.shape[1])]
+    )
     way = max(range(len(fits)), key=lambda k: fits[k][1], default=-1)
     if columns is None or way < 0 or fits[way][1] <= _TELLING:
         return None
@@ -182,7 +229,9 @@ def _measured(
         gained = share - best.explained if best else 1.0
         if gained > 0:
             best = Found(hypothesis, factors, share)
-        tangents = None if share > _FITS or gained < _GAIN else _columns(hypothesis, factors, signatures)
+        tangents = (
+            None if share > _FITS or gained < _GAIN else _columns(hypothesis, factors, signatures)
+        )
         if tangents is None:
             break
         step = fit(deviation - signature, tangents[:, way])[0]
@@ -218,8 +267,8 @@ def _signatures(
 ) -> Iterator[FloatArray]:
     """Signatures of wrong equations, in an engine with absolute coordinates and in one that counts from its start.
 
-    The latter's coordinates are off by the error of its start. And a stop at a wrong position need not have moved the
-    start with it.
+    The latter's coordinates are off by the error of its start. And a stop at a wrong position need
+    not have moved the start with it.
     """
     wrong = equations.mechanism
     if {stop.name for stop in wrong.stops} < {stop.name for stop in mechanism.stops}:
@@ -227,7 +276,9 @@ def _signatures(
     start = np.array(wrong.start) - np.array(mechanism.start)
 
     def shown(shift: FloatArray) -> tuple[FloatArray, FloatArray]:
-        exposed = expected(wrong, [replace(state, q=state.q + shift) for state in states], equations)
+        exposed = expected(
+            wrong, [replace(state, q=state.q + shift) for state in states], equations
+        )
         values = exposed.as_dynamics(inspection.dynamics)
         return scaled_differences(right, values), _gaps(right, values, inspection.dynamics)
 

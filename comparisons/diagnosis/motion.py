@@ -35,12 +35,17 @@ from .systematic import systematic_faults
 
 _CERTAIN = 0.9999  # share of a reading's mistake from which on no other cause is looked for
 _CORRECTIONS = 4  # of a size that has no linear effect
-_MISREAD = 0.01  # of the deviation: what deviates by less is right, where other quantities are wrong
+_MISREAD = (
+    0.01  # of the deviation: what deviates by less is right, where other quantities are wrong
+)
 _RIGHT = 1e-6  # of the sizes of quantities: what deviates by less is right
 _STATE = ("coordinates", "speeds of coordinates")
 _STATE_METRICS = frozenset({"angle_max", "angular_speed_max", "slide_max", "slide_speed_max"})
 _POINT_METRICS = frozenset({"position_max", "velocity_max"})
-_UNTOLD = ("torque", "force")  # what solvers compute by iteration may be noisy on a right motion: no mistake of reading
+_UNTOLD = (
+    "torque",
+    "force",
+)  # what solvers compute by iteration may be noisy on a right motion: no mistake of reading
 
 
 @one_thread()
@@ -59,12 +64,16 @@ def diagnose_motion(
         trajectory: the motion.
         solution: the reference's.
         end: end of the compared motion [s].
-        rerun: the engine, which is run again where no suspect explains the deviation; None: there is none.
-        told: quantities that the trajectory tells, as :func:`.signatures.quantities` names them; None: all that it has.
+        rerun: the engine, which is run again where no suspect explains the deviation; None: there
+        is none.
+        told: quantities that the trajectory tells, as :func:`.signatures.quantities` names them;
+            None: all that it has.
     """
     case = Case(trajectory, solution, end, frozenset(metric.name for metric in broken), told)
     onset = find_onset(against(trajectory, solution, end), broken)
-    causes, likeliest = _ranked_causes(case, rerun) if case.can_be_read else ranked(_misshapen(case))
+    causes, likeliest = (
+        _ranked_causes(case, rerun) if case.can_be_read else ranked(_misshapen(case))
+    )
     return Diagnosis(
         leads=onset.first_violated if onset else broken[0].label,
         parts_at=onset.time if onset else None,
@@ -85,10 +94,14 @@ def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[Cause, ...], 
     """Mistakes of reading first, which cost nothing to compute; engines run again only if nothing else explains it."""
     causes = [*_outright_causes(case), *_reading_causes(case)]
     certain = max((cause.explained for cause in causes), default=0.0) >= _CERTAIN
-    if case.told is not None or not certain:  # of what tells little, faults and mistakes may account alike
+    if (
+        case.told is not None or not certain
+    ):  # of what tells little, faults and mistakes may account alike
         causes += [*fitting_faults(case), *_missing_causes(case), *_law_causes(case)]
     elif _motion_agrees(case):
-        causes += faults_at_the_same_motion(case)  # a load that moves nothing is no worse an explanation
+        causes += faults_at_the_same_motion(
+            case
+        )  # a load that moves nothing is no worse an explanation
     if NO_MOTION in {cause.name for cause in causes if cause.explained >= SUFFICIENT}:
         causes += [*_missing_causes(case), *_gross_causes(case)]  # nor is the lack of what moves it
     elif not _is_settled(causes):
@@ -120,16 +133,26 @@ def _outright_causes(case: Case) -> Iterator[Cause]:
         amount = f"at {last:.6g} s instead of {case.end:.6g} s"
         missing = 1.0 - last / case.end
         size = float(np.abs(case.channels.stacked(case.trajectory, case.reference)).max())
-        yield Cause(name="run ends early", kind="reading", amount=amount, explained=missing / (missing + size))
+        yield Cause(
+            name="run ends early",
+            kind="reading",
+            amount=amount,
+            explained=missing / (missing + size),
+        )
     yield from _first_sample(case)
     for name, since in case.channels.unusable.items():
         amount = f"from {since:.6g} s"
-        yield Cause(name=f"{name}: not a finite number", kind="reading", amount=amount, explained=1.0)
+        yield Cause(
+            name=f"{name}: not a finite number", kind="reading", amount=amount, explained=1.0
+        )
 
 
 def _first_sample(case: Case) -> Iterator[Cause]:
     """Quantities that are wrong at t = 0 and nowhere else, as of engines that compute them in a step."""
-    error, later = case.first_errors, float(np.abs(case.channels.stacked(case.trajectory, case.reference)).max())
+    error, later = (
+        case.first_errors,
+        float(np.abs(case.channels.stacked(case.trajectory, case.reference)).max()),
+    )
     wrong = [name for name, size in error.items() if size > later / _MISREAD]
     if wrong:
         what = ", ".join(sorted({name.split(" of the ")[0] for name in wrong}))
@@ -155,7 +178,11 @@ def _gross_causes(case: Case) -> Iterator[Cause]:
             yield fault.cause(1.0, _share(case, case.solved(Equations(closed))))
     given = StopLaw(case.solution.problem.stop_law)
     other = next(law for law in StopLaw if law != given)
-    yield Cause(name=f"stops by the law {other.value}", kind="law", explained=_share(case, case.under(other)))
+    yield Cause(
+        name=f"stops by the law {other.value}",
+        kind="law",
+        explained=_share(case, case.under(other)),
+    )
 
 
 def _share(case: Case, wrong: Solution | None) -> float:
@@ -176,19 +203,27 @@ def _law_causes(case: Case) -> Iterator[Cause]:
     for name in wrong:
         amount = f"{_format_time(own[name])} instead of {_format_time(right[name])}"
         yield from _release(case, name, amount, {**right, name: own[name]})
-        if len(wrong) > 1 and name == _earliest(wrong, own, right):  # the others open late or early because of it
+        if len(wrong) > 1 and name == _earliest(
+            wrong, own, right
+        ):  # the others open late or early because of it
             yield from _scheduled(case, f"release of the {name}", own, amount)
     yield from _open_stops(case)
     for name in closed:
         if own[name] is not None:
             yield from _scheduled(case, f"{name} never opens", {**right, name: None})
     if case.has_velocity_forces:
-        yield from _scheduled(case, "velocity-dependent forces dropped", own, "", WithoutCentrifugal(case.mechanism))
+        yield from _scheduled(
+            case, "velocity-dependent forces dropped", own, "", WithoutCentrifugal(case.mechanism)
+        )
 
 
 def _open_stops(case: Case) -> Iterator[Cause]:
     """Releases told of stops that are open at the start, where nothing else is wrong and the law knows none."""
-    wrong = [s.name for s in case.mechanism.stops if not s.closed and case.whole.release_times.get(s.name) is not None]
+    wrong = [
+        s.name
+        for s in case.mechanism.stops
+        if not s.closed and case.whole.release_times.get(s.name) is not None
+    ]
     if (
         wrong
         and not case.has_impacts
@@ -196,10 +231,17 @@ def _open_stops(case: Case) -> Iterator[Cause]:
     ):
         for name in wrong:
             amount = f"{_format_time(case.whole.release_times[name])} of a stop that is open"
-            yield Cause(name=f"reading of the {name}'s release", kind="reading", amount=amount, explained=1.0)
+            yield Cause(
+                name=f"reading of the {name}'s release",
+                kind="reading",
+                amount=amount,
+                explained=1.0,
+            )
 
 
-def _earliest(names: Iterable[str], own: Mapping[str, float | None], right: Mapping[str, float | None]) -> str:
+def _earliest(
+    names: Iterable[str], own: Mapping[str, float | None], right: Mapping[str, float | None]
+) -> str:
     """The stop whose wrong release comes first, whether it opens too early or does not open."""
 
     def time(name: str) -> float:
@@ -208,7 +250,9 @@ def _earliest(names: Iterable[str], own: Mapping[str, float | None], right: Mapp
     return min(names, key=time)
 
 
-def _release(case: Case, stop: str, amount: str, releases: Mapping[str, float | None]) -> Iterator[Cause]:
+def _release(
+    case: Case, stop: str, amount: str, releases: Mapping[str, float | None]
+) -> Iterator[Cause]:
     """A release at another time: either the motion shows it, or only the reported time is wrong."""
     signature = _schedule(case, releases)
     if signature is None:
@@ -218,7 +262,9 @@ def _release(case: Case, stop: str, amount: str, releases: Mapping[str, float | 
         yield Cause(name=f"release of the {stop}", kind="law", amount=amount, explained=share)
     would = float(np.linalg.norm(signature))
     explained = 1.0 - float(np.linalg.norm(case.deviation)) / would if would else 0.0
-    yield Cause(name=f"reading of the {stop}'s release", kind="reading", amount=amount, explained=explained)
+    yield Cause(
+        name=f"reading of the {stop}'s release", kind="reading", amount=amount, explained=explained
+    )
 
 
 def _format_time(t: float | None) -> str:
@@ -226,7 +272,11 @@ def _format_time(t: float | None) -> str:
 
 
 def _scheduled(
-    case: Case, name: str, releases: Mapping[str, float | None], amount: str = "", equations: Equations | None = None
+    case: Case,
+    name: str,
+    releases: Mapping[str, float | None],
+    amount: str = "",
+    equations: Equations | None = None,
 ) -> Iterator[Cause]:
     """Stops that open by a schedule; it has no impacts, and so is no motion of a mechanism that has some."""
     signature = None if case.has_impacts else _schedule(case, releases, equations)
@@ -258,7 +308,9 @@ def _reading_causes(case: Case) -> list[Cause]:
     found = list(_fitted(case, _readings(case)))
     if max((cause.explained for cause in found), default=0.0) < SAME:
         wrong = _wrong_quantities(case)
-        found += _fitted(case, partly_late_readings(case.solution, case.reference, case.step, wrong))
+        found += _fitted(
+            case, partly_late_readings(case.solution, case.reference, case.step, wrong)
+        )
     return found
 
 
@@ -300,13 +352,14 @@ def _wrong_quantities(case: Case) -> list[str]:
 def _motion_agrees(case: Case) -> bool:
     """Whether coordinates and speeds are right, or all positions and velocities are, while others deviate.
 
-    Right is what deviates by a small part of the whole deviation, and keeps its tolerance: an energy that depends on
-    the square of a speed outweighs what goes with it.
+    Right is what deviates by a small part of the whole deviation, and keeps its tolerance: an
+    energy that depends on the square of a speed outweighs what goes with it.
     """
     wrong = _wrong_quantities(case)
     points = [name for name in case.shares if name.startswith(("position", "velocity"))]
     right = [
-        all(name in case.shares and name not in wrong for name in names) and not case.broken & metrics
+        all(name in case.shares and name not in wrong for name in names)
+        and not case.broken & metrics
         for names, metrics in ((_STATE, _STATE_METRICS), (points, _POINT_METRICS))
         if names
     ]
@@ -324,6 +377,8 @@ def _misread(case: Case) -> Iterator[Cause]:
     """Quantities that are read wrongly in a way that no suspect has: the motion itself is right."""
     wrong = _wrong_quantities(case)
     if _motion_agrees(case) and not any(name.startswith(_UNTOLD) for name in wrong):
-        rest = float(np.linalg.norm([share for name, share in case.shares.items() if name not in wrong]))
+        rest = float(
+            np.linalg.norm([share for name, share in case.shares.items() if name not in wrong])
+        )
         name = f"reading of the {', '.join(wrong)}"
         yield Cause(name=name, kind="reading", amount="the motion is right", explained=1.0 - rest)

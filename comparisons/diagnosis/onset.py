@@ -1,9 +1,10 @@
 """When a motion first violates a tolerance, in which quantity, and which contacts are active then.
 
-An error made early grows by itself on the way to the launch: a whip does that to any error, the reference's own
-included. So a position is violated where its error exceeds the tolerance of *that time*: the tolerance, which is stated
-for the whole throw, times the share to which an error of the certified motion has grown by then. That growth is
-measured on the reference itself, between its integration and a coarser one.
+An error made early grows by itself on the way to the launch: a whip does that to any error, the
+reference's own included. So a position is violated where its error exceeds the tolerance of *that
+time*: the tolerance, which is stated for the whole throw, times the share to which an error of the
+certified motion has grown by then. That growth is measured on the reference itself, between its
+integration and a coarser one.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ from ..runs.impacts import impact_times
 from ..runs.results import Metric
 
 _COARSE = 1e-9  # tolerance of the coarser integration: its error is far above the finer one's
-_LEAST = 1e-3  # of the growth to the end: an engine's steps and soft stops show from the first one on
+_LEAST = (
+    1e-3  # of the growth to the end: an engine's steps and soft stops show from the first one on
+)
 _GROWTH_SAMPLES = 400
 
 
@@ -62,7 +65,9 @@ def _time(c: Comparison, metric: Metric) -> float | None:
         return min((t for t in times if t is not None), default=None)
     if metric.name == "impact_time":
         stop = metric.subject or ""
-        return min((*impact_times(c.solution, stop), *impact_times(c.trajectory, stop)), default=None)
+        return min(
+            (*impact_times(c.solution, stop), *impact_times(c.trajectory, stop)), default=None
+        )
     if metric.name in ("launch_time", "launch_speed"):
         launch = c.solution.launch_at(LAUNCH_ANGLE, metric.subject or THROWN)
         return launch.time if launch else None
@@ -74,7 +79,14 @@ def _time(c: Comparison, metric: Metric) -> float | None:
     return float(c.t[beyond[0]]) if len(beyond) else None
 
 
-_GROWING = {"position_max", "velocity_max", "angle_max", "angular_speed_max", "slide_max", "slide_speed_max"}
+_GROWING = {
+    "position_max",
+    "velocity_max",
+    "angle_max",
+    "angular_speed_max",
+    "slide_max",
+    "slide_speed_max",
+}
 """Errors that the motion carries on."""
 
 
@@ -100,7 +112,12 @@ def _series(c: Comparison, metric: Metric) -> Iterator[FloatArray]:
         yield c.distance(getattr(own, of), getattr(expected, of))
 
 
-_COORDINATES = {"angle_max": "q", "slide_max": "q", "angular_speed_max": "u", "slide_speed_max": "u"}
+_COORDINATES = {
+    "angle_max": "q",
+    "slide_max": "q",
+    "angular_speed_max": "u",
+    "slide_speed_max": "u",
+}
 _ENERGIES = {
     "kinetic_energy_max": "kinetic_energy",
     "potential_energy_max": "potential_energy",
@@ -111,7 +128,11 @@ _ENERGIES = {
 def growth(solution: Solution, t: FloatArray) -> FloatArray:
     """To which share of its size at the end an error has grown by t on the certified motion, at most 1, shape (n,)."""
     problem = solution.problem
-    coarse = solve(Problem(problem.mechanism, duration=problem.duration, stop_law=problem.stop_law), _COARSE, _COARSE)
+    coarse = solve(
+        Problem(problem.mechanism, duration=problem.duration, stop_law=problem.stop_law),
+        _COARSE,
+        _COARSE,
+    )
     end = float(t[-1])
     grid = np.linspace(0.0, end, _GROWTH_SAMPLES)
     fine_q, coarse_q = solution.motion(grid).q, coarse.motion(grid).q

@@ -1,10 +1,11 @@
 """Which of the suspects account for enough of a deviation to be named as its cause.
 
-Deviations grow towards the launch, and whatever caused them, a good part of them then has the same shape: nearly every
-suspect accounts for half of nearly every deviation. So a share alone is no evidence. A cause is named if it leaves
-less than a tenth of the deviation (what is left could otherwise hide a second cause of the same order) *and* clearly
-less than the next suspect does. Suspects that all leave less than a hundredth have the same effect on this motion: the
-deviation cannot tell them apart, and all of them are named.
+Deviations grow towards the launch, and whatever caused them, a good part of them then has the same
+shape: nearly every suspect accounts for half of nearly every deviation. So a share alone is no
+evidence. A cause is named if it leaves less than a tenth of the deviation (what is left could
+otherwise hide a second cause of the same order) *and* clearly less than the next suspect does.
+Suspects that all leave less than a hundredth have the same effect on this motion: the deviation
+cannot tell them apart, and all of them are named.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ def ranked(causes: Iterable[Cause]) -> tuple[tuple[Cause, ...], int]:
     """Suspects by the share that they account for, and how many of the first are named; 0: the cause is unknown."""
     best: dict[str, Cause] = {}
     for cause in causes:
-        if cause.explained > max(_TELLING, best[cause.name].explained if cause.name in best else 0.0):
+        if cause.explained > max(
+            _TELLING, best[cause.name].explained if cause.name in best else 0.0
+        ):
             best[cause.name] = cause
     listed = sorted(best.values(), key=lambda cause: -min(cause.explained, EXACT))
     return tuple(listed[:_LISTED]), _named([cause.explained for cause in listed])

@@ -37,7 +37,9 @@ class Reading:
     """The smallest factor that makes sense."""
 
 
-def plain_readings(solution: Solution, reference: Trajectory, given: Trajectory, step: float) -> Iterator[Reading]:
+def plain_readings(
+    solution: Solution, reference: Trajectory, given: Trajectory, step: float
+) -> Iterator[Reading]:
     """Readings of the reference that are wrong in one way.
 
     Args:
@@ -65,14 +67,21 @@ def _scales(r: Trajectory, step: float) -> Iterator[Reading]:
     for name, torque in r.stop_torques.items():
         if torque.any():
             effort = r.mechanism.stop(name).effort
-            yield scaled(f"the {name}'s {effort}", stop_torques={**r.stop_torques, name: 2 * torque})
+            yield scaled(
+                f"the {name}'s {effort}", stop_torques={**r.stop_torques, name: 2 * torque}
+            )
     if len(r.stop_torques) > 1:
         yield scaled("all stop torques", stop_torques={n: 2 * v for n, v in r.stop_torques.items()})
     for name, force in r.joint_reactions.items():
         yield scaled(f"the {name}'s force", joint_reactions={**r.joint_reactions, name: 2 * force})
-    yield scaled("all joint forces", joint_reactions={n: 2 * v for n, v in r.joint_reactions.items()})
+    yield scaled(
+        "all joint forces", joint_reactions={n: 2 * v for n, v in r.joint_reactions.items()}
+    )
     for position, velocity, what in ((2, 2, ""), (2, 1, "position of "), (1, 2, "velocity of ")):
-        points = {n: PointMotion(position * m.position, velocity * m.velocity) for n, m in r.markers.items()}
+        points = {
+            n: PointMotion(position * m.position, velocity * m.velocity)
+            for n, m in r.markers.items()
+        }
         for name in r.markers:
             yield scaled(f"the {what}{name}", markers={**r.markers, name: points[name]})
         if len(points) > 1:
@@ -81,12 +90,18 @@ def _scales(r: Trajectory, step: float) -> Iterator[Reading]:
     yield scaled("the coordinates' speeds", u=2 * r.u)
     yield scaled("the coordinates and their speeds", q=2 * r.q, u=2 * r.u)
     yield scaled(
-        "all speeds", u=2 * r.u, markers={n: PointMotion(m.position, 2 * m.velocity) for n, m in r.markers.items()}
+        "all speeds",
+        u=2 * r.u,
+        markers={n: PointMotion(m.position, 2 * m.velocity) for n, m in r.markers.items()},
     )
     yield scaled("the kinetic energy", kinetic_energy=2 * r.kinetic_energy)
     yield scaled("the potential energy", potential_energy=2 * r.potential_energy)
     yield _unit_of_mass(r)
-    yield scaled("both energies", kinetic_energy=2 * r.kinetic_energy, potential_energy=2 * r.potential_energy)
+    yield scaled(
+        "both energies",
+        kinetic_energy=2 * r.kinetic_energy,
+        potential_energy=2 * r.potential_energy,
+    )
 
 
 def _unit_of_mass(r: Trajectory) -> Reading:
@@ -99,7 +114,10 @@ def _unit_of_mass(r: Trajectory) -> Reading:
         potential_energy=2 * r.potential_energy,
     )
     return Reading(
-        "scale of all masses, forces and energies", (wrong,), lambda f: scale_text(f[0]), least=_NOTHING - 1.0
+        "scale of all masses, forces and energies",
+        (wrong,),
+        lambda f: scale_text(f[0]),
+        least=_NOTHING - 1.0,
     )
 
 
@@ -111,7 +129,9 @@ def _axes(r: Trajectory) -> Iterator[Reading]:
         ("x and y exchanged", lambda v: v[:, ::-1]),
     )
     for how, change in changes:
-        mirrored = {n: PointMotion(change(m.position), change(m.velocity)) for n, m in r.markers.items()}
+        mirrored = {
+            n: PointMotion(change(m.position), change(m.velocity)) for n, m in r.markers.items()
+        }
         yield Reading(f"markers {how}", (replace(r, markers=mirrored),))
         slow = {n: PointMotion(m.position, mirrored[n].velocity) for n, m in r.markers.items()}
         yield Reading(f"velocities of the markers {how}", (replace(r, markers=slow),))
@@ -127,10 +147,17 @@ def _points(solution: Solution, r: Trajectory) -> Iterator[Reading]:
         if marker.name not in r.markers:
             continue
         if marker.body != GROUND:
-            shifts = [(marker.point[0] + length, marker.point[1]), (marker.point[0], marker.point[1] + length)]
+            shifts = [
+                (marker.point[0] + length, marker.point[1]),
+                (marker.point[0], marker.point[1] + length),
+            ]
             moved = [_at(kinematics, r, marker.body, point) for point in shifts]
-            wrong = tuple(replace(r, markers={**r.markers, marker.name: motion}) for motion in moved)
-            yield Reading(f"point of the {marker.name} on the {marker.body}", wrong, _shift_text(length))
+            wrong = tuple(
+                replace(r, markers={**r.markers, marker.name: motion}) for motion in moved
+            )
+            yield Reading(
+                f"point of the {marker.name} on the {marker.body}", wrong, _shift_text(length)
+            )
 
 
 def _origin(what: str, r: Trajectory, names: Sequence[str], length: float) -> Reading:
@@ -138,7 +165,8 @@ def _origin(what: str, r: Trajectory, names: Sequence[str], length: float) -> Re
 
     def moved(shift: Sequence[float]) -> Trajectory:
         points = {
-            n: PointMotion(r.markers[n].position + length * np.array(shift), r.markers[n].velocity) for n in names
+            n: PointMotion(r.markers[n].position + length * np.array(shift), r.markers[n].velocity)
+            for n in names
         }
         return replace(r, markers={**r.markers, **points})
 
@@ -164,8 +192,12 @@ def _of_coordinates(r: Trajectory) -> Iterator[Reading]:
         yield Reading(f"sign of the speed of {name}", (replace(r, u=sign * r.u),))
     is_angle = np.arange(r.q.shape[1]) < len(r.mechanism.angles)
     wrapped = np.angle(np.exp(1j * r.q))
-    yield Reading("angles wrapped to half a turn", (replace(r, q=np.where(is_angle, wrapped, r.q)),))
-    yield Reading("angles wrapped to a turn", (replace(r, q=np.where(is_angle, r.q % (2 * math.pi), r.q)),))
+    yield Reading(
+        "angles wrapped to half a turn", (replace(r, q=np.where(is_angle, wrapped, r.q)),)
+    )
+    yield Reading(
+        "angles wrapped to a turn", (replace(r, q=np.where(is_angle, r.q % (2 * math.pi), r.q)),)
+    )
 
 
 def scale_text(factor: float, step: float = math.nan) -> str:
@@ -189,13 +221,17 @@ def scale_text(factor: float, step: float = math.nan) -> str:
     return "always zero" if abs(value) < _NOTHING else f"times {value:.6g}"
 
 
-def _rounded(r: Trajectory, given: Trajectory, cut: Callable[[FloatArray], FloatArray]) -> Trajectory:
+def _rounded(
+    r: Trajectory, given: Trajectory, cut: Callable[[FloatArray], FloatArray]
+) -> Trajectory:
     """The reference, rounded in those quantities that are rounded in the given trajectory."""
 
     def like(own: FloatArray, other: FloatArray | None) -> FloatArray:
         return cut(own) if other is not None and np.array_equal(cut(other), other) else own
 
-    def each(own: Mapping[str, FloatArray], other: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    def each(
+        own: Mapping[str, FloatArray], other: Mapping[str, FloatArray]
+    ) -> dict[str, FloatArray]:
         return {name: like(values, other.get(name)) for name, values in own.items()}
 
     points = {name: given.markers.get(name, motion) for name, motion in r.markers.items()}
@@ -204,7 +240,9 @@ def _rounded(r: Trajectory, given: Trajectory, cut: Callable[[FloatArray], Float
         q=like(r.q, given.q),
         u=like(r.u, given.u),
         markers={
-            n: PointMotion(like(m.position, points[n].position), like(m.velocity, points[n].velocity))
+            n: PointMotion(
+                like(m.position, points[n].position), like(m.velocity, points[n].velocity)
+            )
             for n, m in r.markers.items()
         },
         kinetic_energy=like(r.kinetic_energy, given.kinetic_energy),
@@ -226,7 +264,9 @@ def _six_digits(values: FloatArray) -> FloatArray:
 def _frozen(solution: Solution, r: Trajectory) -> Trajectory:
     start = solution.trajectory(np.zeros(1))
     points = {
-        n: PointMotion(np.broadcast_to(m.position, r.markers[n].position.shape), 0.0 * r.markers[n].velocity)
+        n: PointMotion(
+            np.broadcast_to(m.position, r.markers[n].position.shape), 0.0 * r.markers[n].velocity
+        )
         for n, m in start.markers.items()
     }
     return replace(

@@ -1,14 +1,16 @@
 r"""What small faults do to the reference motion, to first order: the variational equations along it.
 
-With y = (q, u) and the accelerations a(y) under the stops that are closed, a fault of size e moves the state by e s(t):
+With y = (q, u) and the accelerations a(y) under the stops that are closed, a fault of size e moves
+the state by e s(t):
 
     s' = da/dy s + (a_fault - a) / e,        s(0) = (start_fault - start) / e.
 
-A stop opens where its torque is zero, so that the accelerations have no jump there, and neither has s: a shift of the
-release is of second order. Impacts have a jump of s; motions with impacts are solved anew instead (:mod:`.motion`).
-All faults are integrated together, by the classical Runge-Kutta method on the times asked for, the events, and the
-steps of the reference's own integrator, which are fine where the motion is fast. It serves to find suspects: what is
-reported of one has been measured by solving the equations with the fault (:mod:`.motion`).
+A stop opens where its torque is zero, so that the accelerations have no jump there, and neither has
+s: a shift of the release is of second order. Impacts have a jump of s; motions with impacts are
+solved anew instead (:mod:`.motion`). All faults are integrated together, by the classical
+Runge-Kutta method on the times asked for, the events, and the steps of the reference's own
+integrator, which are fine where the motion is fast. It serves to find suspects: what is reported of
+one has been measured by solving the equations with the fault (:mod:`.motion`).
 """
 
 from __future__ import annotations
@@ -44,7 +46,9 @@ def first_order(solution: Solution, faulty: Sequence[Equations], t: FloatArray) 
         t: ascending times [s], shape (n_t,).
     """
     start = np.concatenate(initial_state(solution.problem.mechanism))
-    s = np.stack([np.concatenate(initial_state(equations.mechanism)) - start for equations in faulty], axis=1)
+    s = np.stack(
+        [np.concatenate(initial_state(equations.mechanism)) - start for equations in faulty], axis=1
+    )
     times, states = [np.zeros(1)], [s[None]]
     for path in _paths(solution, t):
         grown = _integrated(solution.equations, faulty, path, s)
@@ -61,18 +65,24 @@ def _paths(solution: Solution, t: FloatArray) -> list[_Path]:
 
 def _path(segment: Segment, t: FloatArray) -> _Path:
     end = min(segment.end, float(t[-1]))
-    inside = [values[(values > segment.start) & (values < end)] for values in (t, segment.interpolant.ts)]
+    inside = [
+        values[(values > segment.start) & (values < end)] for values in (t, segment.interpolant.ts)
+    ]
     nodes = np.unique(np.concatenate([[segment.start, end], *inside]))
     times = np.empty(2 * len(nodes) - 1)
     times[::2], times[1::2] = nodes, 0.5 * (nodes[1:] + nodes[:-1])
     return _Path(times, np.asarray(segment.interpolant(times)).T, segment.closed)
 
 
-def _integrated(right: Equations, faulty: Sequence[Equations], path: _Path, s: FloatArray) -> FloatArray:
+def _integrated(
+    right: Equations, faulty: Sequence[Equations], path: _Path, s: FloatArray
+) -> FloatArray:
     """The change at the end of each interval, shape (m, 2 n_q, n_faulty), from that at the start of the first."""
     jacobian, forcing = _jacobian(right, path), _forcing(right, faulty, path)
     results: list[FloatArray] = []
-    for i, h in zip(range(0, len(path.times) - 2, 2), path.times[2::2] - path.times[:-2:2], strict=True):
+    for i, h in zip(
+        range(0, len(path.times) - 2, 2), path.times[2::2] - path.times[:-2:2], strict=True
+    ):
         k1 = jacobian[i] @ s + forcing[i]
         k2 = jacobian[i + 1] @ (s + 0.5 * h * k1) + forcing[i + 1]
         k3 = jacobian[i + 1] @ (s + 0.5 * h * k2) + forcing[i + 1]
@@ -96,7 +106,9 @@ def _jacobian(right: Equations, path: _Path) -> FloatArray:
     for k, step in enumerate(_STEP * size):
         shift = np.zeros(2 * n)
         shift[k] = step
-        ahead, behind = (_accelerations(right, path.y + sign * shift, path.closed) for sign in (1, -1))
+        ahead, behind = (
+            _accelerations(right, path.y + sign * shift, path.closed) for sign in (1, -1)
+        )
         jacobian[:, n:, k] = (ahead - behind) / (2 * step)
     return jacobian
 

@@ -1,8 +1,9 @@
 """The faults of mechanisms and forces that fit a deviation, each measured by solving the equations with it.
 
-First all of them are fitted to first order, to the first part of the motion, to more of it, and to all of it: what is
-wrong by much is still small at first. Then those that fit best are solved with the size found, which is corrected
-until it fits. Only what has been solved is reported, with the share of the deviation that is then accounted for.
+First all of them are fitted to first order, to the first part of the motion, to more of it, and to
+all of it: what is wrong by much is still small at first. Then those that fit best are solved with
+the size found, which is corrected until it fits. Only what has been solved is reported, with the
+share of the deviation that is then accounted for.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ _HOPELESS = 0.5  # share to first order, below which a size is not corrected
 _IMPATIENCE = 3  # times the reference's steps: what fits so badly to first order is not solved where it is stiff
 _GAIN = 0.003  # in share: corrections that gain less are at an end
 _STILL = 1e-10  # of the accelerations: rounding
-_PARSIMONY = 0.5  # a fault of two numbers must leave less than this part of what one of them alone leaves
+_PARSIMONY = (
+    0.5  # a fault of two numbers must leave less than this part of what one of them alone leaves
+)
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,12 @@ class Found:
     def cause(self) -> Cause:
         """As reported."""
         text = self.hypothesis.text(self.factors.tolist())
-        return Cause(name=self.hypothesis.name, kind=self.hypothesis.kind, amount=text, explained=self.explained)
+        return Cause(
+            name=self.hypothesis.name,
+            kind=self.hypothesis.kind,
+            amount=text,
+            explained=self.explained,
+        )
 
 
 def fitting_faults(case: Case) -> list[Cause]:
@@ -89,7 +97,9 @@ def faults_at_the_same_motion(case: Case) -> Iterator[Cause]:
             continue
         for reading in range(2):
             factors, _ = fit(case.deviation, np.array([each[reading] for each in signatures]))
-            sized = _unmoved(case, hypothesis.equations(factors.tolist())) if factors.any() else None
+            sized = (
+                _unmoved(case, hypothesis.equations(factors.tolist())) if factors.any() else None
+            )
             if sized is not None:
                 share = match(case.deviation, sized[reading], fixed=True).explained
                 yield Found(hypothesis, factors, share).cause
@@ -118,10 +128,14 @@ def better(one: Found, other: Found) -> Found:
     simple, general = sorted((one, other), key=lambda found: len(found.factors))
     allowance = _PARSIMONY if len(simple.factors) < len(general.factors) else 1.0
     left = max(1 - simple.explained, 1 - EXACT) if allowance < 1 else 1 - simple.explained
-    return general if 1 - general.explained < allowance * left and simple.explained < EXACT else simple
+    return (
+        general if 1 - general.explained < allowance * left and simple.explained < EXACT else simple
+    )
 
 
-def _leads(case: Case, every: Sequence[tuple[Hypothesis, FloatArray]], part: float) -> Iterator[_Lead]:
+def _leads(
+    case: Case, every: Sequence[tuple[Hypothesis, FloatArray]], part: float
+) -> Iterator[_Lead]:
     """The groups that fit the first part of the motion best, each by the best of its hypotheses."""
     fitted = sorted((_fitted(case, h, s, part) for h, s in every), key=lambda lead: -lead.explained)
     groups = dict.fromkeys(lead.hypothesis.group for lead in fitted)
@@ -148,7 +162,10 @@ def _signatures(case: Case) -> list[tuple[Hypothesis, FloatArray]]:
         if all(each is not None for each in equations):
             kept.append((hypothesis, [each for each in equations if each is not None]))
     rows = iter(_responses(case, [each for _, equations in kept for each in equations]))
-    return [(hypothesis, np.array([next(rows) for _ in equations]).swapaxes(0, 1)) for hypothesis, equations in kept]
+    return [
+        (hypothesis, np.array([next(rows) for _ in equations]).swapaxes(0, 1))
+        for hypothesis, equations in kept
+    ]
 
 
 def _responses(case: Case, faulty: Sequence[Equations]) -> Iterator[FloatArray]:
@@ -159,7 +176,9 @@ def _responses(case: Case, faulty: Sequence[Equations]) -> Iterator[FloatArray]:
     n = case.motion.q.shape[1]
     for equations, change in zip(faulty, first_order(case.solution, faulty, case.t), strict=True):
         wrong = replace(case.solution, problem=_problem(case, equations), equations=equations)
-        motion = wrong.motion_of(case.t, case.motion.q + change[:, :n], case.motion.u + change[:, n:])
+        motion = wrong.motion_of(
+            case.t, case.motion.q + change[:, :n], case.motion.u + change[:, n:]
+        )
         yield np.array(case.seen(wrong, motion))
 
 
@@ -178,12 +197,14 @@ def _solved_response(case: Case, equations: Equations) -> FloatArray:
 def _solved(case: Case, lead: _Lead, part: float) -> Found | None:
     """The hypothesis as large as it fits best, by solving and correcting; None where no size can be solved.
 
-    It is corrected by that part of the motion to which it was fitted, then by more of it: what is wrong by much may
-    be of no use as a measure of a size at the end.
+    It is corrected by that part of the motion to which it was fitted, then by more of it: what is
+    wrong by much may be of no use as a measure of a size at the end.
     """
     best: Found | None = None
     factors, windows = lead.factors, [other for other in _WINDOWS if other >= part]
-    corrections, patience = (_CORRECTIONS, PATIENCE) if lead.explained > _HOPELESS else (1, _IMPATIENCE)
+    corrections, patience = (
+        (_CORRECTIONS, PATIENCE) if lead.explained > _HOPELESS else (1, _IMPATIENCE)
+    )
     before = 0.0
     for _ in range(corrections):
         signature = _measured(case, lead, factors, patience)
@@ -227,7 +248,9 @@ def _measured(case: Case, lead: _Lead, factors: FloatArray, patience: int) -> Fl
     return signature if np.isfinite(signature).all() else None
 
 
-def _corrected(case: Case, lead: _Lead, factors: FloatArray, signature: FloatArray, part: float) -> FloatArray:
+def _corrected(
+    case: Case, lead: _Lead, factors: FloatArray, signature: FloatArray, part: float
+) -> FloatArray:
     """The size corrected: of one number by the secant through zero, of several by the first-order signatures."""
     n = _first(case, part)
     if len(factors) == 1:

@@ -75,7 +75,9 @@ class Rerun:
                 if 1.0 - explained < (1.0 - most) / 2:
                     yield both.cause(explained)
 
-    def _explained(self, case: Case, setting: _Setting, further: Callable[..., float] | None = None) -> float:
+    def _explained(
+        self, case: Case, setting: _Setting, further: Callable[..., float] | None = None
+    ) -> float:
         """Share of the deviation that vanishes with other settings; 0 where they cannot be run."""
         size = float(np.linalg.norm(case.deviation))
         given = case.solution.problem.stop_law
@@ -86,7 +88,11 @@ class Rerun:
         except TrebucheckError:
             return 0.0
         explained = 1.0 - float(np.linalg.norm(left)) / size if size else 0.0
-        if further is None or _STEP not in setting.options or not _FIRST_ORDER < explained < SUFFICIENT:
+        if (
+            further is None
+            or _STEP not in setting.options
+            or not _FIRST_ORDER < explained < SUFFICIENT
+        ):
             return explained
         return max(explained, 1.0 - further(case, problem, changed, left) / size)
 
@@ -97,25 +103,32 @@ class Rerun:
             return rest
         return min(rest, self._beside_all_orders(case, problem, finer, left))
 
-    def _beside_first_order(self, case: Case, problem: Problem, finer: Engine, left: FloatArray) -> float:
+    def _beside_first_order(
+        self, case: Case, problem: Problem, finer: Engine, left: FloatArray
+    ) -> float:
         """How much of a deviation is no error of first order in the step, of which a finer step leaves a part.
 
-        With d(h) = c h + rest, steps h and r h tell rest = (d(r h) - r d(h)) / (1 - r): the larger one of two, with r
-        of the finer engine and with a half, so that only what falls as the step does is gone. Infinite where half the
-        step cannot be run.
+        With d(h) = c h + rest, steps h and r h tell rest = (d(r h) - r d(h)) / (1 - r): the larger
+        one of two, with r of the finer engine and with a half, so that only what falls as the step
+        does is gone. Infinite where half the step cannot be run.
         """
         step = self.engine.timestep
         half = self._at_half(self.engine, case, problem)
         if half is None or step is None or finer.timestep is None:
             return math.inf
         pairs = ((finer.timestep / step, left), (0.5, half))
-        return max(float(np.linalg.norm((other - r * case.deviation) / (1 - r))) for r, other in pairs)
+        return max(
+            float(np.linalg.norm((other - r * case.deviation) / (1 - r))) for r, other in pairs
+        )
 
-    def _beside_all_orders(self, case: Case, problem: Problem, finer: Engine, left: FloatArray) -> float:
+    def _beside_all_orders(
+        self, case: Case, problem: Problem, finer: Engine, left: FloatArray
+    ) -> float:
         """The same of an error of several orders, such as a rule's of second and a soft contact's of first.
 
-        Of the finer engine's error the first order is most, so that half of its step h tells what stays: 2 d(h / 2) -
-        d(h) has all of what no step takes out, and of the second order a 128th of the whole, h being an eighth.
+        Of the finer engine's error the first order is most, so that half of its step h tells what
+        stays: 2 d(h / 2) - d(h) has all of what no step takes out, and of the second order a 128th
+        of the whole, h being an eighth.
         """
         half = self._at_half(finer, case, problem)
         return math.inf if half is None else float(np.linalg.norm(2.0 * half - left))
@@ -125,7 +138,9 @@ class Rerun:
         if engine.timestep is None:
             return None
         try:
-            return case.carried(self.simulate(with_options(engine, {_STEP: 0.5 * engine.timestep}), problem))
+            return case.carried(
+                self.simulate(with_options(engine, {_STEP: 0.5 * engine.timestep}), problem)
+            )
         except TrebucheckError:
             return None
 
@@ -148,10 +163,14 @@ def _other_settings(engine: Engine, mechanism: Mechanism) -> Iterator[_Setting]:
 def _of_one_knob(removal: Intervention, settings: Options) -> Intervention:
     """A removal that shortens the step, with what follows the step (options that are None) left to follow it.
 
-    An error budget keeps that, to tell the parts of an error. Who looks for a cause has the step alone to turn, and
-    neither part explains a deviation that both make.
+    An error budget keeps that, to tell the parts of an error. Who looks for a cause has the step
+    alone to turn, and neither part explains a deviation that both make.
     """
     if _STEP not in removal.options:
         return removal
-    kept = {name: value for name, value in removal.options.items() if name == _STEP or settings.get(name) is not None}
+    kept = {
+        name: value
+        for name, value in removal.options.items()
+        if name == _STEP or settings.get(name) is not None
+    }
     return replace(removal, options=kept)

@@ -1,7 +1,7 @@
 """Mechanisms with one thing wrong, whose effects are compared with a deviation.
 
-For a mechanism that a named builder makes, its parameters are suspects, because a wrong length changes a mass and an
-inertia, too. Every single number of a mechanism is a suspect in any case.
+For a mechanism that a named builder makes, its parameters are suspects, because a wrong length
+changes a mass and an inertia, too. Every single number of a mechanism is a suspect in any case.
 Consistent initialisation makes the stops, or the start, fit the thing that was changed.
 """
 
@@ -54,7 +54,9 @@ class Suspect:
 
     def cause(self, factor: float, explained: float) -> Cause:
         """As a cause of the share `explained` of a deviation, by `factor` times its amount."""
-        return Cause(name=self.name, kind=self.kind, amount=self.amount(factor), explained=explained)
+        return Cause(
+            name=self.name, kind=self.kind, amount=self.amount(factor), explained=explained
+        )
 
 
 def machine_suspects(mechanism: Mechanism) -> tuple[Suspect, ...]:
@@ -75,11 +77,15 @@ def machine_suspects(mechanism: Mechanism) -> tuple[Suspect, ...]:
     return tuple(suspect for part in parts for suspect in part(mechanism))
 
 
-def combined(mechanism: Mechanism, suspects: Sequence[Suspect], factors: Sequence[float]) -> Mechanism | None:
+def combined(
+    mechanism: Mechanism, suspects: Sequence[Suspect], factors: Sequence[float]
+) -> Mechanism | None:
     """The mechanism with several suspects at once, each with so many times its amount; None where there is none."""
     if any(suspect.scale == 0 for suspect in suspects):
         return None
-    right, *wrong = _with_speeds([mechanism.model_dump(), *(suspect.wrong.model_dump() for suspect in suspects)])
+    right, *wrong = _with_speeds(
+        [mechanism.model_dump(), *(suspect.wrong.model_dump() for suspect in suspects)]
+    )
     blended = _blended(right, wrong, factors)
     return consistent_mechanism(blended, any(suspect.start_moves for suspect in suspects))
 
@@ -93,9 +99,13 @@ def _with_speeds(every: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 def _blended(right: Any, wrong: Sequence[Any], factors: Sequence[float]) -> Any:
     """Right + sum of factor (wrong - right), number by number."""
     if isinstance(right, dict):
-        return {key: _blended(value, [w[key] for w in wrong], factors) for key, value in right.items()}
+        return {
+            key: _blended(value, [w[key] for w in wrong], factors) for key, value in right.items()
+        }
     if isinstance(right, tuple | list) and all(len(right) == len(w) for w in wrong):
-        return tuple(_blended(a, b, factors) for a, b in zip(right, zip(*wrong, strict=True), strict=True))
+        return tuple(
+            _blended(a, b, factors) for a, b in zip(right, zip(*wrong, strict=True), strict=True)
+        )
     if isinstance(right, float):
         return right + sum(factor * (w - right) for w, factor in zip(wrong, factors, strict=True))
     return wrong[0]
@@ -111,7 +121,12 @@ def _parameters(mechanism: Mechanism) -> Iterator[Suspect]:
         step = _SMALL if is_angle else value * _SMALL
         wrong = model(mechanism.name, parameters.model_copy(update={name: value + step}))
         what = str(field.description).partition(" [")[0]
-        yield Suspect(f"{name} ({what})", "start" if is_angle else "machine", wrong, unit="rad" if is_angle else "")
+        yield Suspect(
+            f"{name} ({what})",
+            "start" if is_angle else "machine",
+            wrong,
+            unit="rad" if is_angle else "",
+        )
 
 
 def _changed(mechanism: Mechanism, start_moves: bool = False, **fields: Any) -> Mechanism | None:
@@ -119,10 +134,17 @@ def _changed(mechanism: Mechanism, start_moves: bool = False, **fields: Any) -> 
 
 
 def _with_part(
-    mechanism: Mechanism, parts: str, name: str, fields: Mapping[str, Any], start_moves: bool = False
+    mechanism: Mechanism,
+    parts: str,
+    name: str,
+    fields: Mapping[str, Any],
+    start_moves: bool = False,
 ) -> Mechanism | None:
     """With one of the bodies, joints or stops changed."""
-    every = [part.model_dump() | (dict(fields) if part.name == name else {}) for part in getattr(mechanism, parts)]
+    every = [
+        part.model_dump() | (dict(fields) if part.name == name else {})
+        for part in getattr(mechanism, parts)
+    ]
     return _changed(mechanism, start_moves, **{parts: every})
 
 
@@ -143,12 +165,17 @@ def _masses(mechanism: Mechanism) -> Iterator[Suspect]:
             denser = {"mass": body.mass * (1 + _SMALL), "inertia": body.inertia * (1 + _SMALL)}
             wrong = _with_part(mechanism, "bodies", body.name, denser)
             yield from _suspect(f"mass and inertia of the {body.name}", "machine", wrong)
-        grown = body.inertia * _SMALL or body.mass * _SMALL  # of a point mass: a radius of gyration of a millimetre
+        grown = (
+            body.inertia * _SMALL or body.mass * _SMALL
+        )  # of a point mass: a radius of gyration of a millimetre
         wrong = _with_part(mechanism, "bodies", body.name, {"inertia": body.inertia + grown})
         amount: dict[str, Any] = {} if body.inertia else {"scale": grown, "unit": "kg m^2"}
         yield from _suspect(f"inertia of the {body.name}", "machine", wrong, **amount)
     if sum(body.inertia > 0 for body in mechanism.bodies) > 1:
-        every = [body.model_dump() | {"inertia": body.inertia * (1 + _SMALL)} for body in mechanism.bodies]
+        every = [
+            body.model_dump() | {"inertia": body.inertia * (1 + _SMALL)}
+            for body in mechanism.bodies
+        ]
         yield from _suspect("inertias of all bodies", "machine", _changed(mechanism, bodies=every))
 
 
@@ -200,8 +227,12 @@ def _moves(mechanism: Mechanism, point: tuple[float, float]) -> Iterator[_Move]:
 
 def mechanism_length(mechanism: Mechanism) -> float:
     """The largest distance of any of its points from the origin of its body [m]; 1 where all are at the origins."""
-    points = [joint.parent_point for joint in mechanism.joints] + [joint.child_point for joint in mechanism.joints]
-    points += [body.centre for body in mechanism.bodies] + [marker.point for marker in mechanism.markers]
+    points = [joint.parent_point for joint in mechanism.joints] + [
+        joint.child_point for joint in mechanism.joints
+    ]
+    points += [body.centre for body in mechanism.bodies] + [
+        marker.point for marker in mechanism.markers
+    ]
     return max(math.hypot(*point) for point in points) or 1.0
 
 
@@ -248,14 +279,20 @@ def _slots(mechanism: Mechanism) -> Iterator[Suspect]:
 def wall_suspects(mechanism: Mechanism) -> Iterator[Suspect]:
     """Stops on points: a wrong offset, normal or point of the body."""
     for stop in mechanism.point_stops:
-        wrong = _with_part(mechanism, "stops", stop.name, {"offset": stop.offset + _SMALL}, start_moves=True)
-        yield from _suspect(f"place of the {stop.name}", "machine", wrong, unit="m", start_moves=True)
+        wrong = _with_part(
+            mechanism, "stops", stop.name, {"offset": stop.offset + _SMALL}, start_moves=True
+        )
+        yield from _suspect(
+            f"place of the {stop.name}", "machine", wrong, unit="m", start_moves=True
+        )
         wrong = _with_part(mechanism, "stops", stop.name, {"normal": _turned(stop.normal)})
         yield from _suspect(f"direction of the {stop.name}", "machine", wrong, unit="rad")
         for point, axis in zip(_aside(stop.point), "xy", strict=True):
             wrong = _with_part(mechanism, "stops", stop.name, {"point": point}, start_moves=True)
             group = f"point of the {stop.name} on the {stop.body}"
-            yield from _suspect(f"{group}, {axis}", "machine", wrong, unit="m", start_moves=True, group=group)
+            yield from _suspect(
+                f"{group}, {axis}", "machine", wrong, unit="m", start_moves=True, group=group
+            )
 
 
 def _force_elements(mechanism: Mechanism) -> Iterator[Suspect]:
@@ -270,16 +307,22 @@ def _force_elements(mechanism: Mechanism) -> Iterator[Suspect]:
             wrong = _with_part(mechanism, "force_elements", name, {"force": _longer(element.force)})
             yield from _suspect(f"size of the {name}", "machine", wrong)
         for field, body in (("point", element.body), ("relative_point", element.bodies[-1])):
-            for moved in _moves(mechanism, getattr(element, field)) if hasattr(element, field) else ():
+            for moved in (
+                _moves(mechanism, getattr(element, field)) if hasattr(element, field) else ()
+            ):
                 wrong = _with_part(mechanism, "force_elements", name, {field: moved.point})
                 yield from moved.suspect(f"place of the {name} on the {body}", wrong)
         left = [other.model_dump() for other in mechanism.force_elements if other.name != name]
-        yield from _suspect(f"{name} missing", "law", _changed(mechanism, force_elements=left), scale=0.0)
+        yield from _suspect(
+            f"{name} missing", "law", _changed(mechanism, force_elements=left), scale=0.0
+        )
 
 
 def _gravity(mechanism: Mechanism) -> Iterator[Suspect]:
     if parameters_of(mechanism) is None:
-        yield from _suspect("gravity", "machine", _changed(mechanism, gravity=mechanism.gravity * (1 + _SMALL)))
+        yield from _suspect(
+            "gravity", "machine", _changed(mechanism, gravity=mechanism.gravity * (1 + _SMALL))
+        )
 
 
 def _starts(mechanism: Mechanism) -> Iterator[Suspect]:
@@ -292,7 +335,9 @@ def _starts(mechanism: Mechanism) -> Iterator[Suspect]:
             continue  # a parameter
         start = tuple(value + _SMALL * (k == i) for k, value in enumerate(mechanism.start))
         unit = "rad" if is_angle else "m"
-        yield from _suspect(f"start of {name}", "start", _changed(mechanism, start=start), unit=unit)
+        yield from _suspect(
+            f"start of {name}", "start", _changed(mechanism, start=start), unit=unit
+        )
 
 
 def _start_speed(mechanism: Mechanism, i: int) -> Iterator[Suspect]:
@@ -303,7 +348,9 @@ def _start_speed(mechanism: Mechanism, i: int) -> Iterator[Suspect]:
     step = _SMALL * rate * (1.0 if is_angle else mechanism_length(mechanism))
     wrong = np.zeros_like(u)
     wrong[i] = step
-    wrong = consistent_speeds(equations, q, wrong, [stop.name for stop in mechanism.stops if stop.closed])
+    wrong = consistent_speeds(
+        equations, q, wrong, [stop.name for stop in mechanism.stops if stop.closed]
+    )
     if abs(wrong[i]) > 1e-3 * step:  # else it is held
         name = f"start speed of {mechanism.coordinates[i]}"
         changed = _changed(mechanism, start_speeds=tuple((u + wrong).tolist()))
@@ -314,20 +361,31 @@ def _missing(mechanism: Mechanism) -> Iterator[Suspect]:
     for stop in mechanism.stops:
         if stop.closed:
             left = [other.model_dump() for other in mechanism.stops if other.name != stop.name]
-            yield from _suspect(f"{stop.name} missing", "law", _changed(mechanism, stops=left), scale=0.0)
+            yield from _suspect(
+                f"{stop.name} missing", "law", _changed(mechanism, stops=left), scale=0.0
+            )
     for joint in mechanism.loop_joints:
         left = [other.model_dump() for other in mechanism.joints if other.name != joint.name]
-        yield from _suspect(f"{joint.name} missing", "machine", _changed(mechanism, joints=left), scale=0.0)
+        yield from _suspect(
+            f"{joint.name} missing", "machine", _changed(mechanism, joints=left), scale=0.0
+        )
 
 
 def _rounded(mechanism: Mechanism) -> Iterator[Suspect]:
     """All data rounded to what common formats keep."""
     parameters = parameters_of(mechanism)
-    for cut, what in ((_six_digits, "six digits, as text formats write them"), (_single, "single precision")):
+    for cut, what in (
+        (_six_digits, "six digits, as text formats write them"),
+        (_single, "single precision"),
+    ):
         if parameters is not None:
-            chosen = TrebuchetParameters(**{name: cut(value) for name, value in parameters.model_dump().items()})
+            chosen = TrebuchetParameters(
+                **{name: cut(value) for name, value in parameters.model_dump().items()}
+            )
             if chosen != parameters:
-                yield Suspect(f"parameters in {what}", "machine", model(mechanism.name, chosen), scale=0.0)
+                yield Suspect(
+                    f"parameters in {what}", "machine", model(mechanism.name, chosen), scale=0.0
+                )
         wrong = _changed(mechanism, **_cut(mechanism.model_dump(), cut))
         if wrong and wrong != mechanism:
             yield Suspect(f"data in {what}", "machine", wrong, scale=0.0)

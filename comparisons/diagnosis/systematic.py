@@ -39,7 +39,11 @@ def _faults(m: Mechanism) -> Iterator[tuple[str, Kind, dict[str, Any]]]:
     for name, changes in _ELEMENTS.items():
         yield name, "law", {"force_elements": _each(m.force_elements, changes)}
     yield "start speeds ignored", "start", {"start_speeds": (0.0,) * len(m.coordinates)}
-    yield "start speeds reversed", "start", {"start_speeds": tuple(-speed for speed in m.start_speeds)}
+    yield (
+        "start speeds reversed",
+        "start",
+        {"start_speeds": tuple(-speed for speed in m.start_speeds)},
+    )
     yield "gravity along -y", "law", {"gravity_direction": (0.0, -1.0)}
     yield from _stops(m)
 
@@ -47,10 +51,18 @@ def _faults(m: Mechanism) -> Iterator[tuple[str, Kind, dict[str, Any]]]:
 def _stops(m: Mechanism) -> Iterator[tuple[str, Kind, dict[str, Any]]]:
     """Missing ones, beyond each closed one alone, and other restitutions."""
     yield "all stops missing", "law", {"stops": ()}
-    yield "stops that are open at the start missing", "law", {"stops": _dumped([s for s in m.stops if s.closed])}
+    yield (
+        "stops that are open at the start missing",
+        "law",
+        {"stops": _dumped([s for s in m.stops if s.closed])},
+    )
     for stop in m.stops:
         if not stop.closed:
-            yield f"{stop.name} missing", "law", {"stops": _dumped([s for s in m.stops if s != stop])}
+            yield (
+                f"{stop.name} missing",
+                "law",
+                {"stops": _dumped([s for s in m.stops if s != stop])},
+            )
     for value in (0.0, 1.0):
         yield (
             f"restitution {value:g} of all stops",
@@ -68,7 +80,9 @@ def _each(parts: Sequence[Any], changes: Changes) -> list[dict[str, Any]]:
     changed: list[dict[str, Any]] = []
     for part in parts:
         fields = part.model_dump()
-        changed.append(fields | {key: value for key, value in changes(part).items() if key in fields})
+        changed.append(
+            fields | {key: value for key, value in changes(part).items() if key in fields}
+        )
     return changed
 
 

@@ -64,13 +64,24 @@ class QuantityChange:
     @property
     def mended(self) -> bool:
         """It holds its tolerance now, and was there and did not before."""
-        return self.old is not None and self.old.holds is not True and self.new is not None and self.new.holds is True
+        return (
+            self.old is not None
+            and self.old.holds is not True
+            and self.new is not None
+            and self.new.holds is True
+        )
 
     @property
     def by_tolerance(self) -> bool:
         """Whether the verdict is another one, and would be the old one had the tolerance not changed."""
         old, size = self.old, _size(self.new)
-        if old is None or old.tolerance is None or size is None or self.new is None or self.new.holds is None:
+        if (
+            old is None
+            or old.tolerance is None
+            or size is None
+            or self.new is None
+            or self.new.holds is None
+        ):
             return False
         return self.new.holds is not old.holds and (size <= old.tolerance) is old.holds
 
@@ -163,7 +174,11 @@ class RunChange:
         if self.old is None or self.new is None:
             return {}
         old, new = self.old.settings, self.new.settings
-        return {name: (old.get(name), new.get(name)) for name in {**old, **new} if old.get(name) != new.get(name)}
+        return {
+            name: (old.get(name), new.get(name))
+            for name in {**old, **new}
+            if old.get(name) != new.get(name)
+        }
 
 
 def _rank(run: Run | None) -> int | None:
@@ -216,7 +231,9 @@ class Difference(Reported):
     @cached_property
     def moved(self) -> tuple[QuantityChange, ...]:
         """Further errors that moved; first those that came, went or grew, the largest factor first."""
-        others = [q for q in self.quantities if q.moved(self.factor) and not q.broke and not q.mended]
+        others = [
+            q for q in self.quantities if q.moved(self.factor) and not q.broke and not q.mended
+        ]
         return tuple(sorted(others, key=_growth, reverse=True))
 
     @property
@@ -231,12 +248,17 @@ class Difference(Reported):
     @property
     def compared(self) -> int:
         """Number of runs that are in both and of the same motion."""
-        return sum(_rank(r.old) is not None and _rank(r.new) is not None and not r.reason for r in self.runs)
+        return sum(
+            _rank(r.old) is not None and _rank(r.new) is not None and not r.reason
+            for r in self.runs
+        )
 
     @property
     def worse(self) -> bool:
         """Something broke: a verdict, a run that is worse, fails or is gone, or the reference itself."""
-        return bool(self.broken or self.references or self.of_fate(Fate.WORSE, Fate.FAILS, Fate.VANISHED))
+        return bool(
+            self.broken or self.references or self.of_fate(Fate.WORSE, Fate.FAILS, Fate.VANISHED)
+        )
 
     @property
     def passed(self) -> bool:
@@ -248,7 +270,11 @@ class Difference(Reported):
         """One line: whether something broke, and how many of what changed."""
         fates = Counter(each.fate for each in self.runs)
         counts = [
-            (len(self.references), "figure of the reference moved", "figures of the reference moved"),
+            (
+                len(self.references),
+                "figure of the reference moved",
+                "figures of the reference moved",
+            ),
             (fates[Fate.VANISHED], "run is gone", "runs are gone"),
             (fates[Fate.FAILS], "run fails", "runs fail"),
             (fates[Fate.WORSE], "run is worse", "runs are worse"),
@@ -258,9 +284,17 @@ class Difference(Reported):
             (fates[Fate.APPEARED], "run appeared", "runs appeared"),
             (fates[Fate.NOT_COMPARED], "run not compared", "runs not compared"),
         ]
-        shown = [f"{number} {one if number == 1 else more}" for number, one, more in counts if number]
+        shown = [
+            f"{number} {one if number == 1 else more}" for number, one, more in counts if number
+        ]
         moved = f"{len(self.moved)} of {len(self.quantities)} errors moved by more than a factor {self.factor:g}"
-        head = "Something broke" if self.worse else "Nothing broke" if self.passed else "Nothing could be compared"
+        head = (
+            "Something broke"
+            if self.worse
+            else "Nothing broke"
+            if self.passed
+            else "Nothing could be compared"
+        )
         runs = f"{self.compared} run{'' if self.compared == 1 else 's'} compared"
         return f"{head}: {', '.join([*shown, moved])}; {runs}."
 
@@ -273,7 +307,12 @@ class Difference(Reported):
         for each in self.quantities:
             values = [None if metric is None else metric.value for metric in (each.old, each.new)]
             found = {"broke": each.broke, "mended": each.mended, "moved": each.moved(self.factor)}
-            quantity = {"quantity": each.either.label, "unit": each.either.unit, "old": values[0], "new": values[1]}
+            quantity = {
+                "quantity": each.either.label,
+                "unit": each.either.unit,
+                "old": values[0],
+                "new": values[1],
+            }
             yield {"model": each.model, "run": each.run, **quantity, "factor": each.factor, **found}
 
     @staticmethod

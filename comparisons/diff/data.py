@@ -36,11 +36,15 @@ class Quantity(Spec):
         description="new error over old one, errors below what is unknown taken as that; null: one has no value, or "
         "the old one is zero"
     )
-    bounded: bool = Field(description="whether an error is below what is unknown, so that the factor is a bound")
+    bounded: bool = Field(
+        description="whether an error is below what is unknown, so that the factor is a bound"
+    )
     broke: bool
     mended: bool
     moved: bool
-    by_tolerance: bool = Field(description="whether the verdict is another one by its tolerance alone")
+    by_tolerance: bool = Field(
+        description="whether the verdict is another one by its tolerance alone"
+    )
 
 
 class RunFate(Spec):
@@ -53,7 +57,9 @@ class RunFate(Spec):
     fate: Fate
     reason: str = Field(description="why the two are not of the same motion; empty where they are")
     message: str | None = Field(description="of the new run")
-    settings: dict[str, tuple[JsonValue, JsonValue]] = Field(description="options that differ, old and new")
+    settings: dict[str, tuple[JsonValue, JsonValue]] = Field(
+        description="options that differ, old and new"
+    )
 
 
 class Reference(Spec):
@@ -74,7 +80,9 @@ class DifferenceData(Spec):
     passed: bool = Field(description="nothing broke, and something was compared")
     summary: str
     factor: Real = Field(description="least by which an error must change to have moved")
-    versions: dict[str, tuple[str, str]] = Field(description="software whose versions differ, old and new")
+    versions: dict[str, tuple[str, str]] = Field(
+        description="software whose versions differ, old and new"
+    )
     conditions: tuple[str, ...] = Field(description="what was asked for or judged otherwise")
     references: tuple[Reference, ...]
     runs: tuple[RunFate, ...]
@@ -97,7 +105,12 @@ def data(found: Difference) -> DifferenceData:
 
 def _reference(each: ReferenceChange) -> Reference:
     return Reference(
-        model=each.model, figure=each.name, unit=each.unit, old=each.old, new=each.new, unknown=each.unknown
+        model=each.model,
+        figure=each.name,
+        unit=each.unit,
+        old=each.old,
+        new=each.new,
+        unknown=each.unknown,
     )
 
 
@@ -133,4 +146,8 @@ def _finite(value: float | None) -> float | None:
 
 
 def _side(metric: Metric | None) -> Side | None:
-    return None if metric is None else Side(value=metric.value, tolerance=metric.tolerance, holds=metric.holds)
+    return (
+        None
+        if metric is None
+        else Side(value=metric.value, tolerance=metric.tolerance, holds=metric.holds)
+    )

@@ -90,7 +90,9 @@ def _tiles(found: Difference) -> Tiles:
             Tile(str(len(found.broken)), "verdicts broke", "bad" if found.broken else "plain"),
             Tile(str(lost), "runs worse, failing or gone", "bad" if lost else "plain"),
             Tile(str(len(found.mended)), "verdicts mended", "good" if found.mended else "plain"),
-            Tile(str(len(found.moved)), "further errors moved", detail=f"of {len(found.quantities)}"),
+            Tile(
+                str(len(found.moved)), "further errors moved", detail=f"of {len(found.quantities)}"
+            ),
             Tile(str(found.compared), "runs compared", detail=f"of {len(found.runs)}"),
         )
     )
@@ -100,7 +102,9 @@ def _versions(found: Difference) -> Block:
     if not found.versions:
         return Text("The versions of engines, trebucheck, Python and platform are the same.")
     rows = [(name, *both) for name, both in found.versions.items()]
-    return table([words("version of", wrap=False), words("old"), words("new")], rows, "Versions that changed")
+    return table(
+        [words("version of", wrap=False), words("old"), words("new")], rows, "Versions that changed"
+    )
 
 
 def _reference(found: Difference) -> Iterator[Block]:
@@ -108,7 +112,14 @@ def _reference(found: Difference) -> Iterator[Block]:
     if not found.references:
         return
     rows = [
-        row(c.model, c.name, _digits(c.old), Cell(_digits(c.new), "bad"), c.unit, format_number(c.unknown))
+        row(
+            c.model,
+            c.name,
+            _digits(c.old),
+            Cell(_digits(c.new), "bad"),
+            c.unit,
+            format_number(c.unknown),
+        )
         for c in found.references
     ]
     yield Heading("The reference moved", 2, medium="any")
@@ -130,7 +141,9 @@ def _runs(found: Difference) -> Iterator[Block]:
     counted = [each for each in map(partial(_count_row, found), found.runs) if each is not None]
     if fates:
         yield Heading(f"Runs that changed ({len(fates)})", 2, medium="any")
-        yield without_empty_columns(table(_heads(*heads), map(_fate_row, fates), "Verdicts of whole runs, old and new"))
+        yield without_empty_columns(
+            table(_heads(*heads), map(_fate_row, fates), "Verdicts of whole runs, old and new")
+        )
     if counted:
         yield Heading("How much changed in each run", 2, medium="any")
         yield table(_heads(_COUNTS, words("largest growth")), counted, "Numbers of quantities")
@@ -167,13 +180,26 @@ _COUNTS = "run | broke | mended | grew | shrank | compared"
 def _count_row(found: Difference, each: RunChange) -> Row | None:
     """How many of its quantities changed in which way; None if none did."""
     own = set(map(id, each.quantities))
-    broke, mended, moved = ([q for q in of if id(q) in own] for of in (found.broken, found.mended, found.moved))
+    broke, mended, moved = (
+        [q for q in of if id(q) in own] for of in (found.broken, found.mended, found.moved)
+    )
     if not (broke or mended or moved):
         return None
     grew = [q for q in moved if q.factor is None or q.factor > 1]
-    counts = [_count(broke, "bad"), _count(mended, "good"), _count(grew), _count(moved[len(grew) :])]
-    worst = max((q for q in each.quantities if q in broke or q in grew), key=_known_factor, default=None)
-    growth = "" if worst is None or _known_factor(worst) <= 1 else f"{_factor(worst)} in {worst.either.label}"
+    counts = [
+        _count(broke, "bad"),
+        _count(mended, "good"),
+        _count(grew),
+        _count(moved[len(grew) :]),
+    ]
+    worst = max(
+        (q for q in each.quantities if q in broke or q in grew), key=_known_factor, default=None
+    )
+    growth = (
+        ""
+        if worst is None or _known_factor(worst) <= 1
+        else f"{_factor(worst)} in {worst.either.label}"
+    )
     return row(_name(each), *counts, len(each.quantities), growth)
 
 
@@ -201,7 +227,9 @@ def _value(metric: Metric | None) -> Cell:
     """A size, or why there is none."""
     if metric is None:
         return Cell("–")
-    return Cell(format_number(None if metric.value is None else abs(metric.value)), hint=metric.note or "")
+    return Cell(
+        format_number(None if metric.value is None else abs(metric.value)), hint=metric.note or ""
+    )
 
 
 def _factor(change: QuantityChange) -> str:
@@ -215,7 +243,13 @@ def _factor(change: QuantityChange) -> str:
 
 
 def _short(value: float) -> str:
-    return f"{value:.1f}" if value < 9.95 else f"{value:.0f}" if value < 9999.5 else format_number(value)
+    return (
+        f"{value:.1f}"
+        if value < 9.95
+        else f"{value:.0f}"
+        if value < 9999.5
+        else format_number(value)
+    )
 
 
 def _tolerance(change: QuantityChange) -> str:
@@ -241,14 +275,20 @@ def _judged(metric: Metric | None) -> str:
 _CAPTION = "Errors, those that matter most first"
 _COLUMNS = (
     Column("run", of=lambda change: f"{change.model}, {change.run}", wrap=True),
-    terminal_only(Column("quantity", of=lambda change: f"{change.either.label} [{change.either.unit}]", rank=0)),
+    terminal_only(
+        Column(
+            "quantity", of=lambda change: f"{change.either.label} [{change.either.unit}]", rank=0
+        )
+    ),
     page_only(Column("quantity", of=lambda change: change.either.label, wrap=False)),
     page_only(Column("unit", of=lambda change: change.either.unit)),
     Column("old", align="right", of=lambda change: _value(change.old), rank=2),
     Column("new", align="right", of=lambda change: _value(change.new), rank=0),
     Column("factor", align="right", of=_factor, wrap=False),
     Column("tolerance", align="right", of=_tolerance, medium="page"),
-    Column("unknown", align="right", of=lambda change: format_number(change.unknown), medium="page"),
+    Column(
+        "unknown", align="right", of=lambda change: format_number(change.unknown), medium="page"
+    ),
     Column("verdict", of=_verdict, rank=0),
 )
 
@@ -256,15 +296,25 @@ _COLUMNS = (
 def _reasons(found: Difference) -> Iterator[Block]:
     """Why runs disagree that did not before."""
     broken = {(change.model, change.run) for change in found.broken}
-    runs = [each.new for each in found.runs if each.new and (each.run.model, each.run.label) in broken]
-    texts = (Text(s, "strong", lead=f"{run.model}, {run.label}, why:") for run in runs for s in diagnosis(run))
+    runs = [
+        each.new for each in found.runs if each.new and (each.run.model, each.run.label) in broken
+    ]
+    texts = (
+        Text(s, "strong", lead=f"{run.model}, {run.label}, why:")
+        for run in runs
+        for s in diagnosis(run)
+    )
     yield Listing(tuple(texts))
 
 
 def _diagnoses(found: Difference) -> Iterator[Block]:
     """Runs that disagreed before, and do so now in another quantity or for other causes."""
     changed = [(each.run, each.diagnoses) for each in found.runs if each.diagnoses is not None]
-    texts = [(f"{run.model}, {run.label}:", [cause(each) for each in both]) for run, both in changed if both]
+    texts = [
+        (f"{run.model}, {run.label}:", [cause(each) for each in both])
+        for run, both in changed
+        if both
+    ]
     if texts:
         yield Heading("Diagnoses that changed", 2, medium="any")
         yield Listing(tuple(Text(f"was {old}; is {new}.", lead=lead) for lead, (old, new) in texts))
@@ -276,7 +326,9 @@ def _conditions(found: Difference) -> Iterator[Block]:
     loosened = sum(_looser(change, found.factor) for change in found.quantities)
     if loosened:
         number = f"{loosened} of {len(found.quantities)}"
-        sentences.append(f"Tolerances of {number} quantities are looser now, by more than a factor {found.factor:g}.")
+        sentences.append(
+            f"Tolerances of {number} quantities are looser now, by more than a factor {found.factor:g}."
+        )
     if sentences:
         yield Heading("Conditions that changed", 2, medium="any")
         yield Listing(tuple(map(Text, sentences)))
@@ -295,7 +347,13 @@ def _settings(runs: Iterable[RunChange]) -> Iterator[str]:
 
 
 def _setting(value: object) -> str:
-    return "none" if value is None else format_step(value) if isinstance(value, float) and value else str(value)
+    return (
+        "none"
+        if value is None
+        else format_step(value)
+        if isinstance(value, float) and value
+        else str(value)
+    )
 
 
 def _looser(change: QuantityChange, factor: float) -> bool:
@@ -305,7 +363,11 @@ def _looser(change: QuantityChange, factor: float) -> bool:
 
 def _times(found: Difference) -> Iterator[Block]:
     """Wall times beside each other; they depend on what else the machine did."""
-    timed = [each for each in found.runs if each.old and each.new and each.old.wall_time and each.new.wall_time]
+    timed = [
+        each
+        for each in found.runs
+        if each.old and each.new and each.old.wall_time and each.new.wall_time
+    ]
     columns: tuple[tuple[str, Callable[[RunChange], object]], ...] = (
         ("run", _name),
         ("old [s]", lambda each: _seconds(each.old)),

@@ -1,8 +1,9 @@
 """Two comparisons of the same mechanisms: which verdicts broke or were mended, and which errors moved.
 
-Runs belong together by model, engine and preset, quantities by name and subject. An error is known no better than the
-reference is, and no better than its samples and the rounding of its own steps allow; less than what both results leave
-unknown is no movement. A movement beyond that counts from a factor on.
+Runs belong together by model, engine and preset, quantities by name and subject. An error is known
+no better than the reference is, and no better than its samples and the rounding of its own steps
+allow; less than what both results leave unknown is no movement. A movement beyond that counts from
+a factor on.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ _SAME_END = 1e-6
 
 
 def diff(
-    old: Results | Comparison | str | Path, new: Results | Comparison | str | Path, factor: float = FACTOR
+    old: Results | Comparison | str | Path,
+    new: Results | Comparison | str | Path,
+    factor: float = FACTOR,
 ) -> Difference:
     """What moved and what broke from one comparison to another.
 
@@ -37,7 +40,8 @@ def diff(
         >>> difference.passed, difference.to_dataframe().query("moved")  # doctest: +SKIP
 
     Args:
-        old, new: comparisons, their results, or paths of results.json or of the folders that hold it.
+        old, new: comparisons, their results, or paths of results.json or of the folders that hold
+        it.
         factor: least by which an error must change to have moved; above 1.
 
     Raises:
@@ -48,11 +52,20 @@ def diff(
     before, after = _results(old), _results(new)
     machines = [{machine.model: machine for machine in each.machines} for each in (before, after)]
     names = {_name(run): None for run in (*before.runs, *after.runs)}
-    pairs = [(machine, machines[1][model]) for model, machine in machines[0].items() if model in machines[1]]
+    pairs = [
+        (machine, machines[1][model])
+        for model, machine in machines[0].items()
+        if model in machines[1]
+    ]
     return Difference(
         factor=factor,
-        runs=tuple(_run_change(_run(before, n), _run(after, n), *(m.get(n[0]) for m in machines)) for n in names),
-        references=tuple(change for pair in pairs if not _unlike(*pair) for change in _reference_changes(*pair)),
+        runs=tuple(
+            _run_change(_run(before, n), _run(after, n), *(m.get(n[0]) for m in machines))
+            for n in names
+        ),
+        references=tuple(
+            change for pair in pairs if not _unlike(*pair) for change in _reference_changes(*pair)
+        ),
         versions=_versions(before, after),
         conditions=tuple(sentence for pair in pairs for sentence in _conditions(*pair)),
     )
@@ -81,8 +94,14 @@ def _versions(old: Results, new: Results) -> dict[str, tuple[str, str]]:
 
 def _all_versions(results: Results) -> dict[str, str]:
     """Of everything that the results name."""
-    engines = {run.engine: run.engine_version for run in results.runs if run.outcome is not Outcome.ABSENT}
-    own = {"trebucheck": results.trebucheck_version, "Python": results.python_version, "platform": results.platform}
+    engines = {
+        run.engine: run.engine_version for run in results.runs if run.outcome is not Outcome.ABSENT
+    }
+    own = {
+        "trebucheck": results.trebucheck_version,
+        "Python": results.python_version,
+        "platform": results.platform,
+    }
     return own | engines
 
 
@@ -101,20 +120,27 @@ def _unlike(old: Machine, new: Machine) -> str:
 
 def _conditions(old: Machine, new: Machine) -> Iterator[str]:
     if old.needs != new.needs:
-        asked = [", ".join(f"{name} {text}" for name, text in each.needs.items()) or "none" for each in (old, new)]
+        asked = [
+            ", ".join(f"{name} {text}" for name, text in each.needs.items()) or "none"
+            for each in (old, new)
+        ]
         yield f"{old.model}: tolerances asked for: {asked[0]}, now {asked[1]}."
     if not _unlike(old, new) and not math.isclose(old.judged_to, new.judged_to, rel_tol=_SAME_END):
         yield f"{old.model}: predictable, and so judged, to {old.judged_to:.6g} s, now to {new.judged_to:.6g} s."
 
 
-def _run_change(old: Run | None, new: Run | None, before: Machine | None, after: Machine | None) -> RunChange:
+def _run_change(
+    old: Run | None, new: Run | None, before: Machine | None, after: Machine | None
+) -> RunChange:
     if old is None or new is None or before is None or after is None:
         return RunChange(old, new)
     reason = _unlike(before, after)
     if reason or old.outcome not in COMPARED or new.outcome not in COMPARED:
         return RunChange(old, new, reason)
     labels = {(m.name, m.subject): None for m in (*old.metrics, *new.metrics)}
-    changes = (_quantity_change(name, subject, (old, before), (new, after)) for name, subject in labels)
+    changes = (
+        _quantity_change(name, subject, (old, before), (new, after)) for name, subject in labels
+    )
     own = [change for change in changes if change is not None]
     return RunChange(old, new, reason, (*_model_checks(old, new), *own))
 
@@ -128,7 +154,9 @@ def _quantity_change(
     if any(metric.follows for metric in found) or not any(metric.observed for metric in found):
         return None
     unknown = sum(
-        _unknown(metric, run, machine) for metric, (run, machine) in zip(metrics, (old, new), strict=True) if metric
+        _unknown(metric, run, machine)
+        for metric, (run, machine) in zip(metrics, (old, new), strict=True)
+        if metric
     )
     return QuantityChange(new[0].model, new[0].label, metrics[0], metrics[1], unknown)
 
@@ -143,7 +171,9 @@ def _unknown(metric: Metric, run: Run, machine: Machine) -> float:
 def _rounding(metric: Metric, run: Run, machine: Machine) -> float:
     """Rounding of one part of the scale in each step, random and so as the root of their number, carried on."""
     quantity = QUANTITIES.get(metric.name)
-    if quantity is None or (quantity.scale in ("stop", "gap") and metric.subject not in machine.scales.torques):
+    if quantity is None or (
+        quantity.scale in ("stop", "gap") and metric.subject not in machine.scales.torques
+    ):
         return 0.0
     scales = (machine.whole_scales if quantity.invariant else None) or machine.scales
     scale = scales.largest_energy if quantity.scale == "energy" else None
@@ -161,7 +191,10 @@ def _model_checks(old: Run, new: Run) -> Iterator[QuantityChange]:
 def _model_check(run: Run) -> Metric | None:
     if run.equality is None or not run.equality.checks:
         return None
-    values = [None if check.value is None else check.value / check.tolerance for check in run.equality.checks]
+    values = [
+        None if check.value is None else check.value / check.tolerance
+        for check in run.equality.checks
+    ]
     largest = None if None in values else max(value for value in values if value is not None)
     return Metric(name="model equivalence", value=largest, unit="of its tolerance", tolerance=1.0)
 
@@ -171,7 +204,9 @@ def _reference_changes(old: Machine, new: Machine) -> Iterator[ReferenceChange]:
     end = min(old.judged_to, new.judged_to) * (1 + _SAME_END)
     for name, subject, unit in _figures(old, new):
         before, after = (_figure(machine, name, subject, end) for machine in (old, new))
-        unknown = _reference_unknown(name, subject, old, before) + _reference_unknown(name, subject, new, after)
+        unknown = _reference_unknown(name, subject, old, before) + _reference_unknown(
+            name, subject, new, after
+        )
         appeared = (before is None) != (after is None)
         if appeared or (before is not None and after is not None and abs(after - before) > unknown):
             label = name if subject is None else f"{name} ({subject})"
@@ -184,7 +219,9 @@ def _figures(old: Machine, new: Machine) -> Iterator[tuple[str, str | None, str]
     """Name, subject and unit."""
     yield "launch_time", None, "s"
     yield "launch_speed", None, "m/s"
-    yield from (("release_time", stop, "s") for stop in old.release_times if stop in new.release_times)
+    yield from (
+        ("release_time", stop, "s") for stop in old.release_times if stop in new.release_times
+    )
 
 
 def _figure(machine: Machine, name: str, subject: str | None, end: float) -> float | None:
@@ -195,6 +232,8 @@ def _figure(machine: Machine, name: str, subject: str | None, end: float) -> flo
     return machine.launch_speed if name == "launch_speed" else time
 
 
-def _reference_unknown(name: str, subject: str | None, machine: Machine, value: float | None) -> float:
+def _reference_unknown(
+    name: str, subject: str | None, machine: Machine, value: float | None
+) -> float:
     known = machine.reference_uncertainty
     return known.get(f"{name} ({subject})", known.get(name, math.inf)) + _EPS * abs(value or 0.0)

@@ -1,8 +1,8 @@
 """The model-equivalence check, before any motion: is the model that an engine has built the same mechanism?
 
 The built model is inspected in random states under every set of closed stops and compared with
-the reference's equations. What an engine exposes must agree to `EXACT`. A run whose check fails is not compared: the
-motion of another mechanism says nothing about the engine.
+the reference's equations. What an engine exposes must agree to `EXACT`. A run whose check fails is
+not compared: the motion of another mechanism says nothing about the engine.
 """
 
 from __future__ import annotations
@@ -44,11 +44,14 @@ _EXACT_REASON = "the engine's own quantities, to rounding"
 def check_model(engine: Engine, mechanism: Mechanism) -> Equality:
     """Compare an engine's built model with the reference's equations.
 
-    An engine that cannot be inspected passes with `exposed` false: then only its motion can tell. States in which its
-    solver finds no accelerations are left out, but for the start.
+    An engine that cannot be inspected passes with `exposed` false: then only its motion can tell.
+    States in which its solver finds no accelerations are left out, but for the start.
     """
     if not isinstance(engine, Inspectable):
-        return Equality(exposed=False, note=f"{engine.name} does not show its built model; only its motion can tell.")
+        return Equality(
+            exposed=False,
+            note=f"{engine.name} does not show its built model; only its motion can tell.",
+        )
     # A stop that nothing moves has no part in the motion, and no run sees it.
     mechanism = without_stops(mechanism, immovable_stops(mechanism))
     states = random_states(mechanism)
@@ -75,12 +78,14 @@ def _inspected(
     """The states in which the engine can be looked into, and what it says there.
 
     Raises:
-        SimulationError: its solver does not find the accelerations at the start, or in most of the states.
+        SimulationError: its solver does not find the accelerations at the start, or in most of the
+            states.
     """
     try:
         return states, engine.inspect(mechanism, states)
     except SimulationError as error:
-        # What a solver cannot do in some state that a motion may never meet says nothing against the model.
+        # What a solver cannot do in some state that a motion may never meet says nothing against
+        # the model.
         looked, failed = [(states[0], engine.inspect(mechanism, states[:1]))], error
     for state in states[1:]:
         with suppress(SimulationError):
@@ -118,10 +123,11 @@ class Expected:
     def solved(self) -> float:
         """To how much of their sizes accelerations and forces of constraints must agree.
 
-        They solve a least-squares problem with constraints (Gauss). Relative changes of its data of a size of rounding
-        change the solution by their multiple with the condition number (Wedin, BIT 13 (1973) 217), here one over the
-        least singular value of constraints with lengths in parts of the mechanism's size: a wall nearly parallel to
-        the motion that it stops holds it with a force that is known to so many digits less.
+        They solve a least-squares problem with constraints (Gauss). Relative changes of its data of
+        a size of rounding change the solution by their multiple with the condition number (Wedin,
+        BIT 13 (1973) 217), here one over the least singular value of constraints with lengths in
+        parts of the mechanism's size: a wall nearly parallel to the motion that it stops holds it
+        with a force that is known to so many digits less.
         """
         return max(EXACT, ROUNDING / self.independence)
 
@@ -136,7 +142,9 @@ class Expected:
         """Size of the accelerations, by coordinate."""
         inertia = self.mass.max(axis=0).diagonal()
         # Of a coordinate that constraints hold still: what the forces that they balance would do.
-        held = (np.abs(self.forces).max(axis=0) if self.weights is None else self.force_scale) / inertia
+        held = (
+            np.abs(self.forces).max(axis=0) if self.weights is None else self.force_scale
+        ) / inertia
         return np.maximum(_scale_of(self.accelerations, self.inertial / inertia), held)
 
     @cached_property
@@ -152,17 +160,25 @@ class Expected:
         return tuple(
             Dynamics(
                 accelerations=self.accelerations[k],
-                stop_torques={name: self.torques[k].get(name, 0.0) for name in exposed.stop_torques},
+                stop_torques={
+                    name: self.torques[k].get(name, 0.0) for name in exposed.stop_torques
+                },
                 mass_matrix=None if exposed.mass_matrix is None else self.mass[k],
                 forces=None if exposed.forces is None else self.forces[k],
-                centres={name: self.centres[k, i] for i, name in enumerate(self.bodies) if name in exposed.centres},
+                centres={
+                    name: self.centres[k, i]
+                    for i, name in enumerate(self.bodies)
+                    if name in exposed.centres
+                },
                 stop_gaps=self.gaps[k],
             )
             for k, exposed in enumerate(like)
         )
 
 
-def expected(mechanism: Mechanism, states: Sequence[State], equations: Equations | None = None) -> Expected:
+def expected(
+    mechanism: Mechanism, states: Sequence[State], equations: Equations | None = None
+) -> Expected:
     """The reference's quantities in the states; or of other equations, to compute the effect of a fault."""
     equations = equations or Equations(mechanism)
     q, u = np.array([state.q for state in states]), np.array([state.u for state in states])
@@ -184,7 +200,9 @@ def expected(mechanism: Mechanism, states: Sequence[State], equations: Equations
         centres=np.stack([kinematics.position(row, q) for row in rows], axis=1),
         inertial=inertial,
         inertial_torques={
-            stop.name: float((inertial[row != 0] / np.abs(row[row != 0])).min()) if row.any() else float(inertial.max())
+            stop.name: float((inertial[row != 0] / np.abs(row[row != 0])).min())
+            if row.any()
+            else float(inertial.max())
             for stop in mechanism.stops
             for row in [kinematics.gap_jacobian(stop.name, q[0])]
         },
@@ -209,7 +227,9 @@ def _solved(
         accelerations[rows], multipliers = equations.solve(q[rows], u[rows], closed)
         _, undetermined = undetermined_forces(equations, q[rows[0]], closed)
         for k, efforts in zip(rows, multipliers[:, equations.n_loops :].tolist(), strict=True):
-            torques[k] = {n: x for n, x in zip(closed, efforts, strict=True) if n not in undetermined}
+            torques[k] = {
+                n: x for n, x in zip(closed, efforts, strict=True) if n not in undetermined
+            }
     return accelerations, tuple(torques)
 
 
@@ -222,8 +242,11 @@ def scaled_differences(reference: Expected, dynamics: Sequence[Dynamics]) -> Flo
     forces = [(k, d.forces) for k, d in enumerate(dynamics) if d.forces is not None]
     parts = [
         _differences(masses, reference.mass, sizes),
-        _differences(forces, reference.forces, np.broadcast_to(reference.force_scale, reference.forces.shape)),
-        (np.array([d.accelerations for d in dynamics]) - reference.accelerations) / reference.acceleration_scale,
+        _differences(
+            forces, reference.forces, np.broadcast_to(reference.force_scale, reference.forces.shape)
+        ),
+        (np.array([d.accelerations for d in dynamics]) - reference.accelerations)
+        / reference.acceleration_scale,
         np.array(
             [
                 (engine_values.stop_torques.get(name, math.nan) - torque) / scales[name]
@@ -234,11 +257,17 @@ def scaled_differences(reference: Expected, dynamics: Sequence[Dynamics]) -> Flo
     ]
     for i, name in enumerate(reference.bodies):
         centres = [(k, d.centres[name]) for k, d in enumerate(dynamics) if name in d.centres]
-        parts.append(_differences(centres, reference.centres[:, i], np.full_like(reference.centres[:, i], reach)))
+        parts.append(
+            _differences(
+                centres, reference.centres[:, i], np.full_like(reference.centres[:, i], reach)
+            )
+        )
     return np.concatenate([np.ravel(part) for part in parts])
 
 
-def _differences(exposed: Sequence[tuple[int, FloatArray]], right: FloatArray, sizes: FloatArray) -> FloatArray:
+def _differences(
+    exposed: Sequence[tuple[int, FloatArray]], right: FloatArray, sizes: FloatArray
+) -> FloatArray:
     """Of what is exposed in some of the states, each with its index, in units of sizes, shape like `right`."""
     if not exposed:
         return np.zeros(0)
@@ -254,13 +283,16 @@ def _scale_of(values: FloatArray, inertial: FloatArray) -> FloatArray:
 
     Args:
         values: shape (n_states, n_components).
-        inertial: what the speeds of the states make of each component; the scale where hardly anything acts at all.
+        inertial: what the speeds of the states make of each component; the scale where hardly
+            anything acts at all.
     """
     scale = np.abs(values).max(axis=0)
     return np.maximum(np.maximum(scale, 1e-3 * scale.max()), _LEAST * inertial)
 
 
-def _checks(mechanism: Mechanism, states: Sequence[State], inspection: Inspection) -> Iterator[Check]:
+def _checks(
+    mechanism: Mechanism, states: Sequence[State], inspection: Inspection
+) -> Iterator[Check]:
     reference = replace(expected(mechanism, states), independence=_independence(mechanism, states))
     if inspection.roundoff > DOUBLE:
         reference = replace(reference, weights=_weights(mechanism, reference.mass))
@@ -269,7 +301,9 @@ def _checks(mechanism: Mechanism, states: Sequence[State], inspection: Inspectio
     scale = reference.acceleration_scale
     accelerations = np.array([d.accelerations for d in inspection.dynamics])
     difference = np.abs(accelerations - reference.accelerations)
-    yield _of_solution(_by_name("acceleration", mechanism.coordinates, difference, scale), reference)
+    yield _of_solution(
+        _by_name("acceleration", mechanism.coordinates, difference, scale), reference
+    )
     yield from _torques(reference, inspection.dynamics)
     errors = gap_errors(reference, inspection.dynamics)
     if errors:
@@ -298,17 +332,23 @@ def _start_and_mass(mechanism: Mechanism, inspection: Inspection) -> Iterator[Ch
     yield _by_name("start", names, difference[None], np.maximum(lengths, np.abs(mechanism.start)))
     speeds = np.array(mechanism.start_speeds or [0.0] * len(names))
     difference = np.abs(inspection.start_speeds - speeds)
-    yield _by_name("start speed", names, difference[None], np.maximum(lengths / units.time, np.abs(speeds)))
+    yield _by_name(
+        "start speed", names, difference[None], np.maximum(lengths / units.time, np.abs(speeds))
+    )
 
 
-def _exact(mechanism: Mechanism, reference: Expected, dynamics: Sequence[Dynamics]) -> Iterator[Check]:
+def _exact(
+    mechanism: Mechanism, reference: Expected, dynamics: Sequence[Dynamics]
+) -> Iterator[Check]:
     """Centres, mass matrix and forces, where the engine has them."""
     names = mechanism.coordinates
     bodies = [body.name for body in mechanism.bodies]
     if all(set(bodies) <= set(d.centres) for d in dynamics):
         centres = np.array([[d.centres[name] for name in bodies] for d in dynamics])
         reach = np.full(len(bodies), float(np.abs(reference.centres).max()) or 1.0)
-        yield _by_name("centre of mass", bodies, np.linalg.norm(centres - reference.centres, axis=2), reach)
+        yield _by_name(
+            "centre of mass", bodies, np.linalg.norm(centres - reference.centres, axis=2), reach
+        )
     masses = [d.mass_matrix for d in dynamics if d.mass_matrix is not None]
     if len(masses) == len(dynamics):
         size = np.sqrt(np.einsum("ni,nj->nij", *[np.einsum("nii->ni", reference.mass)] * 2))
@@ -317,23 +357,32 @@ def _exact(mechanism: Mechanism, reference: Expected, dynamics: Sequence[Dynamic
         yield _by_name("mass matrix", pairs, difference, np.ones(len(pairs)))
     forces = [d.forces for d in dynamics if d.forces is not None]
     if len(forces) == len(dynamics):
-        yield _by_name("force", names, np.abs(np.array(forces) - reference.forces), reference.force_scale)
+        yield _by_name(
+            "force", names, np.abs(np.array(forces) - reference.forces), reference.force_scale
+        )
 
 
 def _torques(reference: Expected, dynamics: Sequence[Dynamics]) -> Iterator[Check]:
     names = dict.fromkeys(name for torques in reference.torques for name in torques)
     for name in names:
         pairs = [
-            (d.stop_torques.get(name), t[name]) for d, t in zip(dynamics, reference.torques, strict=True) if name in t
+            (d.stop_torques.get(name), t[name])
+            for d, t in zip(dynamics, reference.torques, strict=True)
+            if name in t
         ]
         size = reference.torque_scales[name]
         missing = any(torque is None for torque, _ in pairs)
-        worst = max((abs(torque - right) for torque, right in pairs if torque is not None), default=0.0) / size
+        worst = (
+            max((abs(torque - right) for torque, right in pairs if torque is not None), default=0.0)
+            / size
+        )
         yield _of_solution(_exactly("stop torque", name, None if missing else worst), reference)
 
 
 def _exactly(name: str, subject: str | None, value: float | None, unit: str = "1") -> Check:
-    return Check(name=name, subject=subject, value=value, unit=unit, tolerance=EXACT, reason=_EXACT_REASON)
+    return Check(
+        name=name, subject=subject, value=value, unit=unit, tolerance=EXACT, reason=_EXACT_REASON
+    )
 
 
 def _of_solution(check: Check, reference: Expected) -> Check:
@@ -357,7 +406,9 @@ def _of_few_digits(check: Check, roundoff: float) -> Check:
     return check.model_copy(update={"tolerance": digits, "reason": reason})
 
 
-def _by_name(name: str, subjects: Sequence[str], difference: FloatArray, scale: FloatArray) -> Check:
+def _by_name(
+    name: str, subjects: Sequence[str], difference: FloatArray, scale: FloatArray
+) -> Check:
     """The worst of all states and subjects; `difference` has shape (n_states, n_subjects), `scale` (n_subjects,)."""
     relative = difference.max(axis=0) / np.where(scale > 0, scale, 1.0)
     worst = int(np.argmax(np.nan_to_num(relative, nan=np.inf)))

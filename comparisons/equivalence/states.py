@@ -25,15 +25,17 @@ _DRAWS = 60  # for one set of stops; if they are never all active, those that ar
 def random_states(mechanism: Mechanism, n: int = 24, seed: int = 20) -> tuple[State, ...]:
     """States over all sets of stops that are closed at the start, the same ones each time.
 
-    The first one is the start itself, with the stops that are active there; if its speeds move the gap of a closed
-    stop, with the nearest ones that do not. Fewer than n come back only where a machine allows no state with its other
-    stops open near the start.
+    The first one is the start itself, with the stops that are active there; if its speeds move the
+    gap of a closed stop, with the nearest ones that do not. Fewer than n come back only where a
+    machine allows no state with its other stops open near the start.
 
     Args:
         n: how many.
         seed: of the random numbers.
     """
-    units = units_of(mechanism)  # a state far off a small machine is none that an engine has to get right
+    units = units_of(
+        mechanism
+    )  # a state far off a small machine is none that an engine has to get right
     equations = Equations(units.mechanism(mechanism))
     sets = _subsets([stop.name for stop in mechanism.stops if stop.closed])
     random = np.random.default_rng(seed)
@@ -46,7 +48,9 @@ def random_states(mechanism: Mechanism, n: int = 24, seed: int = 20) -> tuple[St
 
 
 def _subsets(names: list[str]) -> list[tuple[str, ...]]:
-    return list(chain.from_iterable(combinations(names, size) for size in range(len(names), -1, -1)))
+    return list(
+        chain.from_iterable(combinations(names, size) for size in range(len(names), -1, -1))
+    )
 
 
 def _start(equations: Equations) -> State:
@@ -65,7 +69,9 @@ def _rests(equations: Equations, stop: str, q: FloatArray, u: FloatArray) -> boo
     return abs(float(terms.sum())) <= _ROUNDING * max(1.0, float(np.abs(terms).sum()))
 
 
-def _state(equations: Equations, touching: tuple[str, ...], random: np.random.Generator) -> State | None:
+def _state(
+    equations: Equations, touching: tuple[str, ...], random: np.random.Generator
+) -> State | None:
     """A state in which exactly these stops are active; else one with fewer; None if there is none."""
     fallback: State | None = None
     for q, u in _draws(equations, touching, random):
@@ -83,7 +89,12 @@ def _draws(
     start = np.array(mechanism.start)
     others = [stop.name for stop in mechanism.stops if stop.name not in touching]
     for _ in range(_DRAWS):
-        q = consistent_coordinates(equations, start + random.uniform(-_SPREAD, _SPREAD, len(start)), touching)
+        q = consistent_coordinates(
+            equations, start + random.uniform(-_SPREAD, _SPREAD, len(start)), touching
+        )
         if q is None or any(float(equations.kinematics.gap(name, q)) < _OPEN for name in others):
             continue
-        yield q, consistent_speeds(equations, q, random.uniform(-SPEED, SPEED, len(start)), touching)
+        yield (
+            q,
+            consistent_speeds(equations, q, random.uniform(-SPEED, SPEED, len(start)), touching),
+        )

@@ -1,17 +1,18 @@
 r"""Error budgets: causes taken out one after the other, in an order and in its reverse, and the error split among them.
 
-Causes interact: pymunk's bias lets joints drift by an amount that falls with the step, so that taking out either takes
-out the same error. What a cause contributes then depends on what has been taken out before it. The value of Shapley
-(A value for n-person games, 1953) is the mean of that contribution over all orders; it is the only split that adds up
-to the whole and treats causes alike. Here two orders are taken, one the other's reverse: they already add up, and as
-long as causes interact in pairs they give Shapley's value exactly,
+Causes interact: pymunk's bias lets joints drift by an amount that falls with the step, so that
+taking out either takes out the same error. What a cause contributes then depends on what has been
+taken out before it. The value of Shapley (A value for n-person games, 1953) is the mean of that
+contribution over all orders; it is the only split that adds up to the whole and treats causes
+alike. Here two orders are taken, one the other's reverse: they already add up, and as long as
+causes interact in pairs they give Shapley's value exactly,
 
-    v(S) = sum_i a_i + sum_{i<j} b_ij:  in order  a_i + sum_{j before i} b_ij,  in reverse  a_i + sum_{j after i} b_ij,
-    their mean  a_i + 1/2 sum_j b_ij.
+    v(S) = sum_i a_i + sum_{i<j} b_ij:  in order  a_i + sum_{j before i} b_ij,  in reverse  a_i +
+    sum_{j after i} b_ij, their mean  a_i + 1/2 sum_j b_ij.
 
-Where some causes can only be taken out after others, the orders are those that keep to it (Faigle and Kern, The
-Shapley value for cooperative games under precedence constraints, 1992). Half the difference of the two orders is
-shown with each share: the part of it that is a matter of order.
+Where some causes can only be taken out after others, the orders are those that keep to it (Faigle
+and Kern, The Shapley value for cooperative games under precedence constraints, 1992). Half the
+difference of the two orders is shown with each share: the part of it that is a matter of order.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ class VariantFailedError(Exception):
 def budget(trials: Trials, engine: Engine) -> Budget:
     """Split an engine's error on one machine among its causes.
 
-    Each removal is a run. A cause whose run fails is left out and says so: its part stays unexplained.
+    Each removal is a run. A cause whose run fails is left out and says so: its part stays
+    unexplained.
     """
     base = varied(trials, engine, [])
     empty = Budget(
@@ -73,7 +75,11 @@ def _measurement(cause: Cause, engine: Engine, failure: str | None) -> Measureme
     settings = engine.settings
     ways = [way.described(settings) for way in (cause.removal, cause.scaling) if way is not None]
     return Measurement(
-        name=cause.name, explanation=cause.explanation, done="; or ".join(ways), after=cause.after, message=failure
+        name=cause.name,
+        explanation=cause.explanation,
+        done="; or ".join(ways),
+        after=cause.after,
+        message=failure,
     )
 
 
@@ -123,7 +129,8 @@ class _Study:
     def _along(self, order: Sequence[Cause]) -> list[Deviation]:
         deviations = [self.base]
         for n, cause in enumerate(order, start=1):
-            # Merged in the table's order whatever the order of removal: the same causes are the same run.
+            # Merged in the table's order whatever the order of removal: the same causes are the
+            # same run.
             deviations.append(self._deviation(self._removals(order[:n]), cause.name))
         return deviations
 
@@ -147,7 +154,10 @@ class _Study:
         for cause in causes:
             assert cause.scaling is not None
             try:
-                deviations[cause.name] = self._deviation([cause.scaling], cause.name), cause.scaling.leaves
+                deviations[cause.name] = (
+                    self._deviation([cause.scaling], cause.name),
+                    cause.scaling.leaves,
+                )
             except VariantFailedError as failure:
                 if cause.removal is None:  # with a removal, this is the second measure only
                     self.failed[cause.name] = str(failure)
@@ -158,35 +168,49 @@ class _Study:
     ) -> tuple[Quantity, ...]:
         """The budget of every quantity that all these runs tell."""
         ideal = chains[0].deviations[-1]
-        runs = [*chains[0].deviations, *chains[1].deviations, *(deviation for deviation, _ in alone.values())]
+        runs = [
+            *chains[0].deviations,
+            *chains[1].deviations,
+            *(deviation for deviation, _ in alone.values()),
+        ]
         near = self._last_bits([], (1, -1)), self._last_bits(self._removals(chains[0].causes), (1,))
         quantities: list[Quantity] = []
         for name, whole in observed(self.base).items():
             if not all(name in observed(run) for run in runs):
                 continue
-            parts = {cause.name: self._part(cause, name, chains, alone) for cause in chains[0].causes}
+            parts = {
+                cause.name: self._part(cause, name, chains, alone) for cause in chains[0].causes
+            }
             for cause in alone.keys() - parts.keys():
                 only = self._extrapolated(name, *alone[cause])
                 parts[cause] = Measured.of(only, only)
             noise = _noise(name, whole, self.base, near[0])
-            # What is left is the ideal run, extrapolated with the base where a removal leaves a known part.
+            # What is left is the ideal run, extrapolated with the base where a removal leaves a
+            # known part.
             weight = 1.0 + sum(_extrapolation(cause) for cause in chains[0].causes)
             left = math.hypot(weight * _noise(name, whole, ideal, near[1]), (weight - 1.0) * noise)
             quantities.append(split(name, whole, parts, noise, left))
         return tuple(quantities)
 
     def _part(
-        self, cause: Cause, quantity: str, chains: tuple[_Chain, _Chain], alone: dict[str, tuple[Deviation, float]]
+        self,
+        cause: Cause,
+        quantity: str,
+        chains: tuple[_Chain, _Chain],
+        alone: dict[str, tuple[Deviation, float]],
     ) -> Measured:
         first, second = (chain.part(cause.name, quantity) for chain in chains)
         if cause.name not in alone:
             return Measured.of(first, second)
-        # Shares of removals add up: scaling, an independent measure, is shown beside them and makes the band.
+        # Shares of removals add up: scaling, an independent measure, is shown beside them and makes
+        # the band.
         mean = (first + second) / 2
         return Measured(mean, mean, self._extrapolated(quantity, *alone[cause.name]))
 
     def _extrapolated(self, quantity: str, larger: Deviation, factor: float) -> FloatArray:
-        return (observed(larger)[quantity].values - observed(self.base)[quantity].values) / (factor - 1.0)
+        return (observed(larger)[quantity].values - observed(self.base)[quantity].values) / (
+            factor - 1.0
+        )
 
     def _last_bits(self, done: Sequence[Intervention], signs: Sequence[int]) -> list[Deviation]:
         deviations: list[Deviation] = []
@@ -200,7 +224,9 @@ class _Study:
 
 def _noise(quantity: str, whole: Observed, run: Deviation, near: Sequence[Deviation]) -> float:
     nearby = [observed(deviation) for deviation in near]
-    return noise_between(observed(run)[quantity].values, [t[quantity].values for t in nearby if quantity in t], whole)
+    return noise_between(
+        observed(run)[quantity].values, [t[quantity].values for t in nearby if quantity in t], whole
+    )
 
 
 def _extrapolation(cause: Cause) -> float:
@@ -246,13 +272,19 @@ def observed(deviation: Deviation) -> dict[str, Observed]:
     quantities = {"position": Observed("m", position, components=2)}
     for stop, torque in deviation.torques.items():
         unit = deviation.force_units.get(stop, "N m")
-        quantities[f"{stop} {'torque' if unit == 'N m' else 'force'}"] = Observed(unit, np.array(torque))
+        quantities[f"{stop} {'torque' if unit == 'N m' else 'force'}"] = Observed(
+            unit, np.array(torque)
+        )
     quantities["energy"] = Observed("J", np.array(deviation.energy))
     for stop, time in deviation.release_times.items():
         quantities[f"{stop} release"] = Observed("s", _single(time))
     quantities["launch time"] = Observed("s", _single(deviation.launch_time))
     quantities["launch speed"] = Observed("m/s", _single(deviation.launch_speed))
-    return {name: quantity for name, quantity in quantities.items() if np.isfinite(quantity.values).all()}
+    return {
+        name: quantity
+        for name, quantity in quantities.items()
+        if np.isfinite(quantity.values).all()
+    }
 
 
 def _single(value: float | None) -> FloatArray:
@@ -272,7 +304,9 @@ def _ordered(causes: Sequence[Cause]) -> tuple[Cause, ...]:
     left, done = list(causes), list[Cause]()
     while left:
         gone = {cause.name for cause in done}
-        ready = next((c for c in left if all(a in gone or a not in names for a in c.after)), left[0])
+        ready = next(
+            (c for c in left if all(a in gone or a not in names for a in c.after)), left[0]
+        )
         done.append(ready)
         left.remove(ready)
     return tuple(done)
@@ -292,8 +326,8 @@ def split(
         whole: the run's error.
         parts: contributions by cause.
         noise: roundoff in the run, root mean square in the quantity's unit.
-        noise_left: roundoff in the run with every cause taken out. It is random: it enters the rest's size, not
-            the rest as a function, and is taken from it in quadrature.
+        noise_left: roundoff in the run with every cause taken out. It is random: it enters the
+            rest's size, not the rest as a function, and is taken from it in quadrature.
     """
     e = whole.values
     rest = e - np.sum([part.share for part in parts.values()], axis=0) if parts else e

@@ -10,11 +10,33 @@ from itertools import chain
 import numpy as np
 
 from ..report import document as doc
-from ..report.document import Block, Cell, Column, Document, Heading, Medium, Note, Row, Table, Text, row, table
+from ..report.document import (
+    Block,
+    Cell,
+    Column,
+    Document,
+    Heading,
+    Medium,
+    Note,
+    Row,
+    Table,
+    Text,
+    row,
+    table,
+)
 from ..report.numbers import format_number, format_percent
 from ..report.plots import Axis, Label, Panels, Plot, Series, Style
 from ..report.sections import compared_time, provenance
-from .results import Budget, Explanation, Figures, Machine, Measurement, Quantity, Share, StockAgainstTuned
+from .results import (
+    Budget,
+    Explanation,
+    Figures,
+    Machine,
+    Measurement,
+    Quantity,
+    Share,
+    StockAgainstTuned,
+)
 
 _FEW = 1e-3  # shares below this are left out in the terminal; the page's tables have them all
 _FIELDS = ("position", "torque", "release", "wall_time")
@@ -53,13 +75,25 @@ def document(explanation: Explanation) -> Document:
         Text(verdict(explanation), "strong", medium="page"),
         doc.Fold("How to read it", (Note(_INTRODUCTION), Note(_HOW_TO_READ))),
     ]
-    blocks += [Text(message, "bad", lead=f"{model}:") for model, message in explanation.failures.items()]
+    blocks += [
+        Text(message, "bad", lead=f"{model}:") for model, message in explanation.failures.items()
+    ]
     for machine in explanation.machines:
         blocks += _chapter(explanation, machine)
-    runs = ((budget.model, budget.label, budget.engine_version, budget.settings) for budget in explanation.budgets)
-    blocks += provenance(explanation, runs, [(machine.model, machine.mechanism) for machine in explanation.machines])
+    runs = (
+        (budget.model, budget.label, budget.engine_version, budget.settings)
+        for budget in explanation.budgets
+    )
+    blocks += provenance(
+        explanation, runs, [(machine.model, machine.mechanism) for machine in explanation.machines]
+    )
     blocks.append(Text(verdict(explanation), medium="terminal"))
-    return Document("Where the errors come from", tuple(blocks), "trebucheck explain", verdict=verdict(explanation))
+    return Document(
+        "Where the errors come from",
+        tuple(blocks),
+        "trebucheck explain",
+        verdict=verdict(explanation),
+    )
 
 
 def verdict(explanation: Explanation) -> str:
@@ -81,7 +115,9 @@ def verdict(explanation: Explanation) -> str:
 def main_quantities(budget: Budget) -> list[Quantity]:
     """Position and stop torques: functions of time in which an error can be seen to grow."""
     return [
-        q for q in budget.quantities if q.rms > 0 and (q.name == "position" or q.name.endswith((" torque", " force")))
+        q
+        for q in budget.quantities
+        if q.rms > 0 and (q.name == "position" or q.name.endswith((" torque", " force")))
     ]
 
 
@@ -91,7 +127,9 @@ def _explained(quantity: Quantity) -> str:
 
 
 def _downwards(fraction: float) -> str:
-    return "over 99.9 %" if fraction > 0.999 else f"{math.floor(1000 * max(0.0, fraction)) / 10:.1f} %"
+    return (
+        "over 99.9 %" if fraction > 0.999 else f"{math.floor(1000 * max(0.0, fraction)) / 10:.1f} %"
+    )
 
 
 def _chapter(explanation: Explanation, machine: Machine) -> Iterator[Block]:
@@ -110,19 +148,32 @@ def _chapter(explanation: Explanation, machine: Machine) -> Iterator[Block]:
 def _summary(machine: Machine, budgets: Iterable[Budget]) -> Table:
     """The budgets in short, for the terminal."""
     rows = [
-        ("" if i else budget.label, q.name, f"{format_number(q.rms)} {q.unit}", _explained(q), _leading_causes(q))
+        (
+            "" if i else budget.label,
+            q.name,
+            f"{format_number(q.rms)} {q.unit}",
+            _explained(q),
+            _leading_causes(q),
+        )
         for budget in budgets
         for i, q in enumerate(main_quantities(budget))
     ]
     caption = f"{machine.model}: where the errors come from"
-    heads = doc.ranked(doc.columns("engine | error of | rms | explained | causes"), error_of=0, explained=2, causes=0)
+    heads = doc.ranked(
+        doc.columns("engine | error of | rms | explained | causes"),
+        error_of=0,
+        explained=2,
+        causes=0,
+    )
     return table(heads, rows, caption, "terminal")
 
 
 def _leading_causes(quantity: Quantity) -> str:
     """Shares worth a word, the largest first."""
     shares = ((share.fraction or 0.0, share.cause) for share in quantity.shares)
-    leading = sorted((share for share in shares if abs(share[0]) >= _FEW), key=lambda share: -abs(share[0]))
+    leading = sorted(
+        (share for share in shares if abs(share[0]) >= _FEW), key=lambda share: -abs(share[0])
+    )
     return ", ".join(f"{cause} {format_percent(fraction)}" for fraction, cause in leading)
 
 
@@ -133,7 +184,9 @@ def _failures(machine: Machine, budgets: Iterable[Budget]) -> Iterator[Text]:
             yield Text(budget.message, "warning", lead=f"{name}:")
         for cause in budget.causes:
             if cause.message:
-                yield Text(f"not measured: {cause.message}", "warning", lead=f"{name}, {cause.name}:")
+                yield Text(
+                    f"not measured: {cause.message}", "warning", lead=f"{name}, {cause.name}:"
+                )
 
 
 def _budget(budget: Budget) -> Iterator[Block]:
@@ -177,12 +230,19 @@ def _bars(quantity: Quantity) -> Plot:
     shares = [*quantity.shares, quantity.rest]
     values = np.array([100.0 * (share.fraction or 0.0) for share in shares])
     # Whiskers narrower than a bar's edge say nothing.
-    bands = [band if band >= 1.0 else 0.0 for band in (100.0 * share.interaction / quantity.rms for share in shares)]
+    bands = [
+        band if band >= 1.0 else 0.0
+        for band in (100.0 * share.interaction / quantity.rms for share in shares)
+    ]
     rows = np.arange(len(shares), dtype=float)
     spread = values - bands, values + bands
-    # Texts stand to the right of bar and whisker, also of a negative one: to its left are the causes' names.
+    # Texts stand to the right of bar and whisker, also of a negative one: to its left are the
+    # causes' names.
     ends = np.maximum(values, 0.0) + bands
-    texts = (Label(end, n, _text(s, quantity), beside=True) for n, end, s in zip(rows, ends, shares, strict=True))
+    texts = (
+        Label(end, n, _text(s, quantity), beside=True)
+        for n, end, s in zip(rows, ends, shares, strict=True)
+    )
     return Plot(
         Axis("share of the error", "%"),
         Axis("", categories=tuple(share.cause for share in shares)),
@@ -212,11 +272,15 @@ def _measurements(budget: Budget, quantities: Sequence[Quantity]) -> Table:
         if cause.name != "roundoff" and not cause.message
     ]
     text = "what is left of the error when all shares are taken off"
-    rest = (("", "", format_percent(q.rest.fraction), format_number(q.rest_rms)) for q in quantities)
+    rest = (
+        ("", "", format_percent(q.rest.fraction), format_number(q.rest_rms)) for q in quantities
+    )
     rows.append(row(Cell("unexplained", "strong"), text, *chain.from_iterable(rest)))
     for cause in (cause for cause in budget.causes if cause.name == "roundoff"):
         text = f"{cause.explanation}.\n{cause.done}; in the run, and in what is left"
-        noise = (("", "", format_number(q.roundoff), format_number(q.roundoff_left)) for q in quantities)
+        noise = (
+            ("", "", format_number(q.roundoff), format_number(q.roundoff_left)) for q in quantities
+        )
         rows.append(row(cause.name, text, *chain.from_iterable(noise)))
     return table(heads, rows, "Shares of the error, and how they were measured")
 
@@ -227,7 +291,9 @@ def _done(cause: Measurement) -> str:
 
 
 def _measured(cause: Measurement, quantities: Iterable[Quantity]) -> Iterator[str]:
-    for share in (share for quantity in quantities for share in quantity.shares if share.cause == cause.name):
+    for share in (
+        share for quantity in quantities for share in quantity.shares if share.cause == cause.name
+    ):
         yield from map(format_percent, (share.first, share.second, share.fraction))
         yield format_number(share.rms)
 
@@ -237,19 +303,29 @@ def _other_shares(quantities: Sequence[Quantity]) -> Table:
     heads = [f"{q.name}: {format_number(q.rms)} {q.unit}" for q in quantities]
     all_shares = [(*quantity.shares, quantity.rest) for quantity in quantities]
     causes = [*(share.cause for share in quantities[0].shares), "unexplained"]
-    rows = [(cause, *(format_percent(shares[i].fraction) for shares in all_shares)) for i, cause in enumerate(causes)]
+    rows = [
+        (cause, *(format_percent(shares[i].fraction) for shares in all_shares))
+        for i, cause in enumerate(causes)
+    ]
     return table(["share of the error in", *heads], rows, "Other quantities")
 
 
 def _changes(comparison: StockAgainstTuned) -> Table:
     """The presets and each option's change; the page has values with their factors, the terminal one of the two."""
     force = "force [N]" if comparison.force_unit == "N" else f"torque [{comparison.force_unit}]"
-    titles = {"position": "position [m]", "torque": force, "release": "release [s]", "wall_time": "wall [s]"}
+    titles = {
+        "position": "position [m]",
+        "torque": force,
+        "release": "release [s]",
+        "wall_time": "wall [s]",
+    }
     fields = _observed_fields(comparison)
     heads = doc.columns(" | ".join(["setting", *(titles[field] for field in fields)]))
     media: tuple[Medium, ...] = ("page", "terminal")
     both = [replace(head, medium=medium, wrap=False) for head in heads for medium in media]
-    caption = f"{comparison.model}, {comparison.engine}{_at(comparison.timestep)}: what each option buys"
+    caption = (
+        f"{comparison.model}, {comparison.engine}{_at(comparison.timestep)}: what each option buys"
+    )
     return table(both, _change_rows(comparison, fields), f"{caption} (÷ smaller, × larger)")
 
 
@@ -258,22 +334,34 @@ def _observed_fields(comparison: StockAgainstTuned) -> list[str]:
     settings = [comparison.stock, comparison.tuned]
     settings += [each for change in comparison.changes for each in (change.alone, change.back)]
     ran = [figures for figures in settings if figures.message is None]
-    return [field for field in _FIELDS if not ran or any(getattr(figures, field) is not None for figures in ran)]
+    return [
+        field
+        for field in _FIELDS
+        if not ran or any(getattr(figures, field) is not None for figures in ran)
+    ]
 
 
 def _change_rows(comparison: StockAgainstTuned, fields: Sequence[str]) -> Iterator[Row]:
     stock, tuned = comparison.stock, comparison.tuned
     yield row(Cell("stock", "strong"), "stock", *_values(fields, stock, stock, preset=True))
     for change in comparison.changes:
-        labels = f"stock, {change.option} = {_option_value(change.tuned)}", f"  {change.option} as tuned"
+        labels = (
+            f"stock, {change.option} = {_option_value(change.tuned)}",
+            f"  {change.option} as tuned",
+        )
         yield row(*labels, *_values(fields, change.alone, stock))
     yield row(Cell("tuned", "strong"), "tuned", *_values(fields, tuned, stock, preset=True))
     for change in comparison.changes:
-        labels = f"tuned, {change.option} = {_option_value(change.stock)}", f"  {change.option} as stock"
+        labels = (
+            f"tuned, {change.option} = {_option_value(change.stock)}",
+            f"  {change.option} as stock",
+        )
         yield row(*labels, *_values(fields, change.back, tuned))
 
 
-def _values(fields: Sequence[str], figures: Figures, against: Figures, *, preset: bool = False) -> Iterator[Cell]:
+def _values(
+    fields: Sequence[str], figures: Figures, against: Figures, *, preset: bool = False
+) -> Iterator[Cell]:
     """For page and terminal in turn."""
     if figures.message:
         yield Cell("failed", "warning", detail=figures.message)
@@ -294,7 +382,9 @@ def _factor(before: float | None, after: float | None) -> str:
 
 
 def _two_digits(value: float) -> str:
-    return f"{value:.2g}" if value < 100 else (f"{value:.0f}" if value < 1e4 else format_number(value))
+    return (
+        f"{value:.2g}" if value < 100 else (f"{value:.0f}" if value < 1e4 else format_number(value))
+    )
 
 
 def _option_value(value: object) -> str:

@@ -21,12 +21,16 @@ class Share(Spec):
     """What one cause contributes to one quantity's error."""
 
     cause: str
-    fraction: _Fraction = Field(description="signed, of the whole error: its projection on it; None if there is none")
+    fraction: _Fraction = Field(
+        description="signed, of the whole error: its projection on it; None if there is none"
+    )
     first: _Fraction = Field(description="the same, causes taken out in the order of the table")
     second: _Fraction = Field(description="the same in the reverse order, or by scaling")
     rms: Real = Field(description="over time, in the quantity's unit")
     largest: Real = Field(description="at any time, in the quantity's unit")
-    interaction: Real = Field(description="rms of half the difference between first and second, in the same unit")
+    interaction: Real = Field(
+        description="rms of half the difference between first and second, in the same unit"
+    )
 
 
 class Quantity(Spec):
@@ -40,9 +44,13 @@ class Quantity(Spec):
     rest: Share = Field(description="what no cause accounts for")
     rest_rms: Real
     rest_largest: Real
-    roundoff: Real = Field(description="random part of the run, rms, from runs that differ in their last bits")
+    roundoff: Real = Field(
+        description="random part of the run, rms, from runs that differ in their last bits"
+    )
     roundoff_left: Real = Field(description="random part of what is left, rms")
-    explained: _Fraction = Field(description="1 - rms of the rest, its random part taken off, over rms of the error")
+    explained: _Fraction = Field(
+        description="1 - rms of the rest, its random part taken off, over rms of the error"
+    )
 
 
 class Measurement(Spec):
@@ -52,7 +60,9 @@ class Measurement(Spec):
     explanation: str
     done: str = Field(description="what was done to the run")
     after: tuple[str, ...] = Field(default=(), description="causes that had to be taken out before")
-    message: str | None = Field(default=None, description="why it could not be measured; it then counts as unexplained")
+    message: str | None = Field(
+        default=None, description="why it could not be measured; it then counts as unexplained"
+    )
 
 
 class Budget(Spec):
@@ -64,7 +74,9 @@ class Budget(Spec):
     preset: str
     settings: dict[str, JsonValue]
     message: str | None = Field(default=None, description="why there is none")
-    point: str | None = Field(default=None, description="whose position is split: that with the largest error")
+    point: str | None = Field(
+        default=None, description="whose position is split: that with the largest error"
+    )
     causes: tuple[Measurement, ...] = ()
     quantities: tuple[Quantity, ...] = ()
 
@@ -83,7 +95,9 @@ class Figures(Spec):
 
     message: str | None = Field(default=None, description="why it failed")
     position: Real | None = Field(default=None, description="largest distance of any marker [m]")
-    torque: Real | None = Field(default=None, description="largest error of any stop's torque [N m, N]")
+    torque: Real | None = Field(
+        default=None, description="largest error of any stop's torque [N m, N]"
+    )
     release: Real | None = Field(default=None, description="largest error of a release time [s]")
     wall_time: Real | None = Field(default=None, description="median, warm [s]")
 
@@ -119,8 +133,12 @@ class Machine(Spec):
     launch_time: Annotated[Real, Field(gt=0)] | None = Field(
         description="of the reference [s]; None: it does not launch within what is compared"
     )
-    compared_to: Real | None = Field(default=None, description="end of the compared motion [s]; None: the launch")
-    judged_to: Real | None = Field(default=None, description="that, or the predictability horizon if earlier [s]")
+    compared_to: Real | None = Field(
+        default=None, description="end of the compared motion [s]; None: the launch"
+    )
+    judged_to: Real | None = Field(
+        default=None, description="that, or the predictability horizon if earlier [s]"
+    )
 
 
 class Explanation(Reported, ResultFile):
@@ -130,7 +148,9 @@ class Explanation(Reported, ResultFile):
 
     format: Literal["trebucheck-explain-1"] = FORMAT
     machines: tuple[Machine, ...]
-    failures: dict[str, str] = Field(default_factory=dict, description="machines whose reference failed, and why")
+    failures: dict[str, str] = Field(
+        default_factory=dict, description="machines whose reference failed, and why"
+    )
     budgets: tuple[Budget, ...]
     comparisons: tuple[StockAgainstTuned, ...]
 
@@ -145,4 +165,9 @@ class Explanation(Reported, ResultFile):
             head = {"model": budget.model, "engine": budget.engine, "preset": budget.preset}
             for quantity in budget.quantities:
                 for share in (*quantity.shares, quantity.rest):
-                    yield {**head, "quantity": quantity.name, "unit": quantity.unit, **share.model_dump()}
+                    yield {
+                        **head,
+                        "quantity": quantity.name,
+                        "unit": quantity.unit,
+                        **share.model_dump(),
+                    }

@@ -24,12 +24,13 @@ def explain(study: Study) -> Explanation:
     """Measure all budgets.
 
     Args:
-        study: mechanisms, engines (all known ones but the reference if None), presets for which a budget is made, how
-            engines are run, and the end of the compared motion.
+        study: mechanisms, engines (all known ones but the reference if None), presets for which a
+            budget is made, how engines are run, and the end of the compared motion.
 
     Raises:
-        InputError: a name or a value is not valid, or the end does not come. A run that fails raises nothing: it
-            becomes a budget without shares, or a cause that could not be measured.
+        InputError: a name or a value is not valid, or the end does not come. A run that fails
+            raises nothing: it becomes a budget without shares, or a cause that could not be
+            measured.
     """
     for preset in study.presets:
         if preset not in PRESETS:
@@ -38,14 +39,22 @@ def explain(study: Study) -> Explanation:
     names = study.measured_engines if study.engines is None else study.every_engine
     engines = {name: {preset: study.engine(name, preset) for preset in PRESETS} for name in names}
     # A part a preset, and one for the presets side by side.
-    count = Counter(len(study.mechanisms) * len(engines) * (len(list(study.presets)) + 1), study.progress)
+    count = Counter(
+        len(study.mechanisms) * len(engines) * (len(list(study.presets)) + 1), study.progress
+    )
     with study.worker() as worker:
         moved, failures = trials_of(study, worker)
 
         def part(trials: Trials, name: str, preset: str | None) -> Budget | StockAgainstTuned:
             made = engines[name]
-            count.start(f"{trials.mechanism.name}: {name}{f' {preset}' if preset else ', option by option'}")
-            return budget(trials, made[preset]) if preset else stock_against_tuned(trials, made["stock"], made["tuned"])
+            count.start(
+                f"{trials.mechanism.name}: {name}{f' {preset}' if preset else ', option by option'}"
+            )
+            return (
+                budget(trials, made[preset])
+                if preset
+                else stock_against_tuned(trials, made["stock"], made["tuned"])
+            )
 
         wanted = list(product(moved, engines, (*study.presets, None)))
         parts = all_in_order(lambda each: part(*each), wanted, study.jobs)

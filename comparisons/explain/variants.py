@@ -58,7 +58,10 @@ class Reread:
     @property
     def settings(self) -> dict[str, JsonValue]:
         """The engine's options and how it is read: what a trial is remembered by."""
-        ways: dict[str, JsonValue] = {"own_kinematics": self.own_kinematics, "filtered_torques": self.filtered_torques}
+        ways: dict[str, JsonValue] = {
+            "own_kinematics": self.own_kinematics,
+            "filtered_torques": self.filtered_torques,
+        }
         return {**self.engine.settings, **ways}
 
     def simulate(self, problem: Problem) -> Trajectory:
@@ -76,7 +79,8 @@ def by_kinematics(trajectory: Trajectory) -> Trajectory:
     return dataclasses.replace(
         trajectory,
         markers={
-            name: PointMotion(kinematics.position(row, q), kinematics.velocity(row, q, u)) for name, row in rows.items()
+            name: PointMotion(kinematics.position(row, q), kinematics.velocity(row, q, u))
+            for name, row in rows.items()
         },
         kinetic_energy=kinematics.kinetic_energy(q, u),
         potential_energy=kinematics.potential_energy(q),
@@ -86,9 +90,9 @@ def by_kinematics(trajectory: Trajectory) -> Trajectory:
 def with_filtered_torques(trajectory: Trajectory) -> Trajectory:
     """The same motion, its torques rid of what alternates from sample to sample.
 
-    By the filter of fourth order of Shapiro (Smoothing, filtering, and boundary effects, 1970), (-1, 4, 10, 4, -1)/16,
-    which leaves every cubic as it is. Samples stay as they are where the five are not equally spaced, or a stop
-    releases among them.
+    By the filter of fourth order of Shapiro (Smoothing, filtering, and boundary effects, 1970),
+    (-1, 4, 10, 4, -1)/16, which leaves every cubic as it is. Samples stay as they are where the
+    five are not equally spaced, or a stop releases among them.
     """
     t = trajectory.t
     if len(t) < len(_SHAPIRO):
@@ -114,7 +118,8 @@ def varied(trials: Trials, base: Engine, done: Sequence[Intervention], last_bits
         trials: of one machine.
         base: the run that is explained.
         done: interventions.
-        last_bits: +1 or -1 changes gravity, or without it the start speeds, by as many :data:`LAST_BITS`.
+        last_bits: +1 or -1 changes gravity, or without it the start speeds, by as many
+            :data:`LAST_BITS`.
 
     Raises:
         InputError: an option of an intervention is not valid.

@@ -65,17 +65,21 @@ def converge(
         >>> studies.plot("fixed-errors")  # doctest: +SKIP
 
     Args:
-        models: names of machines or of the library's problems, mechanisms of your own, or problems; one or several.
+        models: names of machines or of the library's problems, mechanisms of your own, or problems;
+        one or several.
         engines: names; all known ones if left out.
         knobs: names of the parameters to be swept, such as 'timestep'; all if left out.
         options: over each preset's, of every engine that has them, or of one, as 'mujoco.solref'.
         how: runs are made; see :class:`How`.
 
     Raises:
-        InputError: a name or value is not valid, or there is nothing to do. A failed run is a failed point.
+        InputError: a name or value is not valid, or there is nothing to do. A failed run is a
+            failed point.
     """
     chosen = None if knobs is None else tuple(knobs)
-    return convergence.converge(Study(_several(models), engines, options=options or {}, **how), chosen)
+    return convergence.converge(
+        Study(_several(models), engines, options=options or {}, **how), chosen
+    )
 
 
 def explain(
@@ -93,7 +97,8 @@ def explain(
         >>> budget.to_dataframe()[["cause", "fraction"]]  # doctest: +SKIP
 
     Args:
-        models: names of machines or of the library's problems, mechanisms of your own, or problems; one or several.
+        models: names of machines or of the library's problems, mechanisms of your own, or problems;
+        one or several.
         engines: names; all known ones if left out.
         presets: for which a budget is made: 'tuned', 'stock', or both.
         timestep: of every engine [s]; each preset's own if left out.
@@ -123,20 +128,28 @@ def recommend(
         >>> print(advice.engine("mujoco").snippets["trebucheck in Python"])  # doctest: +SKIP
 
     Args:
-        model: name of a machine or of a problem of the library, a mechanism of your own, or a problem.
+        model: name of a machine or of a problem of the library, a mechanism of your own, or a
+        problem.
         engines: names; all known ones if left out.
         position: largest distance of any marker from the reference that is allowed [m].
-        torque: largest error of any stop's torque [N m, or N on points], or a share of the largest: '0.1%'.
+        torque: largest error of any stop's torque [N m, or N on points], or a share of the largest:
+        '0.1%'.
         release: largest error of any stop's release [s].
-        neighbours: machines of the same kind that the settings must hold on, too; 0: only the machine itself.
+        neighbours: machines of the same kind that the settings must hold on, too; 0: only the
+        machine itself.
         how: runs are made; see :class:`How`.
 
     Raises:
-        InputError: nothing is asked, or a name or value is not valid. A run that fails raises nothing.
+        InputError: nothing is asked, or a name or value is not valid. A run that fails raises
+            nothing.
     """
     if position is None and torque is None and release is None:
         raise InputError("nothing is asked; give at least one of position, torque and release.")
-    torques = {} if torque is None else read_torque(torque if isinstance(torque, str) else repr(float(torque)))
+    torques = (
+        {}
+        if torque is None
+        else read_torque(torque if isinstance(torque, str) else repr(float(torque)))
+    )
     return advice.recommend(Study([model], engines, **how), Asked(position=position, release=release, **torques),
                             neighbours)  # fmt: skip
 
@@ -158,7 +171,8 @@ def certify(
         ('2.74281775577146', '4.0e-13')
 
     Args:
-        model: name of a machine or of a problem of the library, a mechanism of your own, or a problem.
+        model: name of a machine or of a problem of the library, a mechanism of your own, or a
+        problem.
         parameters: of the paper's machines ('fixed' and 'rolling'); Table I if left out.
         duration: of the certified motion [s]; a problem's own, else up to the launch, if left out.
         stop_law: a problem's own, else 'release-once', if left out.
@@ -171,10 +185,22 @@ def certify(
     """
     study = Study([model], [], parameters=parameters, stop_law=stop_law)
     (mechanism,) = study.mechanisms
-    problem = model if isinstance(model, Problem) else library_problem(model) if isinstance(model, str) else None
+    problem = (
+        model
+        if isinstance(model, Problem)
+        else library_problem(model)
+        if isinstance(model, str)
+        else None
+    )
     end = problem.duration if problem is not None and duration is None else duration
     with Worker(timeout) as worker:
-        make = partial(certification.certify, mechanism, parameters, duration=end, stop_law=study.law_of(mechanism))
+        make = partial(
+            certification.certify,
+            mechanism,
+            parameters,
+            duration=end,
+            stop_law=study.law_of(mechanism),
+        )
         return make(progress=progress, call=worker.compute)
 
 

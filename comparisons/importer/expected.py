@@ -28,9 +28,9 @@ _ROUNDED = 1e-9  # [s] by which a sample may miss an event
 def with_joint_values(model: ZooModel, dataset: xr.Dataset) -> xr.Dataset:
     """A certified motion of a model's mechanism with what an importer is held to.
 
-    Adds positions and speeds of the joints with their uncertainties, the generalized forces of limits and contacts on
-    them (`constraint_force`), ranges, the total mass, and of three states mass matrix and accelerations. States of a
-    mechanism with loops are at rest.
+    Adds positions and speeds of the joints with their uncertainties, the generalized forces of
+    limits and contacts on them (`constraint_force`), ranges, the total mass, and of three states
+    mass matrix and accelerations. States of a mechanism with loops are at rest.
     """
     weights, equations = model.weights, Equations(model.mechanism)
     inverse = np.asarray(np.linalg.inv(weights), dtype=np.float64)
@@ -38,22 +38,44 @@ def with_joint_values(model: ZooModel, dataset: xr.Dataset) -> xr.Dataset:
     q, u = (np.asarray(dataset[name].values, dtype=np.float64) for name in ("q", "u"))
     spread = abs(weights).T
     for name, values, bound in (
-        ("position", q @ weights.T + model.zeros, np.asarray(dataset["q_uncertainty"].values) @ spread),
+        (
+            "position",
+            q @ weights.T + model.zeros,
+            np.asarray(dataset["q_uncertainty"].values) @ spread,
+        ),
         ("velocity", u @ weights.T, np.asarray(dataset["u_uncertainty"].values) @ spread),
     ):
-        added[f"joint_{name}"] = (("time", "file_joint"), values, {"long_name": f"{name}s of the file's joints (SI)"})
+        added[f"joint_{name}"] = (
+            ("time", "file_joint"),
+            values,
+            {"long_name": f"{name}s of the file's joints (SI)"},
+        )
         added[f"joint_{name}_uncertainty"] = (
             ("time", "file_joint"),
             bound,
             {"long_name": f"bounds of the errors of {name}"},
         )
-    added["constraint_force"] = (("time", "file_joint"), _constraint_forces(equations, dataset, q) @ inverse, _FORCES)
-    low, high = np.array([model.limits.get(joint, (-math.inf, math.inf)) for joint in model.joint_names]).T
+    added["constraint_force"] = (
+        ("time", "file_joint"),
+        _constraint_forces(equations, dataset, q) @ inverse,
+        _FORCES,
+    )
+    low, high = np.array(
+        [model.limits.get(joint, (-math.inf, math.inf)) for joint in model.joint_names]
+    ).T
     added["range_low"], added["range_high"] = ("file_joint", low), ("file_joint", high)
     added["total_mass"] = ((), model.total_mass, {"units": "kg"})
     first, last = _free_interval(dataset)
-    added["free_start"] = ((), first, {"units": "s", "long_name": "from here on no limit or contact acts"})
-    added["free_end"] = ((), last, {"units": "s", "long_name": "up to here no limit or contact acts"})
+    added["free_start"] = (
+        (),
+        first,
+        {"units": "s", "long_name": "from here on no limit or contact acts"},
+    )
+    added["free_end"] = (
+        (),
+        last,
+        {"units": "s", "long_name": "up to here no limit or contact acts"},
+    )
     _add_states(added, model, equations, inverse, q, u)
     return added
 
@@ -73,7 +95,9 @@ def _constraint_forces(equations: Equations, dataset: xr.Dataset, q: FloatArray)
 def _free_interval(dataset: xr.Dataset) -> tuple[float, float]:
     """The samples between which no stop acts: after the last release, before the first impact [s]."""
     times = np.asarray(dataset["time"].values, dtype=np.float64)
-    released = np.asarray(dataset["release_time"].values) if "release_time" in dataset else np.array([])
+    released = (
+        np.asarray(dataset["release_time"].values) if "release_time" in dataset else np.array([])
+    )
     struck = np.asarray(dataset["impact_time"].values) if "impact_time" in dataset else np.array([])
     first = max([0.0, *released[np.isfinite(released)]])
     last = min([float(times[-1]), *struck])
@@ -82,16 +106,26 @@ def _free_interval(dataset: xr.Dataset) -> tuple[float, float]:
 
 
 def _add_states(
-    added: xr.Dataset, model: ZooModel, equations: Equations, inverse: FloatArray, q: FloatArray, u: FloatArray
+    added: xr.Dataset,
+    model: ZooModel,
+    equations: Equations,
+    inverse: FloatArray,
+    q: FloatArray,
+    u: FloatArray,
 ) -> None:
     times = np.asarray(added["time"].values)
     first, last = float(added["free_start"]), float(added["free_end"])
     chosen = [int(np.argmin(abs(times - (first + share * (last - first))))) for share in _SHARES]
     at, speeds = q[chosen], u[chosen] * (0.0 if model.mechanism.loop_joints else 1.0)
-    accelerations = np.array([equations.solve(a, b, ())[0] for a, b in zip(at, speeds, strict=True)])
+    accelerations = np.array(
+        [equations.solve(a, b, ())[0] for a, b in zip(at, speeds, strict=True)]
+    )
     added["state_position"] = (("state", "file_joint"), at @ model.weights.T + model.zeros)
     added["state_velocity"] = (("state", "file_joint"), speeds @ model.weights.T)
-    added["mass_matrix"] = (("state", "file_joint", "of_file_joint"), inverse.T @ equations.mass_matrix(at) @ inverse)
+    added["mass_matrix"] = (
+        ("state", "file_joint", "of_file_joint"),
+        inverse.T @ equations.mass_matrix(at) @ inverse,
+    )
     added["acceleration"] = (("state", "file_joint"), accelerations @ model.weights.T)
 
 
@@ -161,8 +195,9 @@ class Expected:
 def _rounding(model: ZooModel, joints: FloatArray) -> FloatArray:
     """What relative errors of 1 in the positions do to the joints' accelerations where loops are closed by the file.
 
-    The file closes one that is open by r with the acceleration r / T^2. Joint positions that are off by d open it by
-    |J| d, points of both its bodies, as large as the machine, by their own errors.
+    The file closes one that is open by r with the acceleration r / T^2. Joint positions that are
+    off by d open it by |J| d, points of both its bodies, as large as the machine, by their own
+    errors.
     """
     if not model.mechanism.loop_joints:
         return np.zeros_like(joints)
@@ -177,7 +212,9 @@ def _rounding(model: ZooModel, joints: FloatArray) -> FloatArray:
 
 def _free(data: xr.Dataset) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     times = np.asarray(data["time"].values)
-    return (times >= float(data["free_start"]) - _ROUNDED) & (times <= float(data["free_end"]) + _ROUNDED)
+    return (times >= float(data["free_start"]) - _ROUNDED) & (
+        times <= float(data["free_end"]) + _ROUNDED
+    )
 
 
 def _motion(data: xr.Dataset) -> Motion:

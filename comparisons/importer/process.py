@@ -76,19 +76,29 @@ class ImporterProcess:
         command = [str(self.python), worker.__file__, self.loader, str(Path.cwd())]
         try:
             self._process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
             )
         except OSError as error:
-            raise InputError(f"--python {str(self.python)[:200]!r} cannot be run: {error.strerror}.") from None
+            raise InputError(
+                f"--python {str(self.python)[:200]!r} cannot be run: {error.strerror}."
+            ) from None
         self._lines = SimpleQueue()
         Thread(target=_hand_on, args=(self._process, self._lines), daemon=True).start()
         try:
             answer = self._answer(START)
         except SimulationError as error:
-            raise InputError(f"loader {self.loader[:200]!r} cannot be started with {self.python}: {error}") from None
+            raise InputError(
+                f"loader {self.loader[:200]!r} cannot be started with {self.python}: {error}"
+            ) from None
         if "error" in answer:
             self._end()
-            raise InputError(f"loader {self.loader[:200]!r} cannot be imported: {shortened(str(answer['error']))}.")
+            raise InputError(
+                f"loader {self.loader[:200]!r} cannot be imported: {shortened(str(answer['error']))}."
+            )
 
     def _ask(self, request: Mapping[str, object]) -> Mapping[str, Any]:
         process = self._process
@@ -121,7 +131,11 @@ class ImporterProcess:
         process.stdin = None
         told = process.communicate()[1].strip().splitlines()
         code = process.returncode
-        how = f"crashed ({signal.Signals(-code).name})" if code < 0 else f"ended with exit code {code}"
+        how = (
+            f"crashed ({signal.Signals(-code).name})"
+            if code < 0
+            else f"ended with exit code {code}"
+        )
         return f"the process {how}{': ' + told[-1] if told else ''}."
 
     def _end(self) -> None:

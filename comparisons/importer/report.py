@@ -5,7 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from ..report.document import Block, Cell, Code, Document, Heading, Listing, Mark, Text, row, table, words
+from ..report.document import (
+    Block,
+    Cell,
+    Code,
+    Document,
+    Heading,
+    Listing,
+    Mark,
+    Text,
+    row,
+    table,
+    words,
+)
 from ..report.numbers import format_number
 from . import files
 from .results import QUANTITIES, Check, FileResult, ImporterResults, ModelResult, Verdict
@@ -25,9 +37,16 @@ def document(results: ImporterResults) -> Document:
     """A row a model, and below it expected and found of what is not right."""
     verdict = _verdict(results)
     heads = [words("model", wrap=False), *(words(quantity) for quantity in QUANTITIES)]
-    rows = [row(name, *(_cell(file.check(quantity)) for quantity in QUANTITIES)) for name, file in _all_files(results)]
+    rows = [
+        row(name, *(_cell(file.check(quantity)) for quantity in QUANTITIES))
+        for name, file in _all_files(results)
+    ]
     wrong = tuple(
-        Text(f"{_sized(check)}.", lead=f"{name}, {check.quantity}: {check.verdict}.", mark=_MARKS[check.verdict])
+        Text(
+            f"{_sized(check)}.",
+            lead=f"{name}, {check.quantity}: {check.verdict}.",
+            mark=_MARKS[check.verdict],
+        )
         for name, file in _all_files(results)
         for check in file.checks
         if check.verdict in (Verdict.WRONG, Verdict.FAILED, Verdict.UNDECIDED)
@@ -56,9 +75,15 @@ def overview(importers: Mapping[str, ImporterResults | None]) -> Document:
     None stands for an importer that has not been run.
     """
     counted = [words("importer", wrap=False), *(words(quantity) for quantity in QUANTITIES)]
-    counts = [row(name, *(_tally(results, quantity) for quantity in QUANTITIES)) for name, results in importers.items()]
+    counts = [
+        row(name, *(_tally(results, quantity) for quantity in QUANTITIES))
+        for name, results in importers.items()
+    ]
     heads = [words("model", wrap=False), *(words(name) for name in importers)]
-    rows = [row(model, *(whole(results, model) for results in importers.values())) for model in files.names()]
+    rows = [
+        row(model, *(whole(results, model) for results in importers.values()))
+        for model in files.names()
+    ]
     return Document("", (table(counted, counts), table(heads, rows)))
 
 
@@ -77,31 +102,49 @@ def machine_table(importers: Mapping[str, ImporterResults | None], name: str) ->
     """What several importers make of one model; None: one that has not been run."""
     cells = ((who, results, whole(results, name)) for who, results in importers.items())
     rows = [
-        row(who, versions(results) if results else "", cell, cell.hint if cell.mark in ("bad", "warning") else "")
+        row(
+            who,
+            versions(results) if results else "",
+            cell,
+            cell.hint if cell.mark in ("bad", "warning") else "",
+        )
         for who, results, cell in cells
     ]
-    return Document("", (table("importer | versions | verdict | expected and found, or its own words", rows),))
+    return Document(
+        "", (table("importer | versions | verdict | expected and found, or its own words", rows),)
+    )
 
 
 def _verdict(results: ImporterResults) -> str:
     counts = ((results.count(verdict), verdict.value) for verdict in Verdict)
-    return f"{len(results.models)} models: " + ", ".join(f"{count} {name}" for count, name in counts if count)
+    return f"{len(results.models)} models: " + ", ".join(
+        f"{count} {name}" for count, name in counts if count
+    )
 
 
 def versions(results: ImporterResults) -> str:
     """Of the importer's packages, in a line."""
-    return ", ".join(f"{name} {version}" for name, version in results.versions.items()) or results.loader
+    return (
+        ", ".join(f"{name} {version}" for name, version in results.versions.items())
+        or results.loader
+    )
 
 
 def _cell(check: Check | None) -> Cell:
-    return Cell("") if check is None else Cell(check.verdict.value, _MARKS[check.verdict], hint=check.text)
+    return (
+        Cell("")
+        if check is None
+        else Cell(check.verdict.value, _MARKS[check.verdict], hint=check.text)
+    )
 
 
 def _sized(check: Check) -> str:
     text = check.text.rstrip(".")
     if check.error is None or check.tolerance is None:
         return text
-    return f"{text} (error {format_number(check.error)}, tolerance {format_number(check.tolerance)})"
+    return (
+        f"{text} (error {format_number(check.error)}, tolerance {format_number(check.tolerance)})"
+    )
 
 
 def _all_files(results: ImporterResults) -> Iterator[tuple[str, FileResult]]:
@@ -114,12 +157,16 @@ def _all_files(results: ImporterResults) -> Iterator[tuple[str, FileResult]]:
 def _tally(results: ImporterResults | None, quantity: str) -> Cell:
     if results is None:
         return Cell("not run", "muted")
-    right, undecided = (results.count(verdict, quantity) for verdict in (Verdict.RIGHT, Verdict.UNDECIDED))
+    right, undecided = (
+        results.count(verdict, quantity) for verdict in (Verdict.RIGHT, Verdict.UNDECIDED)
+    )
     wrong = sum(results.count(verdict, quantity) for verdict in (Verdict.WRONG, Verdict.FAILED))
     if not right + wrong + undecided:
         return Cell(Verdict.NOT_OFFERED.value, "muted")
     text = f"{right} of {right + wrong + undecided}"
-    return Cell(f"{text} ({undecided} undecided)" if undecided else text, "bad" if wrong else "good")
+    return Cell(
+        f"{text} ({undecided} undecided)" if undecided else text, "bad" if wrong else "good"
+    )
 
 
 def whole(results: ImporterResults | None, name: str) -> Cell:
@@ -139,7 +186,9 @@ def _in_a_word(file: FileResult) -> Cell:
     for verdicts in ((Verdict.FAILED, Verdict.WRONG), (Verdict.UNDECIDED,)):
         for check in file.checks:
             if check.verdict in verdicts:
-                what = "refused" if check.quantity == "loads" else f"{check.quantity} {check.verdict}"
+                what = (
+                    "refused" if check.quantity == "loads" else f"{check.quantity} {check.verdict}"
+                )
                 return Cell(what, _MARKS[check.verdict], hint=check.text)
     missing = [check.quantity for check in file.checks if check.verdict == Verdict.NOT_OFFERED]
     return Cell("right" if not missing else f"right; {', '.join(missing)} not offered", "good")
@@ -159,12 +208,20 @@ def fault_reports(results: ImporterResults, title: str) -> Iterator[tuple[Block,
     for model, check, others in _faults(results):
         expected = files.expected(model.model)
         also = f" The same quantity is also wrong in: {', '.join(others)}." if others else ""
-        what = "cannot be loaded" if check.quantity == "loads" else f"{check.quantity} {check.verdict}"
+        what = (
+            "cannot be loaded" if check.quantity == "loads" else f"{check.quantity} {check.verdict}"
+        )
         yield (
             Heading(f"{model.model}: {what}", 3),
             Text(f"{_sized(check)}.{also}", lead="Expected and found:"),
-            Text("the equations of motion of the same mechanism, solved without reading the file.", lead="Truth:"),
-            Text(f"{versions(results)}; Python {results.python_version}, {results.platform}.", lead="Versions:"),
+            Text(
+                "the equations of motion of the same mechanism, solved without reading the file.",
+                lead="Truth:",
+            ),
+            Text(
+                f"{versions(results)}; Python {results.python_version}, {results.platform}.",
+                lead="Versions:",
+            ),
             Code(f"{model.model}.xml", expected.xml[:_REPEATED]),
             Code("Call", _call(check, title)),
         )
@@ -174,11 +231,14 @@ def _faults(results: ImporterResults) -> Iterator[tuple[ModelResult, Check, list
     """Each fault once: models by what is first wrong in them; where the simplest are among them, these alone."""
     groups: dict[str, list[tuple[ModelResult, Check]]] = {}
     for model in results.models:
-        first = next((c for c in model.checks if c.verdict in (Verdict.WRONG, Verdict.FAILED)), None)
+        first = next(
+            (c for c in model.checks if c.verdict in (Verdict.WRONG, Verdict.FAILED)), None
+        )
         if first is not None:
             groups.setdefault(first.quantity, []).append((model, first))
     for group in groups.values():
-        # A machine has many features: it is reported where nothing smaller shows the fault, and then only the first.
+        # A machine has many features: it is reported where nothing smaller shows the fault, and
+        # then only the first.
         found = [each for each in group if not each[0].feature.endswith(" machine")] or group[:1]
         simple = [each for each in found if each[0].model in _SIMPLEST]
         for model, check in simple[:1] or found:
@@ -197,6 +257,4 @@ def _call(check: Check, title: str) -> str:
         "ranges": "load(path).limits()",
         "start": "load(path).start()",
     }
-    return (
-        f"{calls.get(check.quantity, 'load(path).simulate(q, u, interval, count, steps)')}  # importers/{title}/load.py"
-    )
+    return f"{calls.get(check.quantity, 'load(path).simulate(q, u, interval, count, steps)')}  # importers/{title}/load.py"

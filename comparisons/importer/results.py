@@ -35,7 +35,9 @@ class Check(Spec):
 
     quantity: Quantity
     verdict: Verdict
-    error: Real | None = Field(default=None, description="in the quantity's own unit, of the worst element")
+    error: Real | None = Field(
+        default=None, description="in the quantity's own unit, of the worst element"
+    )
     tolerance: Real | None = Field(default=None, description="of that element")
     text: str = Field(default="", description="expected and found, or why there is no verdict")
 
@@ -53,7 +55,10 @@ class FileResult(Spec):
     @property
     def fault(self) -> Check | None:
         """The first quantity that is wrong, or in which the importer failed; None where there is none."""
-        return next((check for check in self.checks if check.verdict in (Verdict.WRONG, Verdict.FAILED)), None)
+        return next(
+            (check for check in self.checks if check.verdict in (Verdict.WRONG, Verdict.FAILED)),
+            None,
+        )
 
 
 class VariantResult(FileResult):
@@ -78,7 +83,9 @@ class ImporterResults(ResultFile):
     versions: dict[str, str] = Field(description="of the importer's packages, as it states them")
     integrator: str = Field(description="as the importer states it")
     precision: Literal["float64", "float32"]
-    timestep: Positive = Field(description="longest step of the coarser of the two runs of each motion [s]")
+    timestep: Positive = Field(
+        description="longest step of the coarser of the two runs of each motion [s]"
+    )
     models: tuple[ModelResult, ...]
 
     @property
@@ -89,4 +96,6 @@ class ImporterResults(ResultFile):
     def count(self, verdict: Verdict, quantity: str | None = None) -> int:
         """Of checks, of all quantities or of one."""
         checks = (check for model in self.models for check in model.checks)
-        return sum(check.verdict == verdict and quantity in (None, check.quantity) for check in checks)
+        return sum(
+            check.verdict == verdict and quantity in (None, check.quantity) for check in checks
+        )

@@ -36,18 +36,20 @@ def check_importer(
     """Check a loader of MJCF files against certified models.
 
     Args:
-        loader: `module:function`, or `path/to/file.py:function`; see docs/importers.md for what it returns.
+        loader: `module:function`, or `path/to/file.py:function`; see docs/importers.md for what it
+        returns.
         python: the Python that has the importer and NumPy.
         models: names of models of the zoo or machines; all where it is empty.
         timestep: longest step of the coarser of the two runs of each motion [s].
         timeout: longest wait for an answer [s].
         progress: told what is checked.
-        store: where models that are finished are kept, and taken from; None: nowhere. What was made with another file
-            of the loader, step or version of this package is made again; a change of the importer's own package is not
-            seen.
+        store: where models that are finished are kept, and taken from; None: nowhere. What was made
+            with another file of the loader, step or version of this package is made again; a change
+            of the importer's own package is not seen.
 
     Raises:
-        InputError: the loader cannot be imported, the Python cannot be run, or there is no such model.
+        InputError: the loader cannot be imported, the Python cannot be run, or there is no such
+            model.
     """
     chosen = [files.expected(name) for name in models or files.names()]
     kept: list[_Kept] = []
@@ -99,5 +101,10 @@ class _Checked:
     def _conditions(self, expected: Expected) -> str:
         name = self.process.loader.rpartition(":")[0]
         data = expected.whole.positions.tobytes().hex()
-        process = (self.process.loader, digest(Path(name)), str(self.process.python), self.process.timeout)
+        process = (
+            self.process.loader,
+            digest(Path(name)),
+            str(self.process.python),
+            self.process.timeout,
+        )
         return conditions("importer", *process, self.timestep, expected.xml, data)

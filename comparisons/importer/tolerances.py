@@ -22,18 +22,25 @@ TELLS_NOTHING = 1e-2
 """A tolerance above this part of how far the joints move decides nothing."""
 REFINEMENTS = 5
 """So often the step is halved again where a verdict is undecided: a method of first order is then 32 times as near."""
-_REBOUND = math.exp(-2)  # of a critically damped limit that cannot pull: it is left at twice its time constant
+_REBOUND = math.exp(
+    -2
+)  # of a critically damped limit that cannot pull: it is left at twice its time constant
 _SAFETY = 2.0
 
 
 def of_motion(
-    expected: Expected, motion: Motion, coarse: FloatArray, fine: FloatArray, steps: int, precision: str
+    expected: Expected,
+    motion: Motion,
+    coarse: FloatArray,
+    fine: FloatArray,
+    steps: int,
+    precision: str,
 ) -> FloatArray:
     """Tolerance of the finer of two runs, at half the step, shape (n,): the larger up to each time.
 
-    A scheme of order p leaves of the difference of both runs 1 / (2^p - 1), at most all of it with p = 1; twice that is
-    allowed. To it come the certified uncertainty, rounding, of each of the steps too, and what the file states of its
-    constraints' softness.
+    A scheme of order p leaves of the difference of both runs 1 / (2^p - 1), at most all of it with
+    p = 1; twice that is allowed. To it come the certified uncertainty, rounding, of each of the
+    steps too, and what the file states of its constraints' softness.
     """
     own = np.maximum.accumulate(abs(fine - coarse).max(axis=1))
     size = max(1.0, float(abs(motion.positions).max()))

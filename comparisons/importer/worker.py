@@ -1,8 +1,9 @@
 """Runs an importer in a process of its own, perhaps with another Python: JSON in on one pipe, JSON out on another.
 
-Run as a file, `python worker.py pkg.module:load [folder]`, so that beside the importer's package only NumPy is needed.
-Each request is one line, `{"call": name, "arguments": [...]}`; each answer one line, `{"value": ...}` or
-`{"error": sentence}`, with what was printed meanwhile, by compiled code too, under `printed`.
+Run as a file, `python worker.py pkg.module:load [folder]`, so that beside the importer's package
+only NumPy is needed. Each request is one line, `{"call": name, "arguments": [...]}`; each answer
+one line, `{"value": ...}` or `{"error": sentence}`, with what was printed meanwhile, by compiled
+code too, under `printed`.
 """
 
 from __future__ import annotations
@@ -57,12 +58,18 @@ class _Importer:
         """Load a file, and say what is offered of it."""
         self._loaded = None
         self._loaded = self._load(path)
-        facts = {name: getattr(self._loaded, name) for name in ATTRIBUTES if hasattr(self._loaded, name)}
-        return facts | {"offers": [name for name in METHODS if callable(getattr(self._loaded, name, None))]}
+        facts = {
+            name: getattr(self._loaded, name) for name in ATTRIBUTES if hasattr(self._loaded, name)
+        }
+        return facts | {
+            "offers": [name for name in METHODS if callable(getattr(self._loaded, name, None))]
+        }
 
     def call(self, name: str, arguments: list[Any]) -> Any:
         """Call what the importer made; lists of numbers arrive as arrays."""
-        given = [np.array(each, dtype=float) if isinstance(each, list) else each for each in arguments]
+        given = [
+            np.array(each, dtype=float) if isinstance(each, list) else each for each in arguments
+        ]
         return getattr(self._loaded, name)(*given)
 
 
@@ -91,7 +98,9 @@ def plain(value: Any) -> Any:
         return {str(name): plain(each) for name, each in value.items()}
     if isinstance(value, (str, bool, int, float, type(None))):
         return value
-    if isinstance(value, (list, tuple)) and not all(isinstance(each, (int, float)) for each in value):
+    if isinstance(value, (list, tuple)) and not all(
+        isinstance(each, (int, float)) for each in value
+    ):
         return [plain(each) for each in value]
     if isinstance(value, (set, frozenset)):
         return sorted(map(str, value))

@@ -39,7 +39,9 @@ class Kind:
         """
         if unit not in self.units:
             given = f"the unit [{unit[:30]}]" if unit else "no unit"
-            raise InputError(f"column {self.name!r} has {given}; there are: {', '.join(f'[{u}]' for u in self.units)}")
+            raise InputError(
+                f"column {self.name!r} has {given}; there are: {', '.join(f'[{u}]' for u in self.units)}"
+            )
         return self.units[unit]
 
 
@@ -51,11 +53,16 @@ def columns_of(mechanism: Mechanism) -> dict[str, Kind]:
         kinds += [Kind(f"q {name}", units), Kind(f"u {name}", _rates(units))]
     for marker in mechanism.markers:
         for axis in "xy":
-            kinds += [Kind(f"{marker.name} {axis}", _LENGTH), Kind(f"{marker.name} v{axis}", _rates(_LENGTH))]
+            kinds += [
+                Kind(f"{marker.name} {axis}", _LENGTH),
+                Kind(f"{marker.name} v{axis}", _rates(_LENGTH)),
+            ]
     for stop in mechanism.stops:
         kinds.append(Kind(f"stop {stop.name}", _TORQUE if stop.effort == "torque" else _FORCE))
     for joint in mechanism.joints:
-        kinds += [Kind(f"joint {joint.name} {axis}", _FORCE) for axis in "xy" if joint.held_directions]
+        kinds += [
+            Kind(f"joint {joint.name} {axis}", _FORCE) for axis in "xy" if joint.held_directions
+        ]
     return {kind.name: kind for kind in kinds}
 
 

@@ -37,11 +37,15 @@ def merged(impacts: Sequence[Impact]) -> tuple[tuple[float, dict[str, float]], .
     """As a trajectory has them; an impulse that is not given counts as one that pushes."""
     found: dict[float, dict[str, float]] = {}
     for impact in sorted(impacts, key=lambda impact: impact.time):
-        found.setdefault(impact.time, {})[impact.stop] = 1.0 if math.isnan(impact.impulse) else impact.impulse
+        found.setdefault(impact.time, {})[impact.stop] = (
+            1.0 if math.isnan(impact.impulse) else impact.impulse
+        )
     return tuple(found.items())
 
 
-def jumps(t: FloatArray, q: FloatArray, u: FloatArray, kinematics: Kinematics, arm: float) -> list[Impact]:
+def jumps(
+    t: FloatArray, q: FloatArray, u: FloatArray, kinematics: Kinematics, arm: float
+) -> list[Impact]:
     """Impacts that speeds show: two samples at one time, between which the speed into a stop that is met jumps up.
 
     Args:
@@ -54,14 +58,18 @@ def jumps(t: FloatArray, q: FloatArray, u: FloatArray, kinematics: Kinematics, a
     for k in np.flatnonzero(np.diff(t) == 0):
         for stop in kinematics.mechanism.stops:
             rates = u[k : k + 2] @ kinematics.gap_jacobian(stop.name, q[k])
-            met = abs(float(kinematics.gap(stop.name, q[k]))) <= _MET * (1.0 if stop.gap_unit == "rad" else arm)
+            met = abs(float(kinematics.gap(stop.name, q[k]))) <= _MET * (
+                1.0 if stop.gap_unit == "rad" else arm
+            )
             least = _JUMP * float(np.abs(rates).max())
             if met and rates[0] < -least and rates[1] > rates[0] + least:
                 found.append(Impact(stop.name, float(t[k])))
     return found
 
 
-def metrics(given: Trajectory, impacts: Sequence[Impact], solution: Solution, end: float) -> Iterator[Metric]:
+def metrics(
+    given: Trajectory, impacts: Sequence[Impact], solution: Solution, end: float
+) -> Iterator[Metric]:
     """Impulses of each stop, and the speeds beside impacts of each coordinate and of each marker: the largest errors.
 
     Args:
@@ -89,18 +97,30 @@ def _impulses(
     pairs: Sequence[tuple[str, float, float]], impacts: Sequence[Impact], solution: Solution
 ) -> Iterator[Metric]:
     given = {(impact.stop, impact.time): impact.impulse for impact in impacts}
-    expected = {(name, time): value for time, impulses in solution.impacts for name, value in impulses.items()}
+    expected = {
+        (name, time): value
+        for time, impulses in solution.impacts
+        for name, value in impulses.items()
+    }
     for stop in dict.fromkeys(name for name, _, _ in pairs):
         unit = "N m s" if solution.problem.mechanism.stop(stop).effort == "torque" else "N s"
-        errors = [given[stop, own] - expected[stop, other] for name, own, other in pairs if name == stop]
+        errors = [
+            given[stop, own] - expected[stop, other] for name, own, other in pairs if name == stop
+        ]
         if stop in solution.undetermined_stops or np.isnan(errors).any():
-            why = "it is not unique" if stop in solution.undetermined_stops else "the file does not give it"
+            why = (
+                "it is not unique"
+                if stop in solution.undetermined_stops
+                else "the file does not give it"
+            )
             yield not_observed(IMPULSE, stop, unit, why)
         else:
             yield Metric(name=IMPULSE, subject=stop, value=float(np.abs(errors).max()), unit=unit)
 
 
-def _speeds(given: Trajectory, pairs: Sequence[tuple[float, float]], solution: Solution) -> Iterator[Metric]:
+def _speeds(
+    given: Trajectory, pairs: Sequence[tuple[float, float]], solution: Solution
+) -> Iterator[Metric]:
     """Where the file has two samples at an impact: of both, from the reference's speeds at its own impact."""
     mechanism, kinematics = given.mechanism, Kinematics(given.mechanism)
     errors: dict[tuple[str, str], list[float]] = {}
@@ -110,7 +130,9 @@ def _speeds(given: Trajectory, pairs: Sequence[tuple[float, float]], solution: S
             continue
         for k, (q, u) in zip((near[0], near[-1]), _beside(solution, other), strict=True):
             for name, error in zip(mechanism.coordinates, np.abs(given.u[k] - u), strict=True):
-                errors.setdefault((name, "rad/s" if name in mechanism.angles else "m/s"), []).append(float(error))
+                errors.setdefault(
+                    (name, "rad/s" if name in mechanism.angles else "m/s"), []
+                ).append(float(error))
             for marker in mechanism.markers:
                 speed = kinematics.velocity(kinematics.point(marker.body, marker.point), q, u)
                 apart = float(np.linalg.norm(given.marker(marker.name).velocity[k] - speed))

@@ -48,7 +48,8 @@ def read(path: Path, mechanism: Mechanism) -> Given:
     """Read a .csv, or a .nc as NetCDF.
 
     Raises:
-        InputError: it cannot be read, or is not a motion of the mechanism; the sentence has the line of a CSV file.
+        InputError: it cannot be read, or is not a motion of the mechanism; the sentence has the
+            line of a CSV file.
     """
     content = read_bytes(path, _LARGEST)
     reader = _netcdf if path.suffix.lower() in (".nc", ".nc4", ".h5") else _csv
@@ -76,7 +77,9 @@ def _csv(content: bytes, mechanism: Mechanism) -> _Read:
             releases |= _at(number, lambda line=line: _release(line, mechanism))
             impacts += _at(number, lambda line=line: _impact(line, mechanism))
         elif line.strip():
-            body.append((number, _at(number, lambda line=line: next(csv.reader([line], strict=True)))))
+            body.append(
+                (number, _at(number, lambda line=line: next(csv.reader([line], strict=True))))
+            )
     if not body:
         raise InputError("it is empty; a line of headings such as 't [s],q theta [rad]' is needed")
     first, heading = body[0]
@@ -135,7 +138,9 @@ def _impact(line: str, mechanism: Mechanism) -> list[Impact]:
     told, _, size = rest.partition("=")
     what, unit = split_heading(told)
     if what != "impulse":
-        raise InputError(f"{rest.strip()[:40]!r} follows the time of an impact; 'impulse [N s] = 1.0' is understood")
+        raise InputError(
+            f"{rest.strip()[:40]!r} follows the time of an impact; 'impulse [N s] = 1.0' is understood"
+        )
     units = {"N m s": 1.0} if stop.effort == "torque" else {"N s": 1.0}
     return [Impact(name, at, Kind("impulse", units).factor(unit) * _number(size, "impulse"))]
 
@@ -143,7 +148,9 @@ def _impact(line: str, mechanism: Mechanism) -> list[Impact]:
 def _headings(cells: list[str], columns: Mapping[str, Kind]) -> list[tuple[str, float]]:
     """Name and SI value of the unit of each column."""
     if len(cells) == 1 and (mark := next((mark for mark in ";\t" if mark in cells[0]), "")):
-        raise InputError(f"columns are separated by {mark!r}; commas are needed, and points in numbers")
+        raise InputError(
+            f"columns are separated by {mark!r}; commas are needed, and points in numbers"
+        )
     found: list[tuple[str, float]] = []
     for cell in cells:
         name, unit = split_heading(cell)
@@ -157,13 +164,19 @@ def _headings(cells: list[str], columns: Mapping[str, Kind]) -> list[tuple[str, 
     return found
 
 
-def _table(found: list[tuple[str, float]], rows: list[tuple[int, list[str]]], heading: int) -> dict[str, FloatArray]:
+def _table(
+    found: list[tuple[str, float]], rows: list[tuple[int, list[str]]], heading: int
+) -> dict[str, FloatArray]:
     if len(rows) < 2:
-        raise InputError(f"line {heading}: {len(rows)} lines of numbers follow; at least two are needed")
+        raise InputError(
+            f"line {heading}: {len(rows)} lines of numbers follow; at least two are needed"
+        )
     values = np.empty((len(rows), len(found)))
     for k, (number, cells) in enumerate(rows):
         if len(cells) != len(found):
-            raise InputError(f"line {number} has {len(cells)} values; the headings are {len(found)}")
+            raise InputError(
+                f"line {number} has {len(cells)} values; the headings are {len(found)}"
+            )
         values[k] = _at(number, partial(_numbers, cells, found))
     values *= [factor for _, factor in found]
     table = {name: values[:, i].copy() for i, (name, _) in enumerate(found)}
@@ -206,8 +219,13 @@ def _refuse_halves(values: Mapping[str, FloatArray], mechanism: Mechanism) -> No
         if there and len(there) < len(whole):
             lacking = next(name for name in whole if name not in values)
             raise InputError(f"column {there[0]!r} is there without {lacking!r}")
-    if not any(name in values for name in (wholes[0][0], *(first for first, _ in pairs[: 2 * len(mechanism.markers)]))):
-        raise InputError("it gives neither the coordinates nor the position of a marker: there is nothing to judge")
+    if not any(
+        name in values
+        for name in (wholes[0][0], *(first for first, _ in pairs[: 2 * len(mechanism.markers)]))
+    ):
+        raise InputError(
+            "it gives neither the coordinates nor the position of a marker: there is nothing to judge"
+        )
 
 
 _VARIABLES = {
@@ -230,8 +248,12 @@ def _netcdf(content: bytes, mechanism: Mechanism) -> _Read:
         with xr.open_dataset(BytesIO(content), engine="h5netcdf", decode_times=False) as file:
             dataset = file.load()
         t = np.asarray(dataset["time"].values, dtype=np.float64)
-    except Exception as error:  # of a broken file HDF5, h5netcdf and xarray raise errors of any kind
-        raise InputError(f"it is no NetCDF file with a variable 'time': {cast('object', error)}") from None
+    except (
+        Exception
+    ) as error:  # of a broken file HDF5, h5netcdf and xarray raise errors of any kind
+        raise InputError(
+            f"it is no NetCDF file with a variable 'time': {cast('object', error)}"
+        ) from None
     if t.ndim != 1 or len(t) < 2 or not np.isfinite(t).all():
         raise InputError("its times are not two or more finite numbers")
     _refuse_times(t, [f"sample {k}" for k in range(len(t))])
@@ -240,7 +262,9 @@ def _netcdf(content: bytes, mechanism: Mechanism) -> _Read:
         if column not in columns:
             raise InputError(f"variable {name!r}: {_unknown(column, columns)}")
         if series.shape != t.shape or not (np.abs(series) <= _SIZE).all():
-            raise InputError(f"variable {name!r}: {column!r} does not have one finite number a time")
+            raise InputError(
+                f"variable {name!r}: {column!r} does not have one finite number a time"
+            )
         values[column] = series
     return values, _releases(dataset, mechanism), _impacts(dataset, mechanism)
 
@@ -264,10 +288,21 @@ def _series(dataset: Any) -> Iterator[tuple[str, str, FloatArray]]:
             own = dataset[name].sel({dim: label}) if dim else dataset[name]
             for axis in "xy" if "{axis}" in column else ("",):
                 chosen = own.sel(axis=axis) if axis else own
-                yield name, column.format(label, axis=axis), np.asarray(chosen.values, dtype=np.float64)
+                yield (
+                    name,
+                    column.format(label, axis=axis),
+                    np.asarray(chosen.values, dtype=np.float64),
+                )
 
 
-_UNITS = {"q": "rad", "u": "rad/s", "position": "m", "velocity": "m/s", "stop_torque": "N", "joint_reaction": "N"}
+_UNITS = {
+    "q": "rad",
+    "u": "rad/s",
+    "position": "m",
+    "velocity": "m/s",
+    "stop_torque": "N",
+    "joint_reaction": "N",
+}
 
 
 def _refuse_units(name: str, given: str) -> None:
@@ -282,7 +317,9 @@ def _releases(dataset: Any, mechanism: Mechanism) -> dict[str, float | None]:
     names: Iterable[str] = map(str, dataset["releasable_stop"].values)
     pairs = zip(names, np.asarray(dataset["release_time"].values, dtype=np.float64), strict=True)
     known_stops = {stop.name for stop in mechanism.stops}
-    found = {name: None if np.isnan(time) else float(time) for name, time in pairs if name in known_stops}
+    found = {
+        name: None if np.isnan(time) else float(time) for name, time in pairs if name in known_stops
+    }
     for name, at in found.items():
         if at is not None and not 0 <= at <= _SIZE:
             raise InputError(f"release_time of {name!r} is {at:.6g} s; a time from 0 on is needed")
@@ -299,11 +336,23 @@ def _impacts(dataset: Any, mechanism: Mechanism) -> list[Impact]:
             told = [(float(t), dict(zip(names, row, strict=True))) for t, row in
                     zip(dataset["impact_time"].values, rows, strict=True)]  # fmt: skip
         else:
-            told = [(float(t), dict(impulses)) for t, impulses in json.loads(dataset.attrs.get("impacts", "[]"))]
-        impacts = [Impact(name, t, float(p)) for t, impulses in told for name, p in impulses.items() if p != 0]
+            told = [
+                (float(t), dict(impulses))
+                for t, impulses in json.loads(dataset.attrs.get("impacts", "[]"))
+            ]
+        impacts = [
+            Impact(name, t, float(p))
+            for t, impulses in told
+            for name, p in impulses.items()
+            if p != 0
+        ]
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"its impacts cannot be read: {error}") from None
     for impact in impacts:
-        if impact.stop not in known_stops or not (0 <= impact.time <= _SIZE and abs(impact.impulse) <= _SIZE):
-            raise InputError(f"its impact of {impact.stop[:60]!r} at {impact.time:.6g} s is of no stop, or no number")
+        if impact.stop not in known_stops or not (
+            0 <= impact.time <= _SIZE and abs(impact.impulse) <= _SIZE
+        ):
+            raise InputError(
+                f"its impact of {impact.stop[:60]!r} at {impact.time:.6g} s is of no stop, or no number"
+            )
     return impacts

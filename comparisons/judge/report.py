@@ -29,7 +29,9 @@ def headline(found: Judgement) -> str:
     missing = sum(QUANTITIES[metric.name].follows is None for metric in named)
     many = "quantity is" if missing == 1 else "quantities are"
     rest = f"; {missing} {many} not given, and not judged" if missing else ""
-    verdict = found.outcome.value if found.outcome is not Outcome.AGREES else "agrees in what it gives"
+    verdict = (
+        found.outcome.value if found.outcome is not Outcome.AGREES else "agrees in what it gives"
+    )
     return f"{found.file} {verdict} on {found.machine.model!r}: {held} of {judged} judged quantities hold{rest}."
 
 
@@ -37,7 +39,10 @@ def document(found: Judgement) -> Document:
     """The whole."""
     line = headline(found)
     return Document(
-        f"Judgement of {found.file}", tuple(_blocks(found, line)), command=found.command or "", verdict=line
+        f"Judgement of {found.file}",
+        tuple(_blocks(found, line)),
+        command=found.command or "",
+        verdict=line,
     )
 
 
@@ -46,7 +51,10 @@ def _blocks(found: Judgement, line: str) -> Iterator[Block]:
     yield Text(line, "good" if found.outcome is Outcome.AGREES else "bad")
     yield Text(compared_time(machine.launch_time, machine.compared_to, machine.judged_to))
     yield from why(found)
-    yield table(_HEADS, [_row(metric) for metric in found.metrics if metric.observed and metric.follows is None])
+    yield table(
+        _HEADS,
+        [_row(metric) for metric in found.metrics if metric.observed and metric.follows is None],
+    )
     untold: dict[str, list[str]] = {}
     for metric in found.metrics:
         if not metric.observed and QUANTITIES[metric.name].follows is None:
@@ -60,4 +68,11 @@ def _row(metric: Metric) -> Row:
     mark = "unjudged" if metric.holds is None else mark_of(metric.holds)
     value = format_number(metric.value) if metric.value is not None else metric.note or "none"
     reason = metric.note or "" if metric.tolerance is None else f"{metric.source}: {metric.reason}"
-    return row(metric.label, value, format_number(metric.tolerance), metric.unit, Cell(verdict, mark), reason)
+    return row(
+        metric.label,
+        value,
+        format_number(metric.tolerance),
+        metric.unit,
+        Cell(verdict, mark),
+        reason,
+    )

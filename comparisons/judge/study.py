@@ -19,7 +19,16 @@ from ..compare.machine import machine_row
 from ..diagnosis.motion import diagnose_motion, failed_diagnosis
 from ..diagnosis.signatures import ENERGIES
 from ..runs.comparison import not_observed
-from ..runs.results import Diagnosis, Machine, Measured, Metric, Outcome, ResultFile, Run, verdict_on
+from ..runs.results import (
+    Diagnosis,
+    Machine,
+    Measured,
+    Metric,
+    Outcome,
+    ResultFile,
+    Run,
+    verdict_on,
+)
 from ..runs.runner import Runner
 from ..runs.study import REFERENCE, Counter, Study
 from ..runs.tolerances import judge
@@ -38,9 +47,13 @@ class Judgement(Measured, ResultFile):
     sha256: str = Field(description="of the file")
     machine: Machine
     samples: int
-    given: tuple[str, ...] = Field(description="columns of the file, and what follows from them by kinematics")
+    given: tuple[str, ...] = Field(
+        description="columns of the file, and what follows from them by kinematics"
+    )
     metrics: tuple[Metric, ...]
-    diagnosis: Diagnosis | None = Field(default=None, description="of a motion that breaks a tolerance")
+    diagnosis: Diagnosis | None = Field(
+        default=None, description="of a motion that breaks a tolerance"
+    )
 
     @property
     def outcome(self) -> Outcome:
@@ -51,8 +64,9 @@ class Judgement(Measured, ResultFile):
 def judge_file(path: Path, study: Study, diagnosed: bool = True) -> Judgement:
     """Judge a file on the one mechanism of a study.
 
-    Nothing that the file says of itself is believed: mechanism, engine and settings are not read; points and energies
-    that it does not give follow from its coordinates and speeds, if it gives those, and else are not judged.
+    Nothing that the file says of itself is believed: mechanism, engine and settings are not read;
+    points and energies that it does not give follow from its coordinates and speeds, if it gives
+    those, and else are not judged.
 
     Args:
         path: of the file.
@@ -137,18 +151,26 @@ class _Motion:
         names = self.mechanism.coordinates
         if self.given.impacts or not self._moving:
             return self.given.impacts
-        q, u = (self._columns([f"{kind} {name}" for name in names], self.reference.q) for kind in "qu")
+        q, u = (
+            self._columns([f"{kind} {name}" for name in names], self.reference.q) for kind in "qu"
+        )
         return tuple(jumps(self.t, q, u, Kinematics(self.mechanism), self.runner.scales.length))
 
     def beside_impacts(self) -> Iterator[Metric]:
         """Impulses, and speeds before and after."""
-        return impact_metrics(self.trajectory, self.impacts, self.runner.solution, self.runner.judged_to)
+        return impact_metrics(
+            self.trajectory, self.impacts, self.runner.solution, self.runner.judged_to
+        )
 
     def diagnosed(self, broken: Sequence[Metric]) -> Diagnosis:
         """When and in what it leaves the reference, and which faults account for it."""
         try:
             return diagnose_motion(
-                broken, self.trajectory, self.runner.solution, self.runner.end, told=frozenset(self._quantities())
+                broken,
+                self.trajectory,
+                self.runner.solution,
+                self.runner.end,
+                told=frozenset(self._quantities()),
             )
         except Exception as error:  # it solves many changed mechanisms
             return failed_diagnosis(broken, error)
@@ -156,7 +178,8 @@ class _Motion:
     def _quantities(self) -> Iterator[str]:
         """What the file itself gives, by the names that a diagnosis has for it.
 
-        Without what follows from that: a mistake in its coordinates would show in all points, as a wrong motion does.
+        Without what follows from that: a mistake in its coordinates would show in all points, as a
+        wrong motion does.
         """
         m = self.mechanism
         columns = {
@@ -168,7 +191,9 @@ class _Motion:
             "coordinates": [f"q {name}" for name in m.coordinates],
             "speeds of coordinates": [f"u {name}" for name in m.coordinates],
         }
-        yield from (name for name, needed in columns.items() if self.given.values.keys() >= set(needed))
+        yield from (
+            name for name, needed in columns.items() if self.given.values.keys() >= set(needed)
+        )
 
     @property
     def _placed(self) -> bool:
@@ -193,7 +218,9 @@ class _Motion:
             self.told |= {f"{marker.name} x"} if self._placed else set()
             self.told |= {f"{marker.name} vx"} if self._moving else set()
             names = [[f"{marker.name} {v}{axis}" for axis in "xy"] for v in ("", "v")]
-            markers[marker.name] = PointMotion(self._columns(names[0], place), self._columns(names[1], speed))
+            markers[marker.name] = PointMotion(
+                self._columns(names[0], place), self._columns(names[1], speed)
+            )
         return markers
 
     def tells(self, metric: Metric) -> bool:

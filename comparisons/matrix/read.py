@@ -28,11 +28,12 @@ def read(paths: Sequence[Path]) -> Matrix:
     """One matrix of all files.
 
     Args:
-        paths: of results.json of `compare`, converge.json of `converge` and data of `matrix`, or of folders with one.
+        paths: of results.json of `compare`, converge.json of `converge` and data of `matrix`, or of
+            folders with one.
 
     Raises:
-        InputError: there is no file, a file is of another kind or broken, two files have the same run, or they mean
-            different mechanisms or motions by one name.
+        InputError: there is no file, a file is of another kind or broken, two files have the same
+            run, or they mean different mechanisms or motions by one name.
     """
     if not paths:
         raise InputError("no file: the results.json of one comparison at least is needed.")
@@ -47,14 +48,18 @@ def read(paths: Sequence[Path]) -> Matrix:
 _Found = Sequence[tuple[Path, Matrix]]
 
 
-def _once(found: _Found, parts: Callable[[Matrix], tuple[_Part, ...]], what: str) -> tuple[_Part, ...]:
+def _once(
+    found: _Found, parts: Callable[[Matrix], tuple[_Part, ...]], what: str
+) -> tuple[_Part, ...]:
     """Parts of all files; none may be there twice."""
     merged: dict[tuple[str, str], tuple[Path, _Part]] = {}
     for path, matrix in found:
         for part in parts(matrix):
             before, _ = merged.setdefault((part.label, part.problem), (path, part))
             if merged[part.label, part.problem][1] is not part:
-                raise InputError(f"{what} {part.label} on {part.problem} is in {before} and in {path}; once is needed.")
+                raise InputError(
+                    f"{what} {part.label} on {part.problem} is in {before} and in {path}; once is needed."
+                )
     return tuple(part for _, part in merged.values())
 
 
@@ -69,7 +74,9 @@ def _problems(found: _Found) -> tuple[MatrixProblem, ...]:
                     f"{problem.name!r} is another mechanism or motion in {path} than in {before}; a matrix compares "
                     "engines on the same."
                 )
-    return tuple(sorted((problem for _, problem in merged.values()), key=lambda problem: problem.number))
+    return tuple(
+        sorted((problem for _, problem in merged.values()), key=lambda problem: problem.number)
+    )
 
 
 def _same(a: MatrixProblem, b: MatrixProblem) -> bool:
@@ -99,9 +106,15 @@ def _one(path: Path) -> Matrix:
 def _file(path: Path) -> Path:
     if not path.is_dir():
         return path
-    inside = [path / name for name in ("results.json", "converge.json", "matrix.json") if (path / name).is_file()]
+    inside = [
+        path / name
+        for name in ("results.json", "converge.json", "matrix.json")
+        if (path / name).is_file()
+    ]
     if len(inside) != 1:
-        raise InputError(f"{path} holds {len(inside)} of results.json, converge.json and matrix.json; name one file.")
+        raise InputError(
+            f"{path} holds {len(inside)} of results.json, converge.json and matrix.json; name one file."
+        )
     return inside[0]
 
 
@@ -109,7 +122,9 @@ def _format(path: Path) -> object:
     try:
         content = json.loads(read_bytes(path, Results.largest_file))
     except (ValueError, RecursionError):
-        raise InputError(f"{path} is not JSON; the results.json of `trebucheck compare` is needed.") from None
+        raise InputError(
+            f"{path} is not JSON; the results.json of `trebucheck compare` is needed."
+        ) from None
     return content.get("format") if isinstance(content, dict) else None
 
 
@@ -119,7 +134,9 @@ def orders_of(studies: Studies) -> Iterator[MeasuredOrder]:
         for study in machine.studies:
             curve = study.curve("position")
             law, floor = curve.law, curve.floor
-            if study.knob == "timestep" and any(point.position is not None for point in study.points):
+            if study.knob == "timestep" and any(
+                point.position is not None for point in study.points
+            ):
                 yield MeasuredOrder(
                     engine=study.engine, preset=study.preset, problem=machine.model,
                     exponent=None if law is None else law.exponent,
@@ -134,7 +151,9 @@ def distilled(results: Results, date: str) -> Matrix:
     runs = [run for run in results.runs if run.engine != REFERENCE]
     return Matrix.made_here(
         problems=tuple(map(_problem, results.machines)),
-        runs=tuple(_run(run, machines.get(run.model), date, results.trebucheck_version) for run in runs),
+        runs=tuple(
+            _run(run, machines.get(run.model), date, results.trebucheck_version) for run in runs
+        ),
     )
 
 
@@ -170,7 +189,13 @@ def _ratio(metric: Metric) -> float:
     """Of the error to its tolerance: a figure that is missing is farther beyond than any other."""
     if metric.value is None:
         return math.inf
-    return abs(metric.value) / metric.tolerance if metric.tolerance else math.inf if metric.value else 0.0
+    return (
+        abs(metric.value) / metric.tolerance
+        if metric.tolerance
+        else math.inf
+        if metric.value
+        else 0.0
+    )
 
 
 def _finite(value: float) -> float | None:

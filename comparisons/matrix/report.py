@@ -57,7 +57,9 @@ _KINDS: tuple[tuple[str, Callable[[MatrixProblem], bool]], ...] = (
 def document(matrix: Matrix) -> Document:
     """The whole."""
     line = headline(matrix)
-    return Document("Matrix", tuple(_blocks(matrix, line)), command=matrix.command or "", verdict=line)
+    return Document(
+        "Matrix", tuple(_blocks(matrix, line)), command=matrix.command or "", verdict=line
+    )
 
 
 def headline(matrix: Matrix) -> str:
@@ -97,13 +99,24 @@ _WIDEST = 6  # problems in a table, with which it fits a screen of 1280 pixels
 def _tables(matrix: Matrix, show: _Show, leading: _Leading | None = None) -> Iterator[Table]:
     """One a kind of problem: rows of engines by scheme, columns of problems; what would be empty is left out."""
     for title, belongs in _KINDS:
-        runs = [run for problem in matrix.problems if belongs(problem) for run in _on(matrix, problem)]
+        runs = [
+            run for problem in matrix.problems if belongs(problem) for run in _on(matrix, problem)
+        ]
         shown = {run.problem for run in runs if show(run).text}
-        problems = [problem for problem in matrix.problems if problem.name in shown and belongs(problem)]
+        problems = [
+            problem for problem in matrix.problems if problem.name in shown and belongs(problem)
+        ]
         heads = [words("engine", wrap=False), *(_LEADING if leading else ())]
         for part in _parts(problems):
-            columns = [*heads, *(Column(problem.title, align="left", wrap=False) for problem in part)]
-            which = title if len(part) == len(problems) else f"{title}: {part[0].title} to {part[-1].title}"
+            columns = [
+                *heads,
+                *(Column(problem.title, align="left", wrap=False) for problem in part),
+            ]
+            which = (
+                title
+                if len(part) == len(problems)
+                else f"{title}: {part[0].title} to {part[-1].title}"
+            )
             yield table(columns, _rows(matrix, part, show, leading), which)
 
 
@@ -118,9 +131,13 @@ def _on(matrix: Matrix, problem: MatrixProblem) -> Iterator[MatrixRun]:
     return (run for run in matrix.runs if run.problem == problem.name)
 
 
-def _rows(matrix: Matrix, problems: Sequence[MatrixProblem], show: _Show, leading: _Leading | None) -> Iterator[Row]:
+def _rows(
+    matrix: Matrix, problems: Sequence[MatrixProblem], show: _Show, leading: _Leading | None
+) -> Iterator[Row]:
     for scheme, labels in matrix.schemes().items():
-        found = {label: [matrix.run(label, problem.name) for problem in problems] for label in labels}
+        found = {
+            label: [matrix.run(label, problem.name) for problem in problems] for label in labels
+        }
         shown = {label: runs for label, runs in found.items() if leading or any(runs)}
         if shown:
             yield row(Cell(scheme or _UNSTATED, "strong"))
@@ -167,13 +184,19 @@ def _verdict(run: MatrixRun) -> Cell:
     if run.outcome not in COMPARED:
         over = _OVER.search(run.message or "")
         return Cell(
-            f"not finished in {over[1]} s" if over else _WORDS[run.outcome], MARKS[run.outcome], hint=run.message or ""
+            f"not finished in {over[1]} s" if over else _WORDS[run.outcome],
+            MARKS[run.outcome],
+            hint=run.message or "",
         )
     error, worst = run.error("position_max"), run.worst
     text = format_number(None if error is None else error.part)
     hint = "" if worst is None else f"{worst.label}: {format_number(worst.ratio)} of its tolerance"
     mark: Mark = "unjudged" if run.outcome is Outcome.NOT_JUDGED else MARKS[run.outcome]
-    cause = f"; likeliest cause: {' or '.join(run.causes) or 'unknown'}" if run.first_in is not None else ""
+    cause = (
+        f"; likeliest cause: {' or '.join(run.causes) or 'unknown'}"
+        if run.first_in is not None
+        else ""
+    )
     return Cell(text, mark, hint=f"{run.held} of {run.judged} hold; farthest {hint}{cause}")
 
 
@@ -206,22 +229,40 @@ def _explained(matrix: Matrix) -> Iterator[Block]:
 def _missing(matrix: Matrix) -> Iterator[Block]:
     """Refusals and failures in their own words, once each."""
     said = [run for run in matrix.runs if run.outcome not in COMPARED]
-    groups = _grouped(said, lambda run: (run.engine, run.outcome.value, run.message or "no reason was given"))
-    rows = [(engine, what, _titles(matrix, runs), message) for (engine, what, message), runs in groups.items()]
+    groups = _grouped(
+        said, lambda run: (run.engine, run.outcome.value, run.message or "no reason was given")
+    )
+    rows = [
+        (engine, what, _titles(matrix, runs), message)
+        for (engine, what, message), runs in groups.items()
+    ]
     if rows:
         yield Heading("What is missing", 2)
-        yield table([words("engine", wrap=False), words("why"), words("problems"), words("in its words")], rows)
+        yield table(
+            [words("engine", wrap=False), words("why"), words("problems"), words("in its words")],
+            rows,
+        )
 
 
 def _causes(matrix: Matrix) -> Iterator[Block]:
     """Of runs that disagree: causes by engine and preset."""
     broken = [run for run in matrix.runs if run.first_in is not None]
     groups = _grouped(broken, lambda run: (run.label, " or ".join(run.causes) or "unknown"))
-    rows = [(label, cause, _titles(matrix, runs), _farthest(runs)) for (label, cause), runs in groups.items()]
+    rows = [
+        (label, cause, _titles(matrix, runs), _farthest(runs))
+        for (label, cause), runs in groups.items()
+    ]
     if rows:
         yield Heading("Causes", 2)
-        yield Note("The suspects that account for the difference, solved again with the size found; or unknown.")
-        heads = [words("engine", wrap=False), words("likeliest cause"), words("problems"), words("farthest off")]
+        yield Note(
+            "The suspects that account for the difference, solved again with the size found; or unknown."
+        )
+        heads = [
+            words("engine", wrap=False),
+            words("likeliest cause"),
+            words("problems"),
+            words("farthest off"),
+        ]
         yield table(heads, rows)
 
 
@@ -246,7 +287,11 @@ def _farthest(runs: Iterable[MatrixRun]) -> str:
     if missing is not None:
         return f"{missing.label}: missing"
     worst = max(found, key=lambda each: each.ratio or 0.0, default=None)
-    return "before any motion" if worst is None else f"{worst.label}: {format_number(worst.ratio)} of its tolerance"
+    return (
+        "before any motion"
+        if worst is None
+        else f"{worst.label}: {format_number(worst.ratio)} of its tolerance"
+    )
 
 
 def _provenance(matrix: Matrix) -> Iterator[Block]:
@@ -263,7 +308,10 @@ def _provenance(matrix: Matrix) -> Iterator[Block]:
 def _steps(runs: Iterable[MatrixRun]) -> str:
     """By preset, the shortest and the longest."""
     groups = _grouped((run for run in runs if run.timestep), lambda run: (run.preset,))
-    return "; ".join(f"{preset} {_range([run.timestep or 0.0 for run in of])}" for (preset,), of in groups.items())
+    return "; ".join(
+        f"{preset} {_range([run.timestep or 0.0 for run in of])}"
+        for (preset,), of in groups.items()
+    )
 
 
 def _range(values: Sequence[float]) -> str:

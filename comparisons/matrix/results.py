@@ -33,9 +33,13 @@ class Error(Spec):
     value: Real | None = Field(description="None where a figure is missing; `note` says why")
     unit: str
     part: Real | None = Field(description="of the quantity's scale, the same for all engines")
-    observed: bool = Field(default=True, description="false: the engine does not tell it, or it is not determined")
+    observed: bool = Field(
+        default=True, description="false: the engine does not tell it, or it is not determined"
+    )
     tolerance: Real | None = None
-    holds: bool | None = Field(default=None, description="all of the quantity's figures; None: not judged")
+    holds: bool | None = Field(
+        default=None, description="all of the quantity's figures; None: not judged"
+    )
     note: str | None = None
 
 
@@ -43,7 +47,9 @@ class Breach(Spec):
     """The figure of a run that is the farthest beyond its tolerance, or the nearest to it."""
 
     label: str
-    ratio: Real | None = Field(description="of the error to its tolerance; None: there is no figure")
+    ratio: Real | None = Field(
+        description="of the error to its tolerance; None: there is no figure"
+    )
 
 
 class MatrixRun(Spec):
@@ -54,9 +60,12 @@ class MatrixRun(Spec):
     preset: str
     engine_version: str
     scheme: str = Field(default="", description="as its study names it; '': not stated")
-    order: Real | None = Field(default=None, description="that its study declares; None: no power of the step")
+    order: Real | None = Field(
+        default=None, description="that its study declares; None: no power of the step"
+    )
     supplied: dict[str, str] | None = Field(
-        default=None, description="what trebucheck does in the engine's place, by part, and of what; None: not stated"
+        default=None,
+        description="what trebucheck does in the engine's place, by part, and of what; None: not stated",
     )
     timestep: Positive | None = Field(default=None, description="[s]")
     outcome: Outcome
@@ -66,8 +75,12 @@ class MatrixRun(Spec):
     worst: Breach | None = None
     errors: tuple[Error, ...] = ()
     first_in: str | None = Field(default=None, description="figure that leaves its tolerance first")
-    causes: tuple[str, ...] = Field(default=(), description="likeliest causes; empty where unknown or not looked for")
-    explained: Real | None = Field(default=None, description="share of the error that the first cause accounts for")
+    causes: tuple[str, ...] = Field(
+        default=(), description="likeliest causes; empty where unknown or not looked for"
+    )
+    explained: Real | None = Field(
+        default=None, description="share of the error that the first cause accounts for"
+    )
     date: str = Field(description="of the file of runs, YYYY-MM-DD")
     made_by: str = Field(description="version of trebucheck")
 
@@ -85,7 +98,9 @@ class MatrixProblem(Spec):
     """A problem as compared."""
 
     name: str
-    number: str = Field(default="", description="of the library; '' for machines and for mechanisms of one's own")
+    number: str = Field(
+        default="", description="of the library; '' for machines and for mechanisms of one's own"
+    )
     mechanism_hash: str
     stop_law: str
     judged_to: Real = Field(description="[s]")
@@ -107,7 +122,9 @@ class MeasuredOrder(Spec):
     problem: str
     exponent: Real | None = Field(description="None: no power of the step was found")
     half_width: Real | None = Field(default=None, description="of its 95 % confidence interval")
-    floor: Real | None = Field(default=None, description="error that no smaller step lowers [m]; None: not reached")
+    floor: Real | None = Field(
+        default=None, description="error that no smaller step lowers [m]; None: not reached"
+    )
     floor_cause: str = Field(default="", description="what sets it")
 
     @property
@@ -126,14 +143,19 @@ class Matrix(ResultFile):
 
     def run(self, label: str, problem: str) -> MatrixRun | None:
         """The run of an engine and preset on a problem; None if it was not made."""
-        return next((run for run in self.runs if (run.label, run.problem) == (label, problem)), None)
+        return next(
+            (run for run in self.runs if (run.label, run.problem) == (label, problem)), None
+        )
 
     def schemes(self) -> dict[str, list[str]]:
         """Engines with their presets by scheme, in alphabetical order; those that state none come last."""
         found: dict[str, set[str]] = {}
         for run in self.runs:
             found.setdefault(run.scheme, set()).add(run.label)
-        return {name: sorted(found[name]) for name in sorted(found, key=lambda name: (not name, name.lower()))}
+        return {
+            name: sorted(found[name])
+            for name in sorted(found, key=lambda name: (not name, name.lower()))
+        }
 
     def of(self, label: str) -> Iterable[MatrixRun]:
         """All runs of an engine and preset."""

@@ -62,19 +62,27 @@ def spreads(matrix: Matrix) -> Iterator[Spread]:
         if not scheme or len(engines) < 2:
             continue
         runs = (run for label in labels for run in matrix.of(label))
-        moved = tuple(sorted({run.engine for run in runs if own(run.supplied or {}) is Own.DYNAMICS}))
+        moved = tuple(
+            sorted({run.engine for run in runs if own(run.supplied or {}) is Own.DYNAMICS})
+        )
         for constrained in (False, True):
-            problems = [each for each in matrix.problems if (each.stops or each.loops) == constrained]
+            problems = [
+                each for each in matrix.problems if (each.stops or each.loops) == constrained
+            ]
             found = _spread(matrix, problems, scheme)
             if found[0].found:
                 yield Spread(scheme, constrained, tuple(engines), moved, *found)
 
 
-def _spread(matrix: Matrix, problems: Iterable[MatrixProblem], scheme: str) -> tuple[Ratios, Ratios]:
+def _spread(
+    matrix: Matrix, problems: Iterable[MatrixProblem], scheme: str
+) -> tuple[Ratios, Ratios]:
     within: list[Ratio] = []
     between: list[Ratio] = []
     for problem in problems:
-        for a, b in _pairs([run for run in matrix.runs if run.problem == problem.name and run.scheme]):
+        for a, b in _pairs(
+            [run for run in matrix.runs if run.problem == problem.name and run.scheme]
+        ):
             if a.scheme == b.scheme == scheme:
                 within.append(_ratio(a, b))
             elif scheme in (a.scheme, b.scheme):
@@ -86,7 +94,9 @@ def _pairs(runs: Sequence[MatrixRun]) -> Iterator[tuple[MatrixRun, MatrixRun]]:
     """Two runs of different engines with equal steps, both with an error."""
     moved = [run for run in runs if _error(run) is not None]
     for a, b in combinations(moved, 2):
-        if a.engine != b.engine and math.isclose(a.timestep or 0.0, b.timestep or math.inf, rel_tol=1e-9):
+        if a.engine != b.engine and math.isclose(
+            a.timestep or 0.0, b.timestep or math.inf, rel_tol=1e-9
+        ):
             yield a, b
 
 
@@ -103,7 +113,11 @@ def _error(run: MatrixRun) -> float | None:
 def sentence(spread: Spread) -> str:
     """The comparison of the two."""
     where = "with stops or loops" if spread.constrained else "without stops and loops"
-    one = f"; the steps of {' and '.join(spread.moved)} are trebucheck's" if len(spread.moved) > 1 else ""
+    one = (
+        f"; the steps of {' and '.join(spread.moved)} are trebucheck's"
+        if len(spread.moved) > 1
+        else ""
+    )
     return (
         f"position errors of two of its engines ({', '.join(spread.engines)}) on one problem {where}, at equal steps, "
         f"have a ratio of {spread.within}; those of one of them and one of another scheme {spread.between}{one}."

@@ -76,9 +76,15 @@ def recorded(runner: Runner) -> RecordedMotion:
 def _events(runner: Runner) -> Iterator[tuple[float, str, str]]:
     """Times [s], stops and what becomes of them; of the launch, no stop."""
     solution = runner.solution
-    yield from ((time, stop, "release") for stop, time in solution.release_times.items() if time is not None)
-    struck = ((time, stop, size) for time, impulses in solution.impacts for stop, size in impulses.items())
+    yield from (
+        (time, stop, "release") for stop, time in solution.release_times.items() if time is not None
+    )
+    struck = (
+        (time, stop, size) for time, impulses in solution.impacts for stop, size in impulses.items()
+    )
     yield from ((time, stop, "impact") for time, stop, size in struck if size)
-    yield from ((time, stop, "rest") for stop, times in solution.rest_times.items() for time in times)
+    yield from (
+        (time, stop, "rest") for stop, times in solution.rest_times.items() for time in times
+    )
     if runner.launch_time is not None:
         yield runner.launch_time, "", "launch"

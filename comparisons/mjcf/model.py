@@ -33,31 +33,36 @@ def mjcf(
 
     Args:
         given: name of a machine or problem, a mechanism, or a problem.
-        timestep: of MuJoCo's integrator [s]; the stiffness of stops and loops is scaled with it. If left out it is
-            a hundredth of the motion's characteristic time, but 1 ms at most; 1 ms as well where the reference cannot
-            move it.
-        keyframes: whether the reference is solved for a keyframe at each release, impact and rest, and at the launch;
-            `home`, the start, is always there.
+        timestep: of MuJoCo's integrator [s]; the stiffness of stops and loops is scaled with it. If
+            left out it is a hundredth of the motion's characteristic time, but 1 ms at most; 1 ms
+            as well where the reference cannot move it.
+        keyframes: whether the reference is solved for a keyframe at each release, impact and rest,
+            and at the launch; `home`, the start, is always there.
         sensors: whether sensors are written; without them older versions of MuJoCo read it.
-        finite_inertia: give point masses on pins an inertia, for importers that refuse or raise small ones. Mass is
-            moved across the pins, so that the equations of motion stay what they are; the forces in these pins do not,
-            and of a pin on the ground the total mass grows. The third point mass of a chain stays one.
-        throw: make the projectile a body of its own, tied to the machine by the equality `hold_projectile`; until
-            that is switched off the machine moves as without it. A millionth of its mass is tied, the rest stays in the
-            machine; `trebucheck.models.mjcf.throw.released(model, data)` switches it off and hands the mass over,
-            `throw(model, data)` there steps to the landing.
+        finite_inertia: give point masses on pins an inertia, for importers that refuse or raise
+            small ones. Mass is moved across the pins, so that the equations of motion stay what
+            they are; the forces in these pins do not, and of a pin on the ground the total mass
+            grows. The third point mass of a chain stays one.
+        throw: make the projectile a body of its own, tied to the machine by the equality
+            `hold_projectile`; until that is switched off the machine moves as without it. A
+            millionth of its mass is tied, the rest stays in the machine;
+            `trebucheck.models.mjcf.throw.released(model, data)` switches it off and hands the mass
+            over, `throw(model, data)` there steps to the landing.
         as_spec: give a `mujoco.MjSpec` instead of text.
         parameters: of a named machine or problem; their defaults where left out.
 
     Raises:
-        InputError: nothing has that name, a parameter is not one of its, or the time step is not valid.
+        InputError: nothing has that name, a parameter is not one of its, or the time step is not
+        valid.
         UnsupportedProblemError: MJCF cannot hold it.
         SimulationError: the reference cannot move it; without keyframes it is written all the same.
         EngineNotInstalledError: MuJoCo is not there, for `as_spec`.
     """
     found = _named(given, parameters) if isinstance(given, str) else given
     if parameters and not isinstance(given, str):
-        raise InputError(f"{', '.join(parameters)}: only what has a name has parameters; this is a mechanism as it is.")
+        raise InputError(
+            f"{', '.join(parameters)}: only what has a name has parameters; this is a mechanism as it is."
+        )
     mechanism = found.mechanism if isinstance(found, Problem) else found
     variant = Variant(sensors=sensors, finite_inertia=finite_inertia, throw=throw)
     step, motion = step_and_motion(found, timestep, keyframes=keyframes)

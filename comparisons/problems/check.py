@@ -57,7 +57,10 @@ class Check:
     @cached_property
     def figures(self) -> tuple[CheckedFigure, ...]:
         """Of the parameters, beside the motion's."""
-        return tuple(CheckedFigure(each, each.read(self.motion)) for each in self.benchmark.figures(self.parameters))
+        return tuple(
+            CheckedFigure(each, each.read(self.motion))
+            for each in self.benchmark.figures(self.parameters)
+        )
 
     @cached_property
     def conditions(self) -> tuple[CheckedCondition, ...]:
@@ -78,7 +81,8 @@ def check(benchmark: Benchmark, parameters: Spec | None = None) -> Check:
         parameters: of the benchmark's own type; the published ones where left out.
 
     Raises:
-        SimulationError: the reference cannot solve it, or its motion lacks what a figure is read from.
+        SimulationError: the reference cannot solve it, or its motion lacks what a figure is read
+            from.
     """
     given = parameters or benchmark.parameters()
     return Check(benchmark, given, solve(benchmark.problem(given)))

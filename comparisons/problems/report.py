@@ -6,7 +6,20 @@ from collections.abc import Iterable
 
 from ...models.problems.benchmark import Benchmark
 from ...models.spec import Spec
-from ..report.document import Block, Cell, Document, Heading, Row, Text, columns, mark_of, ranked, row, table, words
+from ..report.document import (
+    Block,
+    Cell,
+    Document,
+    Heading,
+    Row,
+    Text,
+    columns,
+    mark_of,
+    ranked,
+    row,
+    table,
+    words,
+)
 from ..report.numbers import format_number
 from .check import Check, CheckedFigure
 
@@ -15,8 +28,15 @@ _TITLES = "figure | unit | expected | reference | error | tolerance | basis"
 
 def listing(benchmarks: Iterable[Benchmark]) -> Document:
     """Number, name, tags, a line and the source of each."""
-    heads = [words("no.", wrap=False), words("name", wrap=False), *map(words, ("tags", "problem", "source"))]
-    rows = [(each.number, each.name, ", ".join(each.tags), each.text, each.source) for each in benchmarks]
+    heads = [
+        words("no.", wrap=False),
+        words("name", wrap=False),
+        *map(words, ("tags", "problem", "source")),
+    ]
+    rows = [
+        (each.number, each.name, ", ".join(each.tags), each.text, each.source)
+        for each in benchmarks
+    ]
     return Document("Problems", (table(heads, rows),))
 
 
@@ -29,7 +49,10 @@ def library(checks: Iterable[Check]) -> Document:
     """All problems with their figures."""
     blocks: list[Block] = []
     for each in checks:
-        blocks += [Heading(f"{each.benchmark.number} {each.benchmark.name}", 2, medium="any"), *_blocks(each)]
+        blocks += [
+            Heading(f"{each.benchmark.number} {each.benchmark.name}", 2, medium="any"),
+            *_blocks(each),
+        ]
     return Document("", tuple(blocks))
 
 
@@ -42,8 +65,13 @@ def _blocks(check: Check) -> list[Block]:
     return [
         *_description(check.benchmark),
         table("parameter | value | meaning", _parameters(check.parameters)),
-        table(ranked(columns(_TITLES), reference=0, error=0, unit=2, tolerance=2, basis=3), map(_row, check.figures)),
-        table("condition of the source | unit | largest allowed | error of the reference", conditions),
+        table(
+            ranked(columns(_TITLES), reference=0, error=0, unit=2, tolerance=2, basis=3),
+            map(_row, check.figures),
+        ),
+        table(
+            "condition of the source | unit | largest allowed | error of the reference", conditions
+        ),
     ]
 
 
@@ -51,12 +79,19 @@ def _description(benchmark: Benchmark) -> list[Block]:
     text = benchmark.text[:1].upper() + benchmark.text[1:]
     tags = ", ".join(benchmark.tags)
     law = f"stops: {benchmark.stop_law.value}"
-    return [Text(f"{text}."), Text(benchmark.source, lead="Source:"), Text(f"{tags}; {law}.", lead="Tags:")]
+    return [
+        Text(f"{text}."),
+        Text(benchmark.source, lead="Source:"),
+        Text(f"{tags}; {law}.", lead="Tags:"),
+    ]
 
 
 def _parameters(parameters: Spec) -> list[tuple[str, object, str]]:
     described = type(parameters).model_fields
-    return [(name, value, described[name].description or "") for name, value in parameters.model_dump().items()]
+    return [
+        (name, value, described[name].description or "")
+        for name, value in parameters.model_dump().items()
+    ]
 
 
 def _row(each: CheckedFigure) -> Row:

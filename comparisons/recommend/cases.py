@@ -1,9 +1,10 @@
 """The machines on which settings are measured: the one asked about, and neighbours, on which they are to hold, too.
 
-Of each, what is asked of an engine and what a trial has of it: the largest errors over the compared time. Neighbours
-are machines of the same kind, drawn at random, each independently of the others. Of n machines so drawn and one more,
-each is as likely as any other to be the worst; so a fresh one from the same ranges is worse than the worst of n in one
-case of n + 1, whatever the distribution of their errors.
+Of each, what is asked of an engine and what a trial has of it: the largest errors over the compared
+time. Neighbours are machines of the same kind, drawn at random, each independently of the others.
+Of n machines so drawn and one more, each is as likely as any other to be the worst; so a fresh one
+from the same ranges is worse than the worst of n in one case of n + 1, whatever the distribution of
+their errors.
 """
 
 from __future__ import annotations
@@ -45,7 +46,11 @@ class Case:
     def allowed(self) -> dict[str, float]:
         """Largest error allowed, by quantity, in its own unit."""
         target = self.target
-        torque = target.torque if target.torque_share is None else target.torque_share * self.largest_torque
+        torque = (
+            target.torque
+            if target.torque_share is None
+            else target.torque_share * self.largest_torque
+        )
         limits = {"position": target.position, "torque": torque, "release": target.release}
         return {name: value for name, value in limits.items() if value is not None}
 
@@ -56,7 +61,9 @@ class Case:
             InputError: the sentence names the quantity.
         """
         mechanism = self.trials.mechanism
-        if not any(stop.closed for stop in mechanism.stops) and {"torque", "release"} & set(self.allowed):
+        if not any(stop.closed for stop in mechanism.stops) and {"torque", "release"} & set(
+            self.allowed
+        ):
             raise InputError(
                 f"{mechanism.name!r} has no stop that is closed at the start: only a position can be asked."
             )
@@ -70,7 +77,9 @@ class Case:
                 f"no stop of {mechanism.name!r} pushes: its torque can only be asked in {self.unit('torque')}."
             )
         for quantity, value in self.allowed.items():
-            refused = refusal(_METRICS[quantity], None, value, self.trials.uncertainty(_METRICS[quantity]))
+            refused = refusal(
+                _METRICS[quantity], None, value, self.trials.uncertainty(_METRICS[quantity])
+            )
             if refused is not None:
                 raise InputError(f"{quantity} = {value:g} {self.unit(quantity)}: {refused}.")
 
@@ -103,11 +112,17 @@ class Case:
     def ratio(self, trial: Trial) -> float:
         """The largest error over what is allowed: up to 1 it is reached."""
         errors = self.errors(trial)
-        return max(errors[name] / allowed if allowed else math.inf for name, allowed in self.allowed.items())
+        return max(
+            errors[name] / allowed if allowed else math.inf
+            for name, allowed in self.allowed.items()
+        )
 
     def described(self, trial: Trial) -> Errors:
         """As the report has it."""
-        errors = {name: value if math.isfinite(value) else None for name, value in self.errors(trial).items()}
+        errors = {
+            name: value if math.isfinite(value) else None
+            for name, value in self.errors(trial).items()
+        }
         if not self._due:
             errors["release"] = None
         torque, peak = errors["torque"], self.largest_torque
@@ -139,7 +154,11 @@ def read_torque(text: str) -> dict[str, float]:
 LENGTH, MASS, ANGLE, GRAVITY = 1.4, 2.5, 0.3, 1.4
 """Lengths, masses and gravity are varied up to these factors, up and down; start angles by that much [rad]."""
 
-_LENGTHS, _MASSES, _ANGLES = ("l1", "l2", "r", "h"), ("m_b", "m_cw", "m_a"), ("theta0", "phi0", "alpha0")
+_LENGTHS, _MASSES, _ANGLES = (
+    ("l1", "l2", "r", "h"),
+    ("m_b", "m_cw", "m_a"),
+    ("theta0", "phi0", "alpha0"),
+)
 _SEED = 1  # the family is the same in every run
 
 Neighbour = tuple[Mechanism, dict[str, float]]
@@ -154,7 +173,9 @@ def of_parameters(name: str, parameters: Spec | None) -> Iterator[Neighbour]:
     while True:
         own = {key: base[key] * _factor(random, LENGTH) for key in _LENGTHS if key in base}
         own |= {key: base[key] * _factor(random, MASS) for key in _MASSES if key in base}
-        own |= {key: base[key] + float(random.uniform(-ANGLE, ANGLE)) for key in _ANGLES if key in base}
+        own |= {
+            key: base[key] + float(random.uniform(-ANGLE, ANGLE)) for key in _ANGLES if key in base
+        }
         yield from _built(lambda own=own: model(name, kind(**(base | own))), own)
 
 
@@ -165,7 +186,9 @@ def of_mechanism(mechanism: Mechanism) -> Iterator[Neighbour]:
         factors = {f"mass of {body.name}": _factor(random, MASS) for body in mechanism.bodies}
         gravity = _factor(random, GRAVITY)
         yield from _built(
-            lambda factors=factors, gravity=gravity: _scaled(mechanism, list(factors.values()), gravity),
+            lambda factors=factors, gravity=gravity: _scaled(
+                mechanism, list(factors.values()), gravity
+            ),
             factors | {"gravity": gravity},
         )
 

@@ -49,7 +49,8 @@ def classify(steps: Sequence[float], errors: Sequence[float], allowed: float, un
     if order >= _FALLS:
         return _falling(kept, order, allowed, unit)
     return Verdict(
-        Obstacle.FLOOR, f"it no longer falls below a step of {flat[0]:g} s: a floor of {least:.1e} {unit} is met"
+        Obstacle.FLOOR,
+        f"it no longer falls below a step of {flat[0]:g} s: a floor of {least:.1e} {unit} is met",
     )
 
 
@@ -62,7 +63,9 @@ def _rounding(after: Sequence[tuple[float, float]], unit: str) -> Verdict:
     )
 
 
-def _falling(kept: Sequence[tuple[float, float]], order: float, allowed: float, unit: str) -> Verdict:
+def _falling(
+    kept: Sequence[tuple[float, float]], order: float, allowed: float, unit: str
+) -> Verdict:
     step, error = kept[-1]
     needed = step * (allowed / error) ** (1 / order)
     return Verdict(
@@ -85,13 +88,19 @@ def explain(search: Search, sweeps: Sequence[Sweep]) -> Verdict:
     sweep = min(sweeps, key=lambda sweep: sweep.best.worst)
     level = sweep.best
     case = search.cases[level.hardest]
-    messages = [trial.message for level in sweep.levels.values() for trial in level.trials.values() if trial.message]
+    messages = [
+        trial.message
+        for level in sweep.levels.values()
+        for trial in level.trials.values()
+        if trial.message
+    ]
     if not math.isfinite(level.worst):
         return Verdict(Obstacle.FAILURE, messages[0] if messages else "a stop does not release")
     measured = search.over_all_steps(sweep, level.hardest)
     steps, errors = [h for h, _ in measured], [case.errors(trial) for _, trial in measured]
     hardest_errors = case.errors(level.trials[level.hardest])
-    # The quantity that is furthest off; two of them have two causes, but the first must go before the second shows.
+    # The quantity that is furthest off; two of them have two causes, but the first must go before
+    # the second shows.
     name = max(case.allowed, key=lambda name: hardest_errors[name] / case.allowed[name])
     along = [error[name] for error in errors]
     verdict = classify(steps, along, case.allowed[name], case.unit(name))

@@ -6,7 +6,20 @@ from collections.abc import Iterator
 
 from ...models.mechanism import Mechanism
 from ..report import document as doc
-from ..report.document import Block, Code, Document, Fold, Heading, Listing, Row, Table, Text, page_only, row, table
+from ..report.document import (
+    Block,
+    Code,
+    Document,
+    Fold,
+    Heading,
+    Listing,
+    Row,
+    Table,
+    Text,
+    page_only,
+    row,
+    table,
+)
 from ..report.numbers import format_number, format_step, sentence
 from ..report.sections import compared_time, provenance
 from .cases import unit_of
@@ -19,7 +32,11 @@ def document(advice: Advice) -> Document:
     blocks: list[Block] = [
         Text(asked, "strong", lead=f"{advice.model}:"),
         _settings(advice),
-        *(Text(e.message or "", "warning", lead=f"{e.engine}:") for e in advice.engines if e.choice is None),
+        *(
+            Text(e.message or "", "warning", lead=f"{e.engine}:")
+            for e in advice.engines
+            if e.choice is None
+        ),
         Text(f"{', '.join(files(advice)) or 'none'}.", lead="To copy, beside recommend.json:"),
         *(page_only(block) for engine in advice.engines for block in _chapter(engine)),
         Heading("How it was found", 2),
@@ -34,7 +51,10 @@ def document(advice: Advice) -> Document:
     blocks += provenance(advice, runs, [(advice.model, advice.mechanism)])
     title = "Settings that reach the target"
     choices = ((each.engine, each.choice) for each in advice.engines)
-    found = (f"{name} {'none' if c is None else f'{c.options}, step {c.step:g} s'}" for name, c in choices)
+    found = (
+        f"{name} {'none' if c is None else f'{c.options}, step {c.step:g} s'}"
+        for name, c in choices
+    )
     window, verdict = f"trebucheck recommend: {advice.model}", f"{advice.model}: {'; '.join(found)}"
     return Document(title, tuple(blocks), window, verdict=verdict)
 
@@ -56,7 +76,9 @@ def _settings(advice: Advice) -> Table:
         key=lambda each: each[:2],
     )
     rows = (_row(engine, choice, advice.mechanism) for _, engine, choice in found)
-    caption = "The cheapest measured settings of each engine, the quickest first; errors on this machine"
+    caption = (
+        "The cheapest measured settings of each engine, the quickest first; errors on this machine"
+    )
     return table(heads, rows, caption)
 
 
@@ -64,7 +86,14 @@ def _row(engine: str, choice: Choice, mechanism: Mechanism) -> Row:
     here, worst = choice.here, choice.worst_neighbour
     values = (format_number(value) for value in (here.position, here.torque, here.release))
     neighbour = "none measured" if worst is None else _errors(worst, mechanism)
-    return row(engine, choice.options, format_step(choice.step), *values, f"{choice.wall_time:.3f}", neighbour)
+    return row(
+        engine,
+        choice.options,
+        format_step(choice.step),
+        *values,
+        f"{choice.wall_time:.3f}",
+        neighbour,
+    )
 
 
 def _chapter(engine: EngineAdvice) -> Iterator[Block]:
@@ -72,9 +101,7 @@ def _chapter(engine: EngineAdvice) -> Iterator[Block]:
     if engine.choice is not None:
         runs = len(engine.choice.wall_times)
         timed = f"median of {runs}" if runs > 1 else "one run"
-        text = (
-            f"({engine.choice.words}), step {engine.choice.step:g} s; wall time is the {timed}, warm, on this machine."
-        )
+        text = f"({engine.choice.words}), step {engine.choice.step:g} s; wall time is the {timed}, warm, on this machine."
         yield Text(text, "good", lead=engine.choice.options)
     for title, text in engine.snippets.items():
         yield Code(title, text)
@@ -99,7 +126,11 @@ def _kind(text: str) -> str:
 def _target(target: Asked, mechanism: Mechanism) -> str:
     """The accuracy target, in words."""
     values = (("position", target.position), ("torque", target.torque), ("release", target.release))
-    parts = [f"{name} within {value:g} {unit_of(name, mechanism)}" for name, value in values if value is not None]
+    parts = [
+        f"{name} within {value:g} {unit_of(name, mechanism)}"
+        for name, value in values
+        if value is not None
+    ]
     if target.torque_share is not None:
         parts.append(f"torque within {100 * target.torque_share:g} % of the largest")
     return ", ".join(parts)
@@ -110,7 +141,9 @@ def _errors(errors: Errors, mechanism: Mechanism) -> str:
     if any(stop.closed for stop in mechanism.stops):
         unit = mechanism.force_unit
         share = "" if errors.torque_share is None else f" ({100 * errors.torque_share:.1g} %)"
-        parts.append(f"{'force' if unit == 'N' else 'torque'} {format_number(errors.torque)} {unit}{share}")
+        parts.append(
+            f"{'force' if unit == 'N' else 'torque'} {format_number(errors.torque)} {unit}{share}"
+        )
         parts.append(f"release {format_number(errors.release)} s")
     return ", ".join(parts)
 

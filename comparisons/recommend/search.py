@@ -1,11 +1,12 @@
 """The cheapest settings that reach what is asked: every step recommended was measured, the order only guesses where.
 
-A set of options is first run at one moderate step on the machine and all its neighbours. The neighbours on which it
-did worst go on with it: at every further step the machine and these must reach what is asked.
+A set of options is first run at one moderate step on the machine and all its neighbours. The
+neighbours on which it did worst go on with it: at every further step the machine and these must
+reach what is asked.
 
-For each engine there are a few sets of options from plain to tuned, and a ladder of time steps. A set adds to the one
-before it what changes most. How much each change buys is measured, not assumed: the order here only decides which of
-two equally quick sets is recommended, the plainer one.
+For each engine there are a few sets of options from plain to tuned, and a ladder of time steps. A
+set adds to the one before it what changes most. How much each change buys is measured, not assumed:
+the order here only decides which of two equally quick sets is recommended, the plainer one.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from ..runs.trials import Trial
 from .cases import Case
 
 RUNGS = 8
-# Of the machine's characteristic time. At twice this step even the best sets are not yet in the range where their
-# errors follow the order, and one machine says little of another.
+# Of the machine's characteristic time. At twice this step even the best sets are not yet in the
+# range where their errors follow the order, and one machine says little of another.
 _LONGEST = 1 / 150
 SCREENED_AT = 1
 """Index of the time step at which all neighbours are run, of the steps tried."""
@@ -156,14 +157,19 @@ class Search:
 
     def _is_dearer(self, screened: Trial, index: int) -> bool:
         """Whether a step must cost more than the cheapest settings found, by the time of the screened one."""
-        return _wall(screened) * self.steps[SCREENED_AT] / self.steps[index] > _DEARER * self.cheapest
+        return (
+            _wall(screened) * self.steps[SCREENED_AT] / self.steps[index] > _DEARER * self.cheapest
+        )
 
     def _screen(self, sweep: Sweep) -> list[int]:
         """Run all machines at one step; the machine itself and its hardest neighbours, the hardest first."""
         step = self.steps[SCREENED_AT]
-        # The machine's own run is timed, with nothing beside it; of the others only the errors are asked for.
+        # The machine's own run is timed, with nothing beside it; of the others only the errors are
+        # asked for.
         own, others = self._trial(0, sweep.options, step), range(1, len(self.cases))
-        with closing(in_order(lambda i: self._trial(i, sweep.options, step), others, self.jobs)) as found:
+        with closing(
+            in_order(lambda i: self._trial(i, sweep.options, step), others, self.jobs)
+        ) as found:
             trials = dict(enumerate((own, *found)))
         ratios = {i: self.cases[i].ratio(trial) for i, trial in trials.items()}
         hardest = sorted(list(ratios)[1:], key=lambda i: -ratios[i])[:HARDEST]
@@ -189,7 +195,9 @@ class Search:
         if not math.isfinite(screened.worst):
             return SCREENED_AT + 1
         if screened.reached:
-            return self._first_step_within(screened.step / max(screened.worst, _TINY) ** (1 / _ORDERS[1]))
+            return self._first_step_within(
+                screened.step / max(screened.worst, _TINY) ** (1 / _ORDERS[1])
+            )
         scouted = self._level(sweep, panel, _SCOUTED_AT)
         if scouted.reached or not math.isfinite(scouted.worst):
             return _SCOUTED_AT
@@ -201,12 +209,16 @@ class Search:
         return self._first_step_within(scouted.step / scouted.worst ** (1 / likely))
 
     def _first_step_within(self, longest: float) -> int:
-        return next((i for i, step in enumerate(self.steps) if step <= longest), len(self.steps) - 1)
+        return next(
+            (i for i, step in enumerate(self.steps) if step <= longest), len(self.steps) - 1
+        )
 
     def _upwards(self, sweep: Sweep, panel: list[int], index: int) -> None:
         while index >= 0 and self._level(sweep, panel, index).reached:
             index -= 1
-        sweep.note = "reached; a longer step does not" if index >= 0 else "reached at the longest step tried"
+        sweep.note = (
+            "reached; a longer step does not" if index >= 0 else "reached at the longest step tried"
+        )
 
     def _downwards(self, sweep: Sweep, panel: list[int], index: int) -> None:
         screened = sweep.levels[self.steps[SCREENED_AT]].trials[0]
@@ -249,7 +261,9 @@ class Search:
         for sweep in sweeps:
             level = sweep.reached
             if level is not None and _wall(level.trials[0]) <= _DEARER * self.cheapest:
-                candidates.append((sweep, level, self._trial(0, sweep.options, level.step, _REPEATS)))
+                candidates.append(
+                    (sweep, level, self._trial(0, sweep.options, level.step, _REPEATS))
+                )
         if not candidates:
             return None
         cheapest = min(_wall(trial) for _, _, trial in candidates)

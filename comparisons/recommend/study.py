@@ -50,19 +50,20 @@ _MakeCase = Callable[[Mechanism, Until, bool], Case]
 def recommend(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advice:
     """For each engine the cheapest measured settings that reach an accuracy target, or what stands in the way.
 
-    They are measured on the machine and on the worst of its neighbours, machines of the same kind with other
-    parameters (:mod:`.cases`), so that they hold on another machine, too.
+    They are measured on the machine and on the worst of its neighbours, machines of the same kind
+    with other parameters (:mod:`.cases`), so that they hold on another machine, too.
 
     Args:
-        study: one machine, by name or a mechanism of your own (whose masses and gravity are varied), engines (all
-            known ones but the reference if None; those not installed become rows that say so), how they are run, and
-            the end of the compared motion. Its presets and options are not used.
+        study: one machine, by name or a mechanism of your own (whose masses and gravity are
+            varied), engines (all known ones but the reference if None; those not installed become
+            rows that say so), how they are run, and the end of the compared motion. Its presets and
+            options are not used.
         asked: largest errors allowed, up to that end.
         neighbours: how many machines of the same kind are looked at; 0: only the machine itself.
 
     Raises:
-        InputError: a name or value is not valid, the end does not come, or the reference is not certain enough to
-            judge the target. A run that fails raises nothing.
+        InputError: a name or value is not valid, the end does not come, or the reference is not
+            certain enough to judge the target. A run that fails raises nothing.
     """
     (model,) = study.models
     if not 0 <= neighbours <= _MOST_NEIGHBOURS:
@@ -73,11 +74,20 @@ def recommend(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advic
     with study.worker() as worker:
 
         def case(mechanism: Mechanism, until: Until, predictable: bool) -> Case:
-            made = partial(Trials, mechanism, worker, study.store, curves=False, law=study.law_of(study.mechanisms[0]))
+            made = partial(
+                Trials,
+                mechanism,
+                worker,
+                study.store,
+                curves=False,
+                law=study.law_of(study.mechanisms[0]),
+            )
             return Case(made(until=until, predictable=predictable), asked)
 
         family = _family(model, study, neighbours, case)
-        sets = {name: option_sets(name) if engine_class(name).is_installed() else () for name in names}
+        sets = {
+            name: option_sets(name) if engine_class(name).is_installed() else () for name in names
+        }
         count = Counter(sum(map(len, sets.values())), study.progress)
         advice = tuple(_advice(name, sets[name], family, count, study.jobs) for name in names)
     return _whole(family, asked, advice).model_copy(update={"jobs": study.timed_at_once})
@@ -89,27 +99,40 @@ def _family(model: str | Mechanism | Problem, study: Study, count: int, case: _M
     own.refuse_what_cannot_be_judged()
     if isinstance(model, str) and model in models():
         source = of_parameters(model, study.parameters)
-        varied = f"lengths up to {LENGTH:g} times, masses up to {MASS:g} times (or as many times less), "
+        varied = (
+            f"lengths up to {LENGTH:g} times, masses up to {MASS:g} times (or as many times less), "
+        )
         varied += f"start angles within {ANGLE:g} rad"
     else:
         source = of_mechanism(study.mechanisms[0])
-        varied = f"masses up to {MASS:g} times, gravity up to {GRAVITY:g} times (or as many times less)"
+        varied = (
+            f"masses up to {MASS:g} times, gravity up to {GRAVITY:g} times (or as many times less)"
+        )
         varied += "; its geometry was not varied"
     cases, rows = [own], list[NeighbourMachine]()
     # What launches has neighbours that launch: another one is no trebuchet.
     until = replace(end, required=own.trials.runner.launch_time is not None or end.required)
     predictable = own.trials.end == own.trials.runner.end  # then so are its neighbours
-    tried = ((partial(case, mechanism, until, predictable), made) for mechanism, made in islice(source, _DRAWS * count))
+    tried = (
+        (partial(case, mechanism, until, predictable), made)
+        for mechanism, made in islice(source, _DRAWS * count)
+    )
     with closing(in_order(_tried, tried, study.jobs, ahead=2 * study.jobs)) as found:
         for neighbour, changes in islice((each for each in found if each is not None), count):
             cases.append(neighbour)
-            rows.append(NeighbourMachine(made_with=changes, mechanism_hash=neighbour.trials.mechanism.content_hash))
+            rows.append(
+                NeighbourMachine(
+                    made_with=changes, mechanism_hash=neighbour.trials.mechanism.content_hash
+                )
+            )
     words = _words(model, study.parameters)
     words += () if study.until is None else ("--until", str(study.until))
     return _Family(tuple(cases), tuple(rows), varied, words)
 
 
-def _tried(neighbour: tuple[Callable[[], Case], dict[str, float]]) -> tuple[Case, dict[str, float]] | None:
+def _tried(
+    neighbour: tuple[Callable[[], Case], dict[str, float]],
+) -> tuple[Case, dict[str, float]] | None:
     """None where its motion has not the same end, or cannot be solved."""
     case, changes = neighbour
     try:
@@ -120,21 +143,33 @@ def _tried(neighbour: tuple[Callable[[], Case], dict[str, float]]) -> tuple[Case
 
 def _words(model: str | Mechanism | Problem, parameters: Spec | None) -> tuple[str, ...]:
     if not isinstance(model, str):
-        return ("--model", f"{model.mechanism.name if isinstance(model, Problem) else model.name}.json")
+        return (
+            "--model",
+            f"{model.mechanism.name if isinstance(model, Problem) else model.name}.json",
+        )
     defaults = parameters_type(model)()
     base, own = defaults.model_dump(), (parameters or defaults).model_dump()
     changed = (f"{name}={value!r}" for name, value in own.items() if value != base[name])
     return ("--model", model, *(word for text in changed for word in ("--set", text)))
 
 
-def _advice(name: str, sets: tuple[OptionSet, ...], family: _Family, count: Counter, jobs: int) -> EngineAdvice:
+def _advice(
+    name: str, sets: tuple[OptionSet, ...], family: _Family, count: Counter, jobs: int
+) -> EngineAdvice:
     version = engine_class(name).version()
     if not sets:
-        return EngineAdvice(engine=name, engine_version=version, choice=None, message=f"{name} is not installed here.")
+        return EngineAdvice(
+            engine=name,
+            engine_version=version,
+            choice=None,
+            message=f"{name} is not installed here.",
+        )
     trials = family.cases[0].trials
     search = Search(name, family.cases, ladder(trials.time_scale), jobs)
     sweeps: list[Sweep] = []
-    for options in reversed(sets):  # the most accurate first: what the others may cost follows from it
+    for options in reversed(
+        sets
+    ):  # the most accurate first: what the others may cost follows from it
         count.start(f"{name}: {options.name}")
         sweeps.insert(0, search.sweep(options))
     chosen = search.chosen(sweeps)
@@ -171,7 +206,10 @@ def _choice(cases: tuple[Case, ...], sweep: Sweep, level: Level, repeated: Trial
         options=sweep.options.name,
         words=sweep.options.description,
         preset=sweep.options.preset,
-        changes={key: list(value) if isinstance(value, tuple) else value for key, value in options.items()},
+        changes={
+            key: list(value) if isinstance(value, tuple) else value
+            for key, value in options.items()
+        },
         settings=repeated.settings,
         step=level.step,
         here=cases[0].described(level.trials[0]),

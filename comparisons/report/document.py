@@ -1,9 +1,9 @@
 """A report as a list of blocks; `html`, `terminal` and `markdown` show it.
 
-A mark is a named state of a value or a text ("good": it holds its tolerance). The page shows it by a class and a sign,
-the terminal by a style; no renderer relies on colour alone. A medium says where a block, a row or a column is shown:
-a terminal has room for fewer of them. Headings, notes and tiles are for pages unless they say otherwise; figures and
-folds always are.
+A mark is a named state of a value or a text ("good": it holds its tolerance). The page shows it by
+a class and a sign, the terminal by a style; no renderer relies on colour alone. A medium says where
+a block, a row or a column is shown: a terminal has room for fewer of them. Headings, notes and
+tiles are for pages unless they say otherwise; figures and folds always are.
 """
 
 from __future__ import annotations
@@ -104,11 +104,11 @@ class Tiles(Placed):
 class Column(Placed):
     """A column of a table.
 
-    `short` is the title in a terminal, where that has to be another; neighbours of one `group` share a heading on the
-    page. `of` gives the value for the object that a row is about. Where `align` and `wrap` are None, they follow from
-    the cells: numbers stand to the right, and texts with spaces may be wrapped. Where a terminal is too narrow, the
-    columns of the highest `rank` are left out first, of one rank the rightmost; those of rank 0, and the first one,
-    never.
+    `short` is the title in a terminal, where that has to be another; neighbours of one `group`
+    share a heading on the page. `of` gives the value for the object that a row is about. Where
+    `align` and `wrap` are None, they follow from the cells: numbers stand to the right, and texts
+    with spaces may be wrapped. Where a terminal is too narrow, the columns of the highest `rank`
+    are left out first, of one rank the rightmost; those of rank 0, and the first one, never.
     """
 
     title: str
@@ -135,7 +135,9 @@ class Column(Placed):
         values = [_NUMBER.match(cell) is not None for cell in cells if cell not in ("", "–")]
         align = "left" if number == 0 or 2 * sum(values) < len(values) else "right"
         wrap = number > 0 and any(" " in cell for cell in cells)
-        return replace(self, align=self.align or align, wrap=wrap if self.wrap is None else self.wrap)
+        return replace(
+            self, align=self.align or align, wrap=wrap if self.wrap is None else self.wrap
+        )
 
 
 _NUMBER = re.compile(r"(over )?[-+÷×<]?\s?\d")
@@ -144,7 +146,9 @@ _NUMBER = re.compile(r"(over )?[-+÷×<]?\s?\d")
 def columns(titles: str) -> tuple[Column, ...]:
     """Columns from a line like "engine | step [s] | (steps)"; those in round brackets are for the page only."""
     parts = map(str.strip, titles.split("|"))
-    return tuple(page_only(_column(part[1:-1])) if part.startswith("(") else _column(part) for part in parts)
+    return tuple(
+        page_only(_column(part[1:-1])) if part.startswith("(") else _column(part) for part in parts
+    )
 
 
 def _column(title: str) -> Column:
@@ -154,7 +158,10 @@ def _column(title: str) -> Column:
 
 def ranked(columns: Iterable[Column], **ranks: int) -> tuple[Column, ...]:
     """The columns with a rank for those whose title, its spaces as underscores, has one."""
-    return tuple(replace(column, rank=ranks.get(column.title.replace(" ", "_"), column.rank)) for column in columns)
+    return tuple(
+        replace(column, rank=ranks.get(column.title.replace(" ", "_"), column.rank))
+        for column in columns
+    )
 
 
 def words(title: str, *, wrap: bool = True, medium: Medium = "any") -> Column:
@@ -207,12 +214,17 @@ class Table(Placed):
         rows: list[tuple[Row, list[tuple[Cell, int]]]] = []
         for row in in_medium(self.rows, medium):
             spans = [*map(int, visible[: len(row.cells) - 1]), sum(visible[len(row.cells) - 1 :])]
-            rows.append((row, [(cell, span) for cell, span in zip(row.cells, spans, strict=True) if span]))
+            rows.append(
+                (row, [(cell, span) for cell, span in zip(row.cells, spans, strict=True) if span])
+            )
         return rows
 
     def groups(self) -> list[tuple[str, int]]:
         """Headings over several of the page's columns, with their numbers of columns; none if there are none."""
-        groups = [(group, len(list(of_it))) for group, of_it in groupby(self.columns_in("page"), lambda c: c.group)]
+        groups = [
+            (group, len(list(of_it)))
+            for group, of_it in groupby(self.columns_in("page"), lambda c: c.group)
+        ]
         return groups if any(group for group, _ in groups) else []
 
 
@@ -231,8 +243,15 @@ def table(
         heads = columns(heads)
     parsed = [head if isinstance(head, Column) else _column(head) for head in heads]
     body = tuple(_row(each, parsed) for each in rows)
-    cells = [[r.cells[i].text for r in body if len(r.cells) == len(parsed)] for i in range(len(parsed))]
-    return Table(tuple(column.laid_out(i, cells[i]) for i, column in enumerate(parsed)), body, caption, medium=medium)
+    cells = [
+        [r.cells[i].text for r in body if len(r.cells) == len(parsed)] for i in range(len(parsed))
+    ]
+    return Table(
+        tuple(column.laid_out(i, cells[i]) for i, column in enumerate(parsed)),
+        body,
+        caption,
+        medium=medium,
+    )
 
 
 def without_empty_columns(shown: Table) -> Table:
@@ -244,7 +263,10 @@ def without_empty_columns(shown: Table) -> Table:
     def without(row: Row) -> Row:
         last = len(row.cells) - 1  # spans the rest, where the row has fewer cells
         spans = last < count - 1
-        return replace(row, cells=tuple(c for i, c in enumerate(row.cells) if i in kept or (spans and i == last)))
+        return replace(
+            row,
+            cells=tuple(c for i, c in enumerate(row.cells) if i in kept or (spans and i == last)),
+        )
 
     columns = tuple(column for i, column in enumerate(shown.columns) if i in kept)
     return replace(shown, columns=columns, rows=tuple(map(without, shown.rows)))

@@ -19,7 +19,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_SYMBOLS = {"circle": "o", "square": "s", "diamond": "D", "triangle": "^", "star": "*", "times": "x"}
+_SYMBOLS = {
+    "circle": "o",
+    "square": "s",
+    "diamond": "D",
+    "triangle": "^",
+    "star": "*",
+    "times": "x",
+}
 _WIDTH, _HEIGHT = 4.2, 3.2  # of one plot [inches]
 FORMATS = ("svg", "png", "pdf")
 
@@ -59,9 +66,20 @@ def picture(panels: Panels, columns: int = 3, title: str = "") -> Figure:
         _draw(plot, on)
     for empty in axes[len(panels) :]:
         empty.set_visible(False)
-    handles = {name: line for on in axes for line, name in zip(*on.get_legend_handles_labels(), strict=True)}
+    handles = {
+        name: line
+        for on in axes
+        for line, name in zip(*on.get_legend_handles_labels(), strict=True)
+    }
     if len(handles) > 1:
-        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4, frameon=False, fontsize=8)
+        figure.legend(
+            handles.values(),
+            handles.keys(),
+            loc="outside lower center",
+            ncols=4,
+            frameon=False,
+            fontsize=8,
+        )
     if title:
         figure.suptitle(title)
     return figure
@@ -81,7 +99,9 @@ def write_picture(figure: Figure, path: str | Path) -> None:
 
     kind = Path(path).suffix.removeprefix(".").lower()
     if kind not in FORMATS:
-        raise InputError(f"picture {str(path)!r} must end with one of {', '.join(f'.{each}' for each in FORMATS)}.")
+        raise InputError(
+            f"picture {str(path)!r} must end with one of {', '.join(f'.{each}' for each in FORMATS)}."
+        )
     out = io.BytesIO()
     dates: dict[str, Any] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}
     with mpl.rc_context({"svg.hashsalt": "trebucheck", "svg.fonttype": "none"}):
@@ -102,7 +122,9 @@ def _draw(plot: Plot, on: Axes) -> None:
     for band in plot.bands:
         on.axvspan(band.start, band.end, color=band.colour, alpha=0.15, linewidth=0)
     for label in plot.labels:
-        side: dict[str, Any] = {"ha": "left", "va": "center"} if label.beside else {"ha": "center", "va": "bottom"}
+        side: dict[str, Any] = (
+            {"ha": "left", "va": "center"} if label.beside else {"ha": "center", "va": "bottom"}
+        )
         on.annotate(label.text, (label.x, label.y), (4, 2), fontsize=7, color=_ink(label.colour),
                     textcoords="offset points", **side)  # fmt: skip
     _axes(plot, on)
@@ -144,15 +166,24 @@ def _series(series: Series, on: Axes) -> None:
         on.plot(series.x, series.y, **look)
     else:
         low, high = series.spread
-        on.errorbar(series.x, series.y, xerr=(series.x - low, high - series.x), elinewidth=0.8, **look)
+        on.errorbar(
+            series.x, series.y, xerr=(series.x - low, high - series.x), elinewidth=0.8, **look
+        )
 
 
 def _bar(plot: Plot, series: Series, number: int, of: int, on: Axes) -> None:
     width = 0.8 / of
     shift = -0.4 + (number + 0.5) * width
-    look: dict[str, Any] = {"color": _ink(series.style.colour), "label": series.name if series.listed else None}
+    look: dict[str, Any] = {
+        "color": _ink(series.style.colour),
+        "label": series.name if series.listed else None,
+    }
     if plot.y.categories:
-        spread = None if series.spread is None else (series.x - series.spread[0], series.spread[1] - series.x)
+        spread = (
+            None
+            if series.spread is None
+            else (series.x - series.spread[0], series.spread[1] - series.x)
+        )
         on.barh(series.y + shift, series.x, width, xerr=spread, **look)
     else:
         on.bar(series.x + shift, series.y, width, **look)

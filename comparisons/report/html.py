@@ -90,7 +90,9 @@ class _Page:
 
     def anchor(self, heading: Heading) -> str:
         """The heading's anchor, on this page once; chapters and sections come into the contents."""
-        stem = heading.anchor or re.sub(r"[^a-z0-9]+", "-", heading.text.lower()).strip("-") or "part"
+        stem = (
+            heading.anchor or re.sub(r"[^a-z0-9]+", "-", heading.text.lower()).strip("-") or "part"
+        )
         names = chain([stem], (f"{stem}-{n}" for n in count(2)))
         anchor = next(name for name in names if name not in self.taken)
         self.taken.add(anchor)
@@ -106,15 +108,24 @@ class _Page:
         panels = block.panels()
         self.has_plots = True
         listed = {series.name: series for plot in panels for series in plot.series if series.listed}
-        legend = [Key(series.name, _swatch(series)) for series in listed.values()] if len(listed) > 1 else []
-        places = [Panel(plot.title, _alt(block, plot), 0 if plot.equal else plot.height) for plot in panels]
+        legend = (
+            [Key(series.name, _swatch(series)) for series in listed.values()]
+            if len(listed) > 1
+            else []
+        )
+        places = [
+            Panel(plot.title, _alt(block, plot), 0 if plot.equal else plot.height)
+            for plot in panels
+        ]
         if block.anchor and block.title and self.outline:
             self.outline[-1].parts.append(Entry(block.title, block.anchor))
         columns = block.columns or min(len(panels), 3)
         return Drawn(legend, places, columns, Markup(_json([self._plot(plot) for plot in panels])))
 
     def _plot(self, plot: Plot) -> dict[str, Any]:
-        parts: dict[str, Any] = {name: [vars(each) for each in getattr(plot, name)] for name in _PARTS}
+        parts: dict[str, Any] = {
+            name: [vars(each) for each in getattr(plot, name)] for name in _PARTS
+        }
         series = [self._series(each) for each in plot.series]
         return parts | {
             "x": _axis(plot.x), "y": _axis(plot.y), "series": series, "equal": plot.equal, "height": plot.height
@@ -151,7 +162,11 @@ def _alt(block: Figure, plot: Plot) -> str:
 
 
 def _title(axis: Axis) -> str:
-    return f"{axis.title} [{axis.unit}]".strip() if axis.unit not in ("", "1") else axis.title or "value"
+    return (
+        f"{axis.title} [{axis.unit}]".strip()
+        if axis.unit not in ("", "1")
+        else axis.title or "value"
+    )
 
 
 def _swatch(series: Series) -> Markup:
@@ -199,7 +214,10 @@ def _with_code(text: object) -> Markup:
     parts = str(text).split("`")
     if len(parts) % 2 == 0:  # one is left over: they mean something else
         return escape(text)
-    marked = (Markup("<code>{}</code>").format(part) if k % 2 else escape(part) for k, part in enumerate(parts))
+    marked = (
+        Markup("<code>{}</code>").format(part) if k % 2 else escape(part)
+        for k, part in enumerate(parts)
+    )
     return Markup("").join(marked)
 
 
@@ -210,7 +228,9 @@ def _asset(name: str) -> Markup:
 
 @cache
 def _template() -> Template:
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     environment.filters["with_code"] = _with_code
     text = files(__package__ or "").joinpath("templates/page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(text)

@@ -1,9 +1,9 @@
 """How a table fits into a number of characters: no word is cut, and what has no room is left out and named.
 
-Tried in this order, until the table fits: two spaces between columns, or one; texts on several lines, broken at
-spaces; fewer columns, those of the highest `Column.rank` first, and of one rank the rightmost. Columns of rank 0 stay.
-Where even these do not fit, all texts are broken at spaces; where that would still cut a word, and below 40
-characters, each row becomes a list.
+Tried in this order, until the table fits: two spaces between columns, or one; texts on several
+lines, broken at spaces; fewer columns, those of the highest `Column.rank` first, and of one rank
+the rightmost. Columns of rank 0 stay. Where even these do not fit, all texts are broken at spaces;
+where that would still cut a word, and below 40 characters, each row becomes a list.
 """
 
 from __future__ import annotations
@@ -57,7 +57,9 @@ class Layout:
             if not wide:
                 return None
             widths[max(wide, key=widths.__getitem__)] -= 1
-        narrowed = (replace(column, width=width) for column, width in zip(self.columns, widths, strict=True))
+        narrowed = (
+            replace(column, width=width) for column, width in zip(self.columns, widths, strict=True)
+        )
         return replace(self, columns=tuple(narrowed))
 
     def without_last(self) -> Layout | None:
@@ -87,21 +89,30 @@ def fitted(table: Table, width: int) -> Layout:
 
 def _as_it_is(layout: Layout, width: int) -> Layout | None:
     """With all its columns; texts stay on one line if they can."""
-    whole = replace(layout, columns=tuple(replace(column, least=column.width) for column in layout.columns))
+    whole = replace(
+        layout, columns=tuple(replace(column, least=column.width) for column in layout.columns)
+    )
     ways = (replace(each, gap=gap).within(width) for each in (whole, layout) for gap in (_GAP, 1))
     return next((way for way in ways if way is not None), None)
 
 
 def _with_whole_words(layout: Layout, width: int) -> Layout | None:
     """All texts broken at spaces; None where that is not enough."""
-    columns = tuple(replace(each, least=_longest_word(_texts(each.column, each.cells))) for each in layout.columns)
+    columns = tuple(
+        replace(each, least=_longest_word(_texts(each.column, each.cells)))
+        for each in layout.columns
+    )
     return replace(layout, columns=columns, gap=1).within(width)
 
 
 def _broken(layout: Layout, width: int) -> Layout:
     """All texts broken at spaces; words only where there is no other way."""
     torn = tuple(replace(each, least=1) for each in layout.columns)
-    return _with_whole_words(layout, width) or replace(layout, columns=torn, gap=1).within(width) or layout
+    return (
+        _with_whole_words(layout, width)
+        or replace(layout, columns=torn, gap=1).within(width)
+        or layout
+    )
 
 
 def _columns(table: Table) -> Iterable[Fitted]:
@@ -122,7 +133,11 @@ def _spread(cells: Sequence[tuple[Cell, int]]) -> list[Cell]:
 def _texts(column: Column, cells: Iterable[Cell]) -> list[str]:
     """Lines of the cells and of the heading."""
     heading = (column.heading_words, f"[{column.unit}]" if column.unit else "")
-    return [line for text in (*heading, *(cell.text for cell in cells)) for line in text.splitlines() or [""]]
+    return [
+        line
+        for text in (*heading, *(cell.text for cell in cells))
+        for line in text.splitlines() or [""]
+    ]
 
 
 def _longest_word(texts: Iterable[str]) -> int:
@@ -135,8 +150,15 @@ def _as_lists(table: Table, width: int) -> Layout:
     lines: list[tuple[Cell, Cell]] = []
     for row in range(len(columns[0].cells)):
         lines += [(Cell(""), Cell(""))] if row else []
-        lines += [(Cell(each.column.heading_words), each.cells[row]) for each in columns if each.cells[row].text]
+        lines += [
+            (Cell(each.column.heading_words), each.cells[row])
+            for each in columns
+            if each.cells[row].text
+        ]
     pair = Column("", align="left"), Column("", align="left")
-    found = (Fitted(head, cells, 0, 0) for head, cells in zip(pair, zip(*lines, strict=True), strict=True))
+    found = (
+        Fitted(head, cells, 0, 0)
+        for head, cells in zip(pair, zip(*lines, strict=True), strict=True)
+    )
     whole = tuple(replace(f, width=max(map(cell_len, _texts(f.column, f.cells)))) for f in found)
     return _broken(Layout(whole, _GAP), width)

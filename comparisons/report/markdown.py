@@ -28,7 +28,8 @@ def text(document: Document, *, signs: bool = False) -> str:
     """The document; its title is a heading where it has one.
 
     Args:
-        signs: put the sign of its mark before each text and cell that has one, and strong cells in bold.
+        signs: put the sign of its mark before each text and cell that has one, and strong cells in
+            bold.
     """
     title = [f"# {document.title}"] if document.title else []
     return "\n\n".join([*title, *_parts(document.blocks, signs)]) + "\n"
@@ -45,7 +46,10 @@ def _part(block: Block, signs: bool) -> str:
         case Text():
             part = _paragraph(block, signs)
         case Listing():
-            part = "\n".join(f"{'1.' if block.ordered else '-'} {_paragraph(item, signs)}" for item in block.items)
+            part = "\n".join(
+                f"{'1.' if block.ordered else '-'} {_paragraph(item, signs)}"
+                for item in block.items
+            )
         case Tiles():
             part = ", ".join(f"**{tile.value}** {tile.label}" for tile in block.tiles)
         case Table():
@@ -68,7 +72,11 @@ def _part(block: Block, signs: bool) -> str:
 
 def _paragraph(block: Text, signs: bool) -> str:
     sign = _sign(block, signs and block.kind == "text")
-    return f"{sign}**{_plain(block.lead)}** {_plain(block.text)}" if block.lead else f"{sign}{_plain(block.text)}"
+    return (
+        f"{sign}**{_plain(block.lead)}** {_plain(block.text)}"
+        if block.lead
+        else f"{sign}{_plain(block.text)}"
+    )
 
 
 def _table(block: Table, signs: bool) -> str:

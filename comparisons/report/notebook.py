@@ -48,7 +48,11 @@ def figure(result: Reported, name: str | None = None) -> Figure:
     found = figures_of(result.document())
     chosen = next(iter(found), None) if name is None else name
     if chosen is None or chosen not in found:
-        what = "has no figure" if not found else f"has no figure {chosen!r}; there are {', '.join(found)}"
+        what = (
+            "has no figure"
+            if not found
+            else f"has no figure {chosen!r}; there are {', '.join(found)}"
+        )
         raise InputError(f"the report of {result} {what}.")
     block = found[chosen]
     drawn = picture(block.panels(), block.columns or 3, block.title)

@@ -1,6 +1,7 @@
 """A plot as data: series over axes, with labels, rules and bands; pages and `figures` draw it.
 
-Colours are engines' own; dashes tell the preset and symbols repeat it, so that no line is told by its colour alone.
+Colours are engines' own; dashes tell the preset and symbols repeat it, so that no line is told by
+its colour alone.
 """
 
 from __future__ import annotations
@@ -11,7 +12,12 @@ from typing import Literal
 from ...engines.registry import engine_study
 from ...models.arrays import FloatArray
 
-_COLOURS = ("#CC79A7", "#56B4E9", "#E69F00", "#8C6BB1")  # of engines that bring none: further ones of Okabe and Ito
+_COLOURS = (
+    "#CC79A7",
+    "#56B4E9",
+    "#E69F00",
+    "#8C6BB1",
+)  # of engines that bring none: further ones of Okabe and Ito
 INK = "currentColor"
 """The colour of the text around a plot, for what belongs to no engine."""
 

@@ -24,21 +24,31 @@ def document(trajectory: Trajectory) -> Document:
     caption = "Paths of the markers, the generalized coordinates, what the stops push with, and the energies."
     figure = Figure(_panels(trajectory), "The run", caption, "run", columns=2)
     motion = Animation(lambda: (scene(trajectory),))
-    return replace(shown, blocks=(*shown.blocks, motion, figure), window=f"trebucheck: {shown.title}")
+    return replace(
+        shown, blocks=(*shown.blocks, motion, figure), window=f"trebucheck: {shown.title}"
+    )
 
 
 def _panels(run: Trajectory) -> Panels:
     mechanism, time = run.mechanism, Axis("t", "s")
-    paths = {name: (motion.position[:, 0], motion.position[:, 1]) for name, motion in run.markers.items()}
+    paths = {
+        name: (motion.position[:, 0], motion.position[:, 1]) for name, motion in run.markers.items()
+    }
     coordinates = {name: run.q[:, i] for i, name in enumerate(mechanism.coordinates)}
     unit = "rad or m" if mechanism.slides else "rad"
-    energies = {"kinetic": run.kinetic_energy, "potential": run.potential_energy, "total": run.total_energy}
+    energies = {
+        "kinetic": run.kinetic_energy,
+        "potential": run.potential_energy,
+        "total": run.total_energy,
+    }
     over_time = [
         ("coordinates", unit, coordinates),
         ("stops", mechanism.force_unit, run.stop_torques),
         ("energy", "J", energies),
     ]
-    plots = [Plot(Axis("x", "m"), Axis("y", "m"), _lines(paths), "paths", equal=True)] if paths else []
+    plots = (
+        [Plot(Axis("x", "m"), Axis("y", "m"), _lines(paths), "paths", equal=True)] if paths else []
+    )
     for name, of, values in over_time:
         if values:
             series = _lines({label: (run.t, each) for label, each in values.items()})

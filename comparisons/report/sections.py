@@ -42,7 +42,9 @@ _LISTED = 5  # singular positions whose times are stated
 _BEYOND = "beyond it only invariants and the time of first parting are judged"
 
 
-def compared_time(launch_time: float | None, compared_to: float | None, judged_to: float | None) -> str:
+def compared_time(
+    launch_time: float | None, compared_to: float | None, judged_to: float | None
+) -> str:
     """Until when motions are compared, and why not longer.
 
     Args:
@@ -52,7 +54,9 @@ def compared_time(launch_time: float | None, compared_to: float | None, judged_t
     """
     end = compared_to or launch_time or 0.0
     launches = launch_time is not None and launch_time >= end * (1 - 1e-9)
-    text = f"Compared from the start to {f'the launch at {end:.6f}' if launches else f'{end:.6g}'} s."
+    text = (
+        f"Compared from the start to {f'the launch at {end:.6f}' if launches else f'{end:.6g}'} s."
+    )
     if judged_to is None or judged_to >= end:
         return text
     return f"{text} Nothing is compared beyond {judged_to:.6g} s: {_HORIZON}."
@@ -67,7 +71,10 @@ def _singular_positions(passed: Sequence[SingularPosition]) -> Iterator[str]:
     if passed:
         times = ", ".join(f"{each.time:.9g}" for each in passed[:_LISTED])
         more = f" and {len(passed) - _LISTED} times more" if len(passed) > _LISTED else ""
-        uncertain, adds = max(p.time_uncertainty for p in passed), max(p.uncertainty for p in passed)
+        uncertain, adds = (
+            max(p.time_uncertainty for p in passed),
+            max(p.uncertainty for p in passed),
+        )
         yield (
             "The reference passes singular positions, in which its constraints lose rank, on the smooth branch of its "
             f"motion: at {times} s{more} (uncertain by {uncertain:.1g} s); each adds at most {adds:.1g} of the longest "
@@ -95,8 +102,12 @@ def partings(machine: Machine, runs: Iterable[Run]) -> Iterator[Text]:
     """When each run's motion leaves the reference, where that is compared further than it can be predicted."""
     if machine.judged_to < machine.compared_to:
         found = [(run.label, run.metric("first_parting"), run.metric("base_error")) for run in runs]
-        times = (f"{label} {_parting(time, error)}" for label, time, error in found if time and error)
-        yield Text(f"First parting from the reference, by a thousandth of a scale: {', '.join(times) or 'none'}.")
+        times = (
+            f"{label} {_parting(time, error)}" for label, time, error in found if time and error
+        )
+        yield Text(
+            f"First parting from the reference, by a thousandth of a scale: {', '.join(times) or 'none'}."
+        )
 
 
 def _parting(time: Metric, base_error: Metric) -> str:
@@ -110,12 +121,23 @@ def provenance(
 ) -> tuple[Block, ...]:
     """The end of a page: versions, the settings of each run, and each machine's mechanism."""
     software = f"trebucheck {result.trebucheck_version}, Python {result.python_version}, {result.platform}."
-    rows = [(model, label, version, format_settings(settings)) for model, label, version, settings in runs]
-    command = [] if result.command is None else [page_only(Code("The command that makes this again", result.command))]
+    rows = [
+        (model, label, version, format_settings(settings))
+        for model, label, version, settings in runs
+    ]
+    command = (
+        []
+        if result.command is None
+        else [page_only(Code("The command that makes this again", result.command))]
+    )
     return (
         Heading("Provenance", 2),
         Note(software),
-        *([] if result.jobs == 1 else [Text(f"Wall times: {result.jobs} runs at once, which disturb each other.")]),
+        *(
+            []
+            if result.jobs == 1
+            else [Text(f"Wall times: {result.jobs} runs at once, which disturb each other.")]
+        ),
         *command,
         table("machine | engine | version | settings", rows, "Settings of every run", "page"),
         *(mechanism_as_data(model, mechanism) for model, mechanism in mechanisms),
@@ -144,14 +166,22 @@ def certificate_report(certificate: Certificate) -> Document:
     further = f"{len(timed)} further figures, at chosen times"
     left_out = tuple(Text(sentence, "warning", lead="left out:") for sentence in certificate.absent)
     heads = "computation | formulation | integrator | tolerance | independent"
-    made = [(c.name, c.formulation, c.integrator, c.tolerance, c.independent) for c in certificate.computations]
+    made = [
+        (c.name, c.formulation, c.integrator, c.tolerance, c.independent)
+        for c in certificate.computations
+    ]
     blocks = (
         certified_figures(events, "Figures of the motion and its events"),
         Text(f"{further}, are in the file.", "muted", medium="terminal"),
         Fold(further, (page_only(certified_figures(timed, further)),)),
         Listing(left_out),
-        Fold("The computations", (table(heads, made, "Each was made alone; the uncertainty is what they differ by"),)),
-        Note(f"Uncertainty: {sentence(certificate.rule)} Versions: {format_settings(certificate.versions)}."),
+        Fold(
+            "The computations",
+            (table(heads, made, "Each was made alone; the uncertainty is what they differ by"),),
+        ),
+        Note(
+            f"Uncertainty: {sentence(certificate.rule)} Versions: {format_settings(certificate.versions)}."
+        ),
         Note(f"Mechanism {certificate.mechanism_hash}."),
     )
     return Document(title, blocks, f"trebucheck certify: {certificate.model}", certificate.command)
@@ -165,7 +195,10 @@ def run_report(trajectory: Trajectory, distance: Farthest | str | None = None) -
     """
     run = trajectory.provenance
     title = f"{trajectory.mechanism.name}, {run.engine} {run.preset} ({run.engine_version})"
-    rows = [*_quantities(trajectory), *([] if distance is None else [("from the reference", _far(distance))])]
+    rows = [
+        *_quantities(trajectory),
+        *([] if distance is None else [("from the reference", _far(distance))]),
+    ]
     verdict = "" if distance is None else f"{title}: {_far(distance)} from the reference"
     return Document(title, (table("|", rows, title),), verdict=verdict)
 

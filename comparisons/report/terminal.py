@@ -9,7 +9,19 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.text import Text as Styled
 
-from .document import Block, Code, Column, Document, Heading, Listing, Mark, Table, Text, Tiles, in_medium
+from .document import (
+    Block,
+    Code,
+    Column,
+    Document,
+    Heading,
+    Listing,
+    Mark,
+    Table,
+    Text,
+    Tiles,
+    in_medium,
+)
 from .layout import fitted
 
 _STYLES: dict[Mark, str] = {
@@ -61,7 +73,9 @@ def _show(block: Block, to: Console) -> None:
             to.print(Styled(f"\n# --- {block.title}", style="dim"))
             to.print(Styled(block.text), soft_wrap=True)
         case Tiles():
-            to.print(_paragraph(Text(", ".join(f"{tile.value} {tile.label}" for tile in block.tiles))))
+            to.print(
+                _paragraph(Text(", ".join(f"{tile.value} {tile.label}" for tile in block.tiles)))
+            )
         case _:
             pass  # figures and folds are for pages
 
@@ -79,11 +93,17 @@ def _show_table(block: Table, to: Console) -> None:
         to.print(Styled(block.caption, style="bold"))
     titled = any(column.column.heading for column in layout.columns)
     drawn = rich_table.Table(
-        box=SIMPLE_HEAD, show_edge=False, padding=(0, layout.gap - 1, 0, 0), pad_edge=False, show_header=titled
+        box=SIMPLE_HEAD,
+        show_edge=False,
+        padding=(0, layout.gap - 1, 0, 0),
+        pad_edge=False,
+        show_header=titled,
     )
     for column in layout.columns:
         heading = _heading(column.column)
-        drawn.add_column(heading, justify=column.column.align or "left", width=column.width, overflow="fold")
+        drawn.add_column(
+            heading, justify=column.column.align or "left", width=column.width, overflow="fold"
+        )
     for row in zip(*(column.cells for column in layout.columns), strict=True):
         drawn.add_row(*(Styled(cell.text, style=_STYLES[cell.mark]) for cell in row))
     to.print(drawn, soft_wrap=False)
@@ -93,4 +113,6 @@ def _show_table(block: Table, to: Console) -> None:
 
 
 def _heading(column: Column) -> Styled:
-    return Styled(f"{column.heading_words}\n[{column.unit}]" if column.unit else column.heading_words)
+    return Styled(
+        f"{column.heading_words}\n[{column.unit}]" if column.unit else column.heading_words
+    )

@@ -1,8 +1,8 @@
 """The balance of energy, T + V - W, where W is the work of what no energy tells: dampers, constant forces and torques.
 
-Between impacts it is constant, whatever acts. W is the time integral of the power of these elements: over an engine's
-own samples by Simpson's rule, from impact to impact, as the power jumps there; over the reference by Gauss's rule on
-its dense output, to rounding.
+Between impacts it is constant, whatever acts. W is the time integral of the power of these
+elements: over an engine's own samples by Simpson's rule, from impact to impact, as the power jumps
+there; over the reference by Gauss's rule on its dense output, to rounding.
 """
 
 from __future__ import annotations
@@ -21,23 +21,30 @@ from ...models.mechanism import Mechanism
 from ...models.trajectory import Trajectory
 from ...reference.solution import Segment, Solution
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)  # exact to order 9; a step's dense output is of order 7
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(
+    5
+)  # exact to order 9; a step's dense output is of order 7
 
 
 def does_work(mechanism: Mechanism) -> bool:
     """Whether a damper, a constant force or a constant torque may change the energy."""
     return any(
-        getattr(element, "damping", 0.0) > 0 or element.kind in ("constant-force", "constant-torque")
+        getattr(element, "damping", 0.0) > 0
+        or element.kind in ("constant-force", "constant-torque")
         for element in mechanism.force_elements
     )
 
 
 def keeps_horizontal_momentum(mechanism: Mechanism) -> bool:
     """Whether the momentum along x is an invariant: nothing from outside (joints, walls, forces) acts along it."""
-    held = (d for joint in mechanism.joints if joint.parent == GROUND for d in joint.held_directions)
+    held = (
+        d for joint in mechanism.joints if joint.parent == GROUND for d in joint.held_directions
+    )
     walls = (stop.normal[0] for stop in mechanism.point_stops if stop.relative_to == GROUND)
     forces = (e.force[0] for e in mechanism.force_elements if isinstance(e, ConstantForce))
-    pulled = any(isinstance(e, SpringDamper) and GROUND in e.bodies for e in mechanism.force_elements)
+    pulled = any(
+        isinstance(e, SpringDamper) and GROUND in e.bodies for e in mechanism.force_elements
+    )
     along = (*(direction.real for direction in held), *walls, *forces, mechanism.gravity_vector[0])
     return not pulled and all(component == 0 for component in along)
 
@@ -46,8 +53,8 @@ def sampled_balance(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
     """T + V - W from the samples alone, W being zero at the first, and what the samples leave unknown of W.
 
     Returns:
-        Both [J], shape (n,). The second never decreases: the difference between the integral and that over every
-        second sample, fifteen times the error where the power is smooth.
+        Both [J], shape (n,). The second never decreases: the difference between the integral and
+        that over every second sample, fifteen times the error where the power is smooth.
     """
     if not does_work(trajectory.mechanism):
         return trajectory.total_energy, np.zeros(len(trajectory.t))
@@ -77,7 +84,9 @@ def reference_work(solution: Solution, t: FloatArray) -> FloatArray:
     return work
 
 
-def _gauss(forces: AppliedForces, segment: Segment, starts: FloatArray, ends: FloatArray) -> FloatArray:
+def _gauss(
+    forces: AppliedForces, segment: Segment, starts: FloatArray, ends: FloatArray
+) -> FloatArray:
     """Work from each start to its end [J], both within one step of the integrator."""
     if not len(starts):
         return starts
@@ -89,7 +98,9 @@ def _gauss(forces: AppliedForces, segment: Segment, starts: FloatArray, ends: Fl
     return np.asarray(half * (power @ _WEIGHTS), dtype=np.float64)
 
 
-def _integrated(t: FloatArray, power: FloatArray, impacts: list[float]) -> tuple[FloatArray, FloatArray]:
+def _integrated(
+    t: FloatArray, power: FloatArray, impacts: list[float]
+) -> tuple[FloatArray, FloatArray]:
     """Integral from the first sample to each, and its error, non-decreasing; shape (n,)."""
     work, error = np.zeros(len(t)), np.zeros(len(t))
     for first, last in _smooth(t, impacts):
@@ -110,12 +121,16 @@ def _smooth(t: FloatArray, impacts: list[float]) -> Iterator[tuple[int, int]]:
     yield from ((first, last) for first, last in pairwise(bounds) if last > first)
 
 
-def _across(t: FloatArray, power: FloatArray, after: int, impacts: list[float]) -> tuple[float, float]:
+def _across(
+    t: FloatArray, power: FloatArray, after: int, impacts: list[float]
+) -> tuple[float, float]:
     """Work from the last sample before an impact to the next one, the power of each side held; and its error."""
     before, step = after - 1, float(t[after] - t[after - 1])
     times = [time for time in impacts if t[before] < time <= t[after]]
     value = power[before] * (times[0] - t[before]) + power[after] * (t[after] - times[0])
-    slopes = abs(power[before] - power[max(before - 1, 0)]) + abs(power[after] - power[min(after + 1, len(t) - 1)])
+    slopes = abs(power[before] - power[max(before - 1, 0)]) + abs(
+        power[after] - power[min(after + 1, len(t) - 1)]
+    )
     several = abs(power[after] - power[before]) if len(times) > 1 else 0.0
     return float(value), step * float(slopes + several)
 

@@ -1,7 +1,7 @@
 """A trajectory beside the reference at the same times, and which of its samples can be compared.
 
-An impact makes speeds and forces jump: between the instants at which the two have it, and within one and a half steps
-of either, they are not compared; the instants are.
+An impact makes speeds and forces jump: between the instants at which the two have it, and within
+one and a half steps of either, they are not compared; the instants are.
 """
 
 from __future__ import annotations
@@ -52,7 +52,9 @@ class Comparison:
     def lasting(self) -> Comparison:
         """The same to the end of what invariants are compared over; an impact after this one's end spoils that."""
         end = self.invariants_to
-        if end is None or any(self.end < t <= end for t, _ in (*self.trajectory.impacts, *self.solution.impacts)):
+        if end is None or any(
+            self.end < t <= end for t, _ in (*self.trajectory.impacts, *self.solution.impacts)
+        ):
             return self
         return replace(self, end=end, keep=self.trajectory.t <= end, invariants_to=None)
 
@@ -93,7 +95,12 @@ class Comparison:
     def impact_pairs(self, stop: str) -> list[Pair]:
         """Times of a stop's impacts in the trajectory and in the reference, side by side (:func:`.impacts.paired`)."""
         times, expected = impact_times(self.trajectory, stop), impact_times(self.solution, stop)
-        return paired(times, expected, self.step, min(float(self.trajectory.t[-1]), self.solution.problem.duration))
+        return paired(
+            times,
+            expected,
+            self.step,
+            min(float(self.trajectory.t[-1]), self.solution.problem.duration),
+        )
 
     def distance(self, values: FloatArray, reference: FloatArray) -> FloatArray:
         """|values - reference| at the compared times; Euclidean over a trailing axis, if there is one."""
@@ -122,7 +129,9 @@ class Comparison:
         return Metric(name=name, subject=subject, value=value, unit=unit)
 
 
-def against(trajectory: Trajectory, solution: Solution, end: float, reference: Trajectory | None = None) -> Comparison:
+def against(
+    trajectory: Trajectory, solution: Solution, end: float, reference: Trajectory | None = None
+) -> Comparison:
     """Set a trajectory beside the reference, from the start to `end` [s].
 
     Args:
@@ -138,9 +147,15 @@ def _impact_windows(c: Comparison) -> Iterator[tuple[float, float]]:
         times, expected = impact_times(c.trajectory, stop.name), impact_times(c.solution, stop.name)
         yield from ((time, time) for time in [*times, *expected])
         pairs = c.impact_pairs(stop.name)
-        yield from ((min(own, other), max(own, other)) for own, other in pairs if own is not None and other is not None)
+        yield from (
+            (min(own, other), max(own, other))
+            for own, other in pairs
+            if own is not None and other is not None
+        )
 
 
-def not_observed(name: str, subject: str | None, unit: str, why: str = "the engine does not tell it") -> Metric:
+def not_observed(
+    name: str, subject: str | None, unit: str, why: str = "the engine does not tell it"
+) -> Metric:
     """A metric of what cannot be judged, with the reason."""
     return Metric(name=name, subject=subject, value=None, unit=unit, observed=False, note=why)

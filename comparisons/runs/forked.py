@@ -1,10 +1,12 @@
 """Calls in processes of their own, each forked from one that has imported what calls need and has never made any.
 
-What a call does to its process, or to itself, ends with it: a crash, a hang, a patched library, another working
-directory, the state of a generator of random numbers. The process that forks does no more than import what the calls
-before have imported, so that a call costs a fork and not the start of an interpreter.
+What a call does to its process, or to itself, ends with it: a crash, a hang, a patched library,
+another working directory, the state of a generator of random numbers. The process that forks does
+no more than import what the calls before have imported, so that a call costs a fork and not the
+start of an interpreter.
 
-Linux only: elsewhere libraries do not survive a fork, and each call has a process that is started for it.
+Linux only: elsewhere libraries do not survive a fork, and each call has a process that is started
+for it.
 """
 
 from __future__ import annotations
@@ -57,7 +59,9 @@ def unpacked(name: str, answer: bytes | None, ended: int) -> Any:
     return result
 
 
-def call_forked(call: bytes, timeout: float, imports: bool = True) -> tuple[bytes | None, int | None, bool]:
+def call_forked(
+    call: bytes, timeout: float, imports: bool = True
+) -> tuple[bytes | None, int | None, bool]:
     """Make a call in a fork of this process.
 
     Args:
@@ -66,9 +70,10 @@ def call_forked(call: bytes, timeout: float, imports: bool = True) -> tuple[byte
         imports: whether to import here afterwards what the call has imported.
 
     Returns:
-        The answer, for :func:`unpacked`, or None from a process that ended by itself; its exit code, or minus the
-        signal that ended it, or None if it did not come to an end: it is ended then, with all that it has started; and
-        whether this process can be forked again: not if those imports have started threads.
+        The answer, for :func:`unpacked`, or None from a process that ended by itself; its exit
+        code, or minus the signal that ended it, or None if it did not come to an end: it is ended
+        then, with all that it has started; and whether this process can be forked again: not if
+        those imports have started threads.
     """
     ours, theirs = Pipe(duplex=False)
     sys.stdout.flush()

@@ -1,10 +1,11 @@
 """Which impact of a run is which of the reference's.
 
-An engine with a step does not resolve a rebound that is shorter: a stop that bounces to rest has fewer impacts than in
-the reference, or at other instants, and later ones have other numbers. So impacts are aligned: a pair costs the
-difference of its times; to leave out an impact at the end of an unresolved rebound costs a step; any other impact of
-only one of the two is a disagreement. Unresolved is a rebound of the engine's that is shorter than its step, or one
-of the reference's that is shorter than `FOLLOWED` steps, for an engine may end bouncing some steps earlier. An impact
+An engine with a step does not resolve a rebound that is shorter: a stop that bounces to rest has
+fewer impacts than in the reference, or at other instants, and later ones have other numbers. So
+impacts are aligned: a pair costs the difference of its times; to leave out an impact at the end of
+an unresolved rebound costs a step; any other impact of only one of the two is a disagreement.
+Unresolved is a rebound of the engine's that is shorter than its step, or one of the reference's
+that is shorter than `FOLLOWED` steps, for an engine may end bouncing some steps earlier. An impact
 that one has when the other's motion has ended costs nothing.
 """
 
@@ -39,10 +40,13 @@ def impact_times(motion: Trajectory | Solution, stop: str) -> list[float]:
     return [time for time, impulses in motion.impacts if pushes(impulses)]
 
 
-def paired(times: Sequence[float], expected: Sequence[float], step: float, until: float = math.inf) -> list[Pair]:
+def paired(
+    times: Sequence[float], expected: Sequence[float], step: float, until: float = math.inf
+) -> list[Pair]:
     """Impacts of one stop in the order of their times.
 
-    Those at the end of an unresolved rebound, or beyond the end of the shorter motion, only if both have one.
+    Those at the end of an unresolved rebound, or beyond the end of the shorter motion, only if both
+    have one.
 
     Args:
         times: of the engine's [s].
@@ -50,11 +54,18 @@ def paired(times: Sequence[float], expected: Sequence[float], step: float, until
         step: of the engine [s].
         until: end of the motion that ends first [s].
     """
-    own, reference = _resolvable(times, step, 1.0, until), _resolvable(expected, step, FOLLOWED, until)
+    own, reference = (
+        _resolvable(times, step, 1.0, until),
+        _resolvable(expected, step, FOLLOWED, until),
+    )
     costs = _costs(own, reference, step)
     pairs, i, j = list[Pair](), len(own), len(reference)
     while i or j:
-        if i and j and costs[i, j] == costs[i - 1, j - 1] + abs(own[i - 1][0] - reference[j - 1][0]) / step:
+        if (
+            i
+            and j
+            and costs[i, j] == costs[i - 1, j - 1] + abs(own[i - 1][0] - reference[j - 1][0]) / step
+        ):
             i, j = i - 1, j - 1
             pairs.append((own[i][0], reference[j][0]))
         elif i and costs[i, j] == costs[i - 1, j] + own[i - 1][1]:
@@ -66,14 +77,25 @@ def paired(times: Sequence[float], expected: Sequence[float], step: float, until
     return pairs[::-1]
 
 
-def _resolvable(times: Sequence[float], step: float, shortest: float, until: float) -> list[tuple[float, float]]:
+def _resolvable(
+    times: Sequence[float], step: float, shortest: float, until: float
+) -> list[tuple[float, float]]:
     """Impacts [s] that may have a counterpart, and what each costs that has none; `shortest` in steps."""
     rebounds = [math.inf, *np.diff(times).tolist()]
-    kept = [(t, rebound) for t, rebound in zip(times, rebounds, strict=False) if rebound > _DROPPED * step]
-    return [(t, 0.0 if t > until else 1.0 if rebound < shortest * step else _MISSING) for t, rebound in kept[:_MOST]]
+    kept = [
+        (t, rebound)
+        for t, rebound in zip(times, rebounds, strict=False)
+        if rebound > _DROPPED * step
+    ]
+    return [
+        (t, 0.0 if t > until else 1.0 if rebound < shortest * step else _MISSING)
+        for t, rebound in kept[:_MOST]
+    ]
 
 
-def _costs(own: list[tuple[float, float]], reference: list[tuple[float, float]], step: float) -> FloatArray:
+def _costs(
+    own: list[tuple[float, float]], reference: list[tuple[float, float]], step: float
+) -> FloatArray:
     """Least cost of aligning the first i with the first j, shape (len(own) + 1, len(reference) + 1)."""
     costs = np.zeros((len(own) + 1, len(reference) + 1))
     costs[1:, 0] = np.cumsum([cost for _, cost in own])

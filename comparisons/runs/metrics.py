@@ -1,7 +1,7 @@
 """How far a trajectory is from the reference: pure functions, the reference read at the trajectory's own times.
 
-No sample of an engine is interpolated, but for the launch, which falls between two samples (a polynomial through
-the eight samples around it, :mod:`...models.launch`).
+No sample of an engine is interpolated, but for the launch, which falls between two samples (a
+polynomial through the eight samples around it, :mod:`...models.launch`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ from .results import Metric
 from .scales import Scales
 from .stretching import PARTED, Stretching
 
-_COUNTED_IMPACTS = 10  # of each stop: the first ones; further ones pile up in a shorter and shorter time
+_COUNTED_IMPACTS = (
+    10  # of each stop: the first ones; further ones pile up in a shorter and shorter time
+)
 _REDUNDANT = "not unique: constraints are redundant"
 _RESOLVED = 0.5  # characteristic times, or of the end: a longer interval between two samples leaves motion unseen
 SAME_END = 1e-9
@@ -49,11 +51,22 @@ def measure(
         reference: at the trajectory's times, where it is known already.
         scales: of the reference motion up to the end, where they are known already.
         thrown: marker whose launch is measured.
-        invariants_to: end of what invariants are compared over [s], where the motion cannot be predicted so long.
+        invariants_to: end of what invariants are compared over [s], where the motion cannot be
+        predicted so long.
         stretching: of the reference motion to that end, for the time of first parting.
     """
     reference = reference or solution.trajectory(trajectory.t)
-    c = Comparison(trajectory, reference, solution, end, trajectory.t <= end, thrown, scales, invariants_to, stretching)
+    c = Comparison(
+        trajectory,
+        reference,
+        solution,
+        end,
+        trajectory.t <= end,
+        thrown,
+        scales,
+        invariants_to,
+        stretching,
+    )
     return tuple(metric for part in _PARTS for metric in part(c))
 
 
@@ -84,13 +97,18 @@ def _coordinates(c: Comparison) -> Iterator[Metric]:
 def _launch(c: Comparison) -> Iterator[Metric]:
     if c.thrown not in c.trajectory.markers:
         return
-    expected, launch = c.solution.launch_at(LAUNCH_ANGLE, c.thrown), c.trajectory.launch(marker=c.thrown)
+    expected, launch = (
+        c.solution.launch_at(LAUNCH_ANGLE, c.thrown),
+        c.trajectory.launch(marker=c.thrown),
+    )
     times = tuple(None if each is None else each.time for each in (launch, expected))
     if not _either_within(c, *times):
         return
     subject = None if c.thrown == THROWN else c.thrown
     time, due = times
-    yield _event_metric(c, "launch_time", subject, time, due, f"{c.thrown} comes to the launch angle")
+    yield _event_metric(
+        c, "launch_time", subject, time, due, f"{c.thrown} comes to the launch angle"
+    )
     both = launch is not None and expected is not None
     speed = launch.speed - expected.speed if launch and expected else None
     note = None if both else "only one of the two launches"
@@ -115,10 +133,19 @@ def _no_release(c: Comparison, stop: str) -> str | None:
     """Why the time at which a stop opens is not unique: its torque changes sign at no time that the motion tells."""
     if stop in c.solution.undetermined_stops:
         return _REDUNDANT
-    scale = c.scales.angle if c.trajectory.mechanism.stop(stop).gap_unit == "rad" else c.scales.length
+    scale = (
+        c.scales.angle if c.trajectory.mechanism.stop(stop).gap_unit == "rad" else c.scales.length
+    )
     torque, gap = c.reference.stop_torque(stop), c.reference.stop_gap(stop)
-    parts = (np.abs(values[c.keep]).max(initial=0.0) for values in (torque / c.scales.torques[stop], gap / scale))
-    return "not unique: nothing presses on the stop, and it stays closed" if max(parts) <= PARTED else None
+    parts = (
+        np.abs(values[c.keep]).max(initial=0.0)
+        for values in (torque / c.scales.torques[stop], gap / scale)
+    )
+    return (
+        "not unique: nothing presses on the stop, and it stays closed"
+        if max(parts) <= PARTED
+        else None
+    )
 
 
 def _either_within(c: Comparison, *times: float | None) -> bool:
@@ -126,7 +153,12 @@ def _either_within(c: Comparison, *times: float | None) -> bool:
 
 
 def _event_metric(
-    c: Comparison, name: str, subject: str | None, time: float | None, expected: float | None, what: str
+    c: Comparison,
+    name: str,
+    subject: str | None,
+    time: float | None,
+    expected: float | None,
+    what: str,
 ) -> Metric:
     """Difference of the times of an event that one of the two has by the end; none if the other never has it."""
     if time is not None and expected is not None:
@@ -146,7 +178,12 @@ def _impacts(c: Comparison) -> Iterator[Metric]:
         if not _either_within(c, *times, *expected):
             continue
         if not c.trajectory.impacts:
-            yield not_observed("impact_time", stop.name, "s", "the engine resolves no impacts; its motion is judged")
+            yield not_observed(
+                "impact_time",
+                stop.name,
+                "s",
+                "the engine resolves no impacts; its motion is judged",
+            )
             continue
         if stop.name in c.solution.undetermined_stops:
             yield not_observed("impact_time", stop.name, "s", _REDUNDANT)
@@ -156,7 +193,11 @@ def _impacts(c: Comparison) -> Iterator[Metric]:
 
 def _worst_impact(c: Comparison, stop: str) -> Iterator[Metric]:
     pairs = c.impact_pairs(stop)[:_COUNTED_IMPACTS]
-    metrics = [_event_metric(c, "impact_time", stop, *pair, "met") for pair in pairs if _either_within(c, *pair)]
+    metrics = [
+        _event_metric(c, "impact_time", stop, *pair, "met")
+        for pair in pairs
+        if _either_within(c, *pair)
+    ]
     if metrics:
         yield max(metrics, key=lambda metric: np.inf if metric.value is None else abs(metric.value))
 
@@ -177,7 +218,9 @@ def _torques(c: Comparison) -> Iterator[Metric]:
         impulse = trapezoid(torque[c.keep], c.t) - trapezoid(expected[c.keep], c.t)
         yield c.largest("stop_torque_max", torque, expected, unit, name, forces=True)
         if settled.any():
-            yield Metric(name="stop_torque_settled", subject=name, value=error[settled].max(), unit=unit)
+            yield Metric(
+                name="stop_torque_settled", subject=name, value=error[settled].max(), unit=unit
+            )
         yield Metric(name="stop_impulse", subject=name, value=float(impulse), unit=f"{unit} s")
 
 
@@ -200,11 +243,19 @@ def _reactions(c: Comparison) -> Iterator[Metric]:
         if name in c.solution.undetermined_joints:
             yield not_observed("joint_reaction_max", name, "N", _REDUNDANT)
             continue
-        error = c.largest("joint_reaction_max", force, c.reference.joint_reaction(name), "N", name, forces=True)
+        error = c.largest(
+            "joint_reaction_max", force, c.reference.joint_reaction(name), "N", name, forces=True
+        )
         yield error
-        scale = float(np.linalg.norm(c.reference.joint_reaction(name)[c.keep][c.away], axis=1).max(initial=0.0))
+        scale = float(
+            np.linalg.norm(c.reference.joint_reaction(name)[c.keep][c.away], axis=1).max(
+                initial=0.0
+            )
+        )
         if scale > 0 and error.value is not None:
-            yield Metric(name="joint_reaction_relative", subject=name, value=error.value / scale, unit="1")
+            yield Metric(
+                name="joint_reaction_relative", subject=name, value=error.value / scale, unit="1"
+            )
 
 
 def _energy(c: Comparison) -> Iterator[Metric]:
@@ -251,22 +302,38 @@ def _constraints(c: Comparison) -> Iterator[Metric]:
     for stop in c.trajectory.mechanism.stops:
         gap, unit = c.trajectory.stop_gap(stop.name)[c.keep], stop.gap_unit
         if stop.closed:
-            # Held until the earlier of the two releases: in between, the two differ by the release time.
-            times = [c.end, c.trajectory.release_time(stop.name), c.reference.release_time(stop.name)]
+            # Held until the earlier of the two releases: in between, the two differ by the release
+            # time.
+            times = [
+                c.end,
+                c.trajectory.release_time(stop.name),
+                c.reference.release_time(stop.name),
+            ]
             held = c.t <= min(time for time in times if time is not None)
-            yield Metric(name="stop_gap_held", subject=stop.name, value=np.abs(gap[held]).max(initial=0.0), unit=unit)
+            yield Metric(
+                name="stop_gap_held",
+                subject=stop.name,
+                value=np.abs(gap[held]).max(initial=0.0),
+                unit=unit,
+            )
     yield from _complementarity(c)
     for name, gap in c.trajectory.joint_gaps.items():
-        yield Metric(name="joint_gap_max", subject=name, value=np.abs(gap[c.lasting.keep]).max(), unit="m")
+        yield Metric(
+            name="joint_gap_max", subject=name, value=np.abs(gap[c.lasting.keep]).max(), unit="m"
+        )
 
 
 def _complementarity(c: Comparison) -> Iterator[Metric]:
     """How well gap >= 0, torque >= 0 and torque * gap = 0 hold: the law of a stop that can close again."""
-    if c.solution.problem.stop_law is not StopLaw.UNILATERAL:  # whatever the engine says that it followed
+    if (
+        c.solution.problem.stop_law is not StopLaw.UNILATERAL
+    ):  # whatever the engine says that it followed
         return
     for stop in c.trajectory.mechanism.stops:
         gap, name, unit = c.trajectory.stop_gap(stop.name)[c.keep], stop.name, stop.gap_unit
-        yield Metric(name="stop_penetration", subject=name, value=max(0.0, -float(gap.min())), unit=unit)
+        yield Metric(
+            name="stop_penetration", subject=name, value=max(0.0, -float(gap.min())), unit=unit
+        )
         torque = c.trajectory.stop_torques.get(name, np.zeros(len(c.keep)))[c.keep]
         peak = float(torque.max())
         if peak > 0:

@@ -1,8 +1,8 @@
 """Two runs of one machine against each other.
 
-Two engines seldom sample the same times: between them, the error against the reference, which is small and smooth, is
-interpolated linearly to the other engine's times, so that only a small part of it is lost. The reference itself cancels
-in the difference.
+Two engines seldom sample the same times: between them, the error against the reference, which is
+small and smooth, is interpolated linearly to the other engine's times, so that only a small part of
+it is lost. The reference itself cancels in the difference.
 """
 
 from __future__ import annotations
@@ -34,12 +34,17 @@ class Compared:
     @classmethod
     def of(cls, trajectory: Trajectory, reference: Trajectory, thrown: str = THROWN) -> Compared:
         """Of a trajectory and the reference at its times."""
-        errors = {name: m.position - reference.marker(name).position for name, m in trajectory.markers.items()}
+        errors = {
+            name: m.position - reference.marker(name).position
+            for name, m in trajectory.markers.items()
+        }
         launch = trajectory.launch(marker=thrown) if thrown in errors else None
         return cls(trajectory.t, errors, dict(trajectory.release_times), launch)
 
 
-def pair_of(model: str, labels: tuple[str, str], first: Compared, second: Compared, end: float) -> Pair:
+def pair_of(
+    model: str, labels: tuple[str, str], first: Compared, second: Compared, end: float
+) -> Pair:
     """Two runs of one machine up to `end` [s], at the times of the one that has fewer."""
     speeds = [run.launch.speed for run in (first, second) if run.launch]
     common = [name for name in first.errors if name in second.errors]
@@ -57,7 +62,9 @@ def pair_of(model: str, labels: tuple[str, str], first: Compared, second: Compar
 def _position_difference(first: Compared, second: Compared, marker: str, end: float) -> float:
     coarse, fine = sorted((first, second), key=lambda run: len(run.t))
     t = coarse.t[coarse.t <= min(end, fine.t[-1])]
-    interpolated = np.stack([np.interp(t, fine.t, fine.errors[marker][:, axis]) for axis in (0, 1)], axis=1)
+    interpolated = np.stack(
+        [np.interp(t, fine.t, fine.errors[marker][:, axis]) for axis in (0, 1)], axis=1
+    )
     return float(np.linalg.norm(coarse.errors[marker][: len(t)] - interpolated, axis=1).max())
 
 

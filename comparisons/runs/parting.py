@@ -1,9 +1,10 @@
 """The time of first parting: when an engine's motion leaves the reference, beyond what can be predicted.
 
-An error of the relative size eps that is made all along the motion has grown to eps times the stretching
-(:mod:`.stretching`) by a time t. A motion that first differs by `PARTED` of a scale at t so shows the base error
-eps = PARTED / stretching(t). Up to the predictability horizon, where the stretching reaches its limit, any engine that
-holds the default tolerance has a base error below PARTED / LIMIT, a hundred-thousandth; so it parts later.
+An error of the relative size eps that is made all along the motion has grown to eps times the
+stretching (:mod:`.stretching`) by a time t. A motion that first differs by `PARTED` of a scale at t
+so shows the base error eps = PARTED / stretching(t). Up to the predictability horizon, where the
+stretching reaches its limit, any engine that holds the default tolerance has a base error below
+PARTED / LIMIT, a hundred-thousandth; so it parts later.
 """
 
 from __future__ import annotations
@@ -20,7 +21,11 @@ from .stretching import LIMIT, PARTED, Stretching
 
 
 def parting(
-    trajectory: Trajectory, reference: Trajectory, angles: BoolArray, scales: Scales, stretching: Stretching
+    trajectory: Trajectory,
+    reference: Trajectory,
+    angles: BoolArray,
+    scales: Scales,
+    stretching: Stretching,
 ) -> Iterator[Metric]:
     """Time of first parting and the base error that it shows; of motions whose end lies beyond their horizon only.
 
@@ -36,14 +41,24 @@ def parting(
     within = trajectory.t <= end
     apart = np.flatnonzero(~(_distance(trajectory, reference, angles, scales)[within] <= PARTED))
     time = float(trajectory.t[apart[0]]) if len(apart) else None
-    by = f"by {PARTED:g} of a scale" if time is not None else f"it does not part by the end, {end:.6g} s"
-    yield Metric(name="base_error", value=_base_error(stretching, end if time is None else time), unit="1")
+    by = (
+        f"by {PARTED:g} of a scale"
+        if time is not None
+        else f"it does not part by the end, {end:.6g} s"
+    )
+    yield Metric(
+        name="base_error", value=_base_error(stretching, end if time is None else time), unit="1"
+    )
     yield Metric(name="first_parting", value=time, unit="s", note=by)
 
 
-def _distance(trajectory: Trajectory, reference: Trajectory, angles: BoolArray, scales: Scales) -> FloatArray:
+def _distance(
+    trajectory: Trajectory, reference: Trajectory, angles: BoolArray, scales: Scales
+) -> FloatArray:
     """Largest of coordinates and markers at each time, in parts of angle and length: none of them jumps."""
-    distance = (np.abs(trajectory.q - reference.q) / np.where(angles, scales.angle, scales.length)).max(axis=1)
+    distance = (
+        np.abs(trajectory.q - reference.q) / np.where(angles, scales.angle, scales.length)
+    ).max(axis=1)
     for name, motion in trajectory.markers.items():
         apart = np.linalg.norm(motion.position - reference.marker(name).position, axis=1)
         distance = np.maximum(distance, apart / scales.length)

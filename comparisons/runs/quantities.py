@@ -1,7 +1,7 @@
 """The quantities of a comparison: what each metric measures, in which scale, and what a user calls it.
 
-A quantity that follows from another one (a mean square beside its largest value) has no verdict of its own: counting
-one fact twice would make an agreement look broader than it is.
+A quantity that follows from another one (a mean square beside its largest value) has no verdict of
+its own: counting one fact twice would make an agreement look broader than it is.
 """
 
 from __future__ import annotations
@@ -87,7 +87,9 @@ _ALL = (
     Quantity("impact_impulse", "impulse", "impulse", of="stop", of_files=True),
     Quantity("impact_speed", "impact-speed", "impact speed", of="moving", of_files=True),
     Quantity("stop_torque_max", "stop-torque", "stop", of="stop"),
-    Quantity("stop_torque_settled", "stop-torque (away from releases)", "stop", follows="stop_torque_max"),
+    Quantity(
+        "stop_torque_settled", "stop-torque (away from releases)", "stop", follows="stop_torque_max"
+    ),
     Quantity("stop_impulse", "stop-impulse", "", follows="stop_torque_max"),
     Quantity("joint_reaction_max", "reaction", "force", of="joint"),
     Quantity("joint_reaction_relative", "reaction (relative)", "", follows="joint_reaction_max"),
@@ -109,7 +111,9 @@ _ALL = (
 QUANTITIES: Mapping[str, Quantity] = {quantity.name: quantity for quantity in _ALL}
 """By name of the metric."""
 
-JUDGED: Mapping[str, Quantity] = {quantity.title: quantity for quantity in _ALL if quantity.follows is None}
+JUDGED: Mapping[str, Quantity] = {
+    quantity.title: quantity for quantity in _ALL if quantity.follows is None
+}
 """By title: those that a tolerance can be stated for."""
 
 
@@ -123,5 +127,7 @@ def judged_quantity(title: str) -> Quantity:
     if quantity is None or quantity.follows is not None:
         close = get_close_matches(title, JUDGED, n=1)
         hint = f" (did you mean {close[0]!r}?)" if close else ""
-        raise InputError(f"tolerance {title[:60]!r} is not of a judged quantity{hint}; there are: {', '.join(JUDGED)}.")
+        raise InputError(
+            f"tolerance {title[:60]!r} is not of a judged quantity{hint}; there are: {', '.join(JUDGED)}."
+        )
     return quantity

@@ -43,11 +43,15 @@ class ResultFile(Spec):
 
         platform_name = f"{platform.system()} {platform.machine()}"
         python = platform.python_version()
-        return cls(trebucheck_version=__version__, python_version=python, platform=platform_name, **content)
+        return cls(
+            trebucheck_version=__version__, python_version=python, platform=platform_name, **content
+        )
 
     def made_by(self, command: str | None, jobs: int | None = None) -> Self:
         """The same with the command line that makes it again, and, unless None, how many runs were made at once."""
-        return self.model_copy(update={"command": command} | ({} if jobs is None else {"jobs": jobs}))
+        return self.model_copy(
+            update={"command": command} | ({} if jobs is None else {"jobs": jobs})
+        )
 
 
 class Outcome(StrEnum):
@@ -82,7 +86,9 @@ class Metric(Spec):
     """
 
     name: str
-    subject: str | None = Field(default=None, description="marker, coordinate, stop or joint it is about")
+    subject: str | None = Field(
+        default=None, description="marker, coordinate, stop or joint it is about"
+    )
     value: Real | None
     unit: str
     sampling_error: Real | None = Field(
@@ -90,11 +96,16 @@ class Metric(Spec):
         exclude_if=lambda value: value is None,
         description="what the samples leave unknown of it; added to the tolerance",
     )
-    observed: bool = Field(default=True, description="false: the engine does not tell it, or it is not determined")
-    follows: str | None = Field(default=None, description="metric from which it follows; it has no verdict of its own")
+    observed: bool = Field(
+        default=True, description="false: the engine does not tell it, or it is not determined"
+    )
+    follows: str | None = Field(
+        default=None, description="metric from which it follows; it has no verdict of its own"
+    )
     tolerance: Real | None = None
     source: Literal["need", "claim", "default"] | None = Field(
-        default=None, description="whose tolerance: the user's need, the engine's claim, or the default"
+        default=None,
+        description="whose tolerance: the user's need, the engine's claim, or the default",
     )
     reason: str | None = Field(default=None, description="where the tolerance comes from")
     note: str | None = None
@@ -127,7 +138,9 @@ class Check(Spec):
     """One figure of the gate: built model against the reference's equations, the worst of all states."""
 
     name: str
-    subject: str | None = Field(default=None, description="coordinate, body or stop in which it is worst")
+    subject: str | None = Field(
+        default=None, description="coordinate, body or stop in which it is worst"
+    )
     value: Real | None = Field(description="None where the engine gave no number")
     unit: str
     tolerance: Real
@@ -178,8 +191,12 @@ class Diagnosis(Spec):
     """Where and how a run first parts from the reference, and what is likely to be wrong."""
 
     leads: str = Field(description="label of the figure that leaves its tolerance first")
-    parts_at: Real | None = Field(default=None, description="when that happens [s]; None before any motion")
-    holding: tuple[str, ...] = Field(default=(), description="stops that held in the reference at that time")
+    parts_at: Real | None = Field(
+        default=None, description="when that happens [s]; None before any motion"
+    )
+    holding: tuple[str, ...] = Field(
+        default=(), description="stops that held in the reference at that time"
+    )
     causes: tuple[Cause, ...] = Field(default=(), description="the one that explains most first")
     likeliest: Annotated[int, Field(ge=0)] = Field(
         default=0,
@@ -187,7 +204,8 @@ class Diagnosis(Spec):
         "cannot be told apart by it; 0: the cause is unknown",
     )
     motion_agrees: bool = Field(
-        default=False, description="whether the motion follows the reference, so that only what is read from it differs"
+        default=False,
+        description="whether the motion follows the reference, so that only what is read from it differs",
     )
     note: str = Field(
         default="",
@@ -234,7 +252,9 @@ class Run(Measured, Spec):
     message: str | None = Field(default=None, description="why it failed")
     engine_version: str
     scheme: str = Field(
-        default="", exclude_if=lambda value: value == "", description="by which it integrates, as its study names it"
+        default="",
+        exclude_if=lambda value: value == "",
+        description="by which it integrates, as its study names it",
     )
     order: Real | None = Field(
         default=None,
@@ -248,10 +268,16 @@ class Run(Measured, Spec):
     )
     settings: dict[str, JsonValue] = Field(default_factory=dict)
     steps: Annotated[int, Field(ge=0)] = 0
-    wall_time: Real | None = Field(default=None, description="of the whole simulate, first call warm [s]")
-    equality: Equality | None = Field(default=None, description="None where the engine never came to be built")
+    wall_time: Real | None = Field(
+        default=None, description="of the whole simulate, first call warm [s]"
+    )
+    equality: Equality | None = Field(
+        default=None, description="None where the engine never came to be built"
+    )
     metrics: tuple[Metric, ...] = ()
-    diagnosis: Diagnosis | None = Field(default=None, description="of a run that failed its gate or a tolerance")
+    diagnosis: Diagnosis | None = Field(
+        default=None, description="of a run that failed its gate or a tolerance"
+    )
 
     @property
     def label(self) -> str:
@@ -269,7 +295,9 @@ class Pair(Spec):
     model: str
     first: str
     second: str
-    position_max: Real | None = Field(description="largest of all markers [m]; None without a marker")
+    position_max: Real | None = Field(
+        description="largest of all markers [m]; None without a marker"
+    )
     release_time_max: Real | None = Field(description="[s]; None if not the same stops opened")
     launch_speed: Real | None = Field(description="[m/s]; None if one of them does not launch")
 
@@ -278,8 +306,12 @@ class Predictability(Spec):
     """How far errors are stretched by some times: each in parts of scales, per part of what is wrong by it."""
 
     times: tuple[Real, ...] = Field(description="[s]")
-    parameters: tuple[Real | None, ...] = Field(description="by inertias and force elements; null: without limit")
-    start: tuple[Real | None, ...] = Field(description="by coordinates and speeds at the start; null: without limit")
+    parameters: tuple[Real | None, ...] = Field(
+        description="by inertias and force elements; null: without limit"
+    )
+    start: tuple[Real | None, ...] = Field(
+        description="by coordinates and speeds at the start; null: without limit"
+    )
 
 
 class SingularPosition(Spec):
@@ -287,8 +319,12 @@ class SingularPosition(Spec):
 
     time: Real = Field(description="[s]")
     time_uncertainty: Real = Field(description="[s]")
-    uncertainty: Real = Field(description="of the coordinates behind it, as parts of the longest arm")
-    lost: Annotated[int, Field(ge=1)] = Field(description="number of constraints that depend on the others there")
+    uncertainty: Real = Field(
+        description="of the coordinates behind it, as parts of the longest arm"
+    )
+    lost: Annotated[int, Field(ge=1)] = Field(
+        description="number of constraints that depend on the others there"
+    )
 
 
 class Machine(Spec):
@@ -299,24 +335,38 @@ class Machine(Spec):
     mechanism_hash: str
     table_one: bool = Field(description="whether it is the paper's Table I machine")
     stop_law: StopLaw = Field(default=StopLaw.RELEASE_ONCE, description="that the stops follow")
-    compared_to: Real = Field(description="end of the compared motion: the launch, or the duration [s]")
-    judged_to: Real = Field(description="the end, or the predictability horizon if that is earlier [s]")
-    stretching: Real = Field(description="relative displacement of the motion up to there per change of inertia")
+    compared_to: Real = Field(
+        description="end of the compared motion: the launch, or the duration [s]"
+    )
+    judged_to: Real = Field(
+        description="the end, or the predictability horizon if that is earlier [s]"
+    )
+    stretching: Real = Field(
+        description="relative displacement of the motion up to there per change of inertia"
+    )
     predictability: Predictability | None = None
     scales: Scales
     whole_scales: Scales | None = Field(
-        default=None, description="of the motion to the end, where invariants are judged beyond the horizon"
+        default=None,
+        description="of the motion to the end, where invariants are judged beyond the horizon",
     )
-    needs: dict[str, str] = Field(default_factory=dict, description="the user's tolerances, as they were stated")
+    needs: dict[str, str] = Field(
+        default_factory=dict, description="the user's tolerances, as they were stated"
+    )
     thrown: str = Field(description="marker whose launch is measured")
     launch_time: Real | None
     launch_speed: Real | None
-    impacts: Annotated[int, Field(ge=0)] = Field(description="of the reference within the compared motion")
+    impacts: Annotated[int, Field(ge=0)] = Field(
+        description="of the reference within the compared motion"
+    )
     reference_uncertainty: dict[str, Real] = Field(
-        default_factory=dict, description="of the reference, by the metric it enters, in the metric's unit"
+        default_factory=dict,
+        description="of the reference, by the metric it enters, in the metric's unit",
     )
     uncertainty_source: str = Field(default="unknown", description="certificate, or estimate")
-    singular_positions: tuple[SingularPosition, ...] = Field(default=(), description="that the reference passes")
+    singular_positions: tuple[SingularPosition, ...] = Field(
+        default=(), description="that the reference passes"
+    )
     release_times: dict[str, Real | None]
     start_torques: dict[str, Real]
 
@@ -338,7 +388,9 @@ class Results(ResultFile):
     def passed(self) -> bool:
         """No run disagrees, differs or fails, and something was judged; an absent engine disagrees with nobody."""
         bad = (Outcome.DISAGREES, Outcome.NOT_EQUIVALENT, Outcome.FAILED)
-        return all(run.outcome not in bad for run in self.runs) and any(run.judged for run in self.runs)
+        return all(run.outcome not in bad for run in self.runs) and any(
+            run.judged for run in self.runs
+        )
 
 
 COMPARED = (Outcome.AGREES, Outcome.DISAGREES, Outcome.NOT_JUDGED)
@@ -350,4 +402,8 @@ def verdict_on(metrics: tuple[Metric, ...]) -> Outcome:
     verdicts = [metric.holds for metric in metrics if metric.holds is not None]
     if not all(verdicts):
         return Outcome.DISAGREES
-    return Outcome.AGREES if verdicts and not any(metric.unjudged for metric in metrics) else Outcome.NOT_JUDGED
+    return (
+        Outcome.AGREES
+        if verdicts and not any(metric.unjudged for metric in metrics)
+        else Outcome.NOT_JUDGED
+    )

@@ -1,6 +1,7 @@
 """Engines run on one mechanism: for how long, where, beside which reference motion, and what a failure becomes.
 
-The reference runs where the engines do, under the same limit of time: in a process of its own if they are isolated.
+The reference runs where the engines do, under the same limit of time: in a process of its own if
+they are isolated.
 """
 
 from __future__ import annotations
@@ -39,9 +40,12 @@ from .worker import Worker
 
 _Result = TypeVar("_Result")
 
-_TAIL_STEPS, _TAIL = 20, 0.02  # an engine runs on past the end of what is compared, so that its launch can be found
-# Time grids on which the reference is kept: runs of one step and engine share theirs. The longest takes some 10 MB;
-# longer ones belong to runs beside which the reference is cheap.
+_TAIL_STEPS, _TAIL = (
+    20,
+    0.02,
+)  # an engine runs on past the end of what is compared, so that its launch can be found
+# Time grids on which the reference is kept: runs of one step and engine share theirs. The longest
+# takes some 10 MB; longer ones belong to runs beside which the reference is cheap.
 _GRIDS, _LONGEST_GRID = 3, 30_000
 
 
@@ -49,7 +53,8 @@ def run_duration(end: float, step: float, longest: float = math.inf) -> float:
     """How long an engine runs [s] if its motion is compared up to `end` [s] and its time step is `step` [s].
 
     Args:
-        longest: that the reference goes on to [s]; an engine of whole steps may need one more than it is asked for.
+        longest: that the reference goes on to [s]; an engine of whole steps may need one more than
+            it is asked for.
     """
     return min(end + max(_TAIL, _TAIL_STEPS * step), max(longest - step, end))
 
@@ -60,7 +65,9 @@ def failure(error: Exception) -> tuple[Outcome, str]:
         return Outcome.FAILED, shortened(f"{type(error).__name__}: {error}")
     if isinstance(error, EngineNotInstalledError):
         return Outcome.ABSENT, str(error)
-    return Outcome.UNSUPPORTED if isinstance(error, UnsupportedProblemError) else Outcome.FAILED, str(error)
+    return Outcome.UNSUPPORTED if isinstance(
+        error, UnsupportedProblemError
+    ) else Outcome.FAILED, str(error)
 
 
 class _once(Generic[_Result]):  # noqa: N801 - used as a decorator, like the property it stands for
@@ -78,7 +85,9 @@ class _once(Generic[_Result]):  # noqa: N801 - used as a decorator, like the pro
         name = self._compute.__name__
         with runner.lock:
             if name not in runner.__dict__:
-                runner.__dict__[name] = self._compute(runner)  # is found there before this is asked again
+                runner.__dict__[name] = self._compute(
+                    runner
+                )  # is found there before this is asked again
             return runner.__dict__[name]
 
 
@@ -138,12 +147,21 @@ class Runner:
         Raises:
             SimulationError: as for :attr:`solution`.
         """
-        given = self.solution, self.judged_to, self.scales, self.until.thrown, self.end, self._stretching
+        given = (
+            self.solution,
+            self.judged_to,
+            self.scales,
+            self.until.thrown,
+            self.end,
+            self._stretching,
+        )
         return self.worker.compute(partial(reference_uncertainties, *given))
 
     @_once
     def _stretching(self) -> Stretching:
-        return self.worker.compute(partial(stretching_until, self.solution, self.end, self._scales_to_end))
+        return self.worker.compute(
+            partial(stretching_until, self.solution, self.end, self._scales_to_end)
+        )
 
     @_once
     def judged_to(self) -> float:
@@ -161,7 +179,8 @@ class Runner:
         found, times = self._stretching, [part * self.end for part in (0.25, 0.5, 0.75, 1.0)]
         at = [found.before(time) for time in times]
         parameters, start = (
-            tuple(float(v) if np.isfinite(v) else None for v in each[at]) for each in (found.parameters, found.start)
+            tuple(float(v) if np.isfinite(v) else None for v in each[at])
+            for each in (found.parameters, found.start)
         )
         return Predictability(times=tuple(times), parameters=parameters, start=start)
 
@@ -205,7 +224,9 @@ class Runner:
         """
         problem, longest = self.problem(engine, given), self.solution.problem.duration
         trajectory = self.worker.simulate(engine, problem)
-        valid = refuse_invalid(engine.name, trajectory, given or self.mechanism, engine.capabilities)
+        valid = refuse_invalid(
+            engine.name, trajectory, given or self.mechanism, engine.capabilities
+        )
         if valid.t[-1] > longest:
             to = f"it goes on to {valid.t[-1]:.6g} s, and {problem.duration:.6g} s was asked for"
             raise SimulationError(f"{engine.name} gave an invalid trajectory: {to}.")

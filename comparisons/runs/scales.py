@@ -1,8 +1,9 @@
 """The scales of a compared motion: what differences are measured in parts of, so that no unit and no size counts.
 
-Lengths are parts of the mechanism's size, times of its characteristic time, speeds and forces of the largest ones of
-the reference, energies of what the motion exchanges: an energy has an arbitrary zero, its change has none. Each scale
-has a least value, so that a mechanism at rest, or a joint without load, can be judged as well.
+Lengths are parts of the mechanism's size, times of its characteristic time, speeds and forces of
+the largest ones of the reference, energies of what the motion exchanges: an energy has an arbitrary
+zero, its change has none. Each scale has a least value, so that a mechanism at rest, or a joint
+without load, can be judged as well.
 """
 
 from __future__ import annotations
@@ -31,10 +32,10 @@ _LEAST = 1e-6
 _LEAST_HELD = 1e-8
 """The same, times the least singular value of the constraints, with lengths in parts of the size.
 
-A position that constraints hold is known to four roundings of the size over that value. In a step of 1e-4 of the
-characteristic time, the shortest that is usual, this makes 1e-11 of the speed that gravity gives, which is a thousandth
-of this least speed: what is judged by default. A wall that is nearly parallel to the motion that it stops has such
-small values.
+A position that constraints hold is known to four roundings of the size over that value. In a step
+of 1e-4 of the characteristic time, the shortest that is usual, this makes 1e-11 of the speed that
+gravity gives, which is a thousandth of this least speed: what is judged by default. A wall that is
+nearly parallel to the motion that it stops has such small values.
 """
 _DEPENDENT = 1e-6  # of constraints with a smaller singular value some follow from the others
 _IN_A_SEGMENT = 9  # positions in which they are computed
@@ -59,12 +60,22 @@ class Scales(Spec):
         "of each spring and ten times the end [s]"
     )
     speed: Positive = Field(description="largest of any centre of mass or marker [m/s]")
-    angular_speed: Positive = Field(description="largest of any body, or speed over length if more [rad/s]")
+    angular_speed: Positive = Field(
+        description="largest of any body, or speed over length if more [rad/s]"
+    )
     mass: Positive = Field(description="of all bodies [kg]")
-    force: Positive = Field(description="largest force of any joint, of a stop on a point or of springs on a body [N]")
-    torques: dict[str, Positive] = Field(description="largest of each stop [N m, or N of one on a point]")
-    energy: Positive = Field(description="largest kinetic energy plus largest change of potential energy [J]")
-    largest_energy: NonNegative = Field(description="largest kinetic and potential energies, whatever their zero [J]")
+    force: Positive = Field(
+        description="largest force of any joint, of a stop on a point or of springs on a body [N]"
+    )
+    torques: dict[str, Positive] = Field(
+        description="largest of each stop [N m, or N of one on a point]"
+    )
+    energy: Positive = Field(
+        description="largest kinetic energy plus largest change of potential energy [J]"
+    )
+    largest_energy: NonNegative = Field(
+        description="largest kinetic and potential energies, whatever their zero [J]"
+    )
 
 
 def size(mechanism: Mechanism) -> float:
@@ -118,9 +129,14 @@ def scales_until(solution: Solution, end: float) -> Scales:
         mass=mass,
         force=force,
         torques={
-            name: _torque_scale(mechanism, name, t[away], force, length) for name, t in reference.stop_torques.items()
+            name: _torque_scale(mechanism, name, t[away], force, length)
+            for name, t in reference.stop_torques.items()
         },
-        energy=max(kinetic + exchanged, _LEAST_ENERGY * (energies + mass * gravity * length), 0.5 * mass * least**2),
+        energy=max(
+            kinetic + exchanged,
+            _LEAST_ENERGY * (energies + mass * gravity * length),
+            0.5 * mass * least**2,
+        ),
         largest_energy=float(energies + mass * gravity * length),
     )
 
@@ -158,7 +174,9 @@ def _length(reference: Trajectory) -> float:
     moving = np.array([slide.joint.parent != GROUND for slide in slides], dtype=bool)
     guided = float(ways[~free & ~moving].max(initial=0.0))
     return (
-        max(size(reference.mechanism) + float(arms[moving].sum()), guided, *_free_springs(reference))
+        max(
+            size(reference.mechanism) + float(arms[moving].sum()), guided, *_free_springs(reference)
+        )
         or float(ways.max(initial=0.0))
         or 1.0
     )
@@ -180,7 +198,9 @@ def _spring_times(mechanism: Mechanism) -> Iterator[float]:
         if isinstance(element, SpringDamper | RotationalSpringDamper) and element.stiffness > 0:
             bodies = [mechanism.body(name) for name in element.bodies if name != GROUND]
             turns = isinstance(element, RotationalSpringDamper)
-            moved = [b.mass * extent(mechanism, b) ** 2 + b.inertia if turns else b.mass for b in bodies]
+            moved = [
+                b.mass * extent(mechanism, b) ** 2 + b.inertia if turns else b.mass for b in bodies
+            ]
             if min(moved) > 0:
                 yield math.sqrt(min(moved) / element.stiffness)
 
@@ -200,9 +220,18 @@ def _largest_turn(reference: Trajectory) -> float:
 def _largest_force(reference: Trajectory, away: BoolArray) -> float:
     forces = [_norm(force[away]) for force in reference.joint_reactions.values()]
     on_points = [stop.name for stop in reference.mechanism.point_stops]
-    forces += [_norm(f) for f in AppliedForces(reference.kinematics).on_bodies(reference.q, reference.u).values()]
+    forces += [
+        _norm(f)
+        for f in AppliedForces(reference.kinematics).on_bodies(reference.q, reference.u).values()
+    ]
     return max(
-        [*forces, *(float(np.abs(reference.stop_torques[name][away]).max(initial=0.0)) for name in on_points)],
+        [
+            *forces,
+            *(
+                float(np.abs(reference.stop_torques[name][away]).max(initial=0.0))
+                for name in on_points
+            ),
+        ],
         default=0.0,
     )
 
@@ -211,6 +240,8 @@ def _norm(vectors: FloatArray) -> float:
     return float(np.linalg.norm(vectors, axis=-1).max(initial=0.0))
 
 
-def _torque_scale(mechanism: Mechanism, name: str, torque: FloatArray, force: float, length: float) -> float:
+def _torque_scale(
+    mechanism: Mechanism, name: str, torque: FloatArray, force: float, length: float
+) -> float:
     arm = length if mechanism.stop(name).effort == "torque" else 1.0
     return max(float(np.abs(torque).max(initial=0.0)), _LEAST_TORQUE * force * arm)

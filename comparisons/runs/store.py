@@ -49,9 +49,10 @@ class _File(Spec):
 class Store:
     """A folder of NetCDF files, one a run, named by model, engine and preset, and one of JSON records.
 
-    Nothing is read unless `resume` is set, and only what was made under exactly the same conditions and has not been
-    changed since: every record carries a checksum of its content, every trajectory has a record with the checksum of
-    its file. What is broken or of another origin is ignored and made anew.
+    Nothing is read unless `resume` is set, and only what was made under exactly the same conditions
+    and has not been changed since: every record carries a checksum of its content, every trajectory
+    has a record with the checksum of its file. What is broken or of another origin is ignored and
+    made anew.
     """
 
     folder: Path
@@ -89,7 +90,8 @@ class Store:
             conditions: as :func:`conditions` gives them.
         """
         path = self.path(model, label)
-        # The checksum is compared before the file is opened: HDF5 may end the process over a broken one.
+        # The checksum is compared before the file is opened: HDF5 may end the process over a broken
+        # one.
         file = self._read(path.stem, self._beside(path), _File, conditions)
         if file is None or file.sha256 != digest(path):
             return None
@@ -108,7 +110,9 @@ class Store:
         """
         return load(self.path(model, label))
 
-    def keep(self, trajectory: Trajectory, model: str, label: str, conditions: str, jobs: int = 1) -> None:
+    def keep(
+        self, trajectory: Trajectory, model: str, label: str, conditions: str, jobs: int = 1
+    ) -> None:
         """Write a trajectory.
 
         Args:
@@ -128,19 +132,26 @@ class Store:
 
     def record(self, name: str, kind: type[_S], conditions: str) -> _S | None:
         """A kept record, made under these conditions; None if there is none, or it was changed."""
-        return None if self.records is None else self._read(name, self.records / f"{name}.json", kind, conditions)
+        return (
+            None
+            if self.records is None
+            else self._read(name, self.records / f"{name}.json", kind, conditions)
+        )
 
     def keep_record(self, name: str, record: Spec, conditions: str, jobs: int = 1) -> None:
         """Write a record.
 
         Args:
-            jobs: runs made at once when its times were taken; at least as many as for what it was made from.
+            jobs: runs made at once when its times were taken; at least as many as for what it was
+                made from.
 
         Raises:
             InputError: the folder cannot be written to.
         """
         if self.records is not None:
-            self.jobs[name] = max(jobs, self.jobs.get(name, 1))  # what was timed before may be timed once more
+            self.jobs[name] = max(
+                jobs, self.jobs.get(name, 1)
+            )  # what was timed before may be timed once more
             self._write(name, self.records / f"{name}.json", record, conditions)
 
     def _read(self, name: str, path: Path, kind: type[_S], conditions: str) -> _S | None:
@@ -158,7 +169,9 @@ class Store:
 
     def _write(self, name: str, path: Path, record: Spec, conditions: str) -> None:
         checksum, jobs = record.content_hash, self.jobs[name]
-        kept = _Kept[type(record)](conditions=conditions, checksum=checksum, jobs=jobs, content=record)
+        kept = _Kept[type(record)](
+            conditions=conditions, checksum=checksum, jobs=jobs, content=record
+        )
         write_text(path, kept.model_dump_json())
 
 
@@ -173,20 +186,32 @@ def digest(path: Path) -> str | None:
 def conditions(*parts: object, engine: Engine | None = None) -> str:
     """SHA-256 of everything that makes a number: what is kept under other conditions is not used again.
 
-    The code, its version, Python, NumPy, SciPy and the kind of machine always belong to it; an engine does with its
-    version, its settings and, for a plug-in, the files of its package, which change without a new version while it
-    is being written.
+    The code, its version, Python, NumPy, SciPy and the kind of machine always belong to it; an
+    engine does with its version, its settings and, for a plug-in, the files of its package, which
+    change without a new version while it is being written.
 
     Args:
-        parts: what else decides it, e.g. hash of the mechanism, duration and law; each as JSON or text.
+        parts: what else decides it, e.g. hash of the mechanism, duration and law; each as JSON or
+        text.
         engine: that makes it.
     """
-    made_by: list[object] = [code_digest(), __version__, platform.python_version(), platform.system()]
+    made_by: list[object] = [
+        code_digest(),
+        __version__,
+        platform.python_version(),
+        platform.system(),
+    ]
     made_by += [platform.machine(), numpy.__version__, scipy.__version__]
     if engine is not None:
         cls = engine_class(engine.name)
-        made_by += [engine.name, cls.version(), engine.settings, plug_in_digest(str(cls.__module__))]
-        # Settings of a built-in engine are all of it; a plug-in's preset may decide more than its settings tell.
+        made_by += [
+            engine.name,
+            cls.version(),
+            engine.settings,
+            plug_in_digest(str(cls.__module__)),
+        ]
+        # Settings of a built-in engine are all of it; a plug-in's preset may decide more than its
+        # settings tell.
         made_by += [] if isinstance(engine, EngineOptions) else [engine.preset]
     text = json.dumps([*made_by, *parts], sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()
@@ -197,7 +222,13 @@ def code_digest() -> str:
     """SHA-256 of what decides a run's numbers: sources and data. What other code measured is not used again."""
     root = Path(__file__).parents[2]
     return _digest_of(
-        root, (path for name in _SOURCES for kind in ("*.py", "*.json") for path in (root / name).rglob(kind))
+        root,
+        (
+            path
+            for name in _SOURCES
+            for kind in ("*.py", "*.json")
+            for path in (root / name).rglob(kind)
+        ),
     )
 
 

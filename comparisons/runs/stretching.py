@@ -1,16 +1,17 @@
 """Stretching: how far small errors of parameters and of the start move a motion, and until when that stays small.
 
-A numerical error is a small disturbance of the equations, made in every step and carried on by the motion. So is a
-small change of a body's moment of inertia, and its effect can be computed for any mechanism, with stops and loops. The
-motion of the changed mechanism minus that of the unchanged one, each quantity in parts of its scale, the largest of all
-and per part of the change, is the stretching. Errors of the start are carried on as well: of each coordinate in parts
-of its scale, of each speed in parts of the natural one, projected onto the constraints. Where either is large any two
-integrators differ, and no tolerance means anything.
+A numerical error is a small disturbance of the equations, made in every step and carried on by the
+motion. So is a small change of a body's moment of inertia, and its effect can be computed for any
+mechanism, with stops and loops. The motion of the changed mechanism minus that of the unchanged
+one, each quantity in parts of its scale, the largest of all and per part of the change, is the
+stretching. Errors of the start are carried on as well: of each coordinate in parts of its scale, of
+each speed in parts of the natural one, projected onto the constraints. Where either is large any
+two integrators differ, and no tolerance means anything.
 
-Not every large stretching is one of an unpredictable motion. A clock that is wrong by a part in a million is wrong by
-more every day and remains a clock: what a parameter does to a period grows in proportion to time, and so does an
-integrator's own error of it, which a tolerance may well bound. Growth by no more than `REGULAR` in a characteristic
-time is such a drift.
+Not every large stretching is one of an unpredictable motion. A clock that is wrong by a part in a
+million is wrong by more every day and remains a clock: what a parameter does to a period grows in
+proportion to time, and so does an integrator's own error of it, which a tolerance may well bound.
+Growth by no more than `REGULAR` in a characteristic time is such a drift.
 """
 
 from __future__ import annotations
@@ -50,10 +51,18 @@ _TOLERANCE = 1e-9  # of the integrations: a thousandth of what the change moves;
 _KNOWN = 1e-4  # of a scale: the reference itself is not known better, and the default is not judged any more
 _SAMPLES = 400
 _NEAR = 0.1  # of the interval of the samples
-_EACH, _COMBINATIONS = 6, 3  # most bodies whose inertias are changed one by one; random combinations of more
+_EACH, _COMBINATIONS = (
+    6,
+    3,
+)  # most bodies whose inertias are changed one by one; random combinations of more
 _NUMBERS = ("stiffness", "damping", "rest_length", "rest_angle", "force", "torque")
 _ROWS = 4  # of each body before those of forces: place, velocity, angle and its speed
-_SHORTER = (1.0, 0.75, 0.5, 0.25)  # of the end: how far a changed mechanism is moved that cannot be moved to the end
+_SHORTER = (
+    1.0,
+    0.75,
+    0.5,
+    0.25,
+)  # of the end: how far a changed mechanism is moved that cannot be moved to the end
 
 
 @dataclass(frozen=True)
@@ -82,7 +91,9 @@ class Stretching:
     @property
     def horizon(self) -> float:
         """The predictability horizon [s], at most the end."""
-        return predictable_until(self.t, np.where(self.rounding <= _KNOWN, self.largest / self.allowed * LIMIT, np.inf))
+        return predictable_until(
+            self.t, np.where(self.rounding <= _KNOWN, self.largest / self.allowed * LIMIT, np.inf)
+        )
 
     def before(self, time: float) -> int:
         """Index of the last of the times that is not later [s]."""
@@ -99,9 +110,13 @@ def stretching_until(solution: Solution, end: float, scales: Scales) -> Stretchi
     """
     changed = _Changed(solution, end, scales)
     t, mechanism = changed.t, solution.problem.mechanism
-    parameters = changed.largest(chain(_with_other_inertias(mechanism), _with_other_forces(mechanism)), _motion)
+    parameters = changed.largest(
+        chain(_with_other_inertias(mechanism), _with_other_forces(mechanism)), _motion
+    )
     start = changed.largest(_with_other_starts(mechanism, scales), _configuration)
-    steps = np.searchsorted(np.concatenate([segment.interpolant.ts for segment in solution.segments]), t)
+    steps = np.searchsorted(
+        np.concatenate([segment.interpolant.ts for segment in solution.segments]), t
+    )
     allowed = np.maximum(LIMIT, REGULAR * t / scales.time)
     carried = np.maximum(1.0, np.maximum(parameters, start))
     rounding = np.asarray(TOLERANCE * steps * carried, dtype=np.float64)
@@ -147,7 +162,9 @@ class _Changed:
         motion, found = read(self.unchanged, self.t, self.scales), np.zeros(len(self.t))
         for mechanism in mechanisms:
             moved = self._moved(mechanism, read)
-            apart = np.nan_to_num(np.abs(moved - motion[:, : moved.shape[1]]))  # what is unique in both
+            apart = np.nan_to_num(
+                np.abs(moved - motion[:, : moved.shape[1]])
+            )  # what is unique in both
             apart[self.first_force :, self.poles[: moved.shape[1]]] = 0.0
             distance = apart.max(axis=0) / _CHANGE
             found[: len(distance)] = np.maximum(found[: len(distance)], distance)
@@ -157,7 +174,11 @@ class _Changed:
     def _moved(self, mechanism: Mechanism, read: _Reading) -> NDArray[np.complex128]:
         for part in _SHORTER:
             try:
-                return read(self._solved(mechanism, part * self.end), self.t[self.t <= part * self.end], self.scales)
+                return read(
+                    self._solved(mechanism, part * self.end),
+                    self.t[self.t <= part * self.end],
+                    self.scales,
+                )
             except TrebucheckError:
                 continue
         return np.empty((1, 0), dtype=np.complex128)
@@ -184,18 +205,27 @@ def _away_from_impacts(solution: Solution, t: FloatArray) -> FloatArray:
 def _with_other_inertias(mechanism: Mechanism) -> Iterator[Mechanism]:
     """One body changed in each; of many bodies all of them in each, up or down at random."""
     n = len(mechanism.bodies)
-    changes = np.eye(n) if n <= _EACH else np.random.default_rng(n).choice([-1.0, 1.0], (_COMBINATIONS, n))
+    changes = (
+        np.eye(n)
+        if n <= _EACH
+        else np.random.default_rng(n).choice([-1.0, 1.0], (_COMBINATIONS, n))
+    )
     for signs in changes:
         yield mechanism.model_copy(
             update={
-                "bodies": tuple(_with_inertia(mechanism, *each) for each in zip(mechanism.bodies, signs, strict=True))
+                "bodies": tuple(
+                    _with_inertia(mechanism, *each)
+                    for each in zip(mechanism.bodies, signs, strict=True)
+                )
             }
         )
 
 
 def _with_inertia(mechanism: Mechanism, body: Body, sign: float) -> Body:
     change = sign * _CHANGE * body.mass * extent(mechanism, body) ** 2
-    return body.model_copy(update={"inertia": body.inertia + (change if body.inertia + change >= 0 else -change)})
+    return body.model_copy(
+        update={"inertia": body.inertia + (change if body.inertia + change >= 0 else -change)}
+    )
 
 
 def _with_other_forces(mechanism: Mechanism) -> Iterator[Mechanism]:
@@ -209,7 +239,9 @@ def _with_other_forces(mechanism: Mechanism) -> Iterator[Mechanism]:
 
     elements = tuple(
         element.model_copy(
-            update={name: changed(getattr(element, name)) for name in _NUMBERS if hasattr(element, name)}
+            update={
+                name: changed(getattr(element, name)) for name in _NUMBERS if hasattr(element, name)
+            }
         )
         for element in mechanism.force_elements
     )
@@ -229,7 +261,9 @@ def _with_other_starts(mechanism: Mechanism, scales: Scales) -> Iterator[Mechani
         near = consistent_coordinates(equations, q + dq, closed)
         if near is not None:
             speeds = consistent_speeds(equations, near, u + du, closed)
-            yield mechanism.model_copy(update={"start": tuple(near.tolist()), "start_speeds": tuple(speeds.tolist())})
+            yield mechanism.model_copy(
+                update={"start": tuple(near.tolist()), "start_speeds": tuple(speeds.tolist())}
+            )
 
 
 def _natural_speed(mechanism: Mechanism, scales: Scales) -> float:
@@ -242,13 +276,20 @@ def _motion(solution: Solution, t: FloatArray, scales: Scales) -> NDArray[np.com
 
     Forces that are not unique are NaN.
     """
-    mechanism, kinematics, motion = solution.problem.mechanism, solution.equations.kinematics, solution.motion(t)
+    mechanism, kinematics, motion = (
+        solution.problem.mechanism,
+        solution.equations.kinematics,
+        solution.motion(t),
+    )
     rows: list[NDArray[Any]] = []
     for body in mechanism.bodies:
         centre, angle = kinematics.point(body.name, body.centre), kinematics.angle(body.name)
         rows.append(_plane(kinematics.position(centre, motion.q)) / scales.length)
         rows.append(_plane(kinematics.velocity(centre, motion.q, motion.u)) / scales.speed)
-        rows += [angle.value(motion.q) / scales.angle, motion.u @ angle.coefficients / scales.angular_speed]
+        rows += [
+            angle.value(motion.q) / scales.angle,
+            motion.u @ angle.coefficients / scales.angular_speed,
+        ]
     for name, force in solution.joint_reactions(motion).items():
         unique = name not in solution.undetermined_joints
         rows.append(_plane(force) / scales.force if unique else np.full(len(t), np.nan))
@@ -258,7 +299,9 @@ def _motion(solution: Solution, t: FloatArray, scales: Scales) -> NDArray[np.com
 def _configuration(solution: Solution, t: FloatArray, scales: Scales) -> NDArray[np.complex128]:
     """Positions and angles in parts of their scales, shape (n_rows, n)."""
     angles = solution.equations.kinematics.is_angle > 0
-    return (solution.motion(t).q / np.where(angles, scales.angle, scales.length)).T.astype(np.complex128)
+    return (solution.motion(t).q / np.where(angles, scales.angle, scales.length)).T.astype(
+        np.complex128
+    )
 
 
 def _plane(vectors: FloatArray) -> NDArray[np.complex128]:

@@ -77,7 +77,9 @@ class Study:
         if self.jobs < 1:
             raise InputError(f"jobs = {self.jobs!r} must be at least 1.")
         if self.jobs > 1 and not self.isolate:
-            raise InputError(f"jobs = {self.jobs} needs isolated runs; in this process they are made one at a time.")
+            raise InputError(
+                f"jobs = {self.jobs} needs isolated runs; in this process they are made one at a time."
+            )
         for name in ("models", "engines", "presets"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, tuple(_unique(getattr(self, name))))
@@ -98,7 +100,9 @@ class Study:
     def end_of(self, mechanism: Mechanism) -> Until:
         """End of a mechanism's compared motion: the one asked for, else its problem's, else the launch."""
         problem = self._problems.get(mechanism.name)
-        return Until.of(problem.duration) if problem is not None and self.until is None else self.end
+        return (
+            Until.of(problem.duration) if problem is not None and self.until is None else self.end
+        )
 
     @cached_property
     def law(self) -> StopLaw:
@@ -107,7 +111,9 @@ class Study:
             return StopLaw(self.stop_law or StopLaw.RELEASE_ONCE)
         except ValueError:
             valid = ", ".join(law.value for law in StopLaw)
-            raise InputError(f"stop_law = {self.stop_law!r} is unknown; there are: {valid}.") from None
+            raise InputError(
+                f"stop_law = {self.stop_law!r} is unknown; there are: {valid}."
+            ) from None
 
     @cached_property
     def end(self) -> Until:
@@ -128,7 +134,9 @@ class Study:
     def _given(self) -> tuple[Mechanism | Problem, ...]:
         """The models, names resolved."""
         return tuple(
-            library_problem(m, self.parameters) or model(m, self.parameters) if isinstance(m, str) else m
+            library_problem(m, self.parameters) or model(m, self.parameters)
+            if isinstance(m, str)
+            else m
             for m in self.models
         )
 
@@ -155,7 +163,9 @@ class Study:
         if not self.engines:
             raise InputError("no engine was named; at least one is needed.")
         if REFERENCE in self.engines:
-            raise InputError(f"engine {REFERENCE!r} is what the others are measured against; name another one.")
+            raise InputError(
+                f"engine {REFERENCE!r} is what the others are measured against; name another one."
+            )
         return tuple(self.engines)
 
     def engine(self, name: str, preset: str) -> Engine:
@@ -169,7 +179,8 @@ class Study:
     def engine_for(self, model: str, time: float, made: Engine) -> Engine:
         """An engine for a machine; in a problem of the library a preset's step is for a characteristic time of 1 s.
 
-        The library's problems last from hundredths of a second to minutes: one step for all would say little of any.
+        The library's problems last from hundredths of a second to minutes: one step for all would
+        say little of any.
 
         Args:
             model: name of the mechanism.
@@ -200,7 +211,9 @@ def one_end(duration: float | None, until: str | float | None) -> str | float | 
         InputError: both are given.
     """
     if duration is not None and until is not None:
-        raise InputError(f"duration = {duration!r} s and until = {until!r} both name the end; leave one of them out.")
+        raise InputError(
+            f"duration = {duration!r} s and until = {until!r} both name the end; leave one of them out."
+        )
     return until if duration is None else duration
 
 
@@ -256,13 +269,16 @@ class OnDemand(Mapping[_K, _V]):
         return len(self._makers)
 
 
-def in_order(function: Callable[[_K], _V], items: Iterable[_K], jobs: int, ahead: int | None = None) -> Generator[_V]:
+def in_order(
+    function: Callable[[_K], _V], items: Iterable[_K], jobs: int, ahead: int | None = None
+) -> Generator[_V]:
     """The function's values in the order of the items, each computed when asked for, or several at once.
 
     Args:
-        jobs: processes that serve the function's calls. There is a thread more: while one measures here what its
-            process gave, the others keep all processes busy.
-        ahead: how many values are computed before they are asked for, at most; None: all, of a finite number of items.
+        jobs: processes that serve the function's calls. There is a thread more: while one measures
+            here what its process gave, the others keep all processes busy.
+        ahead: how many values are computed before they are asked for, at most; None: all, of a
+            finite number of items.
     """
     if jobs == 1:
         yield from map(function, items)

@@ -1,13 +1,14 @@
 """What each figure of a run is held against: a user's need, the engine's claim, or a default.
 
 * A **need** is stated by whoever asks, in the quantity's unit or in parts of its scale ('0.1%').
-* A **claim** is an engine's own (`engines/<name>/study.py`), stated for a step on the fixed machine of Table I up to
-  its launch. On another machine, and beyond the launch, it is the same part of the scale, at the same part of the
-  characteristic time; it grows with the engine's order in the step and with the motion's stretching
-  (:mod:`.stretching`), which multiplies every error.
+* A **claim** is an engine's own (`engines/<name>/study.py`), stated for a step on the fixed machine
+  of Table I up to its launch. On another machine, and beyond the launch, it is the same part of the
+  scale, at the same part of the characteristic time; it grows with the engine's order in the step
+  and with the motion's stretching (:mod:`.stretching`), which multiplies every error.
 * The **default** holds for every engine and preset: three digits of the scale. No claim is looser.
 
-A tolerance finer than ten times the reference's own uncertainty cannot be judged, unless the error is larger than both.
+A tolerance finer than ten times the reference's own uncertainty cannot be judged, unless the error
+is larger than both.
 """
 
 from __future__ import annotations
@@ -80,7 +81,9 @@ class Need:
             value = math.nan
         if not (math.isfinite(value) and value > 0):
             shown = text if len(text) <= 60 else f"{text[:57]}..."
-            raise InputError(f"tolerance {name} = {shown!r} must be a positive number, or a percentage such as 0.1%.")
+            raise InputError(
+                f"tolerance {name} = {shown!r} must be a positive number, or a percentage such as 0.1%."
+            )
         relative = text.endswith("%")
         return cls(value / 100 if relative else value, relative, text)
 
@@ -89,7 +92,9 @@ class Need:
 class Needs:
     """All tolerances that a user states."""
 
-    by_quantity: Mapping[tuple[str, str | None], Need] = field(default_factory=dict[tuple[str, str | None], Need])
+    by_quantity: Mapping[tuple[str, str | None], Need] = field(
+        default_factory=dict[tuple[str, str | None], Need]
+    )
     """By name of the metric and its subject; None: any subject."""
     default: Need | None = None
     """In place of the default of every engine."""
@@ -99,7 +104,8 @@ class Needs:
         """From values by quantity ('position', 'release'), by quantity and subject ('position:tip'), or 'default'.
 
         Raises:
-            InputError: a quantity is unknown or stated twice, a value is not valid, or the default is not relative.
+            InputError: a quantity is unknown or stated twice, a value is not valid, or the default
+                is not relative.
         """
         needs: dict[tuple[str, str | None], Need] = {}
         default: Need | None = None
@@ -107,19 +113,25 @@ class Needs:
             need = Need.of(name, value)
             if name == _EVERYTHING:
                 if not need.relative:
-                    raise InputError(f"tolerance default = {need.text!r} must be a percentage: quantities differ.")
+                    raise InputError(
+                        f"tolerance default = {need.text!r} must be a percentage: quantities differ."
+                    )
                 default = need
                 continue
             title, _, subject = name.partition(":")
             key = judged_quantity(title).name, subject or None
             if key in needs:
-                raise InputError(f"tolerance {name[:60]!r} is stated twice, as {needs[key].text!r} and {need.text!r}.")
+                raise InputError(
+                    f"tolerance {name[:60]!r} is stated twice, as {needs[key].text!r} and {need.text!r}."
+                )
             needs[key] = need
         return cls(needs, default)
 
     def need(self, metric: Metric) -> Need | None:
         """That of a metric; None where none was stated."""
-        return self.by_quantity.get((metric.name, metric.subject), self.by_quantity.get((metric.name, None)))
+        return self.by_quantity.get(
+            (metric.name, metric.subject), self.by_quantity.get((metric.name, None))
+        )
 
     def refuse_what_only_files_tell(self) -> None:
         """Refuse a tolerance that no run of an engine would be held to.
@@ -130,7 +142,9 @@ class Needs:
         for metric, _ in self.by_quantity:
             if QUANTITIES[metric].of_files:
                 title = QUANTITIES[metric].title
-                raise InputError(f"tolerance {title!r} is of files only (trebucheck judge): no engine is judged by it.")
+                raise InputError(
+                    f"tolerance {title!r} is of files only (trebucheck judge): no engine is judged by it."
+                )
 
     def refuse_unknown_subjects(self, mechanisms: tuple[Mechanism, ...]) -> None:
         """Refuse a subject that the quantity has on no mechanism.
@@ -142,14 +156,21 @@ class Needs:
             quantity = QUANTITIES[metric]
             known = {name for each in mechanisms for name in quantity.subjects(each)}
             if subject is not None and subject not in known:
-                there = f"there are {sorted(known)}" if quantity.of else "it is of the whole mechanism"
+                there = (
+                    f"there are {sorted(known)}" if quantity.of else "it is of the whole mechanism"
+                )
                 what = quantity.of or "subject"
-                raise InputError(f"tolerance {quantity.title}:{subject[:60]}: there is no such {what}; {there}.")
+                raise InputError(
+                    f"tolerance {quantity.title}:{subject[:60]}: there is no such {what}; {there}."
+                )
 
     @property
     def texts(self) -> dict[str, str]:
         """As they were stated, by quantity."""
-        names = {key: QUANTITIES[key[0]].title + (f":{key[1]}" if key[1] else "") for key in self.by_quantity}
+        names = {
+            key: QUANTITIES[key[0]].title + (f":{key[1]}" if key[1] else "")
+            for key in self.by_quantity
+        }
         stated = {names[key]: need.text for key, need in self.by_quantity.items()}
         return stated | ({_EVERYTHING: self.default.text} if self.default else {})
 
@@ -193,13 +214,20 @@ def tolerance_for(
         subject: marker, stop or joint that the metric is about; None: none.
         mechanism: that the engine moves.
         step: of the engine on Table I [s].
-        table_one: whether the mechanism is one of Table I (:func:`is_table_one`); ten times as much elsewhere.
+        table_one: whether the mechanism is one of Table I (:func:`is_table_one`); ten times as much
+            elsewhere.
     """
-    fitting = [each for each in engine_study(engine).tolerances if each.fits(preset, metric, subject, mechanism)]
+    fitting = [
+        each
+        for each in engine_study(engine).tolerances
+        if each.fits(preset, metric, subject, mechanism)
+    ]
     if not fitting or step is None:
         return None
     shortest = min(each.timestep for each in fitting)
-    at = max((each.timestep for each in fitting if each.timestep <= step * (1 + 1e-9)), default=shortest)
+    at = max(
+        (each.timestep for each in fitting if each.timestep <= step * (1 + 1e-9)), default=shortest
+    )
     stated = min((each for each in fitting if each.timestep == at), key=lambda each: each.value)
     growth = max(1.0, step / stated.timestep) ** stated.order
     allowance = 1.0 if table_one else _OTHER_MACHINES
@@ -264,17 +292,29 @@ def _held_against(metric: Metric, applied: AppliedTolerance, most: float) -> Met
         if unknown > least and abs(metric.value) <= value + unknown:
             note = f"the samples leave {unknown:.2g} {metric.unit} of it unknown, more than the tolerance {value:.2g}"
             return metric.model_copy(update={"note": note})
-        value, reason = value + unknown, f"{reason}; and {unknown:.2g} that the samples leave unknown"
-    return metric.model_copy(update={"tolerance": value, "source": applied.source, "reason": reason})
+        value, reason = (
+            value + unknown,
+            f"{reason}; and {unknown:.2g} that the samples leave unknown",
+        )
+    return metric.model_copy(
+        update={"tolerance": value, "source": applied.source, "reason": reason}
+    )
 
 
-def _surely_broken(metric: Metric, tolerance: float, uncertainty: float | None, scale: float) -> bool:
+def _surely_broken(
+    metric: Metric, tolerance: float, uncertainty: float | None, scale: float
+) -> bool:
     """Whether the error is beyond the tolerance by more than the reference can be wrong.
 
-    An event that only one of the two has is, unless the reference itself does not know whether it has it.
+    An event that only one of the two has is, unless the reference itself does not know whether it
+    has it.
     """
     known = uncertainty or 0.0
-    return known < scale if metric.value is None else abs(metric.value) > tolerance + REFUSED_BELOW * known
+    return (
+        known < scale
+        if metric.value is None
+        else abs(metric.value) > tolerance + REFUSED_BELOW * known
+    )
 
 
 def _vouched(applied: AppliedTolerance, uncertainty: float | None, most: float) -> AppliedTolerance:
@@ -282,10 +322,14 @@ def _vouched(applied: AppliedTolerance, uncertainty: float | None, most: float) 
     least = REFUSED_BELOW * (uncertainty or 0.0)
     if applied.source != "claim" or not applied.value < least <= most:
         return applied
-    return AppliedTolerance(least, "claim", f"{applied.reason}; raised to ten times the reference's uncertainty")
+    return AppliedTolerance(
+        least, "claim", f"{applied.reason}; raised to ten times the reference's uncertainty"
+    )
 
 
-def _applied(metric: Metric, quantity: Quantity, run: Run, machine: Machine, needs: Needs) -> AppliedTolerance:
+def _applied(
+    metric: Metric, quantity: Quantity, run: Run, machine: Machine, needs: Needs
+) -> AppliedTolerance:
     scale, need = _scale(metric, quantity, machine), needs.need(metric)
     unresolved = _unresolved(metric, run)
     if need is not None:
@@ -315,13 +359,17 @@ def _scale(metric: Metric, quantity: Quantity, machine: Machine) -> float:
     return quantity.scale_of(whole or machine.scales, metric.subject, machine.mechanism)
 
 
-def _default(metric: Metric, quantity: Quantity, scale: float, run: Run, asked: Need | None) -> AppliedTolerance:
+def _default(
+    metric: Metric, quantity: Quantity, scale: float, run: Run, asked: Need | None
+) -> AppliedTolerance:
     part = DEFAULT if asked is None else asked.value
     value, reason = part * scale, f"{100 * part:g} % of {scale:.4g} {metric.unit}, for every engine"
     step, located = _step(run), engine_class(run.engine).capabilities.located_releases
     located = located and all(run.settings.get(option, True) for option in _LOCATES)
     if quantity.event and step is not None and not located:
-        return AppliedTolerance(value + step, "default", f"{reason}, and the step in which it does not locate an event")
+        return AppliedTolerance(
+            value + step, "default", f"{reason}, and the step in which it does not locate an event"
+        )
     return AppliedTolerance(value, "default", reason)
 
 
@@ -330,10 +378,13 @@ def _step(run: Run) -> float | None:
     return float(given) if isinstance(given, int | float) else None
 
 
-def _claim(metric: Metric, quantity: Quantity, scale: float, run: Run, machine: Machine) -> AppliedTolerance | None:
+def _claim(
+    metric: Metric, quantity: Quantity, scale: float, run: Run, machine: Machine
+) -> AppliedTolerance | None:
     """The engine's own, carried from Table I to this machine.
 
-    Claims are stated for motions without impacts, loops and further elements, and up to the predictability horizon.
+    Claims are stated for motions without impacts, loops and further elements, and up to the
+    predictability horizon.
     """
     of, step = (run.engine, run.preset, metric.name, metric.subject, machine.mechanism), _step(run)
     unlike = machine.impacts or machine.mechanism.loop_joints or features_of(machine.mechanism)
@@ -342,12 +393,18 @@ def _claim(metric: Metric, quantity: Quantity, scale: float, run: Run, machine: 
     scales, usual, mechanism = _table_one()
     if machine.table_one and (machine.stretching <= usual or _to_the_launch(machine)):
         stated = tolerance_for(*of, step, table_one=True)
-        return stated and AppliedTolerance(stated.value * _share(stated, metric, machine), "claim", stated.reason)
+        return stated and AppliedTolerance(
+            stated.value * _share(stated, metric, machine), "claim", stated.reason
+        )
     stretched = max(1.0, machine.stretching / usual)
     stated = tolerance_for(*of, step and step * scales.time / machine.scales.time, table_one=True)
     if stated is None:
         return None
-    part = stated.value if stated.stated.per else stated.value / _stated_scale(quantity, scales, mechanism)
+    part = (
+        stated.value
+        if stated.stated.per
+        else stated.value / _stated_scale(quantity, scales, mechanism)
+    )
     reason = f"{stated.reason} on Table I, to its launch; the same part of the scale, times {_CARRIED * stretched:.3g}"
     return AppliedTolerance(part * scale * _CARRIED * stretched, "claim", reason)
 
@@ -363,7 +420,11 @@ def _share(stated: StatedTolerance, metric: Metric, machine: Machine) -> float:
     if not stated.stated.per or metric.subject is None:
         return 1.0
     start = machine.start_torques.get(metric.subject, 0.0)
-    return start if stated.stated.per == "start" and start > 0 else machine.scales.torques[metric.subject]
+    return (
+        start
+        if stated.stated.per == "start" and start > 0
+        else machine.scales.torques[metric.subject]
+    )
 
 
 def _stated_scale(quantity: Quantity, scales: Scales, mechanism: Mechanism) -> float:

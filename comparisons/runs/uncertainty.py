@@ -33,9 +33,10 @@ def reference_uncertainties(
 ) -> Uncertainties:
     """Uncertainty of the reference in each metric, in its unit, by its label; the largest of all subjects by its name.
 
-    The coarser integration is measured as any engine is. Its distance is about its own error, thirty times that of the
-    reference unless they agree by chance: hence four times the distance, and sixty-four roundings of the scale. What a
-    certificate says of its quantities, up to the launch, replaces that.
+    The coarser integration is measured as any engine is. Its distance is about its own error,
+    thirty times that of the reference unless they agree by chance: hence four times the distance,
+    and sixty-four roundings of the scale. What a certificate says of its quantities, up to the
+    launch, replaces that.
 
     Args:
         end: of the compared motion [s].
@@ -63,7 +64,9 @@ def _estimated(
 ) -> dict[str, float]:
     problem, until = solution.problem, invariants_to or end
     margin = min(problem.duration, until * 1.02)  # so that the coarser one's events lie inside, too
-    coarse = solve(Problem(problem.mechanism, duration=margin, stop_law=problem.stop_law), _COARSE, _COARSE)
+    coarse = solve(
+        Problem(problem.mechanism, duration=margin, stop_law=problem.stop_law), _COARSE, _COARSE
+    )
     n = int(np.clip(_DENSE * until / scales.time, _LEAST, _MOST))
     samples = np.unique(np.concatenate([np.linspace(0.0, margin, n), [end, until]]))
     metrics = measure(
@@ -71,7 +74,9 @@ def _estimated(
         scales=scales, thrown=thrown, invariants_to=invariants_to, stretching=stretching,
     )  # fmt: skip
     values: dict[str, float] = {}
-    for metric in _without_sampling(metrics, coarse.launch_at(LAUNCH_ANGLE, thrown), solution, thrown):
+    for metric in _without_sampling(
+        metrics, coarse.launch_at(LAUNCH_ANGLE, thrown), solution, thrown
+    ):
         value = _SAFETY * _distance(metric, scales, solution) + _rounding(metric, scales, solution)
         values[metric.label] = value
         values[metric.name] = max(values.get(metric.name, 0.0), value)
@@ -89,11 +94,16 @@ def _without_sampling(
     expected = solution.launch_at(LAUNCH_ANGLE, thrown)
     located: dict[str, float] = {}
     if launch is not None and expected is not None:
-        located = {"launch_time": launch.time - expected.time, "launch_speed": launch.speed - expected.speed}
+        located = {
+            "launch_time": launch.time - expected.time,
+            "launch_speed": launch.speed - expected.speed,
+        }
     for metric in metrics:
         if metric.name in ("launch_time", "launch_speed"):
             yield metric.model_copy(update={"value": located.get(metric.name)})
-        elif metric.name not in ("missing_time", "first_parting") and (parted or metric.name != "base_error"):
+        elif metric.name not in ("missing_time", "first_parting") and (
+            parted or metric.name != "base_error"
+        ):
             yield metric
 
 
@@ -101,7 +111,9 @@ def _distance(metric: Metric, scales: Scales, solution: Solution) -> float:
     """Between the two integrations; as large as its scale, and so unknown, for an event that only one of them has."""
     if metric.value is None:
         return QUANTITIES[metric.name].scale_of(scales, metric.subject, solution.problem.mechanism)
-    return max(0.0, abs(metric.value) - (metric.sampling_error or 0.0))  # the reference is not known by samples
+    return max(
+        0.0, abs(metric.value) - (metric.sampling_error or 0.0)
+    )  # the reference is not known by samples
 
 
 def _rounding(metric: Metric, scales: Scales, solution: Solution) -> float:

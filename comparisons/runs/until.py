@@ -62,18 +62,25 @@ class Until:
         """The reference motion, somewhat longer than the compared one, and the end of that [s].
 
         Raises:
-            InputError: the time is not valid, there is no such marker or stop, or the event does not come.
+            InputError: the time is not valid, there is no such marker or stop, or the event does
+            not come.
             SimulationError: the reference cannot move the mechanism.
         """
         if self.kind == "time":
             duration = Problem(mechanism, duration=self.time, stop_law=law).duration
-            return solve(Problem(mechanism, duration=duration * (1 + _TAIL), stop_law=law)), duration
+            return solve(
+                Problem(mechanism, duration=duration * (1 + _TAIL), stop_law=law)
+            ), duration
         if mechanism.gravity == 0:
             raise InputError(
                 f"{mechanism.name!r} has no gravity, and so no time scale within which an event could be looked for; "
                 "name the end of the compared motion in seconds, e.g. --until 2.5."
             )
-        return self._released(mechanism, law) if self.kind == "release" else self._launched(mechanism, law)
+        return (
+            self._released(mechanism, law)
+            if self.kind == "release"
+            else self._launched(mechanism, law)
+        )
 
     def _released(self, mechanism: Mechanism, law: StopLaw) -> tuple[Solution, float]:
         closed = [stop.name for stop in mechanism.stops if stop.closed]
@@ -92,7 +99,9 @@ class Until:
     def _launched(self, mechanism: Mechanism, law: StopLaw) -> tuple[Solution, float]:
         if self.name and mechanism.marker(self.name) is None:
             known = [marker.name for marker in mechanism.markers]
-            raise InputError(f"until = 'launch:{self.name[:60]}': {mechanism.name!r} has no such marker: {known}.")
+            raise InputError(
+                f"until = 'launch:{self.name[:60]}': {mechanism.name!r} has no such marker: {known}."
+            )
 
         def launched(solution: Solution) -> float | None:
             launch = solution.launch_at(LAUNCH_ANGLE, self.thrown)
@@ -109,7 +118,9 @@ class Until:
         return solution, time or solution.problem.duration / (1 + _TAIL)
 
 
-def _solved(mechanism: Mechanism, law: StopLaw, event: Callable[[Solution], float | None]) -> Solution:
+def _solved(
+    mechanism: Mechanism, law: StopLaw, event: Callable[[Solution], float | None]
+) -> Solution:
     """Solved until the event, and on by the tail."""
     scale = characteristic_time(mechanism)
 

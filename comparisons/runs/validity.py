@@ -16,7 +16,9 @@ _SAME_TIME = 1e-9  # of the duration: how late the first sample may be
 _LARGEST = 1e100  # in SI units: its square is still a number
 
 
-def refuse_invalid(engine: str, trajectory: object, mechanism: Mechanism, capabilities: Capabilities) -> Trajectory:
+def refuse_invalid(
+    engine: str, trajectory: object, mechanism: Mechanism, capabilities: Capabilities
+) -> Trajectory:
     """The trajectory, if it is a valid one.
 
     Args:
@@ -29,14 +31,18 @@ def refuse_invalid(engine: str, trajectory: object, mechanism: Mechanism, capabi
         SimulationError: the sentence says what is wrong with it.
     """
     if not isinstance(trajectory, Trajectory):
-        raise SimulationError(f"{engine} gave a {type(trajectory).__name__} instead of a Trajectory.")
+        raise SimulationError(
+            f"{engine} gave a {type(trajectory).__name__} instead of a Trajectory."
+        )
     fault = next(_faults(trajectory, mechanism, capabilities), None)
     if fault is not None:
         raise SimulationError(f"{engine} gave an invalid trajectory: {fault}.")
     return trajectory
 
 
-def _faults(trajectory: Trajectory, mechanism: Mechanism, capabilities: Capabilities) -> Iterator[str]:
+def _faults(
+    trajectory: Trajectory, mechanism: Mechanism, capabilities: Capabilities
+) -> Iterator[str]:
     if trajectory.mechanism != mechanism:
         yield f"it is of another mechanism, {trajectory.mechanism.name!r}"
     yield from _time_faults(trajectory.t)
@@ -51,7 +57,11 @@ def _faults(trajectory: Trajectory, mechanism: Mechanism, capabilities: Capabili
         if not (np.isfinite(time) and time >= 0):
             yield f"an impact's time is {time!r} s"
         yield from _names("impacts", impulses, {stop.name for stop in mechanism.stops}, set())
-        yield from (f"the impulse of {name!r} is {p!r}" for name, p in impulses.items() if not np.isfinite(p))
+        yield from (
+            f"the impulse of {name!r} is {p!r}"
+            for name, p in impulses.items()
+            if not np.isfinite(p)
+        )
 
 
 def _time_faults(t: Any) -> Iterator[str]:
@@ -67,9 +77,14 @@ def _time_faults(t: Any) -> Iterator[str]:
         yield f"it begins at t = {t[0]:.6g} s instead of 0"
 
 
-def _name_faults(trajectory: Trajectory, mechanism: Mechanism, capabilities: Capabilities) -> Iterator[str]:
+def _name_faults(
+    trajectory: Trajectory, mechanism: Mechanism, capabilities: Capabilities
+) -> Iterator[str]:
     markers = {marker.name for marker in mechanism.markers}
-    stops, joints = {stop.name for stop in mechanism.stops}, {joint.name for joint in mechanism.joints}
+    stops, joints = (
+        {stop.name for stop in mechanism.stops},
+        {joint.name for joint in mechanism.joints},
+    )
     closed = {stop.name for stop in mechanism.stops if stop.closed}
     yield from _names("markers", trajectory.markers, markers, markers)
     torques = closed if capabilities.stop_torques else set[str]()
@@ -81,7 +96,9 @@ def _name_faults(trajectory: Trajectory, mechanism: Mechanism, capabilities: Cap
     yield from _names("joint_reactions", trajectory.joint_reactions, joints, promised)
 
 
-def _names(field: str, values: Mapping[str, object], known: set[str], needed: set[str]) -> Iterator[str]:
+def _names(
+    field: str, values: Mapping[str, object], known: set[str], needed: set[str]
+) -> Iterator[str]:
     unknown, missing = sorted(values.keys() - known), sorted(needed - values.keys())
     if unknown:
         yield f"{field} has {unknown[0]!r}, which the mechanism does not have"
@@ -98,8 +115,13 @@ def _arrays(trajectory: Trajectory, n: int, n_q: int) -> Iterator[tuple[str, Any
     for name, motion in trajectory.markers.items():
         yield f"position of {name!r}", motion.position, (n, 2)
         yield f"velocity of {name!r}", motion.velocity, (n, 2)
-    yield from ((f"torque of {name!r}", torque, (n,)) for name, torque in trajectory.stop_torques.items())
-    yield from ((f"reaction of {name!r}", force, (n, 2)) for name, force in trajectory.joint_reactions.items())
+    yield from (
+        (f"torque of {name!r}", torque, (n,)) for name, torque in trajectory.stop_torques.items()
+    )
+    yield from (
+        (f"reaction of {name!r}", force, (n, 2))
+        for name, force in trajectory.joint_reactions.items()
+    )
     yield from ((f"gap of {name!r}", gap, (n,)) for name, gap in trajectory.joint_gaps.items())
 
 
@@ -120,4 +142,8 @@ def _array_faults(label: str, given: Any, shape: tuple[int, ...], t: Any) -> Ite
 
 
 def _kind(given: object) -> str:
-    return f"an array of {given.dtype}" if isinstance(given, np.ndarray) else f"a {type(given).__name__}"
+    return (
+        f"an array of {given.dtype}"
+        if isinstance(given, np.ndarray)
+        else f"a {type(given).__name__}"
+    )

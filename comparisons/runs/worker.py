@@ -43,7 +43,9 @@ def simulate_warm(runner: Engine, problem: Problem) -> Trajectory:
     """Simulate, after a short run whose time is not counted."""
     step = runner.timestep or _WARM_UP
     duration = max(step, min(_WARM_UP, _WARM_UP_STEPS * step))
-    short = Problem(problem.mechanism, duration=min(problem.duration, duration), stop_law=problem.stop_law)
+    short = Problem(
+        problem.mechanism, duration=min(problem.duration, duration), stop_law=problem.stop_law
+    )
     with suppress(TrebucheckError):  # the run itself will say it better
         runner.simulate(short)
     return runner.simulate(problem)
@@ -57,7 +59,8 @@ def _import_this_module() -> None:
 def block_sigint() -> Generator[None, None, None]:
     """Processes started meanwhile, and theirs, do not get a Ctrl-C of the terminal: whoever started them ends them.
 
-    The signal is held back here, not lost; a child inherits that. (Systems without signal masks go without.)
+    The signal is held back here, not lost; a child inherits that. (Systems without signal masks go
+    without.)
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
@@ -103,7 +106,9 @@ class Worker:
     """Whether a process that forks imports what calls have imported."""
 
     def __post_init__(self) -> None:
-        self.timeout = min(self.timeout, TIMEOUT_MAX)  # infinity, too, is a wait that the system can take
+        self.timeout = min(
+            self.timeout, TIMEOUT_MAX
+        )  # infinity, too, is a wait that the system can take
         for _ in range(self.jobs):
             self._idle.put(None)
 
@@ -111,15 +116,19 @@ class Worker:
         """As :func:`simulate_warm`, in a process; raises as :meth:`call` does."""
         return self.call(simulate_warm, runner, problem)
 
-    def call(self, function: Callable[[_Runner, _Given], _Result], runner: _Runner, given: _Given) -> _Result:
+    def call(
+        self, function: Callable[[_Runner, _Given], _Result], runner: _Runner, given: _Given
+    ) -> _Result:
         """Call a module's function on an engine, or on whatever has a name for messages, in a process.
 
         Raises:
-            SimulationError: the engine ended its process (a crash of its compiled code), ran out of memory, or did not
-                come to an end.
+            SimulationError: the engine ended its process (a crash of its compiled code), ran out of
+                memory, or did not come to an end.
         """
         try:
-            return self._isolated(function, runner, given) if self.isolate else function(runner, given)
+            return (
+                self._isolated(function, runner, given) if self.isolate else function(runner, given)
+            )
         except MemoryError as error:
             raise SimulationError(f"{runner.name} ran out of memory: {error}.") from None
         except SystemExit as error:
@@ -140,7 +149,9 @@ class Worker:
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise SimulationError(f"{name} cannot go on: {error}.") from error
 
-    def _isolated(self, function: Callable[[_Runner, _Given], _Result], runner: _Runner, given: _Given) -> _Result:
+    def _isolated(
+        self, function: Callable[[_Runner, _Given], _Result], runner: _Runner, given: _Given
+    ) -> _Result:
         pool = self._idle.get()
         try:
             pool = pool if pool in self._started else self._start()
@@ -159,7 +170,9 @@ class Worker:
             if self._closed:
                 self.close()
 
-    def _forked(self, pool: Any, function: Callable[..., _Result], runner: _Named, given: object) -> _Result:
+    def _forked(
+        self, pool: Any, function: Callable[..., _Result], runner: _Named, given: object
+    ) -> _Result:
         call = forked.packed(function, runner, given)
         future = self._submitted(pool, forked.call_forked, call, self.timeout, self._imports)
         answer, ended, safe = future.result(self.timeout + _START)

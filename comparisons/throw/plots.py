@@ -23,7 +23,9 @@ _COLOURS = (_PROJECTILE, "#0072B2", _BEST, "#CC79A7", "#8C6BB1", "#56B4E9", "#E6
 def motion(performance: Performance) -> Scene:
     """The machine up to the release."""
     release, projectile = performance.flight.release, performance.projectile.name
-    return scene(performance.solution.trajectory, end=release.time, thrown=projectile, launch=release.time)
+    return scene(
+        performance.solution.trajectory, end=release.time, thrown=projectile, launch=release.time
+    )
 
 
 def flight(performance: Performance) -> Panels:
@@ -58,10 +60,18 @@ def forces(performance: Performance) -> Panels:
     drawn: list[Plot] = []
     for title, unit, lines in _panels(performance):
         styles = {name: Style(next(colours), width=2) for name in lines}
-        series = tuple(Series(name, times, value(times) / 1e3, styles[name]) for name, value in lines.items())
-        bands = tuple(Band(*interval, styles[name].colour) for name, interval in _shaded(performance) if name in lines)
+        series = tuple(
+            Series(name, times, value(times) / 1e3, styles[name]) for name, value in lines.items()
+        )
+        bands = tuple(
+            Band(*interval, styles[name].colour)
+            for name, interval in _shaded(performance)
+            if name in lines
+        )
         if series:
-            drawn.append(Plot(Axis("t", "s"), Axis("", unit), series, title, rules=rules, bands=bands))
+            drawn.append(
+                Plot(Axis("t", "s"), Axis("", unit), series, title, rules=rules, bands=bands)
+            )
     return tuple(drawn)
 
 
@@ -84,13 +94,23 @@ def _force_times(performance: Performance) -> FloatArray:
 def _panels(performance: Performance) -> Iterator[tuple[str, str, dict[str, Quantity]]]:
     solution = performance.solution
     mechanism = solution.problem.mechanism
-    forces = {member.body.name: partial(axial_force, solution, member) for member in members(mechanism)}
+    forces = {
+        member.body.name: partial(axial_force, solution, member) for member in members(mechanism)
+    }
     yield "Axial forces: tension above zero, compression below", "kN", forces
-    upward = {joint.name: partial(upward_force, solution, joint) for joint in supports(mechanism) if carries(joint)}
+    upward = {
+        joint.name: partial(upward_force, solution, joint)
+        for joint in supports(mechanism)
+        if carries(joint)
+    }
     yield "Upward force of the ground: below zero, it would lift off", "kN", upward
     for title, unit, stops in (
         ("Torques of the stops", "kN m", mechanism.angle_stops),
         ("Forces of the stops", "kN", mechanism.point_stops),
     ):
         closed = [stop.name for stop in stops if stop.closed]
-        yield title, unit, {name: (lambda t, name=name: solution.motion(t).stop_torques[name]) for name in closed}
+        yield (
+            title,
+            unit,
+            {name: (lambda t, name=name: solution.motion(t).stop_torques[name]) for name in closed},
+        )

@@ -55,10 +55,15 @@ def document(performance: Performance, throw: Throw) -> Document:
         table(_columns(throw), throw.sensitivities, _DERIVATIVES),
         Note(f"trebucheck {__version__}."),
         mechanism_as_data(throw.mechanism.name, throw.mechanism),
-        *(Text(f"{warning}.", "warning", lead="warning:", medium="terminal") for warning in throw.warnings),
+        *(
+            Text(f"{warning}.", "warning", lead="warning:", medium="terminal")
+            for warning in throw.warnings
+        ),
     )
     question = f"How far does {throw.mechanism.name} throw, and what must its members bear?"
-    return Document(question, blocks, f"trebucheck throw: {throw.mechanism.name}", verdict=_verdict(throw))
+    return Document(
+        question, blocks, f"trebucheck throw: {throw.mechanism.name}", verdict=_verdict(throw)
+    )
 
 
 def _verdict(throw: Throw) -> str:
@@ -71,9 +76,17 @@ def _first_screen(performance: Performance, throw: Throw) -> tuple[Block, ...]:
     launch, flight, longest = throw.launch, throw.flight, throw.best_flight
     figures = (
         Tile(f"{flight.range:.2f} m", "range", detail=f"{flight.time:.2f} s of flight"),
-        Tile(f"{launch.speed:.3f} m/s", "launch speed", detail=f"at {math.degrees(launch.angle):.2f} deg"),
+        Tile(
+            f"{launch.speed:.3f} m/s",
+            "launch speed",
+            detail=f"at {math.degrees(launch.angle):.2f} deg",
+        ),
         Tile(f"{launch.time:.5f} s", "release"),
-        *([Tile(f"{longest.range:.2f} m", "longest range")] if longest and longest.range > flight.range else []),
+        *(
+            [Tile(f"{longest.range:.2f} m", "longest range")]
+            if longest and longest.range > flight.range
+            else []
+        ),
     )
     return (
         page_only(Text(f"{_verdict(throw)}; {_conditions(throw)}.", "strong")),
@@ -88,7 +101,11 @@ def _title(throw: Throw) -> str:
 
 
 def _conditions(throw: Throw) -> str:
-    landing = "" if throw.height == 0 else f", landing {throw.height:g} m above the {origin_name(throw.mechanism)}"
+    landing = (
+        ""
+        if throw.height == 0
+        else f", landing {throw.height:g} m above the {origin_name(throw.mechanism)}"
+    )
     return f"g = {throw.gravity:g} m/s²{landing}"
 
 
@@ -97,7 +114,9 @@ def origin_name(mechanism: Mechanism) -> str:
     joint = origin(mechanism)
     if isinstance(joint, PinJoint) or joint.name == FULCRUM:
         return joint.name
-    markers = (m.name for m in mechanism.markers if (m.body, m.point) == (joint.child, joint.child_point))
+    markers = (
+        m.name for m in mechanism.markers if (m.body, m.point) == (joint.child, joint.child_point)
+    )
     return next(markers, joint.name)
 
 
@@ -110,7 +129,10 @@ def _rows(throw: Throw) -> Iterator[Row]:
         ("Stops", _stop_rows(throw)),
         (f"Flight ({drag})", _flight_rows(throw.flight, origin_name(throw.mechanism))),
         ("Longest range", _best_rows(throw)),
-        ("Forces up to the release", chain(*map(_member_rows, throw.members), *map(_support_rows, throw.supports))),
+        (
+            "Forces up to the release",
+            chain(*map(_member_rows, throw.members), *map(_support_rows, throw.supports)),
+        ),
     )
     for title, values in groups:
         rows = [row(f"  {name}", value) for name, value in values]
@@ -138,7 +160,9 @@ def _sling_rows(launch: LaunchFigures) -> Iterator[_Row]:
 
 def _stop_rows(throw: Throw) -> Iterator[_Row]:
     for rest in throw.rests:
-        opens = "not before the release" if rest.release_time is None else f"{rest.release_time:.9f} s"
+        opens = (
+            "not before the release" if rest.release_time is None else f"{rest.release_time:.9f} s"
+        )
         yield f"{rest.name} opens", opens
         stop = throw.mechanism.stop(rest.name)
         yield f"{rest.name}, {stop.effort} at start", f"{rest.start_torque:.4f} {stop.force_unit}"
@@ -157,7 +181,10 @@ def _best_rows(throw: Throw) -> Iterator[_Row]:
         yield "best release", "none reaches the landing height"
         return
     yield "release at", f"{throw.best_launch.time:.9f} s"
-    yield "angle, speed", f"{math.degrees(throw.best_launch.angle):.4f} deg, {throw.best_launch.speed:.4f} m/s"
+    yield (
+        "angle, speed",
+        f"{math.degrees(throw.best_launch.angle):.4f} deg, {throw.best_launch.speed:.4f} m/s",
+    )
     yield from _sling_rows(throw.best_launch)
     yield "range", f"{throw.best_flight.range:.4f} m"
     yield "gain over this release", f"{throw.gain:.4f} m"
@@ -167,13 +194,19 @@ def _member_rows(member: MemberForce) -> Iterator[_Row]:
     name = member.name if member.two_force else f"{member.name} (at {member.joint})"
     yield f"{name}, largest tension", _force_at(member.peak_tension, member.peak_tension_time)
     if member.compressed:
-        yield f"{name}, largest compression", _force_at(member.peak_compression, member.peak_compression_time)
+        yield (
+            f"{name}, largest compression",
+            _force_at(member.peak_compression, member.peak_compression_time),
+        )
         yield f"{name}, in compression", spoken(member.compressed)
 
 
 def _support_rows(support: SupportForce) -> Iterator[_Row]:
     direction = f"{round(math.degrees(support.peak_direction), 2) + 0.0:.2f} deg"  # no -0.00
-    yield f"{support.joint}, largest force", f"{_force_at(support.peak, support.peak_time)}, towards {direction}"
+    yield (
+        f"{support.joint}, largest force",
+        f"{_force_at(support.peak, support.peak_time)}, towards {direction}",
+    )
     if support.least is not None and support.least_time is not None:
         part = "least force on the wheels" if support.rolls else "least upward force"
         yield f"{support.joint}, {part}", _force_at(support.least, support.least_time)
@@ -205,7 +238,12 @@ _DERIVATIVES = (
 )
 
 
-_RANKS = {"range": 1, "speed": 2, "time": 3, "angle": 4}  # what a narrow terminal leaves out first has the highest
+_RANKS = {
+    "range": 1,
+    "speed": 2,
+    "time": 3,
+    "angle": 4,
+}  # what a narrow terminal leaves out first has the highest
 
 
 def _columns(throw: Throw) -> tuple[Column, ...]:
@@ -221,7 +259,9 @@ def _columns(throw: Throw) -> tuple[Column, ...]:
         for name, (unit, of) in figures.items()
         if any(_moves(of, each) for each in throw.sensitivities)
     }
-    per_unit = (_column(name, f"{unit} per unit", of, lambda _: 1.0) for name, (unit, of) in shown.items())
+    per_unit = (
+        _column(name, f"{unit} per unit", of, lambda _: 1.0) for name, (unit, of) in shown.items()
+    )
     per_cent = (_column(name, f"{unit} per %", of, _percent) for name, (unit, of) in shown.items())
     return (
         Column("by", of=lambda each: each.name),
@@ -241,4 +281,6 @@ def _column(
     of: Callable[[Sensitivity], float | None],
     by: Callable[[Sensitivity], float | None],
 ) -> Column:
-    return Column(name, unit, rank=_RANKS[name], of=lambda each: _signed(of(each), by(each), each.value))
+    return Column(
+        name, unit, rank=_RANKS[name], of=lambda each: _signed(of(each), by(each), each.value)
+    )

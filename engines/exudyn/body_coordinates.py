@@ -20,11 +20,15 @@ class BodyCoordinates:
     def placed(self, q: FloatArray) -> FloatArray:
         """z(q), shape (3 n_bodies,)."""
         centres = [self.kinematics.position(row, q) for row in self.rows]
-        return np.concatenate([[*at, -angle.value(q)] for at, angle in zip(centres, self.angles, strict=True)])
+        return np.concatenate(
+            [[*at, -angle.value(q)] for at, angle in zip(centres, self.angles, strict=True)]
+        )
 
     def jacobian(self, q: FloatArray) -> FloatArray:
         """J = dz/dq, shape (3 n_bodies, n_q)."""
         rates = self.kinematics.rates(q)
         moved = [self.kinematics.gradient(row.coefficients, q, rates) for row in self.rows]
         turns = [-angle.coefficients for angle in self.angles]
-        return np.concatenate([[point.real, point.imag, turn] for point, turn in zip(moved, turns, strict=True)])
+        return np.concatenate(
+            [[point.real, point.imag, turn] for point, turn in zip(moved, turns, strict=True)]
+        )

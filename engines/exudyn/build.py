@@ -1,12 +1,13 @@
 """A mechanism as an Exudyn system: redundant coordinates, joints and stops as algebraic constraints.
 
-Items: a pin is a revolute joint; a slot is a prismatic joint that leaves the rotation free, which a prismatic joint
-holds; a weld is a revolute joint and a constraint of two rotations; a free joint is nothing. Angles that follow from
-other conditions are left out (:mod:`.rigid_loops`). Stops: see :mod:`.constraints`; springs, dampers and constant
+Items: a pin is a revolute joint; a slot is a prismatic joint that leaves the rotation free, which a
+prismatic joint holds; a weld is a revolute joint and a constraint of two rotations; a free joint is
+nothing. Angles that follow from other conditions are left out (:mod:`.rigid_loops`). Stops: see
+:mod:`.constraints`; springs, dampers and constant
 forces: see :mod:`.forces`.
 
-Every body is a 2D node at its centre of mass, with a rotation that is positive *anticlockwise*: the mechanism's
-angles have the opposite sign. Recorded quantities are the outputs of Exudyn's sensors.
+Every body is a 2D node at its centre of mass, with a rotation that is positive *anticlockwise*: the
+mechanism's angles have the opposite sign. Recorded quantities are the outputs of Exudyn's sensors.
 """
 
 from __future__ import annotations
@@ -52,7 +53,9 @@ class System:
     bodies: dict[str, int] = field(default_factory=dict[str, int])
     stops: dict[str, int] = field(default_factory=dict[str, int])
     """Items of the stops: of all under the unilateral law, else of those that touch at the start: no other acts."""
-    constraints: dict[str, UnilateralConstraint] = field(default_factory=dict[str, UnilateralConstraint])
+    constraints: dict[str, UnilateralConstraint] = field(
+        default_factory=dict[str, UnilateralConstraint]
+    )
     """Of the same stops."""
     springs: Mapping[str, Spring] = field(default_factory=dict[str, Spring])
     """Of the stops, where they are springs; empty where they are constraints."""
@@ -66,13 +69,19 @@ class System:
 
     def now(self, sensor: SensorKey) -> FloatArray:
         """Values of a sensor at the current state, shape (1, components)."""
-        return np.atleast_2d(np.asarray(self.main.GetSensorValues(self.sensors[sensor]), dtype=np.float64))
+        return np.atleast_2d(
+            np.asarray(self.main.GetSensorValues(self.sensors[sensor]), dtype=np.float64)
+        )
 
     @property
     def active(self) -> Contacts:
         """The stops that act."""
         items = self.stops.items()
-        return tuple(name for name, number in items if self.main.GetObjectParameter(number, "activeConnector"))
+        return tuple(
+            name
+            for name, number in items
+            if self.main.GetObjectParameter(number, "activeConnector")
+        )
 
     def set_active(self, active: Contacts) -> None:
         """Make exactly these stops act."""
@@ -81,10 +90,14 @@ class System:
 
     def gap(self, stop: str) -> float:
         """Gap of a stop that touches at the start, by its connector's own measure [rad, m]."""
-        return self.constraints[stop].connector_gap(lambda variable: self._output(stop, variable), self.now)
+        return self.constraints[stop].connector_gap(
+            lambda variable: self._output(stop, variable), self.now
+        )
 
     def _output(self, stop: str, variable: str) -> FloatArray:
-        return np.asarray(self.main.GetObjectOutput(self.stops[stop], getattr(exu.OutputVariableType, variable)))
+        return np.asarray(
+            self.main.GetObjectOutput(self.stops[stop], getattr(exu.OutputVariableType, variable))
+        )
 
     def preload(self, stop: str, torque: float) -> None:
         """Give a stop's spring this torque (or force) with the gap closed and at rest [N m, N]."""
@@ -115,7 +128,9 @@ def silence() -> Generator[None]:
 
 
 def build(
-    mechanism: Mechanism, springs: Mapping[str, Spring] | None = None, law: StopLaw = StopLaw.RELEASE_ONCE
+    mechanism: Mechanism,
+    springs: Mapping[str, Spring] | None = None,
+    law: StopLaw = StopLaw.RELEASE_ONCE,
 ) -> System:
     """Build and assemble the system at its start.
 
@@ -125,24 +140,35 @@ def build(
         law: of the stops; under the unilateral one those that are open at the start are built, too.
 
     Raises:
-        UnsupportedProblemError: a closed stop's gap changes at the start, a stop is on a point of the body that it
-            stands on, or a spring is to stand on a body.
+        UnsupportedProblemError: a closed stop's gap changes at the start, a stop is on a point of
+            the body that it stands on, or a spring is to stand on a body.
     """
     _refuse_what_cannot_be_built(mechanism, springs or {})
     container = exu.SystemContainer()
     left_out = implied_angles(mechanism)
-    system = System(mechanism, container, container.AddSystem(), springs=springs or {}, left_out=left_out)
+    system = System(
+        mechanism, container, container.AddSystem(), springs=springs or {}, left_out=left_out
+    )
     return _Builder(system, law).build()
 
 
 def _refuse_what_cannot_be_built(mechanism: Mechanism, springs: Mapping[str, Spring]) -> None:
-    refuse_moving_gaps(mechanism, "exudyn")  # index 2 would hold the gap's speed at zero from the first step: an impact
+    refuse_moving_gaps(
+        mechanism, "exudyn"
+    )  # index 2 would hold the gap's speed at zero from the first step: an impact
     for stop in mechanism.point_stops:
         if stop.body == stop.relative_to:
-            on = "the ground" if stop.body == GROUND else f"{stop.body!r}, on which its wall stands as well"
-            raise UnsupportedProblemError(f"exudyn cannot build {stop.name!r}: a stop on a point of {on}.")
+            on = (
+                "the ground"
+                if stop.body == GROUND
+                else f"{stop.body!r}, on which its wall stands as well"
+            )
+            raise UnsupportedProblemError(
+                f"exudyn cannot build {stop.name!r}: a stop on a point of {on}."
+            )
         if stop.name in springs and stop.relative_to != GROUND:
-            # Exudyn's linear spring pushes its first marker, not the point of contact: the torque would be wrong.
+            # Exudyn's linear spring pushes its first marker, not the point of contact: the torque
+            # would be wrong.
             raise UnsupportedProblemError(
                 f"exudyn cannot build {stop.name!r} as a spring: its springs along a line are right for walls of the "
                 f"ground only, and this wall stands on {stop.relative_to!r}; leave stop_stiffness out."
@@ -185,10 +211,13 @@ class _Builder:
             turn, spin = -float(angle.value(q)), -float(angle.coefficients @ u)
             node = main.AddNode(
                 items.NodeRigidBody2D(
-                    referenceCoordinates=[*at.tolist(), turn], initialVelocities=[*speed.tolist(), spin]
+                    referenceCoordinates=[*at.tolist(), turn],
+                    initialVelocities=[*speed.tolist(), spin],
                 )
             )
-            number = main.AddObject(items.ObjectRigidBody2D(mass=body.mass, inertia=body.inertia, nodeNumber=node))
+            number = main.AddObject(
+                items.ObjectRigidBody2D(mass=body.mass, inertia=body.inertia, nodeNumber=node)
+            )
             on = main.AddMarker(items.MarkerBodyMass(bodyNumber=number))
             main.AddLoad(items.LoadMassProportional(markerNumber=on, loadVector=weight))
             self.system.nodes[body.name], self.system.bodies[body.name] = int(node), int(number)
@@ -196,15 +225,28 @@ class _Builder:
 
     def _observe_body(self, name: str) -> None:
         for quantity in ("CoordinatesTotal", "Coordinates", "Coordinates_t"):
-            self._observe(items.SensorNode, ("body", name, quantity), nodeNumber=self.system.nodes[name])
-        self._observe(items.SensorBody, ("body", name, "KineticEnergy"), bodyNumber=self.system.bodies[name])
+            self._observe(
+                items.SensorNode, ("body", name, quantity), nodeNumber=self.system.nodes[name]
+            )
+        self._observe(
+            items.SensorBody, ("body", name, "KineticEnergy"), bodyNumber=self.system.bodies[name]
+        )
 
     def _observe_point(
-        self, kind: str, name: str, marker: Marker, quantities: tuple[str, ...] = ("Position", "Velocity")
+        self,
+        kind: str,
+        name: str,
+        marker: Marker,
+        quantities: tuple[str, ...] = ("Position", "Velocity"),
     ) -> None:
-        number, local = self.system.bodies[marker.body], self.system.local(marker.body, marker.point)
+        number, local = (
+            self.system.bodies[marker.body],
+            self.system.local(marker.body, marker.point),
+        )
         for quantity in quantities:
-            self._observe(items.SensorBody, (kind, name, quantity), bodyNumber=number, localPosition=local)
+            self._observe(
+                items.SensorBody, (kind, name, quantity), bodyNumber=number, localPosition=local
+            )
 
     def _observe(self, sensor: Any, key: SensorKey, **where: Any) -> None:
         variable = getattr(exu.OutputVariableType, key[2])
@@ -214,12 +256,17 @@ class _Builder:
     def _frame(self, body: str, point: Vector) -> int:
         at = self.system.local(body, point)
         return int(
-            self.system.main.AddMarker(items.MarkerBodyRigid(bodyNumber=self.system.bodies[body], localPosition=at))
+            self.system.main.AddMarker(
+                items.MarkerBodyRigid(bodyNumber=self.system.bodies[body], localPosition=at)
+            )
         )
 
     def _observe_relative(self, relative: RelativePoint, *more: str) -> None:
         quantities = ("Position", "Velocity", *more)
-        for kind, point in ((relative.kind, relative.point), (relative.anchor_kind, relative.anchor)):
+        for kind, point in (
+            (relative.kind, relative.point),
+            (relative.anchor_kind, relative.anchor),
+        ):
             if point.body != GROUND:
                 self._observe_point(kind, point.name, point, quantities)
 
@@ -228,7 +275,10 @@ class _Builder:
             self._observe_relative(on_joint(joint))
         if not joint.held_directions:
             return
-        markers = [self._frame(joint.child, joint.child_point), self._frame(joint.parent, joint.parent_point)]
+        markers = [
+            self._frame(joint.child, joint.child_point),
+            self._frame(joint.parent, joint.parent_point),
+        ]
         if joint.free_directions:
             self._add_slot(joint, markers)
             return
@@ -258,7 +308,10 @@ class _Builder:
                     main.AddLoad(forces.torque(element, self._frame(body, (0.0, 0.0)), sense))
             else:
                 if isinstance(element, SpringDamper):
-                    ends = (element.relative_to, element.relative_point), (element.body, element.point)
+                    ends = (
+                        (element.relative_to, element.relative_point),
+                        (element.body, element.point),
+                    )
                     item = forces.point_spring(element, [self._frame(*end) for end in ends])
                 else:
                     rotations = [self._rotation(element.relative_to), self._rotation(element.body)]
@@ -275,15 +328,24 @@ class _Builder:
             constraint, item = AngleLimit(stop, spring), self._angle_limit(stop, spring)
         number = int(self.system.main.AddObject(item))
         self.system.stops[stop.name], self.system.constraints[stop.name] = number, constraint
-        self._observe(items.SensorObject, ("stop", stop.name, constraint.force_sensor), objectNumber=number)
+        self._observe(
+            items.SensorObject, ("stop", stop.name, constraint.force_sensor), objectNumber=number
+        )
 
     def _angle_limit(self, stop: Stop, spring: Spring | None) -> Any:
-        # Coordinates count from the reference, and a closed stop's gap is zero there: it needs no offset.
+        # Coordinates count from the reference, and a closed stop's gap is zero there: it needs no
+        # offset.
         markers = [self._rotation(stop.relative_to), self._rotation(stop.body)]
         if spring:
-            return items.ObjectConnectorCoordinateSpringDamper(**_spring_fields(spring, stop.sense, markers))
+            return items.ObjectConnectorCoordinateSpringDamper(
+                **_spring_fields(spring, stop.sense, markers)
+            )
         mechanism = self.system.mechanism
-        open_by = 0.0 if stop.closed else float(Kinematics(mechanism).gap(stop.name, np.array(mechanism.start)))
+        open_by = (
+            0.0
+            if stop.closed
+            else float(Kinematics(mechanism).gap(stop.name, np.array(mechanism.start)))
+        )
         return items.ObjectConnectorCoordinate(markerNumbers=markers, offset=stop.sense * open_by)
 
     def _point_contact(self, stop: PointStop, spring: Spring | None) -> Any:
@@ -299,14 +361,17 @@ class _Builder:
     def _line(self, markers: list[int], normal: Vector, angle: float | None = None) -> Any:
         """A point (marker 0) on a line of the ground or a body (marker 1), by its normal.
 
-        The normal lives in marker 1's frame, so the line's body must be marker 1: the other way round the line
-        silently turns with the point's body. The force comes in marker 0's frame.
+        The normal lives in marker 1's frame, so the line's body must be marker 1: the other way
+        round the line silently turns with the point's body. The force comes in marker 0's frame.
 
         Args:
-            angle: of marker 0's body less that of the line's, clockwise, if it is held [rad]; None: it turns freely.
+            angle: of marker 0's body less that of the line's, clockwise, if it is held [rad]; None:
+                it turns freely.
         """
         x, y = normal
-        along = complex(y, -x) * cmath.exp(1j * (angle or 0.0))  # the line in the frame of marker 0, at that angle
+        along = complex(y, -x) * cmath.exp(
+            1j * (angle or 0.0)
+        )  # the line in the frame of marker 0, at that angle
         return items.ObjectJointPrismatic2D(
             markerNumbers=markers,
             axisMarker0=[along.real, along.imag, 0.0],
@@ -316,7 +381,9 @@ class _Builder:
 
     def _rotation(self, body: str) -> int:
         coordinate = 0 if body == GROUND else 2
-        marker = items.MarkerNodeCoordinate(nodeNumber=self.system.nodes[body], coordinate=coordinate)
+        marker = items.MarkerNodeCoordinate(
+            nodeNumber=self.system.nodes[body], coordinate=coordinate
+        )
         return int(self.system.main.AddMarker(marker))
 
 

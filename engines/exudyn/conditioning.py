@@ -1,16 +1,18 @@
 """What loops need in a run that comes near a position in which their constraints depend on each other.
 
-Two errors of the trapezoidal rule of index 2 grow without bounds there, with 1/s or 1/s^2 for the constraints' least
-singular value s:
+Two errors of the trapezoidal rule of index 2 grow without bounds there, with 1/s or 1/s^2 for the
+constraints' least singular value s:
 
-* The rule carries an error of the accelerations along the constraints on without damping, with the other sign after
-  every step (its stability function is -1 at infinity); in the multipliers it is that error over s. Steps beside a
-  singular position, where multipliers have poles, make it of any size. Accelerations and multipliers that follow from
-  the state are free of it: behind such a position a run begins anew whenever s has doubled.
-* Constraints hold speeds, and positions drift by d = O(h^2). A drifted loop has no singular position: its branches
-  are those of a hyperbola, at a distance of sqrt(d) = O(h) from where they should cross, however short the step is.
-  So the drift is taken away a few steps before the position. It is not taken away elsewhere: the rule's drift follows
-  the accelerations and vanishes again with them, and what a projection takes away of a part of it does not.
+* The rule carries an error of the accelerations along the constraints on without damping, with the
+  other sign after every step (its stability function is -1 at infinity); in the multipliers it is
+  that error over s. Steps beside a singular position, where multipliers have poles, make it of any
+  size. Accelerations and multipliers that follow from the state are free of it: behind such a
+  position a run begins anew whenever s has doubled.
+* Constraints hold speeds, and positions drift by d = O(h^2). A drifted loop has no singular
+  position: its branches are those of a hyperbola, at a distance of sqrt(d) = O(h) from where they
+  should cross, however short the step is. So the drift is taken away a few steps before the
+  position. It is not taken away elsewhere: the rule's drift follows the accelerations and vanishes
+  again with them, and what a projection takes away of a part of it does not.
 """
 
 from __future__ import annotations
@@ -27,8 +29,13 @@ from ..contact_events import Contacts
 DEPENDENT = 1e-6
 """Of the largest singular value of a constraint Jacobian: constraints more nearly dependent follow from each other."""
 _GROWN = 2.0  # times: so much the least singular value grows until a run begins anew
-_FARTHEST, _NEAREST = 256.0, 4.0  # steps to a singular position, between which the drift is taken away
-_VANISHED = 0.1  # of the present singular value: one that falls below that at the present rate vanishes
+_FARTHEST, _NEAREST = (
+    256.0,
+    4.0,
+)  # steps to a singular position, between which the drift is taken away
+_VANISHED = (
+    0.1  # of the present singular value: one that falls below that at the present rate vanishes
+)
 _AHEAD = 0.25  # of the steps to a singular position at the present rate, until the next look
 _LONGEST = 32  # steps without a look
 _CORRECTIONS = 3
@@ -47,7 +54,12 @@ class LoopConstraints:
 
     def residual(self, q: FloatArray) -> FloatArray:
         """[m, rad], shape (n,)."""
-        return np.array([*self.kinematics.loop_residual(q), *(self.kinematics.gap(name, q) for name in self.active)])
+        return np.array(
+            [
+                *self.kinematics.loop_residual(q),
+                *(self.kinematics.gap(name, q) for name in self.active),
+            ]
+        )
 
     def projected(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The nearest coordinates and speeds without drift."""
@@ -88,7 +100,10 @@ class Conditioning:
         fall = (self._value - value) / self._since
         self._value, self._least, self._jacobian = value, min(self._least, value), jacobian
         rate = float(np.linalg.norm(change, 2))  # no singular value changes faster
-        self._since, self._wait = 0, int(np.clip(_AHEAD * value / rate if rate else np.inf, 1, _LONGEST))
+        self._since, self._wait = (
+            0,
+            int(np.clip(_AHEAD * value / rate if rate else np.inf, 1, _LONGEST)),
+        )
         self.has_neared = self._nears(value / fall, change) if fall > 0 else False
         left = value > _GROWN * self._least
         self._ahead = np.inf if left else self._ahead

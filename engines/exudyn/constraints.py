@@ -16,7 +16,9 @@ from ...models.stops import AnyStop, PointStop, Stop
 from .lines import on_wall
 from .sensors import Values, rotation, turned
 
-ROUNDING = 1e-15  # [rad] of the difference of two angles of some radians; [m per m] of a point's position
+ROUNDING = (
+    1e-15  # [rad] of the difference of two angles of some radians; [m per m] of a point's position
+)
 
 Output = Callable[[str], Any]
 """An output variable of a connector at the current state, by its name."""
@@ -56,7 +58,8 @@ class AngleLimit:
     def connector_gap(self, output: Output, values: Values) -> float:
         """Gap by the connector's own measure at the current state [rad].
 
-        A constraint's equation includes its offset; the offset of a spring is its preload, and no gap.
+        A constraint's equation includes its offset; the offset of a spring is its preload, and no
+        gap.
         """
         return -self.sense * float(output("Displacement" if self.spring else "ConstraintEquation"))
 
@@ -89,7 +92,9 @@ class PointContact:
 
     def rounding(self, values: Values) -> float:
         """Rounding error of the gap [m]."""
-        return ROUNDING * max(1.0, float(np.abs(values(("stop", self.stop.name, "Position"))).max()))
+        return ROUNDING * max(
+            1.0, float(np.abs(values(("stop", self.stop.name, "Position"))).max())
+        )
 
     def _along_normal(self, local: FloatArray, values: Values) -> FloatArray:
         angle = rotation(self.stop.body, values) - rotation(self.stop.relative_to, values)
@@ -116,7 +121,9 @@ def gap_speed(stop: AnyStop, values: Values) -> float:
 def gap_acceleration(stop: AnyStop, values: Values, rotations: Mapping[str, float]) -> float:
     """Acceleration of a stop's gap [rad/s^2, m/s^2]; `rotations` are the bodies' rotational accelerations [rad/s^2]."""
     if isinstance(stop, PointStop):
-        return _along(stop, on_wall(stop).acceleration(values, rotations.get(stop.relative_to, 0.0)))
+        return _along(
+            stop, on_wall(stop).acceleration(values, rotations.get(stop.relative_to, 0.0))
+        )
     return _turn(stop, lambda body: rotations.get(body, 0.0))
 
 

@@ -20,14 +20,16 @@ from .study import STUDY
 class ExudynEngine(ExudynOptions, BuiltinEngine):
     """Exudyn's implicit solvers on a tree (or loops) of 2D rigid bodies.
 
-    The step is shortened a little, so that a whole number of equal steps fits between the start or a release
-    and the end: a short last step would be a source of noise in the multipliers.
+    The step is shortened a little, so that a whole number of equal steps fits between the start or
+    a release and the end: a short last step would be a source of noise in the multipliers.
 
-    A tuned run with loops begins anew beside positions in which their constraints depend on each other
-    (:mod:`.conditioning`); steps that fail there are replaced by a longer one over the position.
+    A tuned run with loops begins anew beside positions in which their constraints depend on each
+    other (:mod:`.conditioning`); steps that fail there are replaced by a longer one over the
+    position.
 
-    Under the unilateral law an open stop's gap is looked at after every step; where it fell below zero the run steps
-    onto the zero, in either preset, and the speeds jump by Newton's law. A touch within one step is not seen.
+    Under the unilateral law an open stop's gap is looked at after every step; where it fell below
+    zero the run steps onto the zero, in either preset, and the speeds jump by Newton's law. A touch
+    within one step is not seen.
     """
 
     name: ClassVar[str] = "exudyn"
@@ -42,8 +44,9 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         "impacts located inside a step and solved in the metric of its mass matrix",
         features=frozenset(Feature),
     )
-    # Exudyn's own defaults: generalized-alpha on the positions' constraints, modified Newton, adaptive step. Its
-    # default step is 0.01 s, its tutorials take 1e-3 s. A newcomer switches a connector off after a step.
+    # Exudyn's own defaults: generalized-alpha on the positions' constraints, modified Newton,
+    # adaptive step. Its default step is 0.01 s, its tutorials take 1e-3 s. A newcomer switches a
+    # connector off after a step.
     stock_options: ClassVar[Mapping[str, object]] = {
         "timestep": 1e-3,
         "integrator": "generalized-alpha-index-3",

@@ -8,7 +8,12 @@ from typing import Any
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.force_elements import ConstantForce, ConstantTorque, RotationalSpringDamper, SpringDamper
+from ...models.force_elements import (
+    ConstantForce,
+    ConstantTorque,
+    RotationalSpringDamper,
+    SpringDamper,
+)
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from .sensors import Values
@@ -27,10 +32,14 @@ def point_spring(spring: SpringDamper, markers: list[int]) -> Any:
             damping=spring.damping,
             referenceLength=spring.rest_length,
         )
-    return items.ObjectConnectorCartesianSpringDamper(markerNumbers=markers, stiffness=[spring.stiffness] * 2 + [0.0])
+    return items.ObjectConnectorCartesianSpringDamper(
+        markerNumbers=markers, stiffness=[spring.stiffness] * 2 + [0.0]
+    )
 
 
-def rotational_spring(spring: RotationalSpringDamper, mechanism: Mechanism, markers: list[int]) -> Any:
+def rotational_spring(
+    spring: RotationalSpringDamper, mechanism: Mechanism, markers: list[int]
+) -> Any:
     """The item of a spring between the rotations of the other body and the spring's: full turns count."""
     return items.ObjectConnectorCoordinateSpringDamper(
         markerNumbers=markers,
@@ -42,12 +51,16 @@ def rotational_spring(spring: RotationalSpringDamper, mechanism: Mechanism, mark
 
 def force(element: ConstantForce, marker: int) -> Any:
     """The load of a constant force, whose direction does not turn with the body."""
-    return items.LoadForceVector(markerNumber=marker, loadVector=[*element.force, 0.0], bodyFixed=False)
+    return items.LoadForceVector(
+        markerNumber=marker, loadVector=[*element.force, 0.0], bodyFixed=False
+    )
 
 
 def torque(element: ConstantTorque, marker: int, sense: int) -> Any:
     """The load of a constant torque on its body (sense 1) or on the other one (-1); Exudyn's are anticlockwise."""
-    return items.LoadTorqueVector(markerNumber=marker, loadVector=[0.0, 0.0, -sense * element.torque])
+    return items.LoadTorqueVector(
+        markerNumber=marker, loadVector=[0.0, 0.0, -sense * element.torque]
+    )
 
 
 def measure(spring: _Spring) -> str:
@@ -57,11 +70,23 @@ def measure(spring: _Spring) -> str:
 
 def spring_energy(spring: _Spring, mechanism: Mechanism, values: Values) -> FloatArray:
     """Energy of a spring by the connector's own distance or displacement [J], shape (n,)."""
-    rest = spring.rest_length if isinstance(spring, SpringDamper) else _rest_displacement(spring, mechanism)
-    return 0.5 * spring.stiffness * (values(("spring", spring.name, measure(spring)))[:, 0] - rest) ** 2
+    rest = (
+        spring.rest_length
+        if isinstance(spring, SpringDamper)
+        else _rest_displacement(spring, mechanism)
+    )
+    return (
+        0.5
+        * spring.stiffness
+        * (values(("spring", spring.name, measure(spring)))[:, 0] - rest) ** 2
+    )
 
 
 def _rest_displacement(spring: RotationalSpringDamper, mechanism: Mechanism) -> float:
     """Displacement at the rest angle [rad]: Exudyn's rotations are anticlockwise, its displacements from the start."""
-    start = Kinematics(mechanism).angle(spring.body, spring.relative_to).value(np.array(mechanism.start))
+    start = (
+        Kinematics(mechanism)
+        .angle(spring.body, spring.relative_to)
+        .value(np.array(mechanism.start))
+    )
     return float(start) - spring.rest_angle

@@ -1,8 +1,9 @@
 """The built Exudyn system in single states: its own matrices and outputs, in the mechanism's coordinates.
 
-A state q is set by placing Exudyn's bodies, z(q); J = dz/dq carries its matrices back, M = J^T M_z J and
-f = J^T (f_z - M_z dJ/dt u). Accelerations and torques are solutions of Exudyn's own constrained equations, where J
-does not enter: were its joints other ones than the mechanism's, they would differ.
+A state q is set by placing Exudyn's bodies, z(q); J = dz/dq carries its matrices back, M = J^T M_z
+J and f = J^T (f_z - M_z dJ/dt u). Accelerations and torques are solutions of Exudyn's own
+constrained equations, where J does not enter: were its joints other ones than the mechanism's, they
+would differ.
 """
 
 from __future__ import annotations
@@ -50,7 +51,8 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: ExudynOption
 def _springs(mechanism: Mechanism, options: ExudynOptions) -> dict[str, Spring] | None:
     """Springs whose torque is set, in each state, to that of the closed stop at rest, where dampers have no effect.
 
-    The stiffness has none either, but for rounding: a stiff spring would amplify the last digits of the two angles.
+    The stiffness has none either, but for rounding: a stiff spring would amplify the last digits of
+    the two angles.
     """
     if options.stop_stiffness is None:
         return None
@@ -73,14 +75,22 @@ class _Inspector:
                 start=start.coordinates()[0],
                 start_speeds=start.speeds()[0],
                 total_mass=float(state_matrices.mass()[0::3, 0::3].sum()),
-                dynamics=tuple(self._dynamics(state_matrices, reference, state) for state in states),
+                dynamics=tuple(
+                    self._dynamics(state_matrices, reference, state) for state in states
+                ),
             )
 
     def _dynamics(self, state_matrices: Matrices, reference: FloatArray, state: State) -> Dynamics:
         self._refuse_other_stops(state)
-        displacements, rates = self.bodies.placed(state.q) - reference, self.bodies.jacobian(state.q) @ state.u
+        displacements, rates = (
+            self.bodies.placed(state.q) - reference,
+            self.bodies.jacobian(state.q) @ state.u,
+        )
         solved = state_matrices.solve(displacements, rates, state.closed)
-        mass, forces = state_matrices.mass(), state_matrices.forces()  # of this state, without the stops' springs
+        mass, forces = (
+            state_matrices.mass(),
+            state_matrices.forces(),
+        )  # of this state, without the stops' springs
         jacobian = self.bodies.jacobian(state.q)
         self._set_solution(state_matrices, solved, state.closed)
         reader = self._reader()
@@ -97,9 +107,13 @@ class _Inspector:
         for name in state.closed:
             if name not in self.system.stops:
                 known = ", ".join(sorted(self.system.stops)) or "none"
-                raise InputError(f"closed = {name!r} is no stop that is closed at the start; those are: {known}.")
+                raise InputError(
+                    f"closed = {name!r} is no stop that is closed at the start; those are: {known}."
+                )
 
-    def _set_solution(self, state_matrices: Matrices, solved: Solved, closed: tuple[str, ...]) -> None:
+    def _set_solution(
+        self, state_matrices: Matrices, solved: Solved, closed: tuple[str, ...]
+    ) -> None:
         """Set the solution in Exudyn's system data; its outputs follow from these."""
         data, current = self.system.main.systemData, exu.ConfigurationType.Current
         data.SetODE2Coordinates_tt(solved.accelerations, current)
@@ -122,7 +136,11 @@ class _Inspector:
         """Of q, by Exudyn's outputs: rotations of nodes, and points in the frames of slots; shape (n_q,)."""
         main, mechanism = self.system.main, self.system.mechanism
         rotations = {
-            name: float(main.GetNodeOutput(self.system.nodes[name], exu.OutputVariableType.Coordinates_tt)[2])
+            name: float(
+                main.GetNodeOutput(self.system.nodes[name], exu.OutputVariableType.Coordinates_tt)[
+                    2
+                ]
+            )
             for name in self._names
         }
         angles = [-rotations[body.name] for body in mechanism.bodies if body.angle is not None]
@@ -151,5 +169,7 @@ class _Inspector:
     def _curvature(self, state: State) -> FloatArray:
         """dJ/dt u, shape (3 n_bodies,)."""
         still = np.zeros(len(state.q))
-        centres = [self.kinematics.acceleration(row, state.q, state.u, still) for row in self.bodies.rows]
+        centres = [
+            self.kinematics.acceleration(row, state.q, state.u, still) for row in self.bodies.rows
+        ]
         return np.concatenate([[*centre, 0.0] for centre in centres])

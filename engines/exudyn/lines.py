@@ -1,7 +1,8 @@
 """Points in the frames of other bodies, which may move themselves: slides along lines, and distances from walls.
 
-With the vector r from the frame's anchor to the point in the world, and the rotation p of the frame (anticlockwise, as
-Exudyn's are), the place is r exp(-i p); its speed and acceleration are derivatives of that.
+With the vector r from the frame's anchor to the point in the world, and the rotation p of the frame
+(anticlockwise, as Exudyn's are), the place is r exp(-i p); its speed and acceleration are
+derivatives of that.
 """
 
 from __future__ import annotations
@@ -74,7 +75,12 @@ def on_joint(joint: AnyJoint) -> RelativePoint:
 
 def on_wall(stop: PointStop) -> RelativePoint:
     """The point of a stop from the origin of the wall's frame, in that."""
-    return RelativePoint(Marker(name=stop.name, body=stop.body, point=stop.point), "stop", stop.relative_to, (0.0, 0.0))
+    return RelativePoint(
+        Marker(name=stop.name, body=stop.body, point=stop.point),
+        "stop",
+        stop.relative_to,
+        (0.0, 0.0),
+    )
 
 
 def _motion(kind: str, point: Marker, values: Values, quantity: str) -> ComplexArray:

@@ -1,11 +1,12 @@
 """Exudyn's own mass matrix, forces and constraint Jacobian, and the accelerations, multipliers and impacts they give.
 
-In Exudyn's redundant coordinates z (x, y, rotation by body), with f the forces and G the Jacobian of joints and stops,
+In Exudyn's redundant coordinates z (x, y, rotation by body), with f the forces and G the Jacobian
+of joints and stops,
 
     M z'' + G^T lam = f,        G z'' = -gamma,        gamma = dG/dt z'
 
-M, f and G are what Exudyn assembles. It has no gamma of its own but from one-sided difference quotients; here it
-is computed from eight of its Jacobians along the motion, to rounding.
+M, f and G are what Exudyn assembles. It has no gamma of its own but from one-sided difference
+quotients; here it is computed from eight of its Jacobians along the motion, to rounding.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ from .build import System, exu
 from .conditioning import DEPENDENT
 from .solver import State
 
-# Central difference of order 8: weights of f(k h) - f(-k h), k = 1..4, over h. A Jacobian is a sum of sines and
-# cosines of rotations; at _TURN [rad] a step the truncation is _TURN^8 / 630 = 1e-15, the rounding 1e-16 / _TURN.
+# Central difference of order 8: weights of f(k h) - f(-k h), k = 1..4, over h. A Jacobian is a sum
+# of sines and cosines of rotations; at _TURN [rad] a step the truncation is _TURN^8 / 630 = 1e-15,
+# the rounding 1e-16 / _TURN.
 _WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
 _TURN = 0.03
 
@@ -88,7 +90,9 @@ class Matrices:
     def jacobian(self, active: Contacts) -> FloatArray:
         """G, joints first, then the active stops, shape (n_joints + n_active, 3 n_bodies)."""
         self.system.set_active(())
-        return np.concatenate([self._acting_rows(), *(self.stop_row(name)[None] for name in active)])
+        return np.concatenate(
+            [self._acting_rows(), *(self.stop_row(name)[None] for name in active)]
+        )
 
     def stop_row(self, name: str) -> FloatArray:
         """Row of a stop in G, shape (3 n_bodies,); a spring's is the force of a unit multiplier on it, but for sign."""
@@ -125,7 +129,9 @@ class Matrices:
     def _gamma(self, coordinates: FloatArray, rates: FloatArray, active: Contacts) -> FloatArray:
         """dG/dt z' at the state, shape (n_joints + n_active,)."""
         fastest = float(np.abs(rates[2::3]).max())
-        step = _TURN / fastest if fastest > 0 else 1.0  # without turning G is linear in the motion at most
+        step = (
+            _TURN / fastest if fastest > 0 else 1.0
+        )  # without turning G is linear in the motion at most
 
         def along(steps: int) -> FloatArray:
             self.set(coordinates + steps * step * rates, rates)
@@ -163,7 +169,9 @@ def solve_constrained(
     rank = int(np.linalg.matrix_rank(jacobian, rtol=DEPENDENT)) if len(jacobian) else 0
     if rank < len(jacobian):
         independent = np.linalg.svd(jacobian)[0][:, :rank]
-        accelerations, reduced = solve_constrained(mass, independent.T @ jacobian, forces, independent.T @ right)
+        accelerations, reduced = solve_constrained(
+            mass, independent.T @ jacobian, forces, independent.T @ right
+        )
         return accelerations, independent @ reduced
     n, scale = len(mass), float(np.abs(mass).max())
     kkt = np.zeros((n + len(jacobian), n + len(jacobian)))
@@ -173,19 +181,23 @@ def solve_constrained(
     wanted = np.concatenate([forces, scale * right])
     try:
         solution = np.linalg.solve(kkt, wanted)
-        # Once refined, the backward error is small by component (Skeel, Math. Comp. 35 (1980) 817): nearly parallel
-        # constraints otherwise multiply rounding by the square of their condition.
+        # Once refined, the backward error is small by component (Skeel, Math. Comp. 35 (1980) 817):
+        # nearly parallel constraints otherwise multiply rounding by the square of their condition.
         solution = solution + np.linalg.solve(kkt, wanted - kkt @ solution)
     except np.linalg.LinAlgError:
-        raise SimulationError("exudyn's bodies have no inertia in some direction they can move in.") from None
+        raise SimulationError(
+            "exudyn's bodies have no inertia in some direction they can move in."
+        ) from None
     return solution[:n], scale * solution[n:]
 
 
-def resolve_impact(system: System, state: State, restitution: Mapping[str, float]) -> tuple[State, dict[str, float]]:
+def resolve_impact(
+    system: System, state: State, restitution: Mapping[str, float]
+) -> tuple[State, dict[str, float]]:
     """The state after the impact of all contacts that touch, and the impulse of each [N m s, N s].
 
-    Newton's law with complementarity (:mod:`..impact_law`): z'+ = z'- + sum_i p_i r_i, with r_i what a unit impulse on
-    gap i does to the bodies in their joints.
+    Newton's law with complementarity (:mod:`..impact_law`): z'+ = z'- + sum_i p_i r_i, with r_i
+    what a unit impulse on gap i does to the bodies in their joints.
 
     Args:
         system: what moves.
@@ -198,7 +210,12 @@ def resolve_impact(system: System, state: State, restitution: Mapping[str, float
     with matrices(system) as state_matrices:
         state_matrices.set(state.coordinates, state.rates)
         mass, joints = state_matrices.mass(), state_matrices.jacobian(())
-        rows = np.array([-system.constraints[name].sense * state_matrices.stop_row(name) for name in restitution])
+        rows = np.array(
+            [
+                -system.constraints[name].sense * state_matrices.stop_row(name)
+                for name in restitution
+            ]
+        )
         still = np.zeros(len(joints))
         responses = np.array([solve_constrained(mass, joints, row, still)[0] for row in rows])
     coefficients = np.array(list(restitution.values()))

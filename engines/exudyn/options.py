@@ -17,27 +17,41 @@ class ExudynOptions(EngineOptions):
 
     timestep: Positive = Field(default=1e-4, le=1.0, description="step size [s]")
     integrator: Literal["trapezoidal-index-2", "generalized-alpha-index-3"] = Field(
-        default="trapezoidal-index-2", description="rule, and whether it holds the joints' speeds (2) or positions (3)"
+        default="trapezoidal-index-2",
+        description="rule, and whether it holds the joints' speeds (2) or positions (3)",
     )
     spectral_radius: Real = Field(
-        default=0.9, ge=0, lt=1, description="of generalized-alpha at infinite frequency, 0 to below 1"
+        default=0.9,
+        ge=0,
+        lt=1,
+        description="of generalized-alpha at infinite frequency, 0 to below 1",
     )
     # 1e-8, Exudyn's default, leaves 3 N m of noise in the torques of 8e4.
     newton_relative: _Tolerance = Field(
-        default=1e-12, description="fall of the residual in a step (increments, if stops are springs), up to 1e-2"
+        default=1e-12,
+        description="fall of the residual in a step (increments, if stops are springs), up to 1e-2",
     )
-    newton_absolute: _Tolerance = Field(default=1e-9, description="residual that is small enough, up to 1e-2")
+    newton_absolute: _Tolerance = Field(
+        default=1e-9, description="residual that is small enough, up to 1e-2"
+    )
     modified_newton: bool = Field(default=False, description="keep the Jacobian over several steps")
-    adaptive_step: bool = Field(default=False, description="shorten a step whose iteration fails, instead of an error")
-    located_releases: bool = Field(default=True, description="step onto a release, instead of opening at a step's end")
+    adaptive_step: bool = Field(
+        default=False, description="shorten a step whose iteration fails, instead of an error"
+    )
+    located_releases: bool = Field(
+        default=True, description="step onto a release, instead of opening at a step's end"
+    )
     stop_stiffness: Positive | None = Field(
         default=None,
         description="closed stops are springs [N m/rad, or N/m on a point], in balance at the start; none: constraints",
     )
-    # Undamped, a spring rings on after each kink of its torque, and lets go too early or late: the trapezoidal rule
-    # damps nothing. At 0.1 ringing halves in each period, and the damper's lag is a tenth of a critical one's.
+    # Undamped, a spring rings on after each kink of its torque, and lets go too early or late: the
+    # trapezoidal rule damps nothing. At 0.1 ringing halves in each period, and the damper's lag is
+    # a tenth of a critical one's.
     stop_damping_ratio: Real = Field(
-        default=0.1, ge=0, description="of such a spring with the inertia it holds at the start; 1 is critical"
+        default=0.1,
+        ge=0,
+        description="of such a spring with the inertia it holds at the start; 1 is critical",
     )
 
     def in_time_unit(self, unit: float) -> Self:

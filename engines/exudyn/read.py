@@ -20,7 +20,9 @@ from .lines import on_joint
 from .sensors import SensorKey, Values, rotation, turned
 
 
-def recording(reader: Reader, torques: Mapping[str, FloatArray], events: ContactEvents, steps: int) -> Recording:
+def recording(
+    reader: Reader, torques: Mapping[str, FloatArray], events: ContactEvents, steps: int
+) -> Recording:
     """Read a run out.
 
     Args:
@@ -36,7 +38,9 @@ def recording(reader: Reader, torques: Mapping[str, FloatArray], events: Contact
         q=reader.coordinates(),
         u=reader.speeds(),
         markers={marker.name: reader.point("marker", marker.name) for marker in mechanism.markers},
-        kinetic_energy=np.sum([reader.scalar("body", body.name, "KineticEnergy") for body in mechanism.bodies], axis=0),
+        kinetic_energy=np.sum(
+            [reader.scalar("body", body.name, "KineticEnergy") for body in mechanism.bodies], axis=0
+        ),
         potential_energy=reader.potential_energy(),
         stop_torques=torques,
         release_times=events.releases,
@@ -81,15 +85,23 @@ class Reader:
             (on_joint(slide.joint).speed(self.values) * slide.direction.conjugate()).real
             for slide in self.system.mechanism.slides
         ]
-        return np.stack([*_angles(self.system.mechanism, self.values, "Coordinates_t"), *slides], axis=-1)
+        return np.stack(
+            [*_angles(self.system.mechanism, self.values, "Coordinates_t"), *slides], axis=-1
+        )
 
     def potential_energy(self) -> FloatArray:
         """Energy of weight and springs [J], shape (n,); Exudyn's own sensor counts that of elastic bodies only."""
         mechanism = self.system.mechanism
-        places = np.array([self.plane("body", body.name, "CoordinatesTotal") for body in mechanism.bodies])
+        places = np.array(
+            [self.plane("body", body.name, "CoordinatesTotal") for body in mechanism.bodies]
+        )
         heights = places @ -np.array(mechanism.gravity_direction)
         weight = mechanism.gravity * np.array([body.mass for body in mechanism.bodies]) @ heights
-        springs = (e for e in mechanism.force_elements if isinstance(e, SpringDamper | RotationalSpringDamper))
+        springs = (
+            e
+            for e in mechanism.force_elements
+            if isinstance(e, SpringDamper | RotationalSpringDamper)
+        )
         return weight + sum(spring_energy(spring, mechanism, self.values) for spring in springs)
 
     def torque(self, stop: str, release: float | None) -> FloatArray:
@@ -103,7 +115,9 @@ class Reader:
         """Force of a joint on its child, world frame [N], shape (n, 2)."""
         if not joint.free_directions:
             return self.plane("joint", joint.name, "Force")
-        return turned(self.plane("joint", joint.name, "ForceLocal"), rotation(joint.child, self.values))
+        return turned(
+            self.plane("joint", joint.name, "ForceLocal"), rotation(joint.child, self.values)
+        )
 
     def gap(self, joint: AnyJoint) -> FloatArray:
         """Constraint drift: distance of a joint's points, or of the point from the slot's line [m], shape (n,)."""
@@ -115,9 +129,15 @@ class Reader:
 
 def coordinates(mechanism: Mechanism, values: Values) -> FloatArray:
     """The coordinates q by sensors, shape (n, n_q); Exudyn's rotations are anticlockwise."""
-    slides = [(on_joint(s.joint).place(values) * s.direction.conjugate()).real for s in mechanism.slides]
+    slides = [
+        (on_joint(s.joint).place(values) * s.direction.conjugate()).real for s in mechanism.slides
+    ]
     return np.stack([*_angles(mechanism, values, "CoordinatesTotal"), *slides], axis=-1)
 
 
 def _angles(mechanism: Mechanism, values: Values, quantity: str) -> list[FloatArray]:
-    return [-rotation(body.name, values, quantity) for body in mechanism.bodies if body.angle is not None]
+    return [
+        -rotation(body.name, values, quantity)
+        for body in mechanism.bodies
+        if body.angle is not None
+    ]

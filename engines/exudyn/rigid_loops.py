@@ -1,7 +1,8 @@
 """Conditions of loops that need not be built because bodies are held to each other without them.
 
-Exudyn's multipliers are those of conditions that do not depend on each other. Conditions that follow from others
-contradict them by the drift of the positions, and Newton's iteration does not get below that.
+Exudyn's multipliers are those of conditions that do not depend on each other. Conditions that
+follow from others contradict them by the drift of the positions, and Newton's iteration does not
+get below that.
 """
 
 from __future__ import annotations
@@ -22,9 +23,10 @@ _FOLLOWS = 1e-9  # of a row: what others leave of it
 def implied_angles(mechanism: Mechanism) -> frozenset[str]:
     """Loop joints that hold the angle of two bodies that the other conditions already hold to each other.
 
-    Such bodies do not move relative to each other, so that this is so in all positions. The forces of the joints
-    between them, which are not unique, are those without the torque of that joint. None is left out where the loops
-    hold the gap of a closed stop: which of all these is redundant is then decided by the forces.
+    Such bodies do not move relative to each other, so that this is so in all positions. The forces
+    of the joints between them, which are not unique, are those without the torque of that joint.
+    None is left out where the loops hold the gap of a closed stop: which of all these is redundant
+    is then decided by the forces.
     """
     kinematics = Kinematics(mechanism)
     if not any(joint.turned_by is not None for joint in mechanism.loop_joints):
@@ -39,12 +41,16 @@ def implied_angles(mechanism: Mechanism) -> frozenset[str]:
         return frozenset()
     for joint in reversed(mechanism.loop_joints):
         candidates = left_out | {joint.name}
-        if joint.turned_by is not None and all(_is_implied(kinematics, q, joint, candidates) for q in positions):
+        if joint.turned_by is not None and all(
+            _is_implied(kinematics, q, joint, candidates) for q in positions
+        ):
             left_out = candidates
     return frozenset(left_out)
 
 
-def built_rows(kinematics: Kinematics, q: FloatArray, left_out: frozenset[str] | set[str]) -> FloatArray:
+def built_rows(
+    kinematics: Kinematics, q: FloatArray, left_out: frozenset[str] | set[str]
+) -> FloatArray:
     """Jacobian of the loops' conditions but for the angles of some joints, shape (n, n_q)."""
     keep: list[bool] = []
     for joint in kinematics.mechanism.loop_joints:
@@ -85,5 +91,8 @@ def _relative_motion(kinematics: Kinematics, q: FloatArray, joint: AnyJoint) -> 
         kinematics.between(joint.child, joint.child_point, joint.parent, joint.parent_point),
         kinematics.rates(q),
     )
-    along = [kinematics.component(axis, joint.parent, vector).jacobian(q, rates) for axis in (1.0 + 0.0j, 1.0j)]
+    along = [
+        kinematics.component(axis, joint.parent, vector).jacobian(q, rates)
+        for axis in (1.0 + 0.0j, 1.0j)
+    ]
     return np.stack([kinematics.angle(joint.child, joint.parent).coefficients, *along])

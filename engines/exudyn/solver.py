@@ -1,8 +1,9 @@
 """One run of Exudyn's implicit solver: from a state, over equal steps, to a table of all sensors.
 
-Positions and speeds alone carry the state from one run to the next: Exudyn finds accelerations and multipliers
-from the equations of motion. So each run starts free of the alternating error that the trapezoidal rule keeps in
-its multipliers, and the torque of a stop at a state depends on nothing but the state.
+Positions and speeds alone carry the state from one run to the next: Exudyn finds accelerations and
+multipliers from the equations of motion. So each run starts free of the alternating error that the
+trapezoidal rule keeps in its multipliers, and the torque of a stop at a state depends on nothing
+but the state.
 """
 
 from __future__ import annotations
@@ -32,19 +33,35 @@ _SAME_TIME = 1e-9  # of the run's last time: Exudyn adds up its steps
 
 _DIFFERENCE = 3e-5  # relative step of Exudyn's difference quotients: 1e-6 to 1e-4 do as well
 
-# Exudyn's Newton iteration leaves out how the joints' Jacobian changes with the step, which matters beside a singular
-# position: a step of length h that ends at a distance x from one converges by h / 2 x an iteration, or not at all.
-_ITERATIONS = 25  # as Exudyn has it: more would reach another branch of the motion where the right one repels
-_LEAPS = (5.0, 6.0, 8.0, 12.0)  # in steps: over a singular position, to an end that is farther from it than the start
-_BEYOND, _FAR = 2.2, 50.0  # of the steps to the position, for the shortest; if it is as near as this many
+# Exudyn's Newton iteration leaves out how the joints' Jacobian changes with the step, which matters
+# beside a singular position: a step of length h that ends at a distance x from one converges by h /
+# 2 x an iteration, or not at all.
+_ITERATIONS = (
+    25  # as Exudyn has it: more would reach another branch of the motion where the right one repels
+)
+_LEAPS = (
+    5.0,
+    6.0,
+    8.0,
+    12.0,
+)  # in steps: over a singular position, to an end that is farther from it than the start
+_BEYOND, _FAR = (
+    2.2,
+    50.0,
+)  # of the steps to the position, for the shortest; if it is as near as this many
 _BACK = 2  # steps before the last good one at which a leap begins: the last ones were near the position as well
 _LEAP_ITERATIONS = 200
-# Redundant joints contradict each other by the drift of the positions, of the order of the truncation error, and no
-# iteration gets below that. Just above it iterations end, with multipliers that spoil the steps after. So the drift is
-# taken away, unless it was so a short time before: to begin anew costs as much as some sixty steps.
+# Redundant joints contradict each other by the drift of the positions, of the order of the
+# truncation error, and no iteration gets below that. Just above it iterations end, with multipliers
+# that spoil the steps after. So the drift is taken away, unless it was so a short time before: to
+# begin anew costs as much as some sixty steps.
 _SOON = 64  # steps
-_CONTRADICTION = 1e-5  # [N, m/s] residual that is small enough once a step has failed whose joints are redundant
-_JUMP = 0.2  # of the largest rotational speed: a leap that changes one more has gone to another branch
+_CONTRADICTION = (
+    1e-5  # [N, m/s] residual that is small enough once a step has failed whose joints are redundant
+)
+_JUMP = (
+    0.2  # of the largest rotational speed: a leap that changes one more has gone to another branch
+)
 _SHORT = 1e-2  # of a step: the error of one so long, of third order, is 1e-6 of a step's
 Monitor = Callable[[float], bool]
 """Called with the time after each step; False stops the run there."""
@@ -101,21 +118,29 @@ class Solver:
 
     def start(self) -> State:
         """The state as built."""
-        rates = np.array(self.system.main.systemData.GetODE2Coordinates_t(exu.ConfigurationType.Initial))
+        rates = np.array(
+            self.system.main.systemData.GetODE2Coordinates_t(exu.ConfigurationType.Initial)
+        )
         return State(0.0, np.zeros(len(rates)), rates)
 
     def state(self, table: FloatArray, row: int) -> State:
         """The state in a row of a table."""
-        coordinates, rates = (self.of_bodies(table[row], quantity) for quantity in ("Coordinates", "Coordinates_t"))
+        coordinates, rates = (
+            self.of_bodies(table[row], quantity) for quantity in ("Coordinates", "Coordinates_t")
+        )
         return State(float(table[row, 0]), coordinates, rates)
 
     def of_bodies(self, row: FloatArray, quantity: str) -> FloatArray:
         """A quantity of all bodies' nodes in a row of a table: x, y, rotation by body, shape (3 n_bodies,)."""
-        return np.concatenate([row[self.columns["body", b.name, quantity]] for b in self.system.mechanism.bodies])
+        return np.concatenate(
+            [row[self.columns["body", b.name, quantity]] for b in self.system.mechanism.bodies]
+        )
 
     def row(self, time: float) -> FloatArray:
         """All sensors now, as a row of a table."""
-        return np.concatenate([[time], *(self.system.now(sensor)[0] for sensor in self.system.sensors)])
+        return np.concatenate(
+            [[time], *(self.system.now(sensor)[0] for sensor in self.system.sensors)]
+        )
 
     def values(self, row: FloatArray) -> Values:
         """Values of the sensors in a row of a table."""
@@ -128,15 +153,19 @@ class Solver:
     def balance(self, state: State, active: Contacts) -> Balance:
         """Sensors and accelerations at a state, under the joints and the active stops.
 
-        Exudyn takes the constraints' second derivative from one-sided difference quotients, which leaves an error
-        of 1e-4 N m in the torques at best; two of them, extrapolated to no difference at all, leave 1e-6.
+        Exudyn takes the constraints' second derivative from one-sided difference quotients, which
+        leaves an error of 1e-4 N m in the torques at best; two of them, extrapolated to no
+        difference at all, leave 1e-6.
 
         Raises:
             SimulationError: the constraints cannot be solved there.
         """
         self.system.set_active(active)
         self._set(state)
-        once, twice = self._differenced(state.t, _DIFFERENCE), self._differenced(state.t, 2 * _DIFFERENCE)
+        once, twice = (
+            self._differenced(state.t, _DIFFERENCE),
+            self._differenced(state.t, 2 * _DIFFERENCE),
+        )
         return Balance(2 * once.row - twice.row, 2 * once.accelerations - twice.accelerations)
 
     def _differenced(self, time: float, difference: float) -> Balance:
@@ -150,17 +179,22 @@ class Solver:
         row = self.row(time)
         accelerations = np.array(main.systemData.GetODE2Coordinates_tt())
         if not solved or not np.isfinite(accelerations).all():
-            raise SimulationError(f"exudyn finds no accelerations at t = {time:.6g} s: is the position singular?")
+            raise SimulationError(
+                f"exudyn finds no accelerations at t = {time:.6g} s: is the position singular?"
+            )
         solver.FinalizeSolver(main, settings)
         return Balance(row, accelerations)
 
-    def run(self, state: State, active: Contacts, end: float, steps: int, monitor: Monitor | None = None) -> FloatArray:
+    def run(
+        self, state: State, active: Contacts, end: float, steps: int, monitor: Monitor | None = None
+    ) -> FloatArray:
         """Table of all sensors at the start and after each step, shape (n, columns).
 
-        A step that ends too near to a singular position of a loop fails; a longer one over the position takes its
-        place, unless Exudyn is to shorten steps by itself. Where joints are redundant, their drift is taken away first;
-        if a step fails soon after that, a larger residual is small enough from then on. Between events that follow each
-        other closely Newton's iteration may end at the rounding of the accelerations over the step, above its
+        A step that ends too near to a singular position of a loop fails; a longer one over the
+        position takes its place, unless Exudyn is to shorten steps by itself. Where joints are
+        redundant, their drift is taken away first; if a step fails soon after that, a larger
+        residual is small enough from then on. Between events that follow each other closely
+        Newton's iteration may end at the rounding of the accelerations over the step, above its
         tolerance; there the trapezoidal rule is applied explicitly.
 
         Args:
@@ -171,7 +205,8 @@ class Solver:
             monitor: called after every step.
 
         Raises:
-            SimulationError: a step failed, or the end was not reached although the monitor did not stop the run.
+            SimulationError: a step failed, or the end was not reached although the monitor did not
+                stop the run.
         """
         step = (end - state.t) / steps
         self._conditioning = self._watched(active)
@@ -185,7 +220,9 @@ class Solver:
                 continue
             if self._redundant and self._residual < _CONTRADICTION:
                 without = (
-                    self._without_drift(table) if self._conditioning and table[-1, 0] > closed + _SOON * step else None
+                    self._without_drift(table)
+                    if self._conditioning and table[-1, 0] > closed + _SOON * step
+                    else None
                 )
                 closed = float(table[-1, 0])
                 self._residual = self._residual if without else _CONTRADICTION
@@ -229,14 +266,18 @@ class Solver:
         """Table of one step of the trapezoidal rule whose end has the accelerations of an explicit Euler step's."""
         h, first = end - state.t, self.balance(state, active)
         coordinates = state.coordinates + h * (state.rates + h / 2 * first.accelerations)
-        predicted = self.balance(State(end, coordinates, state.rates + h * first.accelerations), active)
+        predicted = self.balance(
+            State(end, coordinates, state.rates + h * first.accelerations), active
+        )
         rates = state.rates + h / 2 * (first.accelerations + predicted.accelerations)
         self.steps += 1
         return np.stack([first.row, self.balance(State(end, coordinates, rates), active).row])
 
     def _watched(self, active: Contacts) -> Conditioning | None:
         """Of the loops; generalised alpha damps what it would be watched for."""
-        if not self.system.mechanism.loop_joints or not self.options.integrator.startswith("trapezoidal"):
+        if not self.system.mechanism.loop_joints or not self.options.integrator.startswith(
+            "trapezoidal"
+        ):
             return None
         return Conditioning(LoopConstraints(self._kinematics, active))
 
@@ -269,17 +310,32 @@ class Solver:
         return self._onwards(table, step, end, monitor)
 
     def _onwards(
-        self, table: FloatArray, step: float, end: float, monitor: Monitor | None, now: State | None = None
+        self,
+        table: FloatArray,
+        step: float,
+        end: float,
+        monitor: Monitor | None,
+        now: State | None = None,
     ) -> tuple[FloatArray, _Outcome]:
         """A table and equal steps after it, from `now` or the state at its end."""
-        nears = self._conditioning is not None and self._conditioning.is_due and self._conditioning.has_neared
+        nears = (
+            self._conditioning is not None
+            and self._conditioning.is_due
+            and self._conditioning.has_neared
+        )
         now = now or (self._without_drift(table) if nears else self.state(table, -1))
-        rest, outcome = self._equal_steps(now, self.system.active, end, max(1, round((end - now.t) / step)), monitor)
+        rest, outcome = self._equal_steps(
+            now, self.system.active, end, max(1, round((end - now.t) / step)), monitor
+        )
         return np.concatenate([table[:-1], rest]), outcome
 
-    def _leap(self, state: State, until: float, monitor: Monitor | None) -> tuple[FloatArray, _Outcome]:
+    def _leap(
+        self, state: State, until: float, monitor: Monitor | None
+    ) -> tuple[FloatArray, _Outcome]:
         """One step, which fails as well if its end is on another branch of the motion: if the speeds jump."""
-        leap, outcome = self._equal_steps(state, self.system.active, until, 1, monitor, _LEAP_ITERATIONS)
+        leap, outcome = self._equal_steps(
+            state, self.system.active, until, 1, monitor, _LEAP_ITERATIONS
+        )
         jump = np.abs(self.state(leap, -1).rates - state.rates)
         if jump[2::3].max() > _JUMP * np.abs(state.rates[2::3]).max():
             return leap, _Outcome.FAILED
@@ -297,21 +353,30 @@ class Solver:
         return tuple(longer * leap for leap in _LEAPS)
 
     def _give_up(self, table: FloatArray, end: float) -> NoReturn:
-        hint = "a shorter timestep may help" if len(table) > 1 else "the step is too long, or a position singular"
+        hint = (
+            "a shorter timestep may help"
+            if len(table) > 1
+            else "the step is too long, or a position singular"
+        )
         if self._redundant:
             hint = "its joints are redundant, and contradict each other as they drift; a shorter timestep may help"
         solver = f"exudyn's {self.options.integrator} solver"
-        raise SimulationError(f"{solver} gave up after t = {table[-1, 0]:.6g} s of {end:.6g} s; {hint}.")
+        raise SimulationError(
+            f"{solver} gave up after t = {table[-1, 0]:.6g} s of {end:.6g} s; {hint}."
+        )
 
     def _solve(self, settings: Any, monitor: Monitor | None) -> tuple[bool, bool]:
         """Whether Exudyn says it finished, and whether the monitor stopped it."""
         start, stopped = settings.timeIntegration.startTime, False
 
         def after_step(_: Any, time: float) -> bool:
-            # Exudyn takes the missing value of a bare `return` for False, and ends the run without a word.
+            # Exudyn takes the missing value of a bare `return` for False, and ends the run without
+            # a word.
             nonlocal stopped
             stopped = stopped or (monitor is not None and time > start and not monitor(time))
-            interrupted = conditioning is not None and time > start and conditioning.look(self._coordinates)
+            interrupted = (
+                conditioning is not None and time > start and conditioning.look(self._coordinates)
+            )
             return not (stopped or interrupted)
 
         main, conditioning = self.system.main, self._conditioning
@@ -332,7 +397,10 @@ class Solver:
             data.SetODE2Coordinates_tt(accelerations, initial)
 
     def _table(self) -> FloatArray:
-        stored = [np.asarray(self.system.main.GetSensorStoredData(n)) for n in self.system.sensors.values()]
+        stored = [
+            np.asarray(self.system.main.GetSensorStoredData(n))
+            for n in self.system.sensors.values()
+        ]
         return np.hstack([stored[0][:, :1], *(data[:, 1:] for data in stored)])
 
     def _settings(self, start: float, end: float, steps: int) -> Any:
@@ -346,10 +414,13 @@ class Solver:
         newton.useModifiedNewton = options.modified_newton
         newton.relativeTolerance, newton.absoluteTolerance = options.newton_relative, self._residual
         if self.system.springs:
-            # The force of a stiff spring is known only to the rounding of an angle times its stiffness, and would not
-            # fall further; the increments of the coordinates do. Exudyn wants both tolerances alike for them.
+            # The force of a stiff spring is known only to the rounding of an angle times its
+            # stiffness, and would not fall further; the increments of the coordinates do. Exudyn
+            # wants both tolerances alike for them.
             newton.residualMode, newton.absoluteTolerance = 1, options.newton_relative
-        if self._dependent:  # a full-pivoting LU that leaves the multipliers out that it cannot tell
+        if (
+            self._dependent
+        ):  # a full-pivoting LU that leaves the multipliers out that it cannot tell
             settings.linearSolverType = exu.LinearSolverType.EigenDense
             settings.linearSolverSettings.ignoreSingularJacobian = True
         settings.solution.file.write = False
@@ -361,13 +432,17 @@ def _may_be_dependent(mechanism: Mechanism) -> bool:
     """Whether constraints may follow from others: loops may have singular positions; stops may be redundant."""
     kinematics, (q, _) = Kinematics(mechanism), initial_state(mechanism)
     rows = [kinematics.gap_jacobian(stop.name, q) for stop in mechanism.stops if stop.closed]
-    dependent = len(rows) > 1 and int(np.linalg.matrix_rank(np.array(rows), rtol=DEPENDENT)) < len(rows)
+    dependent = len(rows) > 1 and int(np.linalg.matrix_rank(np.array(rows), rtol=DEPENDENT)) < len(
+        rows
+    )
     return dependent or bool(mechanism.loop_joints)
 
 
 def _has_redundant_joints(system: System) -> bool:
     """Whether conditions of the loops, as they are built, follow from others at the start."""
-    rows = built_rows(Kinematics(system.mechanism), initial_state(system.mechanism)[0], system.left_out)
+    rows = built_rows(
+        Kinematics(system.mechanism), initial_state(system.mechanism)[0], system.left_out
+    )
     return len(rows) > 0 and int(np.linalg.matrix_rank(rows, rtol=DEPENDENT)) < len(rows)
 
 

@@ -1,9 +1,10 @@
 """Moving a mechanism with Exudyn from its start to the end, over the releases and impacts of its stops.
 
-Exudyn's solver runs until a step in which an active stop pulls or, under the unilateral law, an inactive one
-penetrates. The run then goes back some steps and steps exactly onto the event; what follows from it is decided by
-:mod:`..contact_events`. A contact that begins and ends within one step is not seen: its penetration is at most the
-step's length squared times an eighth of the gap's acceleration.
+Exudyn's solver runs until a step in which an active stop pulls or, under the unilateral law, an
+inactive one penetrates. The run then goes back some steps and steps exactly onto the event; what
+follows from it is decided by :mod:`..contact_events`. A contact that begins and ends within one
+step is not seen: its penetration is at most the step's length squared times an eighth of the gap's
+acceleration.
 """
 
 from __future__ import annotations
@@ -54,7 +55,8 @@ def run(problem: Problem, options: ExudynOptions) -> Recording:
     Raises:
         InputError: stops are to be springs under the unilateral law.
         UnsupportedProblemError: the mechanism cannot be built, or not from this start.
-        SimulationError: Exudyn's solver gave up before the end, or impacts follow each other without an end.
+        SimulationError: Exudyn's solver gave up before the end, or impacts follow each other
+            without an end.
     """
     once = problem.stop_law is StopLaw.RELEASE_ONCE
     if not once and options.stop_stiffness is not None:
@@ -80,7 +82,9 @@ class _Motion:
     def recording(self) -> Recording:
         """Move from the start to the end, and read out."""
         state = self.solver.start()
-        active = self._pushing(state, tuple(stop.name for stop in self.mechanism.stops if stop.closed))
+        active = self._pushing(
+            state, tuple(stop.name for stop in self.mechanism.stops if stop.closed)
+        )
         if active and self.options.stop_stiffness is not None:
             self._replace_by_springs(state, active, self.options.stop_stiffness)
         tables: list[FloatArray] = []
@@ -97,7 +101,9 @@ class _Motion:
         return recording(reader, self._torques(reader), self.events, self.solver.steps)
 
     def _torques(self, reader: Reader) -> dict[str, FloatArray]:
-        return {name: reader.torque(name, released) for name, released in self.events.releases.items()}
+        return {
+            name: reader.torque(name, released) for name, released in self.events.releases.items()
+        }
 
     def _replace_by_springs(self, state: State, active: Contacts, stiffness: float) -> None:
         """Go on with springs in place of the constraints that push at the start."""
@@ -113,7 +119,9 @@ class _Motion:
         def all_push(_: float) -> bool:
             return self._all_push(active)
 
-        table = self.solver.run(state, active, self.duration, self._steps_from(state), all_push if active else None)
+        table = self.solver.run(
+            state, active, self.duration, self._steps_from(state), all_push if active else None
+        )
         if not active or self._all_push(active):
             return self._continued(table, active)
         release = self._first_release(table, active)
@@ -139,34 +147,46 @@ class _Motion:
                 self.system.set_active(tuple(left))
             return True
 
-        table = self.solver.run(state, active, self.duration, self._steps_from(state), release if left else None)
+        table = self.solver.run(
+            state, active, self.duration, self._steps_from(state), release if left else None
+        )
         return self._continued(table, tuple(left))
 
     def _first_release(self, table: FloatArray, active: Contacts) -> tuple[FloatArray, str] | None:
         """A table whose last step went beyond a release, cut to end with steps onto it, and which stop opens there.
 
-        None where only the error of the integrator's multiplier is negative: a run may go on from there, free of it.
+        None where only the error of the integrator's multiplier is negative: a run may go on from
+        there, free of it.
         """
         row = self.solver.balance(self.solver.state(table, -1), active).row
         pulling = [name for name in active if self.solver.torque(row, name) < 0.0]
         releases = [(*self._onto_zero_torque(table, active, name), name) for name in pulling]
-        _, earliest, name = min(releases, key=lambda release: release[0], default=(0.0, table, None))
+        _, earliest, name = min(
+            releases, key=lambda release: release[0], default=(0.0, table, None)
+        )
         return None if name is None else (earliest, name)
 
     def _opened(self, table: FloatArray, name: str, active: Contacts) -> Segment:
         """What follows where a stop opens at the end of a table."""
         state = self.solver.state(table, -1)
         self.events.release([name], state.t)
-        return Segment(table, state, self._pushing(state, tuple(other for other in active if other != name)))
+        return Segment(
+            table, state, self._pushing(state, tuple(other for other in active if other != name))
+        )
 
-    def _onto_zero_torque(self, table: FloatArray, active: Contacts, name: str) -> tuple[float, FloatArray]:
+    def _onto_zero_torque(
+        self, table: FloatArray, active: Contacts, name: str
+    ) -> tuple[float, FloatArray]:
         """When the torque of a stop is zero, near the last step of a table [s], and a table up to there.
 
-        The torque is that of the state, not the integrator's: a smooth function of the time, for the secant rule.
+        The torque is that of the state, not the integrator's: a smooth function of the time, for
+        the secant rule.
         """
 
         def torque(rows: FloatArray, row: int) -> float:
-            return self.solver.torque(self.solver.balance(self.solver.state(rows, row), active).row, name)
+            return self.solver.torque(
+                self.solver.balance(self.solver.state(rows, row), active).row, name
+            )
 
         # Times as asked for: with adaptive steps a table may end a rounding beside them.
         times, values = [float(time) for time in table[-2:, 0]], [torque(table, len(table) - 2)]
@@ -174,7 +194,9 @@ class _Motion:
         def secant(probe: FloatArray) -> float:
             values.append(torque(probe, -1))
             slope = (values[-1] - values[-2]) / (times[-1] - times[-2])
-            times.append(min(times[-1] - values[-1] / slope if slope else times[-1], float(table[-1, 0])))
+            times.append(
+                min(times[-1] - values[-1] / slope if slope else times[-1], float(table[-1, 0]))
+            )
             return times[-1]
 
         return self._onto(table, active, secant)
@@ -184,8 +206,8 @@ class _Motion:
     ) -> tuple[float, FloatArray]:
         """When something happens near the last step of a table [s], and a table up to there.
 
-        The steps onto it start two steps back, so that they are longer than half a step wherever it is; `next_guess`
-        gives its time from a table that ends near it.
+        The steps onto it start two steps back, so that they are longer than half a step wherever it
+        is; `next_guess` gives its time from a table that ends near it.
         """
         last, first = len(table) - 1, max(len(table) - 3, 0)
         begin, probe = self.solver.state(table, first), table
@@ -207,13 +229,19 @@ class _Motion:
         self.events.release((name for name in touching if name not in active), state.t)
         return active
 
-    def _violated(self, state: State, touching: Mapping[str, float], active: Contacts) -> str | None:
+    def _violated(
+        self, state: State, touching: Mapping[str, float], active: Contacts
+    ) -> str | None:
         """The first of the touching stops that pulls, or closes with less than the acceleration given to it."""
         balance = self.solver.balance(state, active)
         for name, least in touching.items():
             if name not in active and self.system.springs:
                 continue  # a preloaded spring releases with its gap open: how that moves then does not matter
-            if self.solver.torque(balance.row, name) < 0.0 if name in active else self._opening(name, balance) < least:
+            if (
+                self.solver.torque(balance.row, name) < 0.0
+                if name in active
+                else self._opening(name, balance) < least
+            ):
                 return name
         return None
 
@@ -221,7 +249,9 @@ class _Motion:
         """Acceleration of a stop's gap [rad/s^2, m/s^2]."""
         names = (body.name for body in self.mechanism.bodies)
         rotations = dict(zip(names, balance.accelerations[2::3].tolist(), strict=True))
-        return gap_acceleration(self.mechanism.stop(name), self.solver.values(balance.row), rotations)
+        return gap_acceleration(
+            self.mechanism.stop(name), self.solver.values(balance.row), rotations
+        )
 
 
 class _UnilateralMotion(_Motion):
@@ -236,14 +266,27 @@ class _UnilateralMotion(_Motion):
 
     def _to_next_event(self, state: State, active: Contacts) -> Segment:
         table = self.solver.run(
-            state, active, self.duration, self._steps_from(state), lambda _: self._is_undisturbed(active)
+            state,
+            active,
+            self.duration,
+            self._steps_from(state),
+            lambda _: self._is_undisturbed(active),
         )
         opened = self._first_opened(table, active)
-        times = [(*self._onto_zero_gap(table, active, name), name) for name in self._met(active, self._last(table))]
-        first, shortest, name = min(times, key=lambda event: event[0], default=(np.inf, table, None))
+        times = [
+            (*self._onto_zero_gap(table, active, name), name)
+            for name in self._met(active, self._last(table))
+        ]
+        first, shortest, name = min(
+            times, key=lambda event: event[0], default=(np.inf, table, None)
+        )
         if opened and opened[0][-1, 0] < first:
             return self._opened(*opened, active)
-        return self._continued(table, active) if name is None else self._after_impact(shortest, active, name)
+        return (
+            self._continued(table, active)
+            if name is None
+            else self._after_impact(shortest, active, name)
+        )
 
     def _rebounds_within_a_step(self) -> str:
         """A sentence on the last two impacts where they are nearer to each other than a step is long, else ''."""
@@ -268,12 +311,15 @@ class _UnilateralMotion(_Motion):
         inactive = (stop for stop in self.mechanism.stops if stop.name not in active)
         return [stop.name for stop in inactive if gap(stop, values) < 0.0 > gap_speed(stop, values)]
 
-    def _onto_zero_gap(self, table: FloatArray, active: Contacts, name: str) -> tuple[float, FloatArray]:
+    def _onto_zero_gap(
+        self, table: FloatArray, active: Contacts, name: str
+    ) -> tuple[float, FloatArray]:
         """When the gap of a stop is zero, in the last steps of a table [s], and a table up to there.
 
-        Newton's iteration from the zero of a cubic through the gaps and speeds at both ends. After a rebound lower than
-        a step is long the gap is zero at both of its ends, and the later one is the impact: from the far end Newton's
-        iteration would only halve the way to it. Where the gap grows, on the wrong side of a turn, half way back.
+        Newton's iteration from the zero of a cubic through the gaps and speeds at both ends. After
+        a rebound lower than a step is long the gap is zero at both of its ends, and the later one
+        is the impact: from the far end Newton's iteration would only halve the way to it. Where the
+        gap grows, on the wrong side of a turn, half way back.
         """
         stop, latest = self.mechanism.stop(name), float(table[-1, 0])
 
@@ -281,14 +327,18 @@ class _UnilateralMotion(_Motion):
             time, values = float(probe[-1, 0]), self._last(probe)
             speed = gap_speed(stop, values)
             cubic = self._zero_of_cubic(table, name) if probe is table else None
-            return cubic or ((time + latest) / 2 if speed >= 0 else time - gap(stop, values) / speed)
+            return cubic or (
+                (time + latest) / 2 if speed >= 0 else time - gap(stop, values) / speed
+            )
 
         return self._onto(table, active, newton)
 
     def _zero_of_cubic(self, table: FloatArray, name: str) -> float | None:
         """The last time at which a cubic through a stop's gaps in the last steps of a table falls through zero [s]."""
         stop, rows = self.mechanism.stop(name), (table[max(len(table) - 3, 0)], table[-1])
-        (g0, g1), (v0, v1) = ([measure(stop, self.solver.values(row)) for row in rows] for measure in (gap, gap_speed))
+        (g0, g1), (v0, v1) = (
+            [measure(stop, self.solver.values(row)) for row in rows] for measure in (gap, gap_speed)
+        )
         begin, span = float(rows[0][0]), float(rows[1][0] - rows[0][0])
         polynomial = CubicHermiteSpline([0.0, span], [g0, g1], [v0, v1])
         falls = [zero for zero in polynomial.roots(extrapolate=False) if polynomial(zero, 1) < 0]
@@ -338,18 +388,20 @@ def _springs(
 ) -> dict[str, Spring]:
     """A spring for each stop that pushes at a state, in balance there.
 
-    Without the preload a spring would carry no torque at the start, and the torque would then oscillate between zero
-    and twice its value at rest.
+    Without the preload a spring would carry no torque at the start, and the torque would then
+    oscillate between zero and twice its value at rest.
 
     Args:
         solver: of the same mechanism with its stops as constraints.
         state: the start.
         active: stops that push there.
         stiffness: of each spring [N m/rad, or N/m on a point].
-        damping_ratio: of each spring, with the inertia that the stop carries at the start; 1 is critical.
+        damping_ratio: of each spring, with the inertia that the stop carries at the start; 1 is
+            critical.
 
     Raises:
-        InputError: so stiff a spring would turn the rounding of angles or positions into forces that matter.
+        InputError: so stiff a spring would turn the rounding of angles or positions into forces
+            that matter.
     """
     row = solver.balance(state, active).row
     torques = {name: solver.torque(row, name) for name in active}
@@ -359,15 +411,21 @@ def _springs(
         state_matrices.set(state.coordinates, state.rates)
         inertias = {name: _inertia(state_matrices, name) for name in active}
     return {
-        name: Spring(stiffness, 2 * damping_ratio * math.sqrt(stiffness * inertias[name]), torques[name])
+        name: Spring(
+            stiffness, 2 * damping_ratio * math.sqrt(stiffness * inertias[name]), torques[name]
+        )
         for name in active
     }
 
 
-def _refuse_noise(solver: Solver, row: FloatArray, stiffness: float, name: str, torques: Mapping[str, float]) -> None:
+def _refuse_noise(
+    solver: Solver, row: FloatArray, stiffness: float, name: str, torques: Mapping[str, float]
+) -> None:
     """Refuse a stiffness that turns the rounding of angles or positions into a torque or force that matters."""
     mechanism, stop = solver.system.mechanism, solver.system.mechanism.stop(name)
-    largest = max(t for other, t in torques.items() if mechanism.stop(other).force_unit == stop.force_unit)
+    largest = max(
+        t for other, t in torques.items() if mechanism.stop(other).force_unit == stop.force_unit
+    )
     rounding = solver.system.constraints[name].rounding(solver.values(row))
     most = _DIGITS * largest / rounding
     if 0 < most < stiffness:

@@ -35,8 +35,9 @@ _REFINEMENT = 4
 
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
-    # Constraints on positions (index 3) have noise in their multipliers that grows as 1/h^2, and ring after each
-    # restart: a shorter step and a located release would bring in errors that the run itself does not have.
+    # Constraints on positions (index 3) have noise in their multipliers that grows as 1/h^2, and
+    # ring after each restart: a shorter step and a located release would bring in errors that the
+    # run itself does not have.
     first, then = ("integrator",), ("integrator", "event location", "alternating torques")
     finer = {"timestep": float(settings["timestep"]) / _REFINEMENT}
     tighter: dict[str, JsonValue] = {
@@ -54,7 +55,8 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
               Intervention({"located_releases": True}), after=first),
         Cause("alternating torques", "the trapezoidal rule never damps an error of the multipliers that changes sign "
               "with every step", Intervention(filtered_torques=True), after=first),
-        # The trapezoidal rule is of second order; with a release at a step's end the run as a whole is not.
+        # The trapezoidal rule is of second order; with a release at a step's end the run as a whole
+        # is not.
         time_step_cause(finer, leaves=math.pow(_REFINEMENT, -2), after=then),
     )  # fmt: skip
 
@@ -85,15 +87,35 @@ _SWEPT = (
 
 _REFINEMENTS = (
     HALF_THE_STEP,
-    Refinement("Newton's tolerance", "a hundredth of Newton's relative tolerance", multiplied("newton_relative", 0.01)),
-    Refinement("Newton's tolerance", "a hundredth of Newton's absolute tolerance", multiplied("newton_absolute", 0.01)),
-    Refinement("softness of the stops", "twice the stops' stiffness", multiplied("stop_stiffness", 2.0)),
+    Refinement(
+        "Newton's tolerance",
+        "a hundredth of Newton's relative tolerance",
+        multiplied("newton_relative", 0.01),
+    ),
+    Refinement(
+        "Newton's tolerance",
+        "a hundredth of Newton's absolute tolerance",
+        multiplied("newton_absolute", 0.01),
+    ),
+    Refinement(
+        "softness of the stops", "twice the stops' stiffness", multiplied("stop_stiffness", 2.0)
+    ),
 )
 
 _OPTION_SETS = (
     STOCK_SET,
-    OptionSet("index 2", "stock, with the trapezoidal rule of index 2", "stock", {"integrator": "trapezoidal-index-2"}),
-    OptionSet("tight Newton", "the same, with a full Newton iteration to 1e-12", "tuned", {"located_releases": False}),
+    OptionSet(
+        "index 2",
+        "stock, with the trapezoidal rule of index 2",
+        "stock",
+        {"integrator": "trapezoidal-index-2"},
+    ),
+    OptionSet(
+        "tight Newton",
+        "the same, with a full Newton iteration to 1e-12",
+        "tuned",
+        {"located_releases": False},
+    ),
     TUNED_SET,
 )
 
@@ -108,7 +130,11 @@ _TOLERANCES = (
 
 def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
     points = bool(mechanism.point_stops)
-    return {PYTHON: filled_template(__name__, "exudyn.py.j2", options=engine, end=duration, points=points)}
+    return {
+        PYTHON: filled_template(
+            __name__, "exudyn.py.j2", options=engine, end=duration, points=points
+        )
+    }
 
 
 STUDY = EngineStudy(

@@ -21,7 +21,9 @@ from .versions import CALLBACK, loses_small_gains, mujoco
 
 _PRELOAD_ITERATIONS = 6  # each gains the four digits of 1 - d, d the impedance
 _MOST_ITERATIONS = 3000  # where forces of redundant constraints drift
-_REDUNDANT = 1e-12  # of the largest eigenvalue: constraints more nearly dependent follow from each other
+_REDUNDANT = (
+    1e-12  # of the largest eigenvalue: constraints more nearly dependent follow from each other
+)
 _PATIENCE = 10  # iterations without a smaller change: what is left is rounding
 _SETTLED = 1e-10  # change of the constraints' forces in an iteration, of the largest
 
@@ -49,7 +51,9 @@ def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
     model.jnt_solref[:], model.tendon_solref_lim[:] = solref, solref
     model.jnt_solimp[:], model.tendon_solimp_lim[:] = options.solimp, options.solimp
     model.jnt_margin[:], model.tendon_margin[:] = options.margin, options.margin
-    of_points = options.solref or scaled_solref(options.timestep, options.integrator, options.moving_points)
+    of_points = options.solref or scaled_solref(
+        options.timestep, options.integrator, options.moving_points
+    )
     model.pair_solref[:], model.pair_solimp[:] = of_points, options.solimp
     model.eq_solref[:], model.eq_solimp[:] = of_points, options.solimp
     for contact in stop_contacts(mechanism, model):
@@ -60,13 +64,18 @@ def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
     return model
 
 
-def correction_of(mechanism: Mechanism, model: Any, options: MujocoOptions) -> ReferenceAccelerationCorrection:
+def correction_of(
+    mechanism: Mechanism, model: Any, options: MujocoOptions
+) -> ReferenceAccelerationCorrection:
     """The correction of the reference accelerations of contacts and equalities; with stock options it does nothing."""
     if not _corrects(options) or not (model.npair or model.neq):
         return ReferenceAccelerationCorrection(model, velocity_term=False)
     without_margin = {contact.geoms: 0.0 for contact in stop_contacts(mechanism, model)}
     return ReferenceAccelerationCorrection(
-        model, options.moving_points, _solves_before_the_solver(mechanism, model, options), without_margin
+        model,
+        options.moving_points,
+        _solves_before_the_solver(mechanism, model, options),
+        without_margin,
     )
 
 
@@ -96,15 +105,17 @@ def preload(
 ) -> None:
     """Preload the active constraints by what their softness gives way, so that they start in balance.
 
-    A soft limit carries a torque f only at a penetration of R f / (k d): exactly at its limit it starts 1 - d too weak
-    and takes some ten time constants to settle. A margin has the same effect as a penetration and leaves the start
-    unchanged; contacts and equalities are given the acceleration R f instead.
+    A soft limit carries a torque f only at a penetration of R f / (k d): exactly at its limit it
+    starts 1 - d too weak and takes some ten time constants to settle. A margin has the same effect
+    as a penetration and leaves the start unchanged; contacts and equalities are given the
+    acceleration R f instead.
 
     Args:
         model, data: MuJoCo's; the constraints' forces are left in the data.
         closed: the active stops, and the sides of slots.
         correction: of the reference accelerations.
-        settled: change of the constraints' forces in an iteration that is small, in parts of the largest.
+        settled: change of the constraints' forces in an iteration that is small, in parts of the
+            largest.
     """
     changes, active = Changes(data), tuple(closed)
     given: FloatArray | None = None
@@ -121,15 +132,20 @@ def preload(
     _forward(data, correction)
 
 
-def _rigid_forces(model: Any, data: Any, unilateral: list[int], given: FloatArray | None) -> FloatArray:
+def _rigid_forces(
+    model: Any, data: Any, unilateral: list[int], given: FloatArray | None
+) -> FloatArray:
     """Forces f of the rows if none was soft: from (A + R) f = c + e, with e the accelerations given, to A f = c.
 
-    The forces as they are stand for those that would come out otherwise, and where a row without force is among the
-    unilateral ones: as next e they converge as well, by R / (A + R) an iteration, which is slow for a wall that is
-    nearly parallel to the motion. Redundant directions are left out.
+    The forces as they are stand for those that would come out otherwise, and where a row without
+    force is among the unilateral ones: as next e they converge as well, by R / (A + R) an
+    iteration, which is slow for a wall that is nearly parallel to the motion. Redundant directions
+    are left out.
     """
     forces = np.array(data.efc_force)
-    equalities = np.flatnonzero(data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)).tolist()
+    equalities = np.flatnonzero(
+        data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+    ).tolist()
     pushing = [row for row in unilateral if forces[row] > 0]
     rows = np.array([*equalities, *pushing], dtype=np.intp)
     if not len(rows) or (given is not None and len(given) != len(forces)):
@@ -165,7 +181,9 @@ class Changes:
         """
         forces = np.array(self._data.qfrc_constraint)
         change, self._forces = float(np.abs(forces - self._forces).max(initial=0.0)), forces
-        self._least, self._since = (change, 0) if change < self._least else (self._least, self._since + 1)
+        self._least, self._since = (
+            (change, 0) if change < self._least else (self._least, self._since + 1)
+        )
         unsettled = change > settled * float(np.abs(forces).max(initial=0.0))
         return done < least or (unsettled and self._since < _PATIENCE)
 

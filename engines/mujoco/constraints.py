@@ -1,7 +1,7 @@
 """The unilateral constraints of a built model besides its joints, as MuJoCo's constraint rows.
 
-A stop is a limit of a joint or tendon, or a contact of a point's sphere with a plane, or with a box on a body that
-moves; a slot that closes a loop is two such contacts.
+A stop is a limit of a joint or tendon, or a contact of a point's sphere with a plane, or with a box
+on a body that moves; a slot that closes a loop is two such contacts.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from .reference_acceleration import ReferenceAccelerationCorrection, mujoco
 class Limit:
     """A stop on angles as the limit of a joint or of a tendon.
 
-    MuJoCo's constraints are soft: under a force f one gives way by R f / (k d), with its regularisation R, stiffness k
-    and impedance d.
+    MuJoCo's constraints are soft: under a force f one gives way by R f / (k d), with its
+    regularisation R, stiffness k and impedance d.
     """
 
     element: str
@@ -53,7 +53,9 @@ class Limit:
     def gap(self, model: Any, data: Any) -> float:
         """Its gap as MuJoCo measures its joint or tendon [rad]; negative in penetration."""
         on_tendon = self.element == "tendon"
-        value = data.ten_length[self.index] if on_tendon else data.qpos[model.jnt_qposadr[self.index]]
+        value = (
+            data.ten_length[self.index] if on_tendon else data.qpos[model.jnt_qposadr[self.index]]
+        )
         return float((1 - 2 * self.end) * (value - self.range[self.end]))
 
     def activate(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection) -> None:
@@ -64,7 +66,9 @@ class Limit:
         """Let it act in penetration only: its margin is set to zero."""
         self._set_margin(model, 0.0)
 
-    def preload(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection, forces: FloatArray) -> None:
+    def preload(
+        self, model: Any, data: Any, correction: ReferenceAccelerationCorrection, forces: FloatArray
+    ) -> None:
         """If it pushes, make up for its softness by its margin: the acceleration k d (margin - gap) is then R f.
 
         Args:
@@ -119,8 +123,14 @@ class PointContact:
 
     def gap(self, model: Any, data: Any) -> float:
         """Distance of the sphere from the wall [m]."""
-        wall, sphere = sorted(self.geoms, key=lambda geom: model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_SPHERE)
-        thickness = 0.0 if model.geom_type[wall] == mujoco.mjtGeom.mjGEOM_PLANE else model.geom_size[wall, 2]
+        wall, sphere = sorted(
+            self.geoms, key=lambda geom: model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_SPHERE
+        )
+        thickness = (
+            0.0
+            if model.geom_type[wall] == mujoco.mjtGeom.mjGEOM_PLANE
+            else model.geom_size[wall, 2]
+        )
         normal = data.geom_xmat[wall].reshape(3, 3)[:, 2]
         apart = (data.geom_xpos[sphere] - data.geom_xpos[wall]) @ normal
         return float(apart - thickness - model.geom_size[sphere, 0])
@@ -133,7 +143,9 @@ class PointContact:
         """Let its margin give no acceleration."""
         correction.contacts[self.geoms] = 0.0
 
-    def preload(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection, forces: FloatArray) -> None:
+    def preload(
+        self, model: Any, data: Any, correction: ReferenceAccelerationCorrection, forces: FloatArray
+    ) -> None:
         """As :meth:`Limit.preload`, by the correction: inner stages of a step may lift the sphere beyond a margin."""
         row = self.row(data)
         if row is not None and forces[row] > 0:
@@ -169,13 +181,17 @@ def slot_contacts(mechanism: Mechanism, model: Any) -> list[PointContact]:
     """Both contacts of each slot that closes a loop."""
     names = mjcf_names(mechanism)
     return [
-        _contact(model, names[rail_contact(slot.name, side)]) for slot in Points(mechanism).slots for side in RAIL_SIDES
+        _contact(model, names[rail_contact(slot.name, side)])
+        for slot in Points(mechanism).slots
+        for side in RAIL_SIDES
     ]
 
 
 def _contact(model: Any, name: str) -> PointContact:
     pair = model.pair(name)
-    first, second = sorted((int(pair.geom1[0]), int(pair.geom2[0])), key=lambda geom: model.geom_type[geom])
+    first, second = sorted(
+        (int(pair.geom1[0]), int(pair.geom2[0])), key=lambda geom: model.geom_type[geom]
+    )
     return PointContact(int(pair.id), (first, second), float(pair.margin[0]))
 
 

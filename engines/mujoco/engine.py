@@ -20,23 +20,26 @@ from .study import STUDY
 class MujocoEngine(MujocoOptions, BuiltinEngine):
     """MuJoCo on the MJCF of :mod:`...models.mjcf.writer`; the defaults are the tuned preset.
 
-    Stops are joint limits, which MuJoCo treats as soft: a stop gives way by about 1e-10 rad at a step of 1e-3 s,
-    and by four times that at twice the step, for the tuned limits are scaled with it. Under the release-once law
-    a limit is taken out of the model when it releases, and those open at the start are out from the beginning.
-    Under the unilateral law one that is open is out as well; an impact is located inside its step, resolved at once
-    with the stop's restitution through MuJoCo's mass matrix, and a stop that rests afterwards is put back.
+    Stops are joint limits, which MuJoCo treats as soft: a stop gives way by about 1e-10 rad at a
+    step of 1e-3 s, and by four times that at twice the step, for the tuned limits are scaled with
+    it. Under the release-once law a limit is taken out of the model when it releases, and those
+    open at the start are out from the beginning. Under the unilateral law one that is open is out
+    as well; an impact is located inside its step, resolved at once with the stop's restitution
+    through MuJoCo's mass matrix, and a stop that rests afterwards is put back.
 
-    Stops on points are frictionless contacts of a sphere with a plane (a box on a body that moves), slots that close a
-    loop are two of them, pins that do are `connect` equalities, angles that loops hold are equalities of tendons over
-    hinges. Springs and dampers are tendons, constant forces and torques actuators without control. MuJoCo leaves
-    (dJ/dt) qvel out of contacts, and a stiff reference acceleration, scaled with the step, follows the errors of RK4's
-    inner stages. The tuned preset corrects both in `mjcb_control` (:mod:`.reference_acceleration`); points then give
-    way by some 1e-9 m at 1e-3 s.
+    Stops on points are frictionless contacts of a sphere with a plane (a box on a body that moves),
+    slots that close a loop are two of them, pins that do are `connect` equalities, angles that
+    loops hold are equalities of tendons over hinges. Springs and dampers are tendons, constant
+    forces and torques actuators without control. MuJoCo leaves (dJ/dt) qvel out of contacts, and a
+    stiff reference acceleration, scaled with the step, follows the errors of RK4's inner stages.
+    The tuned preset corrects both in `mjcb_control` (:mod:`.reference_acceleration`); points then
+    give way by some 1e-9 m at 1e-3 s.
 
-    The stock preset leaves every limit in the model for the whole run, as a newcomer would, whatever the law: it
-    keeps to release-once only while no stop is met again, and an impact is that of a stiff, damped spring, spread
-    over some steps. It gives back some of the speed where e = 0; a stop with another restitution is refused. It
-    calls a stop released at the end of the first step after which its limit carries no torque.
+    The stock preset leaves every limit in the model for the whole run, as a newcomer would,
+    whatever the law: it keeps to release-once only while no stop is met again, and an impact is
+    that of a stiff, damped spring, spread over some steps. It gives back some of the speed where e
+    = 0; a stop with another restitution is refused. It calls a stop released at the end of the
+    first step after which its limit carries no torque.
 
     Raises:
         InputError: an option is unknown or outside its range.

@@ -20,9 +20,10 @@ from .options import MujocoOptions
 from .read import IN_PLANE, absolute_from_relative
 from .reference_acceleration import ReferenceAccelerationCorrection, mujoco
 
-# The softness of a limit and the solver's tolerance are numerical options: a limit at rest carries the same torque
-# with any of them. With the hardest impedance MuJoCo takes, each round gains the four digits of 1 - d. With this
-# stiffness a limit gives way by some 1e-10 rad per rad/s^2: far above the rounding of an angle, far below a gap.
+# The softness of a limit and the solver's tolerance are numerical options: a limit at rest carries
+# the same torque with any of them. With the hardest impedance MuJoCo takes, each round gains the
+# four digits of 1 - d. With this stiffness a limit gives way by some 1e-10 rad per rad/s^2: far
+# above the rounding of an angle, far below a gap.
 _AT_REST: Mapping[str, object] = {
     "solver": "Newton",
     "tolerance": 1e-30,
@@ -31,8 +32,8 @@ _AT_REST: Mapping[str, object] = {
     "solimp": (0.9999, 0.9999, 0.001, 0.5, 2.0),
     "moving_points": True,
 }
-# Points are preloaded by an acceleration, whatever their stiffness [1/s^2] and damping [1/s]; their positions are
-# rounded to some 1e-15 m, which such a small stiffness makes negligible.
+# Points are preloaded by an acceleration, whatever their stiffness [1/s^2] and damping [1/s]; their
+# positions are rounded to some 1e-15 m, which such a small stiffness makes negligible.
 _POINTS_AT_REST = (-1e-6, -1e-6)
 _SETTLED = 1e-14  # change of the torques in a round, of the largest: rounding
 
@@ -80,7 +81,9 @@ class _Built:
         data = start_data(self.model)
         mujoco.mj_kinematics(self.model, data)
         n = len(self.mechanism.angles)
-        q = [self._angle(data, body.name) for body in self.mechanism.bodies if body.angle is not None]
+        q = [
+            self._angle(data, body.name) for body in self.mechanism.bodies if body.angle is not None
+        ]
         q += [self._slide(data, slide) for slide in self.mechanism.slides]
         turns = np.round((np.array(self.mechanism.start) - q) / (2 * np.pi))
         turns[n:] = 0.0
@@ -113,15 +116,21 @@ class _Built:
             stop_torques=torques,
             mass_matrix=back.T @ mass_matrix(self.model, data) @ back,
             forces=back.T @ forces,
-            centres={body.name: data.body(self.names[body.name]).xipos[IN_PLANE] for body in self.mechanism.bodies},
-            stop_gaps={name: constraint.gap(self.model, data) for name, constraint in self.constraints.items()},
+            centres={
+                body.name: data.body(self.names[body.name]).xipos[IN_PLANE]
+                for body in self.mechanism.bodies
+            },
+            stop_gaps={
+                name: constraint.gap(self.model, data)
+                for name, constraint in self.constraints.items()
+            },
         )
 
     def _torques_at_rest(self, closed: Sequence[str]) -> dict[str, float]:
         """Torques of the closed stops as if they were rigid [N m or N].
 
-        The constraints are preloaded as at the start of a run (:func:`.build.preload`), but at any gap, and until their
-        forces do not change any more.
+        The constraints are preloaded as at the start of a run (:func:`.build.preload`), but at any
+        gap, and until their forces do not change any more.
         """
         self.correction.clear()
         for constraint in self.constraints.values():
@@ -133,7 +142,9 @@ class _Built:
                 constraint.activate(self.model, self.data, self.correction)
             slots = slot_contacts(self.mechanism, self.model)
             preload(self.model, self.data, [*active, *slots], self.correction, _SETTLED)
-        return {name: self._force(constraint) for name, constraint in zip(closed, active, strict=True)}
+        return {
+            name: self._force(constraint) for name, constraint in zip(closed, active, strict=True)
+        }
 
     def _force(self, constraint: UnilateralConstraint) -> float:
         row = constraint.row(self.data)

@@ -25,5 +25,7 @@ def constraint_jacobian(model: Any, data: Any) -> FloatArray:
     if not mujoco.mj_isSparse(model):
         return data.efc_J.reshape(data.nefc, model.nv)
     dense = np.zeros((data.nefc, model.nv))
-    mujoco.mju_sparse2dense(dense, data.efc_J.ravel(), data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
+    mujoco.mju_sparse2dense(
+        dense, data.efc_J.ravel(), data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind
+    )
     return dense

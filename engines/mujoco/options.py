@@ -22,11 +22,17 @@ class MujocoOptions(EngineOptions):
         description="MuJoCo's integrator; all but RK4 are of first order, and 'implicit' chatters on a limit",
     )
     free_substeps: int = Field(
-        default=4, ge=1, le=1000, description="steps of MuJoCo to one `timestep` once no stop holds any more"
+        default=4,
+        ge=1,
+        le=1000,
+        description="steps of MuJoCo to one `timestep` once no stop holds any more",
     )
-    solver: Literal["Newton", "CG", "PGS"] = Field(default="Newton", description="MuJoCo's constraint solver")
+    solver: Literal["Newton", "CG", "PGS"] = Field(
+        default="Newton", description="MuJoCo's constraint solver"
+    )
     tolerance: NonNegative = Field(
-        default=1e-30, description="gain at which the solver stops; at 0 its line search runs on to its last iteration"
+        default=1e-30,
+        description="gain at which the solver stops; at 0 its line search runs on to its last iteration",
     )
     iterations: int = Field(default=100, ge=1, le=10_000, description="of the solver, at most")
     solref: tuple[Real, Real] | None = Field(
@@ -44,7 +50,9 @@ class MujocoOptions(EngineOptions):
         description="nearer than this to its limit, a joint feels it [rad]; 0 misses the start. A point feels a wall "
         "from this times the machine's size [m], or from farther off where points are held exactly",
     )
-    locate_releases: bool = Field(default=True, description="find a release inside its step, not at the step's end")
+    locate_releases: bool = Field(
+        default=True, description="find a release inside its step, not at the step's end"
+    )
     preload: bool = Field(
         default=True,
         description="press the closed limits in at the start, so that their torques are right from t = 0; with "
@@ -66,17 +74,23 @@ class MujocoOptions(EngineOptions):
         first, second = self.solref or (0.0, 0.0)
         scaled = (first / unit, second) if first > 0 else (first * unit**2, second * unit)
         return self.model_copy(
-            update={"timestep": self.timestep / unit, "solref": None if self.solref is None else scaled}
+            update={
+                "timestep": self.timestep / unit,
+                "solref": None if self.solref is None else scaled,
+            }
         )
 
 
-def scaled_solref(timestep: float, integrator: str, exact_points: bool = False) -> tuple[float, float]:
+def scaled_solref(
+    timestep: float, integrator: str, exact_points: bool = False
+) -> tuple[float, float]:
     """What `solref = None` stands for: -stiffness and -damping [1/s^2, 1/s] at a time step [s].
 
-    Scaled so, errors fall with the square of the step. Twice the damping is critical and has the least rebound; a
-    one-stage integrator throws the joint about with it, and settles in one step with half of that. Feedback that is
-    kept through a step of RK4 has a constraint at rest after two with one and a half: the matrix
-    ((1 - K/2, 1 - B/2), (-K, 1 - B)) from one step to the next, with K = k h^2 = 1 and B = b h, is then nilpotent.
+    Scaled so, errors fall with the square of the step. Twice the damping is critical and has the
+    least rebound; a one-stage integrator throws the joint about with it, and settles in one step
+    with half of that. Feedback that is kept through a step of RK4 has a constraint at rest after
+    two with one and a half: the matrix ((1 - K/2, 1 - B/2), (-K, 1 - B)) from one step to the next,
+    with K = k h^2 = 1 and B = b h, is then nilpotent.
 
     Args:
         timestep: of MuJoCo [s].
@@ -88,7 +102,9 @@ def scaled_solref(timestep: float, integrator: str, exact_points: bool = False) 
     return -1.0 / timestep**2, -damping / timestep
 
 
-def effective_solref(settings: Mapping[str, Any], constraints: ConstraintKinds) -> tuple[float, float]:
+def effective_solref(
+    settings: Mapping[str, Any], constraints: ConstraintKinds
+) -> tuple[float, float]:
     """The `solref` of an engine's settings as one pair of numbers, whether it is given or follows from the step.
 
     One pair has to serve angles and points: where a mechanism has both, it is that of the angles.

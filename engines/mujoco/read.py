@@ -92,9 +92,10 @@ class _Reader:
     def reactions(self, q: FloatArray, u: FloatArray) -> dict[str, FloatArray]:
         """Forces on the children in the world frame [N]: MuJoCo gives those of the tree in the child's frame.
 
-        A joint that closes a loop is on a massless welded body; MuJoCo's sensor gives the force on that body from the
-        body it is welded to, the opposite of the joint's. Of the tree's joints it gives what the bodies beyond them
-        need besides the forces of gravity, contacts and (since 3.14) springs; those of actuators are not taken off.
+        A joint that closes a loop is on a massless welded body; MuJoCo's sensor gives the force on
+        that body from the body it is welded to, the opposite of the joint's. Of the tree's joints
+        it gives what the bodies beyond them need besides the forces of gravity, contacts and (since
+        3.14) springs; those of actuators are not taken off.
         """
         kinematics, left_out = Kinematics(self.mechanism), self._left_out(q, u)
         tree = {
@@ -102,12 +103,17 @@ class _Reader:
             for joint in self.mechanism.tree_joints
             if joint.held_directions
         }
-        return tree | {joint.name: -self._in_world(joint, kinematics, q) for joint in self.mechanism.loop_joints}
+        return tree | {
+            joint.name: -self._in_world(joint, kinematics, q)
+            for joint in self.mechanism.loop_joints
+        }
 
     def _left_out(self, q: FloatArray, u: FloatArray) -> dict[str, FloatArray]:
         """Sum of the forces on all bodies beyond a joint of the tree that MuJoCo does not take off [N], (..., 2)."""
         kinds = ConstantForce if counts_tendons_in_reactions() else (ConstantForce, SpringDamper)
-        elements = tuple(element for element in self.mechanism.force_elements if isinstance(element, kinds))
+        elements = tuple(
+            element for element in self.mechanism.force_elements if isinstance(element, kinds)
+        )
         alone = self.mechanism.model_copy(update={"force_elements": elements})
         sums: dict[str, FloatArray] = {}
         for name, force in AppliedForces(Kinematics(alone)).on_bodies(q, u).items():
@@ -147,7 +153,9 @@ def recording(
         markers=reader.markers(),
         kinetic_energy=reader.sensor(KINETIC_ENERGY)[:, 0],
         potential_energy=reader.sensor(POTENTIAL_ENERGY)[:, 0],
-        stop_torques={name: reader.torque(name, constraint) for name, constraint in constraints.items()},
+        stop_torques={
+            name: reader.torque(name, constraint) for name, constraint in constraints.items()
+        },
         release_times=events.releases,
         joint_reactions=reader.reactions(q, u),
         impacts=tuple(events.impacts),

@@ -1,20 +1,22 @@
 """Corrections of MuJoCo's reference accelerations `aref`, so that it holds points exactly.
 
-The acceleration of a constraint is J qacc + (dJ/dt) qvel, and MuJoCo drives it towards the reference acceleration
-aref = -b v - k r (v and r the constraint's speed and position). For limits J is constant. For `connect` equalities
-(dJ/dt) qvel is counted since MuJoCo 3.7; for contacts it is left out ("Dual problem" in MuJoCo's documentation), and
-the point is then off by (dJ/dt) qvel / k. MuJoCo computes aref before it calls `mjcb_control` and uses it afterwards,
-so the callback can correct it.
+The acceleration of a constraint is J qacc + (dJ/dt) qvel, and MuJoCo drives it towards the
+reference acceleration aref = -b v - k r (v and r the constraint's speed and position). For limits J
+is constant. For `connect` equalities (dJ/dt) qvel is counted since MuJoCo 3.7; for contacts it is
+left out ("Dual problem" in MuJoCo's documentation), and the point is then off by (dJ/dt) qvel / k.
+MuJoCo computes aref before it calls `mjcb_control` and uses it afterwards, so the callback can
+correct it.
 
-The term alone is not enough with k scaled to the step. RK4's inner stages violate the constraint by their own errors
-of order timestep^2, which k turns into accelerations that do not decrease with the step. So -b v - k r is kept
-constant through all stages of a step: each step then integrates a smooth problem without stiffness, and the feedback
-acts from step to step.
+The term alone is not enough with k scaled to the step. RK4's inner stages violate the constraint by
+their own errors of order timestep^2, which k turns into accelerations that do not decrease with the
+step. So -b v - k r is kept constant through all stages of a step: each step then integrates a
+smooth problem without stiffness, and the feedback acts from step to step.
 
-An equality that carries a force f gives way by the acceleration R f, with R = (1 - d) / d of the constraint's inverse
-inertia and the impedance d <= 0.9999. Where a loop is nearly singular that is not small beside the inverse inertia
-along the direction that is lost, and changes the energy at every passage. So R f of the forward pass before is added;
-what is left is R times the change of f from one pass to the next.
+An equality that carries a force f gives way by the acceleration R f, with R = (1 - d) / d of the
+constraint's inverse inertia and the impedance d <= 0.9999. Where a loop is nearly singular that is
+not small beside the inverse inertia along the direction that is lost, and changes the energy at
+every passage. So R f of the forward pass before is added; what is left is R times the change of f
+from one pass to the next.
 """
 
 from __future__ import annotations
@@ -35,7 +37,9 @@ from .matrices import constraint_jacobian
 from .versions import CALLBACK, mujoco
 from .warm_start import start_at_the_solution
 
-_SETTLING = 2  # forward passes after which R f is that of another state; each gains some four digits
+_SETTLING = (
+    2  # forward passes after which R f is that of another state; each gains some four digits
+)
 _REDUNDANT = 1e-12  # of the largest squared singular value: forces along directions with smaller ones do not count
 
 
@@ -55,19 +59,27 @@ class _Pass:
     """Whether it is the last stage of RK4's; `qacc` is the mean of all stages then."""
 
     @classmethod
-    def of(cls, model: Any, data: Any, present: dict[int, NDArray[np.intp]], *, ends_a_step: bool) -> _Pass:
+    def of(
+        cls, model: Any, data: Any, present: dict[int, NDArray[np.intp]], *, ends_a_step: bool
+    ) -> _Pass:
         """The pass in which these equality constraints are present, before its accelerations are computed."""
         rows = np.concatenate(list(present.values()))
         ends = [0, *accumulate(map(len, present.values()))]
         own = {index: slice(a, b) for index, (a, b) in zip(present, pairwise(ends), strict=True)}
-        return cls(own, data.efc_aref[rows], constraint_jacobian(model, data)[rows], data.efc_R[rows], ends_a_step)
+        return cls(
+            own,
+            data.efc_aref[rows],
+            constraint_jacobian(model, data)[rows],
+            data.efc_R[rows],
+            ends_a_step,
+        )
 
     def softness_of_equalities(self, data: Any) -> dict[int, FloatArray]:
         """R f by equality constraint, without what redundant constraints do to each other.
 
-        R f is aref - J qacc. Of forces along directions in which nothing can move every pass would add as much as the
-        constraints contradict each other by rounding, over R; with S = R^(-1/2) J the projection on the range of S
-        removes them.
+        R f is aref - J qacc. Of forces along directions in which nothing can move every pass would
+        add as much as the constraints contradict each other by rounding, over R; with S = R^(-1/2)
+        J the projection on the range of S removes them.
         """
         acceleration = data.qacc_warmstart if self.ends_a_step else data.qacc
         root = np.sqrt(self.softness)
@@ -84,7 +96,8 @@ class _Pass:
 class ReferenceAccelerationCorrection:
     """Changes of the reference accelerations of a model's contacts and equality constraints.
 
-    While :meth:`applied`, call :meth:`begin_step` before every forward pass, and before every series of steps.
+    While :meth:`applied`, call :meth:`begin_step` before every forward pass, and before every
+    series of steps.
     """
 
     model: Any
@@ -165,7 +178,9 @@ class ReferenceAccelerationCorrection:
         present: dict[int, NDArray[np.intp]] = {}
         for index in range(model.neq):
             rows = equality_rows(data, index)
-            if not len(rows):  # a pin where there is one already: MuJoCo leaves out rows that are zero
+            if not len(
+                rows
+            ):  # a pin where there is one already: MuJoCo leaves out rows that are zero
                 continue
             present[index] = rows
             reference = data.efc_aref[rows]
@@ -206,7 +221,9 @@ class ReferenceAccelerationCorrection:
                 reference = feedback - sign * (data.contact.frame[i, :3] @ terms[between])
             if (one, other) in self.contacts:
                 stiffness, _, impedance, _ = data.efc_KBIP[row]
-                reference += self.contacts[one, other] - stiffness * impedance * data.efc_margin[row]
+                reference += (
+                    self.contacts[one, other] - stiffness * impedance * data.efc_margin[row]
+                )
             data.efc_aref[row] = reference
 
 
@@ -219,7 +236,9 @@ def equality_rows(data: Any, index: int) -> NDArray[np.intp]:
 def _feedback(data: Any, rows: Any) -> Any:
     """-b v - k r of constraint rows [m/s^2]."""
     stiffness, damping, impedance, _ = data.efc_KBIP[rows].T
-    return -damping * data.efc_vel[rows] - stiffness * impedance * (data.efc_pos[rows] - data.efc_margin[rows])
+    return -damping * data.efc_vel[rows] - stiffness * impedance * (
+        data.efc_pos[rows] - data.efc_margin[rows]
+    )
 
 
 def _velocity_term(model: Any, data: Any, point: FloatArray, body: int) -> FloatArray:
@@ -233,15 +252,18 @@ def _equality_velocity_term(model: Any, data: Any, index: int) -> FloatArray | f
     if model.eq_type[index] == mujoco.mjtEq.mjEQ_TENDON:  # of hinges: its Jacobian is constant
         return 0.0
     sites = model.eq_obj1id[index], model.eq_obj2id[index]
-    one, other = (_velocity_term(model, data, data.site_xpos[site], model.site_bodyid[site]) for site in sites)
+    one, other = (
+        _velocity_term(model, data, data.site_xpos[site], model.site_bodyid[site]) for site in sites
+    )
     return one - other
 
 
 def _relative_velocity_term(model: Any, data: Any, sphere: int, holder: int) -> FloatArray:
     """The same of a sphere's centre as seen from the body with a wall, shape (3,) [m/s^2].
 
-    Of its centre, not of the point of contact: its gap does not depend on its rotation. Seen from a body that turns
-    with w it is that of the centre, less that of the body's point there, less 2 w x v of the relative velocity v.
+    Of its centre, not of the point of contact: its gap does not depend on its rotation. Seen from a
+    body that turns with w it is that of the centre, less that of the body's point there, less 2 w x
+    v of the relative velocity v.
     """
     centre, body = data.geom_xpos[sphere], model.geom_bodyid[sphere]
     term = _velocity_term(model, data, centre, body)
@@ -252,4 +274,8 @@ def _relative_velocity_term(model: Any, data: Any, sphere: int, holder: int) -> 
     velocity = along @ data.qvel
     mujoco.mj_jac(model, data, along, about, centre, holder)
     (x, _, z), turning = velocity - along @ data.qvel, 2.0 * float(about[1] @ data.qvel)
-    return term - _velocity_term(model, data, centre, holder) - np.array([turning * z, 0.0, -turning * x])
+    return (
+        term
+        - _velocity_term(model, data, centre, holder)
+        - np.array([turning * z, 0.0, -turning * x])
+    )

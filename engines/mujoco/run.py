@@ -19,9 +19,10 @@ def run(problem: Problem, options: MujocoOptions) -> Recording:
     """Simulate a problem.
 
     Raises:
-        SimulationError: MuJoCo refused the model, or warned that it diverged; or impacts follow each other without end.
-        UnsupportedProblemError: the mechanism cannot be built, or starts with a closed stop whose gap changes where
-            impacts are not resolved.
+        SimulationError: MuJoCo refused the model, or warned that it diverged; or impacts follow
+        each other without end.
+        UnsupportedProblemError: the mechanism cannot be built, or starts with a closed stop whose
+            gap changes where impacts are not resolved.
     """
     stepper = _stepper(problem, options)
     with _warnings_raised():
@@ -42,7 +43,9 @@ def _stepper(problem: Problem, options: MujocoOptions) -> Stepper:
 def _warnings_raised() -> Generator[None]:
     """Turn MuJoCo's warnings into an error; otherwise it fills the missing states and writes a log file."""
     messages: list[str] = []
-    with CALLBACK:  # MuJoCo has one handler of warnings for all threads of a process, as it has one callback
+    with (
+        CALLBACK
+    ):  # MuJoCo has one handler of warnings for all threads of a process, as it has one callback
         before = mujoco.get_mju_user_warning()
         mujoco.set_mju_user_warning(messages.append)
         try:

@@ -40,8 +40,12 @@ class Stepper:
         self.data = start_data(self.model)
         self.constraints = stop_constraints(problem.mechanism, self.model)
         self.correction = correction_of(problem.mechanism, self.model, options)
-        sensors = {name: mjcf_names(problem.mechanism)[torque_sensor(name)] for name in self.constraints}
-        self.columns = {name: int(self.model.sensor(sensor).adr[0]) for name, sensor in sensors.items()}
+        sensors = {
+            name: mjcf_names(problem.mechanism)[torque_sensor(name)] for name in self.constraints
+        }
+        self.columns = {
+            name: int(self.model.sensor(sensor).adr[0]) for name, sensor in sensors.items()
+        }
         self.active = [stop.name for stop in problem.mechanism.stops if stop.closed]
         self.events = ContactEvents(problem.mechanism, "mujoco")
         self.samples = Samples()
@@ -49,7 +53,9 @@ class Stepper:
 
     def recording(self) -> Recording:
         """What was recorded of the motion."""
-        return recording(self.problem.mechanism, self.model, self.constraints, self.samples, self.events)
+        return recording(
+            self.problem.mechanism, self.model, self.constraints, self.samples, self.events
+        )
 
     def begin(self) -> None:
         """Find which stops push, and record the start."""
@@ -69,7 +75,12 @@ class Stepper:
             self._release(self._inactive(), t)
         if self.options.preload:
             active = [self.constraints[name] for name in self.active]
-            preload(self.model, self.data, active + slot_contacts(self.problem.mechanism, self.model), self.correction)
+            preload(
+                self.model,
+                self.data,
+                active + slot_contacts(self.problem.mechanism, self.model),
+                self.correction,
+            )
 
     def integrate(self) -> None:
         """Step to the end of the problem."""
@@ -100,7 +111,9 @@ class Stepper:
         before = self._state()
         states, sensed = self._rolled_out(before, n)
         clear = self._steps_before_an_event(np.concatenate([before[None], states]), sensed)
-        self.samples.add(self._times(np.arange(k + 1, k + clear + 1)), states[:clear], sensed[:clear])
+        self.samples.add(
+            self._times(np.arange(k + 1, k + clear + 1)), states[:clear], sensed[:clear]
+        )
         if clear == n:
             return k + n
         self._restore(states[clear - 1] if clear else before)
@@ -149,16 +162,23 @@ class Stepper:
             self._record(reached)
         return reached
 
-    def _locate(self, before: FloatArray, step: float, inactive: list[str]) -> tuple[float, list[str]]:
+    def _locate(
+        self, before: FloatArray, step: float, inactive: list[str]
+    ) -> tuple[float, list[str]]:
         """The shortest part of a step [s] after which stops carry no torque, and these; the data are left there."""
         low, high = 0.0, step
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
             self._step(before, middle)
             inactive_at_middle = self._inactive()
-            low, high, inactive = (low, middle, inactive_at_middle) if inactive_at_middle else (middle, high, inactive)
-        # The solver's warm start makes the last bit of a torque depend on the steps before: a stop that was found
-        # inactive above may carry a last bit of torque here, and is released all the same.
+            low, high, inactive = (
+                (low, middle, inactive_at_middle)
+                if inactive_at_middle
+                else (middle, high, inactive)
+            )
+        # The solver's warm start makes the last bit of a torque depend on the steps before: a stop
+        # that was found inactive above may carry a last bit of torque here, and is released all the
+        # same.
         self._step(before, high)
         return high, inactive
 

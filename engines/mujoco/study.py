@@ -40,10 +40,18 @@ _SOFTEST_LIMIT = 0.9999  # MuJoCo clamps the impedance there
 
 
 def _causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
-    # Stiff points that are not held as they move are unstable: no other cause can be taken out before.
-    causes = [replace(cause, after=(*cause.after, _MOVING)) for cause in _common_causes(settings, constraints)]
-    text = "MuJoCo leaves out of contacts the acceleration that a held point has from the speeds alone"
-    moving = [Cause(_MOVING, text, Intervention({"moving_points": True}))] if constraints.points else []
+    # Stiff points that are not held as they move are unstable: no other cause can be taken out
+    # before.
+    causes = [
+        replace(cause, after=(*cause.after, _MOVING))
+        for cause in _common_causes(settings, constraints)
+    ]
+    text = (
+        "MuJoCo leaves out of contacts the acceleration that a held point has from the speeds alone"
+    )
+    moving = (
+        [Cause(_MOVING, text, Intervention({"moving_points": True}))] if constraints.points else []
+    )
     return with_readout(*moving, *causes)
 
 
@@ -53,7 +61,8 @@ def _common_causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, 
         finer["solref"] = _stiffest(settings, constraints)
     return (
         *_softness(settings, constraints),
-        # Points are pressed in by an acceleration: with softer ones than the step can bear they would jump.
+        # Points are pressed in by an acceleration: with softer ones than the step can bear they
+        # would jump.
         Cause("start transient", "soft limits start without the give that carries their torque",
               Intervention({"preload": True}), after=("constraint softness",) if constraints.points else ()),
         Cause("solver tolerance", "where MuJoCo's constraint solver stops",
@@ -72,18 +81,27 @@ def _common_causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, 
 def _stiffest(settings: Any, constraints: ConstraintKinds, refinement: int = 1) -> list[JsonValue]:
     """The stiffest constraints that a step so many times finer can bear; points are held exactly by then (`after`)."""
     step = float(settings["timestep"]) / refinement
-    return [*effective_solref({**settings, "solref": None, "moving_points": True, "timestep": step}, constraints)]
+    return [
+        *effective_solref(
+            {**settings, "solref": None, "moving_points": True, "timestep": step}, constraints
+        )
+    ]
 
 
 def _softness(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
     """Softness as two causes at most: an error of (1 - d) tc^2, d the impedance, tc the limits' time constant."""
-    stiffest, given, shape = _stiffest(settings, constraints), settings["solref"], list(settings["solimp"])
+    stiffest, given, shape = (
+        _stiffest(settings, constraints),
+        settings["solref"],
+        list(settings["solimp"]),
+    )
     text = "limits give way: MuJoCo's stops are springs and dampers, and let through 1 - d of what they should stop"
     hardest = [_SOFTEST_LIMIT, _SOFTEST_LIMIT, *shape[2:]]
     if (given is not None and not same_value(given, stiffest)) or min(shape[:2]) < _SOFTEST_LIMIT:
         removal = Intervention({"solref": stiffest, "solimp": hardest})
         return (Cause("constraint softness", text, removal),)
-    # As stiff as this step can bear: stiffer limits need the shorter step. 1 - d, doubled, is the second measure.
+    # As stiff as this step can bear: stiffer limits need the shorter step. 1 - d, doubled, is the
+    # second measure.
     removal = Intervention({"solref": _stiffest(settings, constraints, REFINEMENT)})
     twice = [1.0 - 2.0 * (1.0 - d) for d in shape[:2]]
     scaling = Intervention({"solimp": [*twice, *shape[2:]]}, leaves=2.0)
@@ -129,7 +147,11 @@ def _softer(settings: Options, constraints: ConstraintKinds) -> dict[str, Any] |
     if stiffness < 0:
         return {"solref": (4.0 * stiffness, 2.0 * damping)}
     # MuJoCo does not go below two steps with the positive form.
-    return {"solref": (stiffness / 2, damping)} if stiffness >= 4 * float(settings["timestep"]) else None
+    return (
+        {"solref": (stiffness / 2, damping)}
+        if stiffness >= 4 * float(settings["timestep"])
+        else None
+    )
 
 
 def _stiffer_impedance(settings: Options, _: ConstraintKinds) -> dict[str, Any] | None:
@@ -162,7 +184,9 @@ _OPTION_SETS = (
         "tuned",
         _IN_MJCF | {"keep_limits": True},
     ),
-    OptionSet("limits removed", "the same, and a limit is taken out after its release", "tuned", _IN_MJCF),
+    OptionSet(
+        "limits removed", "the same, and a limit is taken out after its release", "tuned", _IN_MJCF
+    ),
     OptionSet(
         "releases located",
         "the same, with releases found inside the step and limits preloaded",
@@ -180,12 +204,15 @@ _TOLERANCES = (
     Tolerance("tuned", "release_time", 1e-7, 1e-3, 1, _SOFT_CONTACT, on_points=True),
     Tolerance("tuned", "launch_speed", 3e-7, 1e-3, 2, _NEED),
     Tolerance("tuned", "stop_torque_max", 1e-6, 1e-3, 2, _NEED, per="start"),
-    Tolerance("tuned", "energy_balance", 2e-4, 1e-3, 2, f"1e-9 of the energy at the start; {_NEED}"),
+    Tolerance(
+        "tuned", "energy_balance", 2e-4, 1e-3, 2, f"1e-9 of the energy at the start; {_NEED}"
+    ),
 )
 
 
 def _snippets(engine: Any, mechanism: Mechanism, _: float) -> dict[str, str]:
-    # The model as it is built knows the softness that follows from the step, and where stops are on tendons.
+    # The model as it is built knows the softness that follows from the step, and where stops are on
+    # tendons.
     from .build import load  # loads MuJoCo
 
     model = load(mechanism, engine)
@@ -197,7 +224,10 @@ def _snippets(engine: Any, mechanism: Mechanism, _: float) -> dict[str, str]:
             (engine.locate_releases, "releases found inside a step"),
             (engine.preload, "limits preloaded"),
             (engine.free_substeps > 1, "shorter steps after the last release"),
-            (engine.moving_points and points, "points held through all stages of a step by `mjcb_control`"),
+            (
+                engine.moving_points and points,
+                "points held through all stages of a step by `mjcb_control`",
+            ),
         )
         if needed
     ]
@@ -206,7 +236,8 @@ def _snippets(engine: Any, mechanism: Mechanism, _: float) -> dict[str, str]:
         "points": points,
     }  # fmt: skip
     sources = {MJCF: filled_template(__name__, "mujoco.xml.j2", **values)}
-    # The callback that holds points is no text to paste: such a mechanism is run by trebucheck's own lines.
+    # The callback that holds points is no text to paste: such a mechanism is run by trebucheck's
+    # own lines.
     if outside and not points:
         sources[PYTHON] = filled_template(__name__, "mujoco.py.j2", **values)
     return sources

@@ -1,8 +1,9 @@
 """Stepping under the unilateral law: stops that are open are out of the model, and each impact is resolved as one.
 
-MuJoCo's own limits and contacts would be met as stiff, damped springs, which give back what the step makes of them.
-A stop that is open is therefore removed, the instant at which its gap is zero is found inside the step, the impulses
-of all contacts that touch there change the speeds, and those at rest afterwards are put back, preloaded.
+MuJoCo's own limits and contacts would be met as stiff, damped springs, which give back what the
+step makes of them. A stop that is open is therefore removed, the instant at which its gap is zero
+is found inside the step, the impulses of all contacts that touch there change the speeds, and those
+at rest afterwards are put back, preloaded.
 """
 
 from __future__ import annotations
@@ -53,7 +54,8 @@ class UnilateralStepper(Stepper):
         else:
             super()._start()
 
-    # --- Where an impact is -----------------------------------------------------------------------------------------
+    # --- Where an impact is
+    # -----------------------------------------------------------------------------------------
 
     def _steps_before_an_event(self, states: FloatArray, sensed: FloatArray) -> int:
         met = np.zeros(len(sensed), dtype=bool)
@@ -67,7 +69,11 @@ class UnilateralStepper(Stepper):
         self._step(before, step)
         ends = np.stack([before, self._state()])
         near = [name for name in self._open() if self._may_be_met(name, ends, step).any()]
-        parts = {name: part for name in near if (part := self._onto_zero_gap(name, ends, step)) is not None}
+        parts = {
+            name: part
+            for name in near
+            if (part := self._onto_zero_gap(name, ends, step)) is not None
+        }
         met = min(parts, key=lambda name: parts[name], default=None)
         if near:
             self._step_part(before, step if met is None else parts[met])
@@ -83,7 +89,9 @@ class UnilateralStepper(Stepper):
     def _gap_motion(self, name: str, states: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Gap of a stop [rad, m] and its speed in MuJoCo's states, each of shape (...,)."""
         q, u = self._coordinates(states)
-        return self.kinematics.gap(name, q), np.sum(self.kinematics.gap_jacobian(name, q) * u, axis=-1)
+        return self.kinematics.gap(name, q), np.sum(
+            self.kinematics.gap_jacobian(name, q) * u, axis=-1
+        )
 
     def _coordinates(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The mechanism's q and u in MuJoCo's states, each of shape (..., n_q)."""
@@ -93,12 +101,17 @@ class UnilateralStepper(Stepper):
 
     def _least_speed(self, name: str, state: FloatArray) -> float:
         """Speed of its gap from which a stop is met [rad/s, m/s], near a state of MuJoCo's."""
-        return 0.0 if name in self._parted else self.events.rebounds.least_speed(name, *self._coordinates(state))
+        return (
+            0.0
+            if name in self._parted
+            else self.events.rebounds.least_speed(name, *self._coordinates(state))
+        )
 
     def _may_be_met(self, name: str, states: FloatArray, step: float) -> NDArray[np.bool_]:
         """Whether a stop may be met between states that are a step [s] apart; shapes (n + 1, n_state) -> (n,).
 
-        It is met if it closes in penetration at one of the two, or at the lowest point of the cubic between them.
+        It is met if it closes in penetration at one of the two, or at the lowest point of the cubic
+        between them.
         """
         (gap, speed), least = self._gap_motion(name, states), self._least_speed(name, states[0])
         return may_be_met(gap, speed, least, step)
@@ -118,7 +131,9 @@ class UnilateralStepper(Stepper):
             return float(now), float(closing)
 
         (gap, _), (first, last) = self._gap_motion(name, ends)
-        return onto_zero_gap(motion, float(gap), (float(first), float(last)), step, self._least_speed(name, ends[0]))
+        return onto_zero_gap(
+            motion, float(gap), (float(first), float(last)), step, self._least_speed(name, ends[0])
+        )
 
     def _step_part(self, before: FloatArray, part: float) -> None:
         """As :meth:`_step`, of any length [s], zero included."""
@@ -128,7 +143,8 @@ class UnilateralStepper(Stepper):
             self._restore(before)
             self.correction.forward(self.data)
 
-    # --- What an impact does -----------------------------------------------------------------------------------------
+    # --- What an impact does
+    # -----------------------------------------------------------------------------------------
 
     def _after_impact(self, met: str, start: float, reached: float, end: float) -> float:
         """Resolve the impact in the present state, at a time within a step [s]; return the time reached."""
@@ -137,7 +153,9 @@ class UnilateralStepper(Stepper):
             self.samples.drop_last()  # of an instant with an impact the state after it is recorded
             reached = start
         q, _ = self._coordinates(self._state())
-        touching = self.events.touching(reached, met, self.active, lambda name: float(self.kinematics.gap(name, q)))
+        touching = self.events.touching(
+            reached, met, self.active, lambda name: float(self.kinematics.gap(name, q))
+        )
         self._resolve_impact(touching, reached)
         self._record(reached)
         return reached
@@ -147,10 +165,14 @@ class UnilateralStepper(Stepper):
         q, _ = self._coordinates(self._state())
         gaps = {name: self.kinematics.gap_jacobian(name, q) @ self.sums for name in touching}
         inertia = Inertia(mass_matrix(self.model, self.data), self._loops(q))
-        # Loops and contacts are springs: a drift of 1e-11 m that was in balance with its rate before the impact is a
-        # force of 1e-3 N after it, which takes some steps to settle.
-        drift = np.append(self.kinematics.loop_residual(q), [self.kinematics.gap(name, q) for name in touching])
-        self.data.qpos[:] += inertia.move_onto(np.reshape(list(gaps.values()), (-1, self.model.nv)), drift)
+        # Loops and contacts are springs: a drift of 1e-11 m that was in balance with its rate
+        # before the impact is a force of 1e-3 N after it, which takes some steps to settle.
+        drift = np.append(
+            self.kinematics.loop_residual(q), [self.kinematics.gap(name, q) for name in touching]
+        )
+        self.data.qpos[:] += inertia.move_onto(
+            np.reshape(list(gaps.values()), (-1, self.model.nv)), drift
+        )
         active = np.reshape([gaps[name] for name in self.active], (-1, self.model.nv))
         speeds = inertia.without_drift(self.data.qvel, active)
         closing = {name: float(row @ speeds) for name, row in gaps.items()}

@@ -58,7 +58,9 @@ class Assembly:
     parts: dict[str, Part] = field(default_factory=dict[str, Part])
     """In the order of the bodies of `rigid`."""
     rods: list[Rod] = field(default_factory=list[Rod])
-    stops: dict[str, constraints.Constraint] = field(default_factory=dict[str, constraints.Constraint])
+    stops: dict[str, constraints.Constraint] = field(
+        default_factory=dict[str, constraints.Constraint]
+    )
     loads: Loads | None = None
     """What acts besides joints, springs and gravity; None if nothing does."""
 

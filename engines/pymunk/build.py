@@ -1,16 +1,18 @@
 """A mechanism made of Chipmunk's bodies and constraints.
 
-Bodies that are welded together are one (:mod:`.welds`); :mod:`.parts` says how each body is represented. Joints:
+Bodies that are welded together are one (:mod:`.welds`); :mod:`.parts` says how each body is
+represented. Joints:
 
 - a pin is a PivotJoint, or two rods (PinJoints) from the pin to two points of the body;
-- a point on a line (a slot, a wall) hangs on a rod across the line, whose anchor moves along in the frame of the body
-  with the line;
+- a point on a line (a slot, a wall) hangs on a rod across the line, whose anchor moves along in the
+  frame of the body with the line;
 - what holds an angle (a prismatic joint, a weld that closes a loop, a stop) is a GearJoint;
 - a free joint is nothing.
 
 Springs without damping are Chipmunk's own; :mod:`.loads` holds what acts besides.
 
-Chipmunk's angles are counter-clockwise, the mechanism's clockwise. Local points are complex numbers a + i b.
+Chipmunk's angles are counter-clockwise, the mechanism's clockwise. Local points are complex numbers
+a + i b.
 """
 
 from __future__ import annotations
@@ -36,7 +38,9 @@ from .welds import without_welds
 _SLIDING_LENGTH = 1.0  # [m] length of the rod that keeps a point on a line
 
 
-def build(mechanism: Mechanism, closed: Collection[str], error_bias: float, pivot_mass: float) -> Assembly:
+def build(
+    mechanism: Mechanism, closed: Collection[str], error_bias: float, pivot_mass: float
+) -> Assembly:
     """The mechanism in its start position and with its start speeds, the named stops active.
 
     Raises:
@@ -79,7 +83,9 @@ class _Builder:
         self._add(rod.joint)
         self.assembly.rods.append(rod)
 
-    def _rod(self, parent: str, parent_point: complex, child: str, child_point: complex, length: float) -> Rod:
+    def _rod(
+        self, parent: str, parent_point: complex, child: str, child_point: complex, length: float
+    ) -> Rod:
         a, end_a = self.assembly.end(parent, parent_point)
         b, end_b = self.assembly.end(child, child_point)
         still = self.assembly.space.static_body
@@ -94,15 +100,24 @@ class _Builder:
         if isinstance(joint, SlotJoint | PrismaticJoint):
             self._add_slide(joint)
         elif not part.turns:
-            self._add_rod(self._rod(joint.parent, at, part.name, part.reference, abs(part.reference - part.pin)))
+            self._add_rod(
+                self._rod(
+                    joint.parent, at, part.name, part.reference, abs(part.reference - part.pin)
+                )
+            )
         elif joint.parent == GROUND:
             _, end_b = self.assembly.end(part.name, part.pin)
-            self._add(constraints.PivotJoint(self.assembly.space.static_body, part.body, (at.real, at.imag), end_b))
+            self._add(
+                constraints.PivotJoint(
+                    self.assembly.space.static_body, part.body, (at.real, at.imag), end_b
+                )
+            )
         else:
             self._add_pivot(joint.parent, at, part.name, part.pin)
 
     def _add_pivot(self, still: str, at: complex, turning: str, point: complex) -> None:
-        # Two rods from the pin to two points of the body act as a pivot, and their lengths can be corrected.
+        # Two rods from the pin to two points of the body act as a pivot, and their lengths can be
+        # corrected.
         for direction in (1, 1j):
             self._add_rod(self._rod(still, at, turning, point + direction, 1.0))
 
@@ -111,7 +126,10 @@ class _Builder:
         if isinstance(joint, SlotJoint | PrismaticJoint):
             self._add_slide(joint)
             return
-        ends = [(joint.parent, complex(*joint.parent_point)), (joint.child, complex(*joint.child_point))]
+        ends = [
+            (joint.parent, complex(*joint.parent_point)),
+            (joint.child, complex(*joint.child_point)),
+        ]
         (parent, at), (child, point) = ends if joint.child != GROUND else reversed(ends)
         self._add_loop_pin(parent, at, child, point)
         if joint.turned_by is not None:
@@ -128,7 +146,11 @@ class _Builder:
             self._add_pivot(child, point, parent, at)
         else:
             # Two point masses turn nothing: a pivot between them is linear, and so exact.
-            self._add(constraints.PivotJoint(parts[parent].body, parts[child].body, (0.0, 0.0), (0.0, 0.0)))
+            self._add(
+                constraints.PivotJoint(
+                    parts[parent].body, parts[child].body, (0.0, 0.0), (0.0, 0.0)
+                )
+            )
 
     def _add_slide(self, joint: SlotJoint | PrismaticJoint) -> None:
         line = complex(*joint.parent_point), complex(*joint.axis)
@@ -157,11 +179,13 @@ class _Builder:
         """Position of a body's point at the start [m]."""
         return complex(*self.kinematics.position(self.kinematics.point(body, point), self.q))
 
-    def _sliding_rod(self, line: str, origin: complex, axis: complex, body: str, point: Vector) -> Rod:
+    def _sliding_rod(
+        self, line: str, origin: complex, axis: complex, body: str, point: Vector
+    ) -> Rod:
         """A rod across a line of a body (or of the ground) that keeps another body's point on it.
 
-        A GrooveJoint on a body that turns about another point is of first order only, however many passes it gets;
-        a rod whose anchor moves along the line keeps the second order.
+        A GrooveJoint on a body that turns about another point is of first order only, however many
+        passes it gets; a rod whose anchor moves along the line keeps the second order.
         """
         apart = self._position(body, point) - self._position(line, (origin.real, origin.imag))
         apart *= cmath.exp(1j * float(self.kinematics.angle(line).value(self.q)))
@@ -174,7 +198,8 @@ class _Builder:
     def _add_stop(self, stop: Stop | PointStop, closed: bool) -> None:
         """Add a stop's joint if it is closed; raise in any case if it cannot be built.
 
-        The gap of a stop on a single body does not change: while it is open, there is nothing to build.
+        The gap of a stop on a single body does not change: while it is open, there is nothing to
+        build.
         """
         if stop.body == stop.relative_to:
             if closed:
@@ -183,7 +208,9 @@ class _Builder:
                     "determined."
                 )
             return
-        joint, rod = self._point_contact(stop) if isinstance(stop, PointStop) else self._angle_limit(stop)
+        joint, rod = (
+            self._point_contact(stop) if isinstance(stop, PointStop) else self._angle_limit(stop)
+        )
         if not closed:
             return
         if rod is not None:
@@ -193,14 +220,18 @@ class _Builder:
 
     def _point_contact(self, stop: PointStop) -> tuple[constraints.Constraint, Rod]:
         normal = complex(*stop.normal)
-        rod = self._sliding_rod(stop.relative_to, stop.offset * normal, -1j * normal, stop.body, stop.point)
+        rod = self._sliding_rod(
+            stop.relative_to, stop.offset * normal, -1j * normal, stop.body, stop.point
+        )
         return rod.joint, rod
 
     def _angle_limit(self, stop: Stop) -> tuple[constraints.Constraint, Rod | None]:
         ends = (stop.body, stop.relative_to)
         bobs = [name for name in ends if name != GROUND and not self.assembly.parts[name].turns]
         if not (bobs or any(map(self._can_turn, ends))):
-            raise UnsupportedProblemError(f"pymunk cannot hold the stop {stop.name!r}: its angle cannot change.")
+            raise UnsupportedProblemError(
+                f"pymunk cannot hold the stop {stop.name!r}: its angle cannot change."
+            )
         if not bobs:
             return self._gear(stop.relative_to, stop.body), None
         if len(bobs) == 1 and is_brace(self.mechanism, stop, bobs[0]):

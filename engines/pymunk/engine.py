@@ -22,15 +22,17 @@ _LIBRARY_ERROR_BIAS = (1.0 - 0.1) ** 60
 class PymunkEngine(PymunkOptions, BuiltinEngine):
     """Chipmunk's impulse solver.
 
-    A step moves the bodies with their old velocities and then finds impulses at the new position. Read as a leapfrog
-    (positions and forces at t = k h, velocities half a step later) it is of second order; read directly it is of
-    first order. Massless rods with a mass at their end are point masses on PinJoints; a closed stop on an angle is one
-    more PinJoint that braces such a rod, or a GearJoint between two bodies that can turn; a point on a line (a slot, a
-    rail, a trough) hangs on a PinJoint across it, whose anchor moves along; a stop that releases is removed. Springs
-    are Chipmunk's own; its dampers would be of first order, so dampers are forces, as constant ones are. At an impact
-    the speeds change by Chipmunk's own impulses, and a new leapfrog starts. The step is shortened a little where a
-    whole number of them would not make the duration. With lengths held, `iterations` is the least number of passes:
-    loops that are rigid or nearly singular get as many as they need.
+    A step moves the bodies with their old velocities and then finds impulses at the new position.
+    Read as a leapfrog (positions and forces at t = k h, velocities half a step later) it is of
+    second order; read directly it is of first order. Massless rods with a mass at their end are
+    point masses on PinJoints; a closed stop on an angle is one more PinJoint that braces such a
+    rod, or a GearJoint between two bodies that can turn; a point on a line (a slot, a rail, a
+    trough) hangs on a PinJoint across it, whose anchor moves along; a stop that releases is
+    removed. Springs are Chipmunk's own; its dampers would be of first order, so dampers are forces,
+    as constant ones are. At an impact the speeds change by Chipmunk's own impulses, and a new
+    leapfrog starts. The step is shortened a little where a whole number of them would not make the
+    duration. With lengths held, `iterations` is the least number of passes: loops that are rigid or
+    nearly singular get as many as they need.
     """
 
     name: ClassVar[str] = "pymunk"
@@ -58,7 +60,12 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
     @property
     def supplied(self) -> Supplied:
         """A stop is a joint, which is put in and taken out; Chipmunk tells magnitudes of impulses alone."""
-        return {Part.EVENTS: "", Part.ELEMENTS: "dampers and constant forces", Part.REACTIONS: "", Part.TORQUES: ""}
+        return {
+            Part.EVENTS: "",
+            Part.ELEMENTS: "dampers and constant forces",
+            Part.REACTIONS: "",
+            Part.TORQUES: "",
+        }
 
     def _run(self, problem: Problem) -> Recording:
         # Here and not above: a class must tell that its library is missing, not fail to load.

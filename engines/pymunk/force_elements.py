@@ -1,8 +1,9 @@
 """Force elements in a Chipmunk space.
 
-Springs are DampedSprings and DampedRotarySprings without damping: their impulses are those of the force at a step's
-end position, as the leapfrog needs it. What has no such element, or none of second order, is a load (:mod:`.loads`):
-dampers, constant forces and torques, and springs on a point of a massless rod, which has no body of its own.
+Springs are DampedSprings and DampedRotarySprings without damping: their impulses are those of the
+force at a step's end position, as the leapfrog needs it. What has no such element, or none of
+second order, is a load (:mod:`.loads`): dampers, constant forces and torques, and springs on a
+point of a massless rod, which has no body of its own.
 """
 
 from __future__ import annotations
@@ -11,11 +12,28 @@ import math
 
 from pymunk import constraints
 
-from ...models.force_elements import AnyForceElement, ConstantForce, RotationalSpringDamper, SpringDamper
+from ...models.force_elements import (
+    AnyForceElement,
+    ConstantForce,
+    RotationalSpringDamper,
+    SpringDamper,
+)
 from ...models.joints import GROUND
 from ...models.kinematics import Kinematics, initial_state
 from .assembly import Assembly, Part
-from .loads import Angle, Combination, EngineAngle, FixedAngle, Load, Loads, PointForce, Pull, RodAngle, Term, Twist
+from .loads import (
+    Angle,
+    Combination,
+    EngineAngle,
+    FixedAngle,
+    Load,
+    Loads,
+    PointForce,
+    Pull,
+    RodAngle,
+    Term,
+    Twist,
+)
 from .welds import same_point
 
 
@@ -37,7 +55,11 @@ class _Ways:
         if len(set(element.bodies)) < len(element.bodies):
             return []  # within one rigid body
         if isinstance(element, ConstantForce):
-            return [PointForce(self._point(element.body, complex(*element.point)), complex(*element.force))]
+            return [
+                PointForce(
+                    self._point(element.body, complex(*element.point)), complex(*element.force)
+                )
+            ]
         if isinstance(element, SpringDamper):
             return self._pull(element)
         own, other = (self._angle(name) for name in (element.body, element.relative_to))
@@ -50,13 +72,17 @@ class _Ways:
 
     def _pull(self, element: SpringDamper) -> list[Load]:
         own, other = complex(*element.point), complex(*element.relative_point)
-        is_own = self._is_on_body(element.body, own) and self._is_on_body(element.relative_to, other)
+        is_own = self._is_on_body(element.body, own) and self._is_on_body(
+            element.relative_to, other
+        )
         if is_own and element.stiffness:
             still = self.assembly.space.static_body
             b, end_b = self.assembly.end(element.body, own)
             a, end_a = self.assembly.end(element.relative_to, other)
             lengths = element.rest_length, element.stiffness, 0.0
-            self.assembly.space.add(constraints.DampedSpring(a or still, b or still, end_a, end_b, *lengths))
+            self.assembly.space.add(
+                constraints.DampedSpring(a or still, b or still, end_a, end_b, *lengths)
+            )
         stiffness = 0.0 if is_own else element.stiffness
         vector = self._point(element.body, own) - self._point(element.relative_to, other)
         return [Pull(element, vector, stiffness)] if stiffness or element.damping else []
@@ -69,8 +95,11 @@ class _Ways:
             return False
         b, a = (still if part is None else part.body for part in parts)
         if element.stiffness and min(a.moment, b.moment) < math.inf:
-            # Its angle is that of a less that of b, counter-clockwise: the mechanism's of the body less the other's.
-            spring = constraints.DampedRotarySpring(a, b, element.rest_angle, element.stiffness, 0.0)
+            # Its angle is that of a less that of b, counter-clockwise: the mechanism's of the body
+            # less the other's.
+            spring = constraints.DampedRotarySpring(
+                a, b, element.rest_angle, element.stiffness, 0.0
+            )
             self.assembly.space.add(spring)
         return True
 
@@ -102,5 +131,7 @@ class _Ways:
         if part.turns:
             return EngineAngle(part.body)
         rod = Combination(0j, (Term(1.0, part.body, 0j),)) - self._pin(part)
-        start = float(Kinematics(self.mechanism).angle(name).value(initial_state(self.mechanism)[0]))
+        start = float(
+            Kinematics(self.mechanism).angle(name).value(initial_state(self.mechanism)[0])
+        )
         return RodAngle(rod, part.reference - part.pin, start)

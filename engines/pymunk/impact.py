@@ -1,9 +1,9 @@
 """The impact of all contacts that touch, by Chipmunk's own impulses.
 
-A step without gravity to the assembly's present position yields only the impulses that bring each joint's speed to
-its target: zero for the joints, -e times its speed before for a stop (Newton's law of restitution). Which contacts
-take part is decided for all of them at once: those that do push, and the others part at no less than their
-restitution demands (:mod:`..impact_law`).
+A step without gravity to the assembly's present position yields only the impulses that bring each
+joint's speed to its target: zero for the joints, -e times its speed before for a stop (Newton's law
+of restitution). Which contacts take part is decided for all of them at once: those that do push,
+and the others part at no less than their restitution demands (:mod:`..impact_law`).
 """
 
 from __future__ import annotations
@@ -43,23 +43,30 @@ class Impact:
     """A contact that would have to pull, or that goes on closing: not all of those that push take part."""
 
 
-def gap_speeds(mechanism: Mechanism, names: Collection[str], q: FloatArray, u: FloatArray) -> dict[str, float]:
+def gap_speeds(
+    mechanism: Mechanism, names: Collection[str], q: FloatArray, u: FloatArray
+) -> dict[str, float]:
     """Speeds of the stops' gaps [rad/s or m/s]."""
     kinematics = Kinematics(mechanism)
     return {name: float(kinematics.gap_jacobian(name, q) @ u) for name in names}
 
 
 def resolve_impact(
-    placed: Mechanism, restitution: Mapping[str, float], pivot_mass: float, held: Collection[str] = ()
+    placed: Mechanism,
+    restitution: Mapping[str, float],
+    pivot_mass: float,
+    held: Collection[str] = (),
 ) -> Impact:
     """The impact of the contacts that touch.
 
     Args:
-        placed: the mechanism at its position there, with the speeds before; stops that touch are closed in it.
+        placed: the mechanism at its position there, with the speeds before; stops that touch are
+        closed in it.
         restitution: e of each of them.
         pivot_mass: as the engine's option.
-        held: those that come to rest even if they have to pull, which is not recorded: forces bring them back to
-            their walls at once. They are left to the others' impact where that contradicts itself.
+        held: those that come to rest even if they have to pull, which is not recorded: forces bring
+            them back to their walls at once. They are left to the others' impact where that
+            contradicts itself.
 
     Raises:
         SimulationError: the impulses do not converge, or no set of contacts takes part.
@@ -78,7 +85,10 @@ def resolve_impact(
 
 
 def _complementary(
-    placed: Mechanism, restitution: Mapping[str, float], pivot_mass: float, held: Collection[str] = ()
+    placed: Mechanism,
+    restitution: Mapping[str, float],
+    pivot_mass: float,
+    held: Collection[str] = (),
 ) -> Impact | None:
     impacts: dict[Contacts, Impact] = {}
 
@@ -89,7 +99,9 @@ def _complementary(
         return impacts[active].violated
 
     active = pushing(tuple(name for name in restitution if name not in held), violated)
-    return None if active is None or not set(held) <= set(impacts[active].resting) else impacts[active]
+    return (
+        None if active is None or not set(held) <= set(impacts[active].resting) else impacts[active]
+    )
 
 
 def _impact_of(
@@ -116,11 +128,21 @@ def _impact_of(
         return float(kinematics.gap(name, q))
 
     beyond = {name: left[name] + restitution[name] * came[name] for name in restitution}
-    wrong = [name for name in restitution if (total[name] < least if name in active else beyond[name] < -rounding)]
-    # Stops whose targets contradict each other meet one of them at most. A gap that is left is closed in the step,
-    # unless the stop's joint was built where its bodies are.
-    wrong += [name for name in active if min(abs(beyond[name]), abs(beyond[name] + gap(name) / STEP)) > rounding]
-    recorded = {name: max(impulse, 0.0) if name in held else impulse for name, impulse in total.items()}
+    wrong = [
+        name
+        for name in restitution
+        if (total[name] < least if name in active else beyond[name] < -rounding)
+    ]
+    # Stops whose targets contradict each other meet one of them at most. A gap that is left is
+    # closed in the step, unless the stop's joint was built where its bodies are.
+    wrong += [
+        name
+        for name in active
+        if min(abs(beyond[name]), abs(beyond[name] + gap(name) / STEP)) > rounding
+    ]
+    recorded = {
+        name: max(impulse, 0.0) if name in held else impulse for name, impulse in total.items()
+    }
     violated = next((name for name in wrong if name not in held), None)
     return Impact(after, recorded, resting(left, rounding), violated)
 

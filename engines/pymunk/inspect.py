@@ -1,10 +1,10 @@
 """The built Chipmunk assembly in single states: the inertia of its bodies, and what one step does.
 
-A step solves M (v+ - v) / h = F + J^T lam with J v+ = -C / h for the velocities v+ after it, where C is the error of
-each joint from its target. The bodies are put into the state itself, and each joint's target is displaced by
-h^2 times the centripetal part of its acceleration: (v+ - v) / h is then the acceleration at the state for a step of
-any length, without truncation error. A long step keeps the rounding error of positions small, which enters
-accelerations divided by h^2.
+A step solves M (v+ - v) / h = F + J^T lam with J v+ = -C / h for the velocities v+ after it, where
+C is the error of each joint from its target. The bodies are put into the state itself, and each
+joint's target is displaced by h^2 times the centripetal part of its acceleration: (v+ - v) / h is
+then the acceleration at the state for a step of any length, without truncation error. A long step
+keeps the rounding error of positions small, which enters accelerations divided by h^2.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkOption
 
     Raises:
         UnsupportedProblemError: the mechanism has a part that has no counterpart here.
-        SimulationError: Chipmunk's impulses do not settle: masses differ too much, or constraints are nearly parallel.
+        SimulationError: Chipmunk's impulses do not settle: masses differ too much, or constraints
+            are nearly parallel.
     """
     touching = [stop.name for stop in mechanism.stops if stop.closed]
     built = build(mechanism, touching, 0.0, options.pivot_mass)
@@ -55,25 +56,40 @@ def _total_mass(assembly: Assembly, pivot_mass: float) -> float | None:
     pinned = [
         joint
         for joint in assembly.rigid.tree_joints
-        if joint.parent == GROUND and isinstance(joint, PinJoint) and assembly.parts[joint.child].turns
+        if joint.parent == GROUND
+        and isinstance(joint, PinJoint)
+        and assembly.parts[joint.child].turns
     ]
-    grounded = any(place.carrier == GROUND for name, place in assembly.placements.items() if name != GROUND)
-    changed = any(pivot_mass != 1 or assembly.rigid.body(joint.child).inertia == 0 for joint in pinned)
+    grounded = any(
+        place.carrier == GROUND for name, place in assembly.placements.items() if name != GROUND
+    )
+    changed = any(
+        pivot_mass != 1 or assembly.rigid.body(joint.child).inertia == 0 for joint in pinned
+    )
     return None if changed or grounded else float(sum(body.mass for body in assembly.bodies))
 
 
 def _dynamics(built: Assembly, state: State, pivot_mass: float) -> Dynamics:
-    # Not validated: stops keep the word on whether they are closed at the start, which decides what bodies are made of.
-    placed = built.mechanism.model_copy(update={"start": tuple(state.q), "start_speeds": tuple(state.u)})
+    # Not validated: stops keep the word on whether they are closed at the start, which decides what
+    # bodies are made of.
+    placed = built.mechanism.model_copy(
+        update={"start": tuple(state.q), "start_speeds": tuple(state.u)}
+    )
     assembly = build(placed, state.closed, 0.0, pivot_mass)
     mass, forces = _inertia(assembly)
     reading = _stepped(assembly)
     return Dynamics(
         accelerations=reading.accelerations()[0],
-        stop_torques={name: float(torque[0]) for name, torque in forces_of(reading, state.closed).torques.items()},
+        stop_torques={
+            name: float(torque[0])
+            for name, torque in forces_of(reading, state.closed).torques.items()
+        },
         mass_matrix=mass,
         forces=forces,
-        centres={body.name: as_vectors(reading.point(body.name, body.centre).position)[0] for body in placed.bodies},
+        centres={
+            body.name: as_vectors(reading.point(body.name, body.centre).position)[0]
+            for body in placed.bodies
+        },
         stop_gaps={name: _gap(built, placed.stop(name), reading) for name in state.closed},
     )
 
@@ -81,15 +97,17 @@ def _dynamics(built: Assembly, state: State, pivot_mass: float) -> Dynamics:
 def _inertia(assembly: Assembly) -> tuple[FloatArray, FloatArray]:
     """M and f of the engine's bodies: sum of m J^T J + I j^T j, and of J^T m (a - centrifugal acceleration) + j^T I s.
 
-    The accelerations a and s of a body are those that gravity and force elements give it where no joint holds it. A
-    body that does not turn has no angle of its own (its moment is infinite): it is a point mass. Mass on a pin in the
-    ground does not move, and so is in neither.
+    The accelerations a and s of a body are those that gravity and force elements give it where no
+    joint holds it. A body that does not turn has no angle of its own (its moment is infinite): it
+    is a point mass. Mass on a pin in the ground does not move, and so is in neither.
     """
     kinematics, attitudes = Kinematics(assembly.mechanism), assembly.mechanism.attitudes
     q, u = initial_state(assembly.mechanism)
     rates = kinematics.rates(q)
     mass, forces = np.zeros((len(q), len(q))), np.zeros(len(q))
-    for part, (x, y, spin) in zip(assembly.parts.values(), _free_accelerations(assembly), strict=True):
+    for part, (x, y, spin) in zip(
+        assembly.parts.values(), _free_accelerations(assembly), strict=True
+    ):
         row = kinematics.point(part.name, (part.reference.real, part.reference.imag))
         jacobian = kinematics.gradient(row.coefficients, q, rates)
         centripetal = complex(*kinematics.acceleration(row, q, u, np.zeros_like(q)))
@@ -144,14 +162,19 @@ class _End:
     @classmethod
     def of(cls, body: pymunk.Body, anchor: tuple[float, float]) -> _End:
         arm, spin = complex(*anchor) * cmath.exp(1j * body.angle), body.angular_velocity
-        return cls(complex(*body.position) + arm, complex(*body.velocity) + 1j * spin * arm, -(spin**2) * arm)
+        return cls(
+            complex(*body.position) + arm,
+            complex(*body.velocity) + 1j * spin * arm,
+            -(spin**2) * arm,
+        )
 
 
 def _lengthening(rod: Rod) -> float:
     """Second derivative of the distance between a rod's ends [m/s^2], at constant rates of its bodies.
 
-    |d|'' = n . d'' + (n x d')^2 / |d| with n = d / |d|. The anchor of a sliding rod leaves no velocity across in the
-    frame of its line, which turns with w: then n . d'' + 2 w (n x d') - w^2 |d|.
+    |d|'' = n . d'' + (n x d')^2 / |d| with n = d / |d|. The anchor of a sliding rod leaves no
+    velocity across in the frame of its line, which turns with w: then n . d'' + 2 w (n x d') - w^2
+    |d|.
     """
     a, b = _End.of(rod.joint.a, rod.joint.anchor_a), _End.of(rod.joint.b, rod.joint.anchor_b)
     difference, velocity = b.position - a.position, b.velocity - a.velocity
@@ -174,8 +197,12 @@ def _gap(built: Assembly, stop: Stop | PointStop, reading: Reading) -> float:
         other = built.parts.get(stop.relative_to)
         anchor = complex(*rod.end_a) + (other.reference if other is not None else 0j)
         wall = reading.frames[stop.relative_to]
-        difference = complex((reading.point(stop.body, stop.point).position - wall.point(anchor).position)[0])
-        return (difference * complex(wall.world(complex(*stop.normal))[0]).conjugate()).real - rod.length
+        difference = complex(
+            (reading.point(stop.body, stop.point).position - wall.point(anchor).position)[0]
+        )
+        return (
+            difference * complex(wall.world(complex(*stop.normal))[0]).conjugate()
+        ).real - rod.length
     q = {name: float(frame.q[0]) for name, frame in reading.frames.items()}
     between = q[stop.body] - q[stop.relative_to]
     if rod is None:
@@ -187,7 +214,8 @@ def _gap(built: Assembly, stop: Stop | PointStop, reading: Reading) -> float:
 def _braced_angle(built: Assembly, rod: Rod, stop: Stop) -> float:
     """The angle at which a brace keeps a bob [rad]: that of the stop's body relative to the other one.
 
-    Brace, bob's rod and the line from the pin to the brace's anchor are a triangle, whose sides give its angle.
+    Brace, bob's rod and the line from the pin to the brace's anchor are a triangle, whose sides
+    give its angle.
     """
     bob, base = stop.body, stop.relative_to
     if built.parts[bob].turns:

@@ -1,7 +1,8 @@
 """Steps of a Chipmunk space: a leapfrog with its half step at the start, and the velocity increment of a single step.
 
-A step of Chipmunk moves the bodies with their old velocities, then finds impulses at the new position. So a velocity
-increment at a given position is that of a step for which the bodies have been moved back by one step before.
+A step of Chipmunk moves the bodies with their old velocities, then finds impulses at the new
+position. So a velocity increment at a given position is that of a step for which the bodies have
+been moved back by one step before.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ _FIELDS = (
 _WIDTH = 6  # x, y, angle, vx, vy, angular velocity of each body
 
 STEP = 1.0  # [s] of the step whose velocity increment is settled
-# The accuracy of the impulses is an option of a run, not of the model: passes are doubled until they converge.
+# The accuracy of the impulses is an option of a run, not of the model: passes are doubled until
+# they converge.
 _FIRST_PASSES, _ROUNDS = 500, 12
 _SETTLED = 5e-14  # change of the velocities in a round: some 200 roundings, the noise that remains
 _ENOUGH = 1e-11  # a tenth of the tolerance to which models are compared; rounding errors add up over the passes
@@ -46,8 +48,9 @@ _LAST_BITS = 1e-15  # of the reach: rounding error of a position, which a joint 
 class Stepper:
     """Moves an assembly step by step and keeps its states.
 
-    `rows[k]` is the state after step k: positions at t = k h, velocities half a step later in a leapfrog. The first
-    step of a leapfrog only finds the velocity increment at the start, half of which is kept.
+    `rows[k]` is the state after step k: positions at t = k h, velocities half a step later in a
+    leapfrog. The first step of a leapfrog only finds the velocity increment at the start, half of
+    which is kept.
     """
 
     def __init__(self, assembly: Assembly, h: float, hold_lengths: bool) -> None:
@@ -77,8 +80,9 @@ class Stepper:
         Args:
             iterations: passes of the impulse solver.
             leapfrog: whether velocities are half a step ahead.
-            settle: whether a leapfrog's start has as many passes as its impulses need to converge. It has none to
-                start from, so passes that follow their changes from step to step may find a part of them only.
+            settle: whether a leapfrog's start has as many passes as its impulses need to converge.
+                It has none to start from, so passes that follow their changes from step to step may
+                find a part of them only.
         """
         self.leapfrog, self._settles, self._initial = leapfrog, settle, self._read()
         self._initial_rates = self.assembly.rates
@@ -97,7 +101,8 @@ class Stepper:
         """Take some steps; a row each.
 
         Raises:
-            SimulationError: the ends of a rod meet, or numbers are not finite: the impulses did not converge.
+            SimulationError: the ends of a rod meet, or numbers are not finite: the impulses did not
+                converge.
         """
         try:
             self._run(steps, iterations)
@@ -182,7 +187,12 @@ class Stepper:
             x, y, angle, vx, vy, spin = row[k : k + _WIDTH]
             bx, by, spin_before = before[k + 3 : k + _WIDTH]
             velocity = complex(1.5 * vx - 0.5 * bx, 1.5 * vy - 0.5 * by)
-            return Pose(complex(x + h * vx, y + h * vy), angle + h * spin, velocity, 1.5 * spin - 0.5 * spin_before)
+            return Pose(
+                complex(x + h * vx, y + h * vy),
+                angle + h * spin,
+                velocity,
+                1.5 * spin - 0.5 * spin_before,
+            )
 
         return pose_of
 
@@ -212,8 +222,8 @@ class Stepper:
     def _meet_lengths(self, iterations: int) -> None:
         """Add to the velocities of the first step what makes it end at the rods' lengths.
 
-        Half an increment misses them by O(h^3) where forces change at the start. To undo that in the step after would
-        be an error of O(h) in the forces.
+        Half an increment misses them by O(h^3) where forces change at the start. To undo that in
+        the step after would be an error of O(h) in the forces.
         """
         for joint in (*self._corrected, *self._pivots):
             joint.meet(self._half)
@@ -232,7 +242,8 @@ def settled_increment(assembly: Assembly) -> FloatArray:
     The rates are those before afterwards; shape (n_bodies, 3).
 
     Raises:
-        SimulationError: the impulses do not converge: masses differ too much, or constraints are nearly parallel.
+        SimulationError: the impulses do not converge: masses differ too much, or constraints are
+            nearly parallel.
     """
     before, places = assembly.rates, _places(assembly)
     # A joint's error has the rounding of its ends' positions, however small the accelerations are.
@@ -246,7 +257,9 @@ def settled_increment(assembly: Assembly) -> FloatArray:
         last, increment = increment, assembly.rates - before
         size, previous = max(float(np.abs(increment).max()), reach), change
         difference = float(np.abs(increment - last).max())
-        change = difference / size if size > 0 else difference  # at rest at the origin nothing has a size
+        change = (
+            difference / size if size > 0 else difference
+        )  # at rest at the origin nothing has a size
         enough = _MOST if taken >= needed else _ENOUGH
         if change <= _SETTLED or ((previous < change or taken >= needed) and change <= enough):
             break
@@ -264,7 +277,9 @@ def _places(assembly: Assembly) -> list[_Place]:
     return [(body.position, body.angle) for body in assembly.bodies]
 
 
-def _step_to(assembly: Assembly, places: Sequence[_Place], rates: FloatArray, h: float, iterations: int) -> None:
+def _step_to(
+    assembly: Assembly, places: Sequence[_Place], rates: FloatArray, h: float, iterations: int
+) -> None:
     """Take a step of h [s] that brings the bodies to these places and changes these rates there."""
     assembly.rates = rates
     for body, (position, angle) in zip(assembly.bodies, places, strict=True):
@@ -273,7 +288,9 @@ def _step_to(assembly: Assembly, places: Sequence[_Place], rates: FloatArray, h:
     if assembly.loads is not None:
         there = {
             body: Pose(complex(*position), angle, complex(vx, vy), spin)
-            for body, (position, angle), (vx, vy, spin) in zip(assembly.bodies, places, rates.tolist(), strict=True)
+            for body, (position, angle), (vx, vy, spin) in zip(
+                assembly.bodies, places, rates.tolist(), strict=True
+            )
         }
         assembly.loads.set_forces(there.__getitem__)
     assembly.space.iterations = iterations

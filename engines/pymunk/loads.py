@@ -1,13 +1,14 @@
 """Forces that Chipmunk has no element for, or whose element is of a lower order than its steps, on its bodies.
 
-Chipmunk adds `body.force` and `body.torque` to a step's impulses at its end position and then sets them to zero, so
-they are set before every step: constant forces and torques, and those of dampers. Chipmunk's own dampers slow bodies
-down by a factor exp(-c h / m) after all other forces of the step, which is of first order. Here a damper's force is
-that of the speeds at the step's end position, which the leapfrog has half a step later: they are extrapolated from
-the last two half steps, which is of second order.
+Chipmunk adds `body.force` and `body.torque` to a step's impulses at its end position and then sets
+them to zero, so they are set before every step: constant forces and torques, and those of dampers.
+Chipmunk's own dampers slow bodies down by a factor exp(-c h / m) after all other forces of the
+step, which is of first order. Here a damper's force is that of the speeds at the step's end
+position, which the leapfrog has half a step later: they are extrapolated from the last two half
+steps, which is of second order.
 
-A point of a massless rod is a combination (1 - s) pin + s tip of points of Chipmunk's bodies, with a constant complex
-s; forces are divided among them by virtual work.
+A point of a massless rod is a combination (1 - s) pin + s tip of points of Chipmunk's bodies, with
+a constant complex s; forces are divided among them by virtual work.
 """
 
 from __future__ import annotations
@@ -209,7 +210,9 @@ class Pull:
         if length > 0:
             along = vector / length
             rate = (along.conjugate() * speed).real
-            force += (self.stiffness * self.element.rest_length - self.element.damping * rate) * along
+            force += (
+                self.stiffness * self.element.rest_length - self.element.damping * rate
+            ) * along
         self.vector.push(bodies, force)
 
 
@@ -225,7 +228,9 @@ class Twist:
 
     def act(self, bodies: Bodies) -> None:
         """Add what it exerts in these poses."""
-        (angle, speed), (other_angle, other_speed) = (end.value_and_speed(bodies) for end in (self.own, self.other))
+        (angle, speed), (other_angle, other_speed) = (
+            end.value_and_speed(bodies) for end in (self.own, self.other)
+        )
         if isinstance(self.element, ConstantTorque):
             torque = self.element.torque
         else:

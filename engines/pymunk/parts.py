@@ -1,16 +1,20 @@
 """How the bodies of a mechanism without welds are represented by Chipmunk's.
 
-Chipmunk has no massless body and no inertia of zero, so each body of the mechanism is represented by one that moves
-in the same way (equal mass, first and second moment about its pin):
+Chipmunk has no massless body and no inertia of zero, so each body of the mechanism is represented
+by one that moves in the same way (equal mass, first and second moment about its pin):
 
-- a *bob*: a body that is pinned to another one is a point mass at its centre of oscillation, on a massless rod, and the
-  rest of its mass is at the pin, in the other body. A point mass on a massless rod is its own bob.
-- a *turning* body keeps its inertia. Where it is pinned to the ground, mass at the pin never moves: a large mass there
-  brings the centre close to the pin, so that the pin's impulses hardly couple with those of the other joints.
-- a point mass on which something else acts than at its mass gets an inertia by mass at its pin, which moves no
-  differently: where it is pinned to the ground as above, elsewhere by mass that its parent has less.
-- bodies that turn together (prismatic joints) share their inertia evenly, for only its sum counts: a slider may be a
-  point mass. Those that do not turn at all get an infinite one.
+- a *bob*: a body that is pinned to another one is a point mass at its centre of oscillation, on a
+  massless rod, and the rest of its mass is at the pin, in the other body. A point mass on a
+  massless rod is its own bob.
+- a *turning* body keeps its inertia. Where it is pinned to the ground, mass at the pin never moves:
+  a large mass there brings the centre close to the pin, so that the pin's impulses hardly couple
+  with those of the other joints.
+- a point mass on which something else acts than at its mass gets an inertia by mass at its pin,
+which moves no
+  differently: where it is pinned to the ground as above, elsewhere by mass that its parent has
+  less.
+- bodies that turn together (prismatic joints) share their inertia evenly, for only its sum counts:
+  a slider may be a point mass. Those that do not turn at all get an infinite one.
 """
 
 from __future__ import annotations
@@ -27,7 +31,9 @@ from ...models.stops import Stop
 from .assembly import Part
 from .welds import Weights, same_point
 
-_LEAST_PIVOT_MASS = 2.0  # of a point mass on a rod that is pinned to the ground, in multiples of its own
+_LEAST_PIVOT_MASS = (
+    2.0  # of a point mass on a rod that is pinned to the ground, in multiples of its own
+)
 
 
 def parts_of(mechanism: Mechanism, pivot_mass: float) -> list[Part]:
@@ -82,30 +88,56 @@ class _PartMaker:
             groups.setdefault(self.attitudes[name][0], []).append(name)
         for index, group in groups.items():
             if len(group) > 1 or index is None:
-                total = math.inf if index is None else math.fsum(weights[name].inertia for name in group)
+                total = (
+                    math.inf
+                    if index is None
+                    else math.fsum(weights[name].inertia for name in group)
+                )
                 each = total / len(group)
-                weights |= {name: Weights(weights[name].mass, weights[name].centre, each) for name in group}
+                weights |= {
+                    name: Weights(weights[name].mass, weights[name].centre, each) for name in group
+                }
         return weights
 
     def _is_bob(self, body: Body, own: Weights, pin: complex) -> bool:
         joint, children = self.joints[body.name], self.mechanism.children(body.name)
-        if not isinstance(joint, PinJoint) or same_point(own.centre, pin) or self._guides(body.name):
+        if (
+            not isinstance(joint, PinJoint)
+            or same_point(own.centre, pin)
+            or self._guides(body.name)
+        ):
             return False
-        stops = [stop for stop in self.mechanism.angle_stops if stop.closed and body.name in stop.bodies]
+        stops = [
+            stop for stop in self.mechanism.angle_stops if stop.closed and body.name in stop.bodies
+        ]
         unbraced = any(not is_brace(self.mechanism, stop, body.name) for stop in stops)
         constrained = self._constrained_points(body.name)
         loaded = any(body.name in element.bodies for element in self.mechanism.force_elements)
-        if own.inertia > 0 and (children or joint.parent == GROUND or unbraced or constrained or loaded):
+        if own.inertia > 0 and (
+            children or joint.parent == GROUND or unbraced or constrained or loaded
+        ):
             return False
         pins = [complex(*self.joints[child.name].parent_point) for child in children]
         return all(same_point(point, own.centre) for point in (*pins, *constrained))
 
     def _guides(self, body: str) -> bool:
         """Whether another joint or a wall needs the body's angle."""
-        joints = [joint for joint in self.mechanism.joints if joint.parent == body and joint.free_directions]
-        joints += [joint for joint in self.mechanism.loop_joints if joint.holds_angle and joint.child == body]
-        joints += [joint for joint in self.mechanism.joints if joint.holds_angle and joint.parent == body]
-        walls = [stop for stop in self.mechanism.point_stops if stop.closed and stop.relative_to == body]
+        joints = [
+            joint
+            for joint in self.mechanism.joints
+            if joint.parent == body and joint.free_directions
+        ]
+        joints += [
+            joint
+            for joint in self.mechanism.loop_joints
+            if joint.holds_angle and joint.child == body
+        ]
+        joints += [
+            joint for joint in self.mechanism.joints if joint.holds_angle and joint.parent == body
+        ]
+        walls = [
+            stop for stop in self.mechanism.point_stops if stop.closed and stop.relative_to == body
+        ]
         return bool(joints or walls)
 
     def _constrained_points(self, body: str) -> list[complex]:
@@ -119,7 +151,12 @@ class _PartMaker:
     def _with_inertia(self, own: Weights, joint: AnyJoint, weights: dict[str, Weights]) -> Weights:
         """A point mass with mass at its pin that its parent lends, if it can."""
         pin, at = complex(*joint.child_point), complex(*joint.parent_point)
-        if own.inertia > 0 or not isinstance(joint, PinJoint) or joint.parent == GROUND or same_point(own.centre, pin):
+        if (
+            own.inertia > 0
+            or not isinstance(joint, PinJoint)
+            or joint.parent == GROUND
+            or same_point(own.centre, pin)
+        ):
             return own
         lent = min(own.mass, weights[joint.parent].spare_mass(at) / 2)
         weights[joint.parent] = weights[joint.parent].with_mass_at(at, -lent)

@@ -1,22 +1,24 @@
 """How many passes of Chipmunk's impulse solver a step needs, from the constraints' own matrices.
 
-A pass of projected Gauss-Seidel solves one constraint after the other. In velocities weighted by the roots of the
-masses, with the columns B_i of W^(1/2) J_i^T, that is an orthogonal projection for each: a pass leaves Q v of an error
-v of the velocities, with Q = (1 - P_m) ... (1 - P_1) and P_i the projection on the span of B_i. The impulses can make
-errors within the span of all B_i only; there the norm of Q^n is the share that n passes leave, in terms of kinetic
-energy. Constraints that are nearly parallel leave nearly all of it.
+A pass of projected Gauss-Seidel solves one constraint after the other. In velocities weighted by
+the roots of the masses, with the columns B_i of W^(1/2) J_i^T, that is an orthogonal projection for
+each: a pass leaves Q v of an error v of the velocities, with Q = (1 - P_m) ... (1 - P_1) and P_i
+the projection on the span of B_i. The impulses can make errors within the span of all B_i only;
+there the norm of Q^n is the share that n passes leave, in terms of kinetic energy. Constraints that
+are nearly parallel leave nearly all of it.
 
-What is left decides on more than accuracy. A step undoes the error C of the positions, and starts with the impulses of
-the last one, so that it finds the share g = 1 - |Q^n| of what their sum should be changed by. For one slow mode with
-x = C / h, the speed y along the constraint, and the speed z that the impulse makes in a step:
+What is left decides on more than accuracy. A step undoes the error C of the positions, and starts
+with the impulses of the last one, so that it finds the share g = 1 - |Q^n| of what their sum should
+be changed by. For one slow mode with x = C / h, the speed y along the constraint, and the speed z
+that the impulse makes in a step:
 
     x' = x + y,    z' = (1 - g) z - g (x' + y),    y' = y + z'
 
-which grows for each g < 1/2: for small g by exp(g^(1/3) / 2) in a step. What passes do not see, because it is too slow
-to change anything in them, thus comes up from rounding errors.
+which grows for each g < 1/2: for small g by exp(g^(1/3) / 2) in a step. What passes do not see,
+because it is too slow to change anything in them, thus comes up from rounding errors.
 
-Of redundant constraints the span of the B_i is less than their number; directions within it that only the drift of
-joints makes are left out, for they grow too slowly to be seen.
+Of redundant constraints the span of the B_i is less than their number; directions within it that
+only the drift of joints makes are left out, for they grow too slowly to be seen.
 """
 
 from __future__ import annotations
@@ -77,7 +79,11 @@ class Convergence:
 
 def convergence(assembly: Assembly) -> Convergence:
     """Of an assembly in its present position, with the stops that are active in it."""
-    blocks = [block for block in map(_Columns(assembly).of, assembly.space.constraints) if block is not None]
+    blocks = [
+        block
+        for block in map(_Columns(assembly).of, assembly.space.constraints)
+        if block is not None
+    ]
     columns = np.hstack(blocks) if blocks else np.zeros((3 * len(assembly.bodies), 0))
     basis, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     basis = basis[:, sizes > _DRIFT * sizes.max(initial=0.0)]
@@ -123,9 +129,13 @@ class _Columns:
         block = np.array(rows).T
         return np.linalg.qr(block)[0] if block.any() else None
 
-    def _points(self, a: pymunk.Body, b: pymunk.Body, arms: tuple[complex, complex], along: complex) -> FloatArray:
+    def _points(
+        self, a: pymunk.Body, b: pymunk.Body, arms: tuple[complex, complex], along: complex
+    ) -> FloatArray:
         moments = [(arm.conjugate() * along).imag for arm in arms]
-        return self._row({a: (-along.real, -along.imag, -moments[0]), b: (along.real, along.imag, moments[1])})
+        return self._row(
+            {a: (-along.real, -along.imag, -moments[0]), b: (along.real, along.imag, moments[1])}
+        )
 
     def _row(self, rates: dict[pymunk.Body, tuple[float, float, float]]) -> FloatArray:
         row = np.zeros_like(self._roots)

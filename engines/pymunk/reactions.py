@@ -1,13 +1,14 @@
 """Forces of joints and stops, from the motion of Chipmunk's bodies.
 
-They come from the bodies' changes of momentum in a step, because Chipmunk gives only the magnitude of a joint's
-impulse: constraint forces are the rates of change of momentum and angular momentum, less gravity and what the force
-elements exert. A joint of the tree carries all bodies that it supports; the forces of joints that close a loop and of
-active stops are the least-squares solution of G^T lam = r, with the residual r of the equations of motion without
-them:
+They come from the bodies' changes of momentum in a step, because Chipmunk gives only the magnitude
+of a joint's
+impulse: constraint forces are the rates of change of momentum and angular momentum, less gravity
+and what the force elements exert. A joint of the tree carries all bodies that it supports; the
+forces of joints that close a loop and of active stops are the least-squares solution of G^T lam =
+r, with the residual r of the equations of motion without them:
 
-    r_k = for an angle, the couple on the bodies that turn with it beyond gravity, force elements and the tree's forces;
-          for a slide, the force along it.
+    r_k = for an angle, the couple on the bodies that turn with it beyond gravity, force elements
+          and the tree's forces; for a slide, the force along it.
 """
 
 from __future__ import annotations
@@ -80,7 +81,9 @@ def _act(needed: dict[str, ComplexArray], body: str, force: ComplexArray) -> Non
         needed[body] = needed[body] + force
 
 
-def _tree_reactions(mechanism: Mechanism, needed: Mapping[str, ComplexArray]) -> dict[str, ComplexArray]:
+def _tree_reactions(
+    mechanism: Mechanism, needed: Mapping[str, ComplexArray]
+) -> dict[str, ComplexArray]:
     forces: dict[str, ComplexArray] = {}
     for joint in mechanism.tree_joints:
         force = np.zeros_like(needed[joint.child])
@@ -90,7 +93,9 @@ def _tree_reactions(mechanism: Mechanism, needed: Mapping[str, ComplexArray]) ->
     return forces
 
 
-def _angle_torques(reading: Reading, reactions: Mapping[str, ComplexArray], active: Contacts) -> dict[str, FloatArray]:
+def _angle_torques(
+    reading: Reading, reactions: Mapping[str, ComplexArray], active: Contacts
+) -> dict[str, FloatArray]:
     """Torques of active stops on angles, if all joints are of the tree."""
     if not active:
         return {}
@@ -100,7 +105,9 @@ def _angle_torques(reading: Reading, reactions: Mapping[str, ComplexArray], acti
     names = [body.name for body in reading.mechanism.bodies]
     couples = [_couple(reading, names[i], reactions) for i in outer]
     if reading.mechanism.force_elements:
-        couples = [couple - reading.applied_couples[:, i] for i, couple in zip(outer, couples, strict=True)]
+        couples = [
+            couple - reading.applied_couples[:, i] for i, couple in zip(outer, couples, strict=True)
+        ]
     rows = np.array([[_share(stop, names[i]) for i in outer] for stop in stops])
     # The large forces nearer to the ground do not enter the equation of a stop's outer body.
     solved = np.linalg.lstsq(rows.T, np.array(couples), rcond=None)[0]
@@ -124,19 +131,28 @@ def _couple(reading: Reading, name: str, reactions: Mapping[str, ComplexArray]) 
     couple = body.inertia * frame.a
     for joint in reading.mechanism.tree_joints:
         if joint.child == name:
-            couple = couple + _cross(reading.point(name, joint.child_point).position - centre, reactions[joint.name])
+            couple = couple + _cross(
+                reading.point(name, joint.child_point).position - centre, reactions[joint.name]
+            )
         elif joint.parent == name:
             # A child that slides pushes where it is.
-            at = (joint.child, joint.child_point) if joint.free_directions else (name, joint.parent_point)
+            at = (
+                (joint.child, joint.child_point)
+                if joint.free_directions
+                else (name, joint.parent_point)
+            )
             couple = couple - _cross(reading.point(*at).position - centre, reactions[joint.name])
     return couple
 
 
-def _multipliers(reading: Reading, needed: Mapping[str, ComplexArray], active: Contacts) -> FloatArray:
+def _multipliers(
+    reading: Reading, needed: Mapping[str, ComplexArray], active: Contacts
+) -> FloatArray:
     """Multipliers of the loop joints, component by component, then of the active stops; shape (n, n_constraints).
 
-    Errors of r are those of accelerations times the mass matrix M, so the inverse of M is their weight: the equation of
-    a light body determines a small force better than that of a heavy one nearer to the ground.
+    Errors of r are those of accelerations times the mass matrix M, so the inverse of M is their
+    weight: the equation of a light body determines a small force better than that of a heavy one
+    nearer to the ground.
     """
     kinematics = Kinematics(reading.mechanism)
     q = reading.coordinates()[0]
@@ -144,7 +160,9 @@ def _multipliers(reading: Reading, needed: Mapping[str, ComplexArray], active: C
     root = np.linalg.cholesky(mass_matrix(kinematics, q))
     columns = np.linalg.solve(root, np.swapaxes(rows, 1, 2))
     missing = np.linalg.solve(root, _missing(reading, needed)[..., None])
-    return np.asarray((np.linalg.pinv(columns, rcond=_SINGULAR) @ missing)[..., 0], dtype=np.float64)
+    return np.asarray(
+        (np.linalg.pinv(columns, rcond=_SINGULAR) @ missing)[..., 0], dtype=np.float64
+    )
 
 
 def _missing(reading: Reading, needed: Mapping[str, ComplexArray]) -> FloatArray:
@@ -173,7 +191,9 @@ def _rows(kinematics: Kinematics, q: FloatArray, active: Contacts) -> FloatArray
 
 def mass_matrix(kinematics: Kinematics, q: FloatArray) -> FloatArray:
     """M(q), shape (n, n_q, n_q)."""
-    jacobian = kinematics.gradient(kinematics.centres, q[:, None, :], kinematics.rates(q)[:, None, :])
+    jacobian = kinematics.gradient(
+        kinematics.centres, q[:, None, :], kinematics.rates(q)[:, None, :]
+    )
     products = (np.swapaxes(jacobian.conj(), 1, 2) * kinematics.masses) @ jacobian
     return products.real + np.diag(kinematics.inertias)
 

@@ -44,7 +44,9 @@ class PointState:
     def __sub__(self, other: PointState) -> PointState:
         """The vector from another point."""
         return PointState(
-            self.position - other.position, self.velocity - other.velocity, self.acceleration - other.acceleration
+            self.position - other.position,
+            self.velocity - other.velocity,
+            self.acceleration - other.acceleration,
         )
 
 
@@ -67,12 +69,18 @@ class Frame:
         """A direction given in the body's frame."""
         return direction * np.exp(-1j * self.q)
 
-    def component(self, direction: complex, vector: PointState) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def component(
+        self, direction: complex, vector: PointState
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Along a direction of this frame: a vector's component, and its first and second rate."""
         along = self.world(direction).conjugate()
         # conj(direction) turns with exp(+i q).
         rate = vector.velocity + 1j * self.u * vector.position
-        second = vector.acceleration + 2j * self.u * vector.velocity + (1j * self.a - self.u**2) * vector.position
+        second = (
+            vector.acceleration
+            + 2j * self.u * vector.velocity
+            + (1j * self.a - self.u**2) * vector.position
+        )
         return (along * vector.position).real, (along * rate).real, (along * second).real
 
     def point(self, local: complex) -> PointState:
@@ -117,7 +125,9 @@ class Reading:
 
     def between(self, joint: AnyJoint) -> PointState:
         """The vector from a joint's point of the parent to that of the child."""
-        return self.point(joint.child, joint.child_point) - self.point(joint.parent, joint.parent_point)
+        return self.point(joint.child, joint.child_point) - self.point(
+            joint.parent, joint.parent_point
+        )
 
     def _body(self, i: int) -> PointState:
         return PointState(*self.samples.points[:, :, i])
@@ -147,7 +157,9 @@ class Reading:
     @cached_property
     def _motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """q, u and a, shape (n, n_q)."""
-        turning = [self.frames[body.name] for body in self.mechanism.bodies if body.angle is not None]
+        turning = [
+            self.frames[body.name] for body in self.mechanism.bodies if body.angle is not None
+        ]
         columns = [(frame.q, frame.u, frame.a) for frame in turning]
         for slide in self.mechanism.slides:
             frame = self.frames[slide.joint.parent]
@@ -169,7 +181,10 @@ class Reading:
         weight = complex(*self.mechanism.gravity_vector)
         for body in self.mechanism.bodies:
             centre = self.point(body.name, body.centre)
-            kinetic += 0.5 * (body.mass * np.abs(centre.velocity) ** 2 + body.inertia * self.frames[body.name].u ** 2)
+            kinetic += 0.5 * (
+                body.mass * np.abs(centre.velocity) ** 2
+                + body.inertia * self.frames[body.name].u ** 2
+            )
             potential -= body.mass * (centre.position * weight.conjugate()).real
         if self.mechanism.force_elements:
             potential += self.applied.potential_energy(self._motion[0])
@@ -206,34 +221,52 @@ class Reading:
 
     def gaps(self) -> dict[str, FloatArray]:
         """Constraint drift: distance of a joint's points [m], shape (n,); for a bob, the error of its rod's length."""
-        return {joint.name: self._drift(joint) for joint in self.mechanism.joints if joint.held_directions}
+        return {
+            joint.name: self._drift(joint)
+            for joint in self.mechanism.joints
+            if joint.held_directions
+        }
 
     def _drift(self, joint: AnyJoint) -> FloatArray:
         part, vector = self.assembly.parts.get(joint.child), self.between(joint)
-        if isinstance(joint, PinJoint) and part and not part.turns and joint in self.mechanism.tree_joints:
+        if (
+            isinstance(joint, PinJoint)
+            and part
+            and not part.turns
+            and joint in self.mechanism.tree_joints
+        ):
             parent = self.point(joint.parent, joint.parent_point).position
-            return np.abs(np.abs(self.frames[joint.child].at.position - parent) - abs(part.reference - part.pin))
+            return np.abs(
+                np.abs(self.frames[joint.child].at.position - parent)
+                - abs(part.reference - part.pin)
+            )
         if not joint.free_directions:
             return np.abs(vector.position)
         (across,) = joint.held_directions
         return np.abs(self.frames[joint.parent].component(across, vector)[0])
 
 
-def samples_of(states: FloatArray, h: float, leapfrog: bool, start: FloatArray | None = None) -> Samples:
+def samples_of(
+    states: FloatArray, h: float, leapfrog: bool, start: FloatArray | None = None
+) -> Samples:
     """Samples 0 ... n from rows -1 ... n.
 
-    In a leapfrog, the velocity at a sample is the mean of those half a step before and after it: the energy of this
-    state does not drift. Forces are those of the velocity increment at the sample, of second order there.
+    In a leapfrog, the velocity at a sample is the mean of those half a step before and after it:
+    the energy of this state does not drift. Forces are those of the velocity increment at the
+    sample, of second order there.
 
     Args:
         states: shape (n + 2, n_bodies, 6).
         h: the step [s].
         leapfrog: velocities of row k are at (k + 1/2) h, not at k h.
-        start: the rows whose velocities belong to sample 0 instead of those of rows -1 and 0, shape (2, n_bodies, 6).
+        start: the rows whose velocities belong to sample 0 instead of those of rows -1 and 0, shape
+            (2, n_bodies, 6).
     """
     share = 0.5 if leapfrog else 1.0
 
-    def with_rates(values: NDArray[Any], rates: NDArray[Any], at_start: NDArray[Any] | None) -> NDArray[Any]:
+    def with_rates(
+        values: NDArray[Any], rates: NDArray[Any], at_start: NDArray[Any] | None
+    ) -> NDArray[Any]:
         before, after = rates[:-1].copy(), rates[1:].copy()
         if at_start is not None:
             before[0], after[0] = at_start
@@ -253,6 +286,11 @@ def _points(states: FloatArray) -> ComplexArray:
 
 def reading_of(assembly: Assembly, accelerations: FloatArray | None = None) -> Reading:
     """The bodies' present state as one sample; accelerations as its rates, zero if left out."""
-    places, rates = np.array([[*body.position, body.angle] for body in assembly.bodies]), assembly.rates
-    x, y, angles = np.stack([places, rates, np.zeros_like(rates) if accelerations is None else accelerations]).T
+    places, rates = (
+        np.array([[*body.position, body.angle] for body in assembly.bodies]),
+        assembly.rates,
+    )
+    x, y, angles = np.stack(
+        [places, rates, np.zeros_like(rates) if accelerations is None else accelerations]
+    ).T
     return Reading(assembly, Samples((x + 1j * y).T[:, None], angles.T[:, None]))

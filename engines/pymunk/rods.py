@@ -1,6 +1,7 @@
 """Joints that are kept to a higher order than by Chipmunk alone: rods, and the start of pins in the ground.
 
-They are moved by the bodies' states in rows of x, y, angle, vx, vy and angular velocity, one body after the other.
+They are moved by the bodies' states in rows of x, y, angle, vx, vy and angular velocity, one body
+after the other.
 """
 
 from __future__ import annotations
@@ -20,9 +21,10 @@ Row = list[float]
 class CorrectedRod(ABC):
     """A rod whose length is kept to a higher order than by Chipmunk alone.
 
-    Chipmunk corrects the distance along the line between the ends. Because the ends also move across the line and on
-    arcs, the rod is longer by s = O(h^2) at the end of the step. A target distance that is shorter by s, extrapolated
-    from the last two steps, leaves an error of O(h^4), as SHAKE would. It takes no force into account.
+    Chipmunk corrects the distance along the line between the ends. Because the ends also move
+    across the line and on arcs, the rod is longer by s = O(h^2) at the end of the step. A target
+    distance that is shorter by s, extrapolated from the last two steps, leaves an error of O(h^4),
+    as SHAKE would. It takes no force into account.
     """
 
     __slots__ = ("_h", "_last", "_length", "joint")
@@ -52,8 +54,8 @@ class CorrectedRod(ABC):
 
     def aim(self, row: Row) -> None:
         """Correct the next step, from the state after this one."""
-        # This state's velocities fix the stretch s of the next step; the increment in it acts on the step after, whose
-        # stretch is extrapolated from this one and the last.
+        # This state's velocities fix the stretch s of the next step; the increment in it acts on
+        # the step after, whose stretch is extrapolated from this one and the last.
         s = self._stretch(row, self._h)
         self.joint.distance = self._length - (2.0 * s - self._last)
         self._last = s
@@ -62,7 +64,8 @@ class CorrectedRod(ABC):
     def _stretch(self, row: Row, h: float) -> float:
         """How much longer the rod is after a step than by its rate of change [m].
 
-        Summed from small terms: the difference of two distances would bring their rounding errors into the forces.
+        Summed from small terms: the difference of two distances would bring their rounding errors
+        into the forces.
         """
 
 
@@ -94,7 +97,10 @@ class FixedRod(CorrectedRod):
         else:
             dx, dy, ax, ay = _arc(row[a + 2], h * row[a + 5], self._ax, self._ay)
             x, y, cx, cy = x - row[a] - dx, y - row[a + 1] - dy, cx - ax, cy - ay
-            px, py = px - h * (row[a + 3] - row[a + 5] * dy), py - h * (row[a + 4] + row[a + 5] * dx)
+            px, py = (
+                px - h * (row[a + 3] - row[a + 5] * dy),
+                py - h * (row[a + 4] + row[a + 5] * dx),
+            )
         distance = math.hypot(x, y)
         along = (x * cx + y * cy) / distance
         across = (x * (py + cy) - y * (px + cx)) / distance
@@ -126,7 +132,8 @@ class SlidingRod(CorrectedRod):
         return self._end_a + along * self._axis
 
     def _stretch(self, row: Row, h: float) -> float:
-        # With n across the line, d from foot to point and the line's rotation e: Re(conj(e n) d) after the step.
+        # With n across the line, d from foot to point and the line's rotation e: Re(conj(e n) d)
+        # after the step.
         a, b = self._a, self._b
         normal = 1j * self._axis * _turned(row, a, 0.0)
         speed, bent = _advance(row, b, self._end_b, h)
@@ -143,8 +150,9 @@ class SlidingRod(CorrectedRod):
 class Pivot:
     """A pin in the ground whose start is corrected.
 
-    The point of the body is aside of the pin by what its arc leaves the tangent in a step, which is hardly anything:
-    the body's centre is close to its pin. Where that changes at the start it would be seen in the forces.
+    The point of the body is aside of the pin by what its arc leaves the tangent in a step, which is
+    hardly anything: the body's centre is close to its pin. Where that changes at the start it would
+    be seen in the forces.
     """
 
     def __init__(self, joint: constraints.PivotJoint, offset: int, h: float) -> None:

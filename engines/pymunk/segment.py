@@ -30,24 +30,38 @@ _NEAR = 4.0  # a stop's torque is computed when its impulse is less than so many
 def _pushing(mechanism: Mechanism, h: float, options: PymunkOptions) -> Contacts:
     """Stops that are active at the start: those that push while the others open."""
     touching = tuple(stop.name for stop in mechanism.stops if stop.closed)
-    return active_contacts(touching, lambda active: _violated(mechanism, active, touching, h, options.pivot_mass))
+    return active_contacts(
+        touching, lambda active: _violated(mechanism, active, touching, h, options.pivot_mass)
+    )
 
 
-def _violated(mechanism: Mechanism, active: Contacts, touching: Contacts, h: float, pivot_mass: float) -> str | None:
+def _violated(
+    mechanism: Mechanism, active: Contacts, touching: Contacts, h: float, pivot_mass: float
+) -> str | None:
     """A touching stop that would have to pull, or that would close, by the forces of a first step."""
     assembly = build(mechanism, active, 0.0, pivot_mass)
     stepper = Stepper(assembly, h, hold_lengths=True)
     stepper.start(_TRIAL_ITERATIONS, leapfrog=True, settle=bool(mechanism.loop_joints))
     reading = Reading(assembly, stepper.samples(0))
-    torques = {name: float(torque[0]) for name, torque in forces_of(reading, tuple(assembly.stops)).torques.items()}
+    torques = {
+        name: float(torque[0])
+        for name, torque in forces_of(reading, tuple(assembly.stops)).torques.items()
+    }
     least = -_ROUNDING * max(map(abs, torques.values()), default=0.0)
-    kinematics, (q, u), a = Kinematics(mechanism), initial_state(mechanism), reading.accelerations()[0]
+    kinematics, (q, u), a = (
+        Kinematics(mechanism),
+        initial_state(mechanism),
+        reading.accelerations()[0],
+    )
     rounding = least * _compliance(kinematics, q, touching)
 
     def is_wrong(name: str) -> bool:
         if name in active:
             return torques[name] < least
-        return float(kinematics.gap_jacobian(name, q) @ a) + float(kinematics.gap_bias(name, q, u)) < rounding
+        return (
+            float(kinematics.gap_jacobian(name, q) @ a) + float(kinematics.gap_bias(name, q, u))
+            < rounding
+        )
 
     return next((name for name in touching if is_wrong(name)), None)
 
@@ -62,7 +76,9 @@ def _compliance(kinematics: Kinematics, q: FloatArray, touching: Contacts) -> fl
 class Segment:
     """Steps of an assembly from a start to a given time, and the releases in them."""
 
-    def __init__(self, mechanism: Mechanism, options: PymunkOptions, start: float, end: float) -> None:
+    def __init__(
+        self, mechanism: Mechanism, options: PymunkOptions, start: float, end: float
+    ) -> None:
         """Build the assembly and find which of its closed stops push.
 
         Args:
@@ -77,7 +93,8 @@ class Segment:
         self.assembly = assembly = build(mechanism, active, options.error_bias, options.pivot_mass)
         self.stepper = Stepper(assembly, h, options.hold_lengths)
         self.releases: dict[str, float | None] = {
-            stop.name: start if stop.closed and stop.name not in active else None for stop in mechanism.stops
+            stop.name: start if stop.closed and stop.name not in active else None
+            for stop in mechanism.stops
         }
         self.regimes = [(0, tuple(assembly.stops))]
         """First sample and active stops of each interval between releases."""
@@ -89,9 +106,14 @@ class Segment:
         """The first sample, and without the leapfrog the first step."""
         stepper = self.stepper
         closed = self._checks_passes
-        passes = self._passes(self._convergence(*initial_state(self.assembly.mechanism)) if closed else None)
-        # Stops that meet the joints as well as those of a machine do start with the passes that the option says.
-        settle = closed and (bool(self.assembly.mechanism.loop_joints) or passes > self.options.iterations)
+        passes = self._passes(
+            self._convergence(*initial_state(self.assembly.mechanism)) if closed else None
+        )
+        # Stops that meet the joints as well as those of a machine do start with the passes that the
+        # option says.
+        settle = closed and (
+            bool(self.assembly.mechanism.loop_joints) or passes > self.options.iterations
+        )
         stepper.start(max(self.options.start_iterations, passes), self.options.leapfrog, settle)
         if not self.options.leapfrog:
             # The first step has no impulses to start from; a leapfrog has found them at the start.
@@ -102,7 +124,8 @@ class Segment:
         """Step to a sample.
 
         Raises:
-            SimulationError: loops are so nearly rigid or singular that their impulses do not converge.
+            SimulationError: loops are so nearly rigid or singular that their impulses do not
+                converge.
         """
         while self._checks_passes and self.stepper.steps < last:
             first = self.stepper.steps
@@ -137,7 +160,8 @@ class Segment:
         """Of the assembly in a state, shapes (n_q,); None where the run has lost it."""
         if not np.isfinite([q, u]).all():
             return None
-        # Not validated: stops keep the word on whether they are closed at the start, which decides on the bodies.
+        # Not validated: stops keep the word on whether they are closed at the start, which decides
+        # on the bodies.
         there = self.assembly.mechanism.model_copy(
             update={"start": tuple(q.tolist()), "start_speeds": tuple(u.tolist())}
         )
@@ -181,7 +205,11 @@ class Segment:
         torques = forces_of(reading, active).torques
         find = _foreseen if self.options.locate_releases else _noticed
         steps_to_zero = {name: find(torque) for name, torque in torques.items()}
-        due = {name: step for name, step in steps_to_zero.items() if step is not None and k + step <= self.n}
+        due = {
+            name: step
+            for name, step in steps_to_zero.items()
+            if step is not None and k + step <= self.n
+        }
         if due:
             self._release(min(due, key=lambda name: due[name]), k, min(due.values()))
 
@@ -232,7 +260,9 @@ class Segment:
             steps=len(t) - 1,
         )
 
-    def _forces(self, reading: Reading, t: FloatArray) -> tuple[dict[str, ComplexArray], dict[str, FloatArray]]:
+    def _forces(
+        self, reading: Reading, t: FloatArray
+    ) -> tuple[dict[str, ComplexArray], dict[str, FloatArray]]:
         """Reactions of the joints and torques of the stops; they depend on which stops are active."""
         joints = [joint.name for joint in reading.mechanism.joints if joint.held_directions]
         reactions = {name: np.zeros(len(t), dtype=np.complex128) for name in joints}
@@ -247,7 +277,9 @@ class Segment:
         return reactions, torques
 
 
-def _refuse_lost_joints(mechanism: Mechanism, gaps: Mapping[str, FloatArray], t: FloatArray) -> None:
+def _refuse_lost_joints(
+    mechanism: Mechanism, gaps: Mapping[str, FloatArray], t: FloatArray
+) -> None:
     """Impulses that do not converge can separate the bodies although all numbers stay finite."""
     reach = _reach(mechanism)
     for name, gap in gaps.items():
@@ -261,8 +293,12 @@ def _refuse_lost_joints(mechanism: Mechanism, gaps: Mapping[str, FloatArray], t:
 
 def _reach(mechanism: Mechanism) -> float:
     """Sum of all lengths [m]."""
-    joints = [point for joint in mechanism.joints for point in (joint.parent_point, joint.child_point)]
-    reach = sum(math.hypot(*point) for point in (*joints, *(body.centre for body in mechanism.bodies)))
+    joints = [
+        point for joint in mechanism.joints for point in (joint.parent_point, joint.child_point)
+    ]
+    reach = sum(
+        math.hypot(*point) for point in (*joints, *(body.centre for body in mechanism.bodies))
+    )
     # A rotor on its axle has no length but its radius of gyration.
     return reach + sum(math.sqrt(body.inertia / body.mass) for body in mechanism.bodies)
 

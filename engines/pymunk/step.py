@@ -1,12 +1,14 @@
 """Moving a mechanism with Chipmunk from its start to the end, over the releases and impacts of its stops.
 
-Chipmunk cannot change its step without losing its impulses. Under the unilateral law a run therefore goes on until a
-gap is below zero, back to where it was zero inside that step, through the impact, and on from there as a new segment
-with a start of its own. The state at the impact is that of the sample before, moved on by its speed and acceleration:
-its error, of third order, is made once per impact, so the order of the run stays. A contact that begins and ends
-within a step is not seen. A rebound that ends within three steps is none, for its leapfrog has not settled by then: the
-contact rests. So does one that has parted because another one was met, and comes back as soon: steps too long for
-impacts that follow each other ever faster would go on with them for ever. Comparisons allow for it.
+Chipmunk cannot change its step without losing its impulses. Under the unilateral law a run
+therefore goes on until a gap is below zero, back to where it was zero inside that step, through the
+impact, and on from there as a new segment with a start of its own. The state at the impact is that
+of the sample before, moved on by its speed and acceleration: its error, of third order, is made
+once per impact, so the order of the run stays. A contact that begins and ends within a step is not
+seen. A rebound that ends within three steps is none, for its leapfrog has not settled by then: the
+contact rests. So does one that has parted because another one was met, and comes back as soon:
+steps too long for impacts that follow each other ever faster would go on with them for ever.
+Comparisons allow for it.
 """
 
 from __future__ import annotations
@@ -21,7 +23,15 @@ from ...models.arrays import FloatArray
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
-from ..contact_events import AT_REST, SAME_TIME, ContactEvents, Contacts, joined, refuse_moving_gaps, resting
+from ..contact_events import (
+    AT_REST,
+    SAME_TIME,
+    ContactEvents,
+    Contacts,
+    joined,
+    refuse_moving_gaps,
+    resting,
+)
 from ..protocol import Recording
 from .build import build
 from .impact import gap_speeds, resolve_impact
@@ -52,9 +62,10 @@ def run(problem: Problem, options: PymunkOptions) -> Recording:
     """Simulate a problem.
 
     Raises:
-        UnsupportedProblemError: the mechanism has a part that has no counterpart here, or under the release-once law
-            starts with a closed stop whose gap changes.
-        SimulationError: impacts follow each other without an end, or their impulses do not converge.
+        UnsupportedProblemError: the mechanism has a part that has no counterpart here, or under the
+            release-once law starts with a closed stop whose gap changes.
+        SimulationError: impacts follow each other without an end, or their impulses do not
+            converge.
     """
     if problem.stop_law is StopLaw.UNILATERAL:
         return _UnilateralRun(problem, options).recording()
@@ -78,8 +89,14 @@ class _UnilateralRun:
         """Contacts that came to rest at the last impact, because they came back at once although they were plastic."""
         self._parting: dict[str, float] = {}
         """When each contact opened that touches at a segment's start and does not rest [s]."""
-        # Raises UnsupportedProblemError at once if a stop cannot be enforced, instead of at the first impact.
-        build(_with_closed(self.mechanism, self.events.releases), (), options.error_bias, options.pivot_mass)
+        # Raises UnsupportedProblemError at once if a stop cannot be enforced, instead of at the
+        # first impact.
+        build(
+            _with_closed(self.mechanism, self.events.releases),
+            (),
+            options.error_bias,
+            options.pivot_mass,
+        )
 
     def recording(self) -> Recording:
         """Move from the start to the end, and read out."""
@@ -110,7 +127,9 @@ class _UnilateralRun:
     def _step_to_event(self, segment: Segment) -> _ContactEvent | None:
         """Step to the next impact, or to the end."""
         segment.begin()
-        touched = {stop.name for stop in segment.assembly.mechanism.stops if stop.closed} | self._parting.keys()
+        touched = {
+            stop.name for stop in segment.assembly.mechanism.stops if stop.closed
+        } | self._parting.keys()
         finder, first = _EventFinder(segment, touched, self.events), 0
         while first < segment.n:
             last = min(max(first + _CHUNK, segment.stepper.steps), segment.n)
@@ -123,7 +142,11 @@ class _UnilateralRun:
 
     def _is_too_low(self, event: _ContactEvent) -> bool:
         """Whether a contact is met again within the few steps that cannot resolve how it parted."""
-        again = self._last is not None and event.met in self._last.touching and event.met not in self._held
+        again = (
+            self._last is not None
+            and event.met in self._last.touching
+            and event.met not in self._held
+        )
         return again and event.met in self._parting and event.sample < _SETTLING_SAMPLES
 
     def _without_rebound(self, event: _ContactEvent) -> Mechanism:
@@ -137,7 +160,9 @@ class _UnilateralRun:
 
     def _accepted(self, segment: Segment, event: _ContactEvent | None) -> list[Recording]:
         """What is recorded of a segment."""
-        last, end = (segment.n, self.problem.duration) if event is None else (event.sample, event.time)
+        last, end = (
+            (segment.n, self.problem.duration) if event is None else (event.sample, event.time)
+        )
         if event is not None and end - segment.times()[last] < SAME_TIME:
             last -= 1  # at the time of an impact the state after it is recorded
         for name, time in (*self._parting.items(), *segment.releases.items()):
@@ -146,7 +171,10 @@ class _UnilateralRun:
         return [segment.recording(last)] if last >= 0 else []
 
     def _after_impact(
-        self, event: _ContactEvent, plastic: frozenset[str] = frozenset(), held: frozenset[str] = frozenset()
+        self,
+        event: _ContactEvent,
+        plastic: frozenset[str] = frozenset(),
+        held: frozenset[str] = frozenset(),
     ) -> Mechanism:
         """The mechanism as it leaves an impact, in which plastic contacts do not rebound, and held ones do not part."""
         placed = _with_closed(self.mechanism, event.touching).model_copy(
@@ -158,7 +186,9 @@ class _UnilateralRun:
         self.events.note_impact(event.time, impact.impulses)
         self._last, self._plastic, self._held = event, plastic, held
         self._parting = {name: event.time for name in event.touching if name not in impact.resting}
-        return _with_closed(placed, impact.resting).model_copy(update={"start_speeds": tuple(impact.u.tolist())})
+        return _with_closed(placed, impact.resting).model_copy(
+            update={"start_speeds": tuple(impact.u.tolist())}
+        )
 
 
 class _EventFinder:
@@ -168,7 +198,8 @@ class _EventFinder:
         self.segment, self.events = segment, events
         self.kinematics = Kinematics(segment.assembly.mechanism)
         mechanism = segment.assembly.mechanism
-        # A contact that has just opened may penetrate by its rounding or drift: it can be met once it has had a gap.
+        # A contact that has just opened may penetrate by its rounding or drift: it can be met once
+        # it has had a gap.
         self._parted = {stop.name for stop in mechanism.stops if stop.name not in touched}
         self._near = initial_state(mechanism)[0]
 
@@ -177,8 +208,13 @@ class _EventFinder:
         reading = self.segment.reading(first, last, self._near)
         q, u = reading.coordinates()
         self._near = q[-1]
-        hits = {stop.name: self._first_penetration(stop.name, first, q, u) for stop in reading.mechanism.stops}
-        events = [self._located(name, k - 1, reading, first) for name, k in hits.items() if k is not None]
+        hits = {
+            stop.name: self._first_penetration(stop.name, first, q, u)
+            for stop in reading.mechanism.stops
+        }
+        events = [
+            self._located(name, k - 1, reading, first) for name, k in hits.items() if k is not None
+        ]
         return min(events, key=lambda event: event.time, default=None)
 
     def _first_penetration(self, name: str, first: int, q: FloatArray, u: FloatArray) -> int | None:
@@ -192,7 +228,9 @@ class _EventFinder:
             gap, speed = float(gaps[k - first]), float(speeds[k - first])
             if gap > 0:
                 self._parted.add(name)
-            elif gap < 0 and speed < 0 and (name in self._parted or k >= opened + _SETTLING_SAMPLES):
+            elif (
+                gap < 0 and speed < 0 and (name in self._parted or k >= opened + _SETTLING_SAMPLES)
+            ):
                 return k
         return None
 
@@ -210,14 +248,26 @@ class _EventFinder:
             return float(self.kinematics.gap(name, q + after * (u + after / 2 * a)))
 
         h = self.segment.h
-        after = float(brentq(gap, 0.0, h, xtol=1e-16)) if gap(0.0) > 0 > gap(h) else (h if gap(0.0) > 0 else 0.0)
+        after = (
+            float(brentq(gap, 0.0, h, xtol=1e-16))
+            if gap(0.0) > 0 > gap(h)
+            else (h if gap(0.0) > 0 else 0.0)
+        )
         time, q_event = float(self.segment.times()[k]) + after, q + after * (u + after / 2 * a)
-        active = [other for other in self.segment.active_at(k) if (self.segment.releases[other] or np.inf) > time]
-        touching = self.events.touching(time, name, active, lambda other: float(self.kinematics.gap(other, q_event)))
+        active = [
+            other
+            for other in self.segment.active_at(k)
+            if (self.segment.releases[other] or np.inf) > time
+        ]
+        touching = self.events.touching(
+            time, name, active, lambda other: float(self.kinematics.gap(other, q_event))
+        )
         return _ContactEvent(time, q_event, u + after * a, touching, name, k)
 
 
 def _with_closed(mechanism: Mechanism, closed: Collection[str]) -> Mechanism:
     # Not validated: the start's gaps are zero to rounding only.
-    stops = tuple(stop.model_copy(update={"closed": stop.name in closed}) for stop in mechanism.stops)
+    stops = tuple(
+        stop.model_copy(update={"closed": stop.name in closed}) for stop in mechanism.stops
+    )
     return mechanism.model_copy(update={"stops": stops})

@@ -32,7 +32,8 @@ _MANY_PASSES, _MANY_START_PASSES, _HEAVY_PIVOT = 400, 5_000, 1e4
 
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
-    # Twice the passes square what they leave. Mass on a fixed pivot moves nothing: it only helps them converge.
+    # Twice the passes square what they leave. Mass on a fixed pivot moves nothing: it only helps
+    # them converge.
     passes = {
         "iterations": max(_MANY_PASSES, 2 * settings["iterations"]),
         "start_iterations": max(_MANY_START_PASSES, 2 * settings["start_iterations"]),
@@ -59,8 +60,8 @@ _BIAS_STEP = 4e-3  # [s] a bias below 1e-300 is zero to the engine: shorter step
 def _bias(lag: float) -> Options:
     """The bias at which an error stands for a mean time `lag` beyond the step it arises in.
 
-    Chipmunk undoes the share c = 1 - bias^h of an error in each step, so (1 - c)^k of it are left k steps later,
-    which sums up to h (1 - c) / c.
+    Chipmunk undoes the share c = 1 - bias^h of an error in each step, so (1 - c)^k of it are left k
+    steps later, which sums up to h (1 - c) / c.
     """
     return {"error_bias": (lag / (lag + _BIAS_STEP)) ** (1.0 / _BIAS_STEP)}
 
@@ -87,8 +88,14 @@ _SWEPT = (
 _REFINEMENTS = (
     HALF_THE_STEP,
     Refinement("solver's iterations", "four times the iterations", multiplied("iterations", 4)),
-    Refinement("first step's iterations", "four times the first step's iterations", multiplied("start_iterations", 4)),
-    Refinement("mass of the pinned body", "ten times the pivot mass", multiplied("pivot_mass", 10.0)),
+    Refinement(
+        "first step's iterations",
+        "four times the first step's iterations",
+        multiplied("start_iterations", 4),
+    ),
+    Refinement(
+        "mass of the pinned body", "ten times the pivot mass", multiplied("pivot_mass", 10.0)
+    ),
 )
 
 _OPTION_SETS = (
@@ -105,7 +112,9 @@ _OPTION_SETS = (
         "tuned",
         {"iterations": 50, "hold_lengths": False},
     ),
-    OptionSet("held lengths", "the same, with rods held to their lengths", "tuned", {"iterations": 50}),
+    OptionSet(
+        "held lengths", "the same, with rods held to their lengths", "tuned", {"iterations": 50}
+    ),
     TUNED_SET,
 )
 

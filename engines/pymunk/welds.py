@@ -1,7 +1,8 @@
 """Bodies that are welded together are one body of Chipmunk's: their masses are summed, and so nothing can part.
 
-What is attached to a welded body (joints, stops, force elements) is moved to the body that carries it, or to the
-ground. Only welds of the tree are treated here; one that closes a loop is a constraint like any other joint.
+What is attached to a welded body (joints, stops, force elements) is moved to the body that carries
+it, or to the ground. Only welds of the tree are treated here; one that closes a loop is a
+constraint like any other joint.
 """
 
 from __future__ import annotations
@@ -94,8 +95,8 @@ def same_point(a: complex, b: complex) -> bool:
 def without_welds(mechanism: Mechanism) -> tuple[Mechanism, Mapping[str, Placement]]:
     """The mechanism with each group of welded bodies as one body, and where each of its bodies is in that one.
 
-    The coordinates are the same. What is welded to the ground is the ground. The mechanism is not validated: a joint
-    that closes a loop may have the ground as its child.
+    The coordinates are the same. What is welded to the ground is the ground. The mechanism is not
+    validated: a joint that closes a loop may have the ground as its child.
     """
     placements = _placements(mechanism)
     if not any(isinstance(joint, WeldJoint) for joint in mechanism.tree_joints):
@@ -106,7 +107,9 @@ def without_welds(mechanism: Mechanism) -> tuple[Mechanism, Mapping[str, Placeme
         "bodies": _joined_bodies(mechanism, placements),
         "joints": tuple(_moved_joint(joint, placements) for joint in (*tree, *loops)),
         "stops": tuple(_moved_stop(stop, placements) for stop in mechanism.stops),
-        "force_elements": tuple(_moved_element(element, placements) for element in mechanism.force_elements),
+        "force_elements": tuple(
+            _moved_element(element, placements) for element in mechanism.force_elements
+        ),
     }
     return mechanism.model_copy(update=changes), placements
 
@@ -118,7 +121,9 @@ def _placements(mechanism: Mechanism) -> dict[str, Placement]:
             placements[body.name] = Placement(body.name)
             continue
         parent = placements[joint.parent]
-        turned = Placement(parent.carrier, complex(*parent.point(joint.parent_point)), parent.angle + joint.angle)
+        turned = Placement(
+            parent.carrier, complex(*parent.point(joint.parent_point)), parent.angle + joint.angle
+        )
         origin = turned.origin - turned.direction(complex(*joint.child_point))
         placements[body.name] = Placement(parent.carrier, origin, turned.angle)
     return placements
@@ -133,9 +138,13 @@ def _joined_bodies(mechanism: Mechanism, placements: Mapping[str, Placement]) ->
     for body in mechanism.bodies:
         place = placements[body.name]
         own = Weights(body.mass, complex(*place.point(body.centre)), body.inertia)
-        weights[place.carrier] = weights[place.carrier].joined(own) if place.carrier in weights else own
+        weights[place.carrier] = (
+            weights[place.carrier].joined(own) if place.carrier in weights else own
+        )
     return tuple(
-        body.model_copy(update={"mass": own.mass, "centre": _pair(own.centre), "inertia": own.inertia})
+        body.model_copy(
+            update={"mass": own.mass, "centre": _pair(own.centre), "inertia": own.inertia}
+        )
         for body in mechanism.bodies
         if body.name in weights
         for own in [weights[body.name]]
@@ -169,7 +178,9 @@ def _moved_stop(stop: Stop | PointStop, placements: Mapping[str, Placement]) -> 
     return stop.model_copy(update=changes)
 
 
-def _moved_element(element: AnyForceElement, placements: Mapping[str, Placement]) -> AnyForceElement:
+def _moved_element(
+    element: AnyForceElement, placements: Mapping[str, Placement]
+) -> AnyForceElement:
     own = placements[element.body]
     changes: dict[str, object] = {"body": own.carrier}
     if isinstance(element, SpringDamper | RotationalSpringDamper | ConstantTorque):

@@ -24,10 +24,12 @@ from ..inspection import Dynamics, Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording
 from ..study import EngineStudy, Tolerance
 
-# The others are measured against the reference, so only an invariant can judge it here; its figures are held to
-# independent ones in tests/verification.
+# The others are measured against the reference, so only an invariant can judge it here; its figures
+# are held to independent ones in tests/verification.
 _STUDY = EngineStudy(
-    tolerances=(Tolerance("tuned", "energy_balance", 2e-7, 1.0, 0, "1e-12 of the energy at the start"),),
+    tolerances=(
+        Tolerance("tuned", "energy_balance", 2e-7, 1.0, 0, "1e-12 of the energy at the start"),
+    ),
     colour="#7b8794",
 )
 
@@ -56,9 +58,12 @@ class ReferenceEngine(BuiltinEngine):
         description="SciPy's DOP853, heyoka's Taylor series, or these where heyoka can take them",
     )
     rtol: _Tolerance = Field(
-        default=TOLERANCE, description="relative local error of DOP853; Taylor series go to the last digit"
+        default=TOLERANCE,
+        description="relative local error of DOP853; Taylor series go to the last digit",
     )
-    atol: _Tolerance = Field(default=TOLERANCE, description="absolute local error [rad, m, rad/s, m/s]")
+    atol: _Tolerance = Field(
+        default=TOLERANCE, description="absolute local error [rad, m, rad/s, m/s]"
+    )
 
     @classmethod
     def version(cls) -> str:
@@ -73,7 +78,9 @@ class ReferenceEngine(BuiltinEngine):
         if reason is None:
             return solve_taylor(problem)
         solution = solve(problem, self.rtol, self.atol)
-        return dataclasses.replace(solution, settings={**solution.settings, "integrator": f"dop853: {reason}"})
+        return dataclasses.replace(
+            solution, settings={**solution.settings, "integrator": f"dop853: {reason}"}
+        )
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The machine once more in redundant coordinates: the gate measures by the minimal ones."""
@@ -92,7 +99,9 @@ class ReferenceEngine(BuiltinEngine):
         times = sample_times(problem.duration, self.timestep, releases)
         trajectory = solution.trajectory(times)
         fields = {field.name for field in dataclasses.fields(Recording)} - {"steps"}
-        return Recording(**{name: getattr(trajectory, name) for name in fields}, steps=solution.evaluations)
+        return Recording(
+            **{name: getattr(trajectory, name) for name in fields}, steps=solution.evaluations
+        )
 
 
 def _redundant_dynamics(mechanism: Mechanism, state: State) -> Dynamics:
@@ -104,7 +113,9 @@ def _redundant_dynamics(mechanism: Mechanism, state: State) -> Dynamics:
     return Dynamics(
         accelerations=system.accelerations(y, state.closed),
         stop_torques=dict(zip(state.closed, torques.tolist(), strict=True)),
-        centres={body.name: system.point(y, a, body.name, body.centre)[0] for body in mechanism.bodies},
+        centres={
+            body.name: system.point(y, a, body.name, body.centre)[0] for body in mechanism.bodies
+        },
         stop_gaps={name: system.gap(y[: system.n], name) for name in state.closed},
     )
 

@@ -49,7 +49,9 @@ class Model:
             for name, dof in zip(self.joints, self.dofs, strict=True)
         }
 
-    def simulate(self, q: np.ndarray, u: np.ndarray, interval: float, count: int, steps: int) -> np.ndarray:
+    def simulate(
+        self, q: np.ndarray, u: np.ndarray, interval: float, count: int, steps: int
+    ) -> np.ndarray:
         self.world.setTimeStep(interval / steps)
         self._set(q, u)
         positions = [q]

@@ -23,10 +23,13 @@ class Model:
         Parser(self.plant).AddModels(path)
         self.plant.Finalize()
         moving = [self.plant.get_joint(i) for i in self.plant.GetJointIndices()]
-        moving = sorted((j for j in moving if j.num_positions() == 1), key=lambda joint: joint.position_start())
+        moving = sorted(
+            (j for j in moving if j.num_positions() == 1), key=lambda joint: joint.position_start()
+        )
         self.joints = [joint.name() for joint in moving]
         self.ends = {
-            joint.name(): (joint.position_lower_limits()[0], joint.position_upper_limits()[0]) for joint in moving
+            joint.name(): (joint.position_lower_limits()[0], joint.position_upper_limits()[0])
+            for joint in moving
         }
         self.context = self.plant.CreateDefaultContext()
         self.versions = {"drake": version("drake")}
@@ -42,12 +45,16 @@ class Model:
         if self.plant.num_constraints():
             raise NotImplementedError("a continuous plant has no constraints")
         self.plant.SetPositionsAndVelocities(self.context, np.concatenate([q, u]))
-        return self.plant.EvalTimeDerivatives(self.context).get_generalized_velocity().CopyToVector()
+        return (
+            self.plant.EvalTimeDerivatives(self.context).get_generalized_velocity().CopyToVector()
+        )
 
     def limits(self) -> dict[str, tuple[float, float]]:
         return self.ends
 
-    def simulate(self, q: np.ndarray, u: np.ndarray, interval: float, count: int, steps: int) -> np.ndarray:
+    def simulate(
+        self, q: np.ndarray, u: np.ndarray, interval: float, count: int, steps: int
+    ) -> np.ndarray:
         builder = DiagramBuilder()
         plant, _ = AddMultibodyPlantSceneGraph(builder, interval / steps)
         Parser(plant).AddModels(self.path)

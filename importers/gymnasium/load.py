@@ -17,7 +17,9 @@ class Environment(MujocoEnv):
     metadata = {"render_modes": ["human", "rgb_array", "depth_array", "rgbd_tuple"]}  # noqa: RUF012
 
     def __init__(self, path: str) -> None:
-        super().__init__(path, frame_skip=1, observation_space=gymnasium.spaces.Box(-np.inf, np.inf, (1,)))
+        super().__init__(
+            path, frame_skip=1, observation_space=gymnasium.spaces.Box(-np.inf, np.inf, (1,))
+        )
 
 
 class Model(Compiled):

@@ -34,7 +34,9 @@ class Model(Compiled):
     def acceleration(self, q: np.ndarray, u: np.ndarray) -> np.ndarray:
         return np.asarray(self._at(q, u).qacc)
 
-    def simulate(self, q: np.ndarray, u: np.ndarray, interval: float, count: int, steps: int) -> dict[str, np.ndarray]:
+    def simulate(
+        self, q: np.ndarray, u: np.ndarray, interval: float, count: int, steps: int
+    ) -> dict[str, np.ndarray]:
         model = self.device_model.tree_replace({"opt.timestep": np.array(interval / steps)})
         data, positions, forces = self._at(q, u), [q], [np.zeros_like(q)]
         for _ in range(count):

@@ -38,11 +38,14 @@ class Model(Compiled):
     def acceleration(self, q: np.ndarray, u: np.ndarray) -> np.ndarray:
         return self._at(q, u)[1].qacc.numpy()[0]
 
-    def simulate(self, q: np.ndarray, u: np.ndarray, interval: float, count: int, steps: int) -> dict[str, np.ndarray]:
+    def simulate(
+        self, q: np.ndarray, u: np.ndarray, interval: float, count: int, steps: int
+    ) -> dict[str, np.ndarray]:
         self.model.opt.timestep = interval / steps
         mujoco_warp.step(*self._at(q, u))  # compiles what a step needs
         model, data = self._at(q, u)
-        # Launched one by one from Python the kernels of a step take 70 ms, as a graph, to the same bits, 0.1 to 1 ms.
+        # Launched one by one from Python the kernels of a step take 70 ms, as a graph, to the same
+        # bits, 0.1 to 1 ms.
         with warp.ScopedCapture(device="cpu") as capture:
             mujoco_warp.step(model, data)
         positions, forces = [q], [np.zeros_like(q)]

@@ -45,16 +45,24 @@ class Model:
         full, owners = np.zeros((len(q), len(q))), self.model.joint_articulation.numpy()
         dofs = self.model.joint_qd_start.numpy()
         for articulation, block in enumerate(blocks):
-            wanted = {d for i in np.flatnonzero(owners == articulation) for d in range(dofs[i], dofs[i + 1])}
+            wanted = {
+                d
+                for i in np.flatnonzero(owners == articulation)
+                for d in range(dofs[i], dofs[i + 1])
+            }
             own = [place for place, dof in enumerate(self.dofs) if dof in wanted]
             full[np.ix_(own, own)] = block[: len(own), : len(own)]
         return full
 
     def limits(self) -> dict[str, tuple[float, float]]:
         low, high = self.model.joint_limit_lower.numpy(), self.model.joint_limit_upper.numpy()
-        return {name: (low[dof], high[dof]) for name, dof in zip(self.joints, self.dofs, strict=True)}
+        return {
+            name: (low[dof], high[dof]) for name, dof in zip(self.joints, self.dofs, strict=True)
+        }
 
-    def simulate(self, q: np.ndarray, u: np.ndarray, interval: float, count: int, steps: int) -> np.ndarray:
+    def simulate(
+        self, q: np.ndarray, u: np.ndarray, interval: float, count: int, steps: int
+    ) -> np.ndarray:
         now, then = self._state(q, u), self.model.state()
         newton.eval_fk(self.model, now.joint_q, now.joint_qd, now)
         solver = newton.solvers.SolverMuJoCo(self.model, use_mujoco_cpu=True)
@@ -68,7 +76,10 @@ class Model:
 
     def _state(self, q: np.ndarray, u: np.ndarray) -> newton.State:
         state = self.model.state()
-        for array, places, values in ((state.joint_q, self.places, q), (state.joint_qd, self.dofs, u)):
+        for array, places, values in (
+            (state.joint_q, self.places, q),
+            (state.joint_qd, self.dofs, u),
+        ):
             all_of_them = array.numpy()
             all_of_them[places] = values
             array.assign(all_of_them)
@@ -77,7 +88,10 @@ class Model:
 
 def _joints(path: str, label: str) -> list[str]:
     """Names in the file of a body's joints, which became one."""
-    bodies = ([joint.get("name", "") for joint in body.findall("joint")] for body in ET.parse(path).iter("body"))
+    bodies = (
+        [joint.get("name", "") for joint in body.findall("joint")]
+        for body in ET.parse(path).iter("body")
+    )
     return next(names for names in bodies if "_".join(names) == label)
 
 

@@ -36,7 +36,9 @@ class Model:
     def start(self) -> tuple[np.ndarray]:
         return (self.model.referenceConfigurations["home"],)  # it keeps no speeds
 
-    def simulate(self, q: np.ndarray, u: np.ndarray, interval: float, count: int, steps: int) -> np.ndarray:
+    def simulate(
+        self, q: np.ndarray, u: np.ndarray, interval: float, count: int, steps: int
+    ) -> np.ndarray:
         h, state, n = interval / steps, np.concatenate([q, u]), len(q)
 
         def rate(state: np.ndarray) -> np.ndarray:
@@ -57,7 +59,10 @@ def _joints(path: str, name: str, count: int) -> list[str]:
     """Names in the file of what became one joint: several joints of a body are a composite, named after the first."""
     if count == 1:
         return [name]
-    bodies = ([joint.get("name", "") for joint in body.findall("joint")] for body in ET.parse(path).iter("body"))
+    bodies = (
+        [joint.get("name", "") for joint in body.findall("joint")]
+        for body in ET.parse(path).iter("body")
+    )
     return next(names for names in bodies if names and name == f"Composite_{names[0]}")
 
 

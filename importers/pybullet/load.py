@@ -30,10 +30,13 @@ class Model:
                 self.joints.append(facts[1].decode())
                 if facts[8] <= facts[9]:
                     self.ends[facts[1].decode()] = facts[8:10]
-                # The motors that hold every joint by default, and the damping of all bodies, are switched off.
+                # The motors that hold every joint by default, and the damping of all bodies, are
+                # switched off.
                 pybullet.setJointMotorControl2(body, joint, pybullet.VELOCITY_CONTROL, force=0)
             for link in range(-1, pybullet.getNumJoints(body)):
-                pybullet.changeDynamics(body, link, linearDamping=0, angularDamping=0, jointDamping=0)
+                pybullet.changeDynamics(
+                    body, link, linearDamping=0, angularDamping=0, jointDamping=0
+                )
         self.versions = {"pybullet": version("pybullet")}
 
     def total_mass(self) -> float:
@@ -60,7 +63,9 @@ class Model:
     def limits(self) -> dict[str, tuple[float, float]]:
         return self.ends
 
-    def simulate(self, q: np.ndarray, u: np.ndarray, interval: float, count: int, steps: int) -> np.ndarray:
+    def simulate(
+        self, q: np.ndarray, u: np.ndarray, interval: float, count: int, steps: int
+    ) -> np.ndarray:
         pybullet.setTimeStep(interval / steps)
         for (body, joint), at, speed in zip(self.places, q, u, strict=True):
             pybullet.resetJointState(body, joint, at, speed)
@@ -68,7 +73,9 @@ class Model:
         for _ in range(count):
             for _ in range(steps):
                 pybullet.stepSimulation()
-            positions.append([pybullet.getJointState(body, joint)[0] for body, joint in self.places])
+            positions.append(
+                [pybullet.getJointState(body, joint)[0] for body, joint in self.places]
+            )
         return np.array(positions)
 
     def _by_body(self) -> list[tuple[int, np.ndarray]]:

@@ -1,7 +1,7 @@
 """An animation as HTML: the data of its scenes beside one script and one style sheet, which ask for nothing else.
 
-The script moves the points by the same rows as :class:`..kinematics.Kinematics`: position = offset + sum of
-coefficients times exp(-i q) (a slide: q, along a line that turns: q exp(-i q_c)).
+The script moves the points by the same rows as :class:`..kinematics.Kinematics`: position = offset
++ sum of coefficients times exp(-i q) (a slide: q, along a line that turns: q exp(-i q_c)).
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ def refuse_other_files(path: Path, width: int, at: Sequence[float] = ()) -> None
     """Refuse, before anything is computed, a file that no animation can be written to.
 
     Raises:
-        InputError: its ending is not known, what it needs is not installed, the picture's width [px] is not valid, or
-            instants [s] are chosen for what is no still picture.
+        InputError: its ending is not known, what it needs is not installed, the picture's width
+            [px] is not valid, or instants [s] are chosen for what is no still picture.
         UnwritableError: its folder cannot be written to.
     """
     ending = path.suffix.lower()
@@ -50,7 +50,9 @@ def refuse_other_files(path: Path, width: int, at: Sequence[float] = ()) -> None
     if not _NARROWEST <= width <= _WIDEST:
         raise InputError(f"width = {width!r} px must be between {_NARROWEST} and {_WIDEST}.")
     if at and ending != ".svg":
-        raise InputError(f"instants are chosen for a still picture (.svg), and {str(path)!r} is none.")
+        raise InputError(
+            f"instants are chosen for a still picture (.svg), and {str(path)!r} is none."
+        )
     refuse_missing(ending)
     refuse_unwritable(path.parent, path.name)
 
@@ -65,11 +67,15 @@ class Animation:
 
     def fragment(self, identity: str = "animation") -> Markup:
         """HTML to be placed into a page that has :func:`assets`; `identity` is unique there."""
-        return Markup(_template("fragment.html.j2").render(animation=self, identity=identity, data=self._data))
+        return Markup(
+            _template("fragment.html.j2").render(animation=self, identity=identity, data=self._data)
+        )
 
     def to_html(self) -> str:
         """A page of its own."""
-        return _template("page.html.j2").render(animation=self, fragment=self.fragment(), assets=assets())
+        return _template("page.html.j2").render(
+            animation=self, fragment=self.fragment(), assets=assets()
+        )
 
     def save(self, path: str | Path, width: int = 640, at: float | Sequence[float] = ()) -> None:
         """Write it: by its ending as GIF, MP4, SVG (all of which play by themselves) or HTML.
@@ -77,11 +83,13 @@ class Animation:
         Args:
             path: ends in .gif, .mp4, .svg or .html; only a page holds several mechanisms.
             width: of the picture [px].
-            at: instant [s] of a still picture (.svg); several in one picture, the earlier fainter; else the motion.
+            at: instant [s] of a still picture (.svg); several in one picture, the earlier fainter;
+                else the motion.
 
         Raises:
-            InputError: the ending is not known, what it needs is not installed, the width is not valid, there are
-                several mechanisms, or an instant is not within the motion or the file no still picture.
+            InputError: the ending is not known, what it needs is not installed, the width is not
+                valid, there are several mechanisms, or an instant is not within the motion or the
+                file no still picture.
             UnwritableError: the folder cannot be written to.
         """
         path = Path(path)
@@ -91,7 +99,9 @@ class Animation:
             write_text(path, self.to_html())
             return
         if len(self.scenes) != 1:
-            raise InputError(f"{path} can show one mechanism, not {len(self.scenes)}; a page (.html) shows several.")
+            raise InputError(
+                f"{path} can show one mechanism, not {len(self.scenes)}; a page (.html) shows several."
+            )
         end = float(self.scenes[0].t[-1])
         for time in instants:
             if not 0 <= time <= end:
@@ -111,7 +121,9 @@ class Animation:
     def _data(self) -> Markup:
         """As JSON that may stand in a script element."""
         if "data" not in self._cache:
-            text = json.dumps([scene_data(each) for each in self.scenes], separators=(",", ":"), allow_nan=False)
+            text = json.dumps(
+                [scene_data(each) for each in self.scenes], separators=(",", ":"), allow_nan=False
+            )
             self._cache["data"] = text.replace("<", "\\u003c")
         return Markup(self._cache["data"])
 
@@ -126,7 +138,9 @@ def animation_of(reference: Trajectory, others: Sequence[Trajectory] = ()) -> An
     for k, other in enumerate(others):
         label = f"{other.provenance.engine} {other.provenance.preset}"
         label = f"{label} ({k + 1})" if label in looks else label
-        looks[label] = RunLook(other, _COLOURS[k % len(_COLOURS)], other.provenance.preset != "tuned")
+        looks[label] = RunLook(
+            other, _COLOURS[k % len(_COLOURS)], other.provenance.preset != "tuned"
+        )
     shown = scene(reference, looks)
     return Animation((shown,), f"{shown.mechanism_title}: the motion")
 
@@ -135,14 +149,20 @@ def animation_of(reference: Trajectory, others: Sequence[Trajectory] = ()) -> An
 def assets() -> Markup:
     """Style and script of all animations of a page."""
     folder = files(__package__ or "").joinpath("assets")
-    style, script = (folder.joinpath(f"animation.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
+    style, script = (
+        folder.joinpath(f"animation.{kind}").read_text(encoding="utf-8") for kind in ("css", "js")
+    )
     return Markup(f"<style>\n{style}</style>\n<script>\n{script}</script>")
 
 
 @cache
 def _template(name: str) -> Any:
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.from_string(files(__package__ or "").joinpath("assets", name).read_text(encoding="utf-8"))
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    return environment.from_string(
+        files(__package__ or "").joinpath("assets", name).read_text(encoding="utf-8")
+    )
 
 
 def scene_data(shown: Scene) -> dict[str, Any]:
@@ -150,7 +170,11 @@ def scene_data(shown: Scene) -> dict[str, Any]:
     drawing, reference = shown.drawing, shown.reference
     kinematics = drawing.kinematics
     stops = [name for name in drawing.stops if name in reference.stop_torques]
-    joints = [j.name for j in drawing.mechanism.joints if _shows_force(shown, j.name) and not isinstance(j, FreeJoint)]
+    joints = [
+        j.name
+        for j in drawing.mechanism.joints
+        if _shows_force(shown, j.name) and not isinstance(j, FreeJoint)
+    ]
     torques = [reference.stop_torque(name)[:, None] for name in stops]
     return {
         "name": shown.name,
@@ -170,7 +194,9 @@ def scene_data(shown: Scene) -> dict[str, Any]:
         "stops": [_stop(drawing, name) for name in stops],
         "torques": _packed(np.hstack(torques)) if torques else "",
         "joints": [[name, drawing.joints[name]] for name in joints],
-        "forces": _packed(np.hstack([reference.joint_reaction(name) for name in joints])) if joints else "",
+        "forces": _packed(np.hstack([reference.joint_reaction(name) for name in joints]))
+        if joints
+        else "",
         "runs": [_run(run, stops, joints, len(shown.t)) for run in shown.runs],
         "events": [_event(event) for event in shown.events],
         "magnification": math.log10(shown.magnification),
@@ -192,18 +218,38 @@ def _points(drawing: Drawing) -> list[list[Any]]:
     """Of each point its offset x, y and triples of coordinate and coefficient."""
     rows: list[list[Any]] = []
     for row in drawing.rows:
-        terms = [(k, _short(c.real), _short(c.imag)) for k, c in enumerate(row.coefficients.tolist()) if c]
+        terms = [
+            (k, _short(c.real), _short(c.imag))
+            for k, c in enumerate(row.coefficients.tolist())
+            if c
+        ]
         offset = complex(row.offset)
-        rows.append([_short(offset.real), _short(offset.imag), *(number for term in terms for number in term)])
+        rows.append(
+            [
+                _short(offset.real),
+                _short(offset.imag),
+                *(number for term in terms for number in term),
+            ]
+        )
     return rows
 
 
 def _shape(shape: Shape) -> list[Any]:
     path = [[_short(s), _short(aside)] for s, aside in shape.path]
-    return [shape.kind, shape.role, shape.points, _short(shape.size), path, shape.stop, int(shape.role in MOVING)]
+    return [
+        shape.kind,
+        shape.role,
+        shape.points,
+        _short(shape.size),
+        path,
+        shape.stop,
+        int(shape.role in MOVING),
+    ]
 
 
-def _run(run: RunMotion, stops: Sequence[str], joints: Sequence[str], frames: int) -> dict[str, Any]:
+def _run(
+    run: RunMotion, stops: Sequence[str], joints: Sequence[str], frames: int
+) -> dict[str, Any]:
     return {
         "name": run.name,
         "colour": run.colour,
@@ -215,11 +261,15 @@ def _run(run: RunMotion, stops: Sequence[str], joints: Sequence[str], frames: in
     }
 
 
-def _told(names: Sequence[str], told: Mapping[str, FloatArray], nothing: FloatArray) -> list[Any] | None:
+def _told(
+    names: Sequence[str], told: Mapping[str, FloatArray], nothing: FloatArray
+) -> list[Any] | None:
     """Forces in half precision, enough to draw them, beside the unit they are in; None if none of them is told."""
     if not any(name in told for name in names):
         return None
-    values = np.hstack([told[name].reshape(nothing.shape) if name in told else nothing for name in names])
+    values = np.hstack(
+        [told[name].reshape(nothing.shape) if name in told else nothing for name in names]
+    )
     sizes = np.abs(values[np.isfinite(values) & (values != 0)])
     unit = _short(float(np.median(sizes))) if len(sizes) else 1.0
     return [unit, _packed(np.clip(values / unit, -_MOST_HALF, _MOST_HALF), "<f2")]

@@ -29,7 +29,9 @@ class _Parts:
     """Beams, plates and point masses that bodies are drawn as."""
 
     sketch: Sketch
-    beams: list[tuple[tuple[int, ...], float, bool]] = field(default_factory=list[tuple[tuple[int, ...], float, bool]])
+    beams: list[tuple[tuple[int, ...], float, bool]] = field(
+        default_factory=list[tuple[tuple[int, ...], float, bool]]
+    )
     """Points, mass [kg], and whether it is a plate."""
     masses: list[tuple[int, float]] = field(default_factory=list[tuple[int, float]])
     """Point and mass [kg]."""
@@ -53,13 +55,17 @@ class _Parts:
         """Whether a disc would say little: its joint holds its angle, or a stop its centre, and a wall crosses it."""
         mechanism = self.sketch.mechanism
         stops = (stop for stop in mechanism.point_stops if stop.body == body.name)
-        return mechanism.joint_of(body.name).holds_angle or any(complex(*stop.point) == centre for stop in stops)
+        return mechanism.joint_of(body.name).holds_angle or any(
+            complex(*stop.point) == centre for stop in stops
+        )
 
     def _point_mass(self, body: Body, points: list[complex], centre: complex) -> None:
         """A mass on ropes or light links."""
         end = self.sketch.point(body.name, centre)
         for point in points:
-            self.sketch.add("line", "rope", (self.sketch.point(body.name, point), end), 0.004 * self.sketch.size)
+            self.sketch.add(
+                "line", "rope", (self.sketch.point(body.name, point), end), 0.004 * self.sketch.size
+            )
         self.masses.append((end, body.mass))
 
     def _wheel(self, body: Body, centre: complex) -> None:
@@ -98,13 +104,19 @@ class _Parts:
         self.beams.append((indices, shares[0] * body.mass, False))
         if shares[0] > 1 - _LEAST_SHARE:
             self.centre(self.sketch.point(body.name, centre))
-        heavy = [(index, share) for index, share in zip(indices, shares[1:], strict=True) if share > _LEAST_SHARE]
+        heavy = [
+            (index, share)
+            for index, share in zip(indices, shares[1:], strict=True)
+            if share > _LEAST_SHARE
+        ]
         self.masses += [(index, share * body.mass) for index, share in heavy]
 
     def _plate(self, body: Body, points: list[complex], centre: complex) -> None:
         corners = [*points, centre]
         hull = ConvexHull([(corner.real, corner.imag) for corner in corners]).vertices
-        self.beams.append((tuple(self.sketch.point(body.name, corners[k]) for k in hull), body.mass, True))
+        self.beams.append(
+            (tuple(self.sketch.point(body.name, corners[k]) for k in hull), body.mass, True)
+        )
         self.centre(self.sketch.point(body.name, centre))
 
     def centre(self, index: int) -> None:

@@ -20,8 +20,8 @@ def draw(mechanism: Mechanism, q: FloatArray | None = None) -> Drawing:
 
     Args:
         mechanism: any.
-        q: its motion, shape (n, n_q), from which the view and the lengths of guides and walls follow; the start
-            where left out.
+        q: its motion, shape (n, n_q), from which the view and the lengths of guides and walls
+            follow; the start where left out.
     """
     q = np.array([mechanism.start], dtype=np.float64) if q is None else q
     sketch = Sketch(mechanism, q)
@@ -32,14 +32,19 @@ def draw(mechanism: Mechanism, q: FloatArray | None = None) -> Drawing:
     stops = {stop.name: add_stop(sketch, stop) for stop in mechanism.stops}
     for element in mechanism.force_elements:
         add_force_element(sketch, element)
-    markers = {marker.name: sketch.point(marker.body, complex(*marker.point)) for marker in mechanism.markers}
+    markers = {
+        marker.name: sketch.point(marker.body, complex(*marker.point))
+        for marker in mechanism.markers
+    }
     for index in markers.values():
         sketch.add("disc", "marker", (index,), 0.004 * sketch.size)
     centres = tuple(sketch.point(body.name, complex(*body.centre)) for body in mechanism.bodies)
     compared = tuple(dict.fromkeys(markers.values())) or centres
     shapes = tuple(sorted(sketch.shapes, key=lambda shape: ROLES.index(shape.role)))
     box = _box(sketch, shapes)
-    return Drawing(mechanism, tuple(sketch.points), shapes, markers, compared, joints, stops, box, sketch.size)
+    return Drawing(
+        mechanism, tuple(sketch.points), shapes, markers, compared, joints, stops, box, sketch.size
+    )
 
 
 def _box(sketch: Sketch, shapes: tuple[Shape, ...]) -> Box:
@@ -52,10 +57,17 @@ def _box(sketch: Sketch, shapes: tuple[Shape, ...]) -> Box:
         low = np.maximum(np.minimum(low, beside[0]), low - _BESIDE * sketch.size)
         high = np.minimum(np.maximum(high, beside[1]), high + _BESIDE * sketch.size)
     margin = _MARGIN * sketch.size
-    return float(low[0] - margin), float(low[1] - margin), float(high[0] + margin), float(high[1] + margin)
+    return (
+        float(low[0] - margin),
+        float(low[1] - margin),
+        float(high[0] + margin),
+        float(high[1] + margin),
+    )
 
 
-def _around(shapes: list[Shape], least: FloatArray, most: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _around(
+    shapes: list[Shape], least: FloatArray, most: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Corners of the box around shapes, from the least and greatest positions of the points."""
     drawn = [(i, _reach(shape)) for shape in shapes for i in shape.points[: _ENDS.get(shape.kind)]]
     indices, reach = [i for i, _ in drawn], np.array([[r] for _, r in drawn])

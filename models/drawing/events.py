@@ -44,17 +44,31 @@ def events_of(
     found = [*_releases(reference, runs), *_impacts(reference, runs)]
     if thrown is not None:
         own = launch if launch is not None else _launch(reference, thrown)
-        found.append(("launch", "launch", "", own, {name: _launch(run, thrown) for name, run in runs.items()}))
+        found.append(
+            (
+                "launch",
+                "launch",
+                "",
+                own,
+                {name: _launch(run, thrown) for name, run in runs.items()},
+            )
+        )
     events: list[Event] = []
     for kind, name, stop, own, others in found:
-        first, *rest = (time if time is not None and time <= end else None for time in (own, *others.values()))
+        first, *rest = (
+            time if time is not None and time <= end else None for time in (own, *others.values())
+        )
         times = [time for time in (first, *rest) if time is not None]
         if times:
-            events.append(Event(kind, name, times[0], first, dict(zip(others, rest, strict=True)), stop))
+            events.append(
+                Event(kind, name, times[0], first, dict(zip(others, rest, strict=True)), stop)
+            )
     return tuple(sorted(events, key=lambda event: event.time))
 
 
-_Found = tuple[Literal["release", "impact", "launch"], str, str, float | None, dict[str, float | None]]
+_Found = tuple[
+    Literal["release", "impact", "launch"], str, str, float | None, dict[str, float | None]
+]
 """Kind, name, stop, and times in the reference and the runs."""
 
 

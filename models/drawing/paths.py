@@ -43,7 +43,10 @@ def _spiral(size: float, centre: complex, a: complex, b: complex) -> ComplexArra
     start = cmath.phase(a - centre)
     part = np.linspace(0.0, 1.0, 61)
     sweep = cmath.phase(b - centre) - start + 4 * math.pi
-    return np.asarray(centre + size * (0.25 + 0.75 * part) * np.exp(1j * (start + sweep * part)), dtype=np.complex128)
+    return np.asarray(
+        centre + size * (0.25 + 0.75 * part) * np.exp(1j * (start + sweep * part)),
+        dtype=np.complex128,
+    )
 
 
 def _spokes(size: float, centre: complex, origin: complex, along: complex) -> list[ComplexArray]:

@@ -97,7 +97,8 @@ class Picture:
         middle = complex(x0 + x1, y0 + y1) / 2
         return _array(complex(self.width, self.stage) / 2 + self._scale * np.conj(z - middle))
 
-    # --- Frames -----------------------------------------------------------------------------------------------------
+    # --- Frames
+    # -----------------------------------------------------------------------------------------------------
 
     def frame(self, time: float, *, names: bool = True, traces: bool = True) -> list[Mark]:
         """All marks of an instant [s]."""
@@ -120,10 +121,16 @@ class Picture:
     def reference(self, time: float, opacity: float = 1.0) -> Iterator[Mark]:
         """The mechanism; stops that have opened are faint."""
         z = self.points(time)
-        opened = {event.stop for event in self.scene.events if event.kind == "release" and event.time < time}
+        opened = {
+            event.stop
+            for event in self.scene.events
+            if event.kind == "release" and event.time < time
+        }
         for shape in self.scene.drawing.shapes:
             for stroke in self._shape(shape, z[list(shape.points)]):
-                yield replace(stroke, opacity=opacity * (0.3 if shape.stop in opened and shape.stop else 1.0))
+                yield replace(
+                    stroke, opacity=opacity * (0.3 if shape.stop in opened and shape.stop else 1.0)
+                )
 
     def run(self, run: RunMotion, time: float, width: float = 2.0) -> Iterator[Stroke]:
         """A run's lines over it; none after the run's end."""
@@ -141,7 +148,9 @@ class Picture:
                     if shape.role == "marker":
                         yield Stroke(self._px(own), fill=run.colour, radius=radius)
                     else:
-                        yield Stroke(self._px(own), run.colour, width, radius=radius, dashed=run.dashed)
+                        yield Stroke(
+                            self._px(own), run.colour, width, radius=radius, dashed=run.dashed
+                        )
 
     def thinner(self, k: int) -> float:
         """Lines of later runs are thinner, so that of lines that coincide each is seen."""
@@ -156,7 +165,9 @@ class Picture:
                 path = whole[np.isfinite(whole)]
                 if len(path) > 1 and np.ptp(path.real) + np.ptp(path.imag) > 0:
                     colour, width = (run.colour, 1.2) if run else (PALETTE["soft"], 1.6)
-                    yield Stroke(self._px(path), colour, width, dashed=bool(run and run.dashed), opacity=0.8)
+                    yield Stroke(
+                        self._px(path), colour, width, dashed=bool(run and run.dashed), opacity=0.8
+                    )
 
     @cached_property
     def _marked(self) -> list[int]:
@@ -166,7 +177,9 @@ class Picture:
     def _paths(self) -> dict[str | None, ComplexArray]:
         """Positions of the marked points in all frames [m], by run; of the reference by None."""
         paths = {
-            run.name if run else None: self.scene.at(self.scene.fine, run, self.magnification)[:, self._marked]
+            run.name if run else None: self.scene.at(self.scene.fine, run, self.magnification)[
+                :, self._marked
+            ]
             for run in (None, *self.scene.runs)
         }
         return {name: path[..., 0] + 1j * path[..., 1] for name, path in paths.items()}
@@ -176,13 +189,19 @@ class Picture:
         z = self._px(self.points(time))
         taken: list[complex] = []
         for name, index in self.scene.drawing.markers.items():
-            at = complex(min(float(z[index].real) + 9, self.width - 7.0 * len(name)), float(z[index].imag) - 8)
-            while any(abs((at - other).real) < 90 and abs((at - other).imag) < 13 for other in taken):
+            at = complex(
+                min(float(z[index].real) + 9, self.width - 7.0 * len(name)),
+                float(z[index].imag) - 8,
+            )
+            while any(
+                abs((at - other).real) < 90 and abs((at - other).imag) < 13 for other in taken
+            ):
                 at += 14j
             taken.append(at)
             yield Label(at.real, at.imag, name)
 
-    # --- Legend -----------------------------------------------------------------------------------------------------
+    # --- Legend
+    # -----------------------------------------------------------------------------------------------------
 
     @cached_property
     def _places_of_runs(self) -> list[tuple[RunMotion | None, float, int]]:
@@ -199,7 +218,11 @@ class Picture:
 
     @property
     def _legend_rows(self) -> int:
-        return 1 + max((row for *_, row in self._places_of_runs), default=0) + (self.magnification != 1)
+        return (
+            1
+            + max((row for *_, row in self._places_of_runs), default=0)
+            + (self.magnification != 1)
+        )
 
     def legend(self, clock: str) -> Iterator[Mark]:
         """The clock, the runs' lines and names, and by what deviations are magnified."""
@@ -213,16 +236,31 @@ class Picture:
             yield Label(x + 34, y, run.name if run else "reference")
         if self.magnification != 1:
             y = top + 20 * (self._legend_rows - 1)
-            yield Label(110, y, f"deviations from the reference magnified {_times(self.magnification)} times")
+            yield Label(
+                110,
+                y,
+                f"deviations from the reference magnified {_times(self.magnification)} times",
+            )
 
-    # --- Shapes -----------------------------------------------------------------------------------------------------
+    # --- Shapes
+    # -----------------------------------------------------------------------------------------------------
 
     def _shape(self, shape: Shape, z: ComplexArray) -> Iterator[Stroke]:
         """A shape of the reference, from the positions of its points [m]."""
-        lines, at, size = [self._px(each) for each in polylines(shape, z)], self._px(z), shape.size * self._scale
+        lines, at, size = (
+            [self._px(each) for each in polylines(shape, z)],
+            self._px(z),
+            shape.size * self._scale,
+        )
         if shape.kind in ("arrow", "turn"):
-            tail, tip = (at[0], at[1]) if shape.kind == "arrow" else (at[0], complex(shape.path[0][0]))
-            yield from _arrow(tail, tip, max(size, 7)) if shape.kind == "arrow" else _turn(tail, tip.real, size)
+            tail, tip = (
+                (at[0], at[1]) if shape.kind == "arrow" else (at[0], complex(shape.path[0][0]))
+            )
+            yield from (
+                _arrow(tail, tip, max(size, 7))
+                if shape.kind == "arrow"
+                else _turn(tail, tip.real, size)
+            )
         elif shape.role == "body" and shape.kind != "disc":
             fill = PALETTE["body"] if shape.kind == "area" else ""
             yield Stroke(lines[0], PALETTE["edge"], max(size, 2) + 2)
@@ -232,14 +270,18 @@ class Picture:
         else:
             yield from self._plain(shape, lines, at, size)
 
-    def _plain(self, shape: Shape, lines: Sequence[ComplexArray], at: ComplexArray, size: float) -> Iterator[Stroke]:
+    def _plain(
+        self, shape: Shape, lines: Sequence[ComplexArray], at: ComplexArray, size: float
+    ) -> Iterator[Stroke]:
         filled = shape.kind in ("disc", "area")
         fill = PALETTE[_FILLS[shape.role]] if filled and shape.role in _FILLS else ""
         colour = "" if shape.role == "marker" else PALETTE[_LINES.get(shape.role, "soft")]
         width = 1.3 if filled else 1.2 if shape.kind in ("hatch", "wheel") else max(size, 1.5)
         yield from (Stroke(line, colour, width, fill) for line in lines)
         if shape.kind in ("disc", "wheel"):
-            yield Stroke(at[:1], colour, 2.2 if shape.kind == "wheel" else width, fill, radius=max(size, 1.5))
+            yield Stroke(
+                at[:1], colour, 2.2 if shape.kind == "wheel" else width, fill, radius=max(size, 1.5)
+            )
 
 
 def _centre(at: ComplexArray, radius: float) -> Iterator[Stroke]:
@@ -267,7 +309,10 @@ def _turn(centre: complex, sweep: float, size: float) -> Iterator[Stroke]:
     back = end - sign * min(9.0, 0.6 * radius) / radius
     arc = centre + radius * np.exp(1j * np.linspace(-math.pi / 2, back, 33))
     yield Stroke(_array(arc), PALETTE["force"], 2.0)
-    head = [centre + r * np.exp(1j * a) for r, a in ((radius, end), (radius - 4, back), (radius + 4, back))]
+    head = [
+        centre + r * np.exp(1j * a)
+        for r, a in ((radius, end), (radius - 4, back), (radius + 4, back))
+    ]
     yield Stroke(np.array([*head, head[0]]), fill=PALETTE["force"])
 
 

@@ -1,8 +1,8 @@
 """The data of an animation: a reference motion on a grid of frames, and what runs deviate from it by.
 
-A run's deviation is taken at the run's own samples, against the reference at the same instants, and is then
-interpolated linearly to the frames: of a deviation of 1e-12 m its digits are left, and no sample of an engine is
-mistaken for an error of interpolation.
+A run's deviation is taken at the run's own samples, against the reference at the same instants, and
+is then interpolated linearly to the frames: of a deviation of 1e-12 m its digits are left, and no
+sample of an engine is mistaken for an error of interpolation.
 """
 
 from __future__ import annotations
@@ -31,11 +31,17 @@ _BEFORE = 1e-7  # parts of the end
 _SAME = 1e-3  # a marker is where q puts it, if it is less than this share of its deviation away
 _KEPT = 4  # motions at the samples of runs
 _SAME_TIME = 1e-9  # parts of the end
-_WIDER, _MARGIN = 0.15, 0.03  # of the size: by how much runs widen the view at most, and what is left beside them
+_WIDER, _MARGIN = (
+    0.15,
+    0.03,
+)  # of the size: by how much runs widen the view at most, and what is left beside them
 _ROUNDING = 1e-14  # of the size, below which a deviation is rounding
 
 _SECONDS = 6.0  # of a motion, as files show it
-_SLOWED, _CLOSE = 3.0, 0.02  # slow motion there: how much, and within which part of the end about an event
+_SLOWED, _CLOSE = (
+    3.0,
+    0.02,
+)  # slow motion there: how much, and within which part of the end about an event
 HOLD = 1.2
 """How long files show the last picture [s]."""
 _MOST = 1e8  # times that a deviation is magnified
@@ -102,13 +108,19 @@ class Scene:
     def box(self) -> Box:
         """The part of the plane that is shown: the drawing's, and what runs need beside it at first."""
         x0, y0, x1, y1 = self.drawing.box
-        moving = sorted({i for shape in self.drawing.shapes if shape.role in MOVING for i in shape.points})
+        moving = sorted(
+            {i for shape in self.drawing.shapes if shape.role in MOVING for i in shape.points}
+        )
         shifted = [self.points + self.magnification * self.deviation(run) for run in self.runs]
         xy = np.concatenate([self.points, *shifted])[:, moving].reshape(-1, 2)
         most, margin = _WIDER * self.drawing.size, _MARGIN * self.drawing.size
         low, high = np.nanmin(xy, axis=0) - margin, np.nanmax(xy, axis=0) + margin
-        left, lower = (min(a, max(b, a - most)) for a, b in zip((x0, y0), low.tolist(), strict=True))
-        right, upper = (max(a, min(b, a + most)) for a, b in zip((x1, y1), high.tolist(), strict=True))
+        left, lower = (
+            min(a, max(b, a - most)) for a, b in zip((x0, y0), low.tolist(), strict=True)
+        )
+        right, upper = (
+            max(a, min(b, a + most)) for a, b in zip((x1, y1), high.tolist(), strict=True)
+        )
         return left, lower, right, upper
 
     @cached_property
@@ -122,16 +134,21 @@ class Scene:
         middle = (self.t[1:] + self.t[:-1]) / 2
         points = self.points[:, list(self.drawing.compared)]
         off = (
-            self.drawing.positions(self.states(middle))[:, list(self.drawing.compared)] - (points[1:] + points[:-1]) / 2
+            self.drawing.positions(self.states(middle))[:, list(self.drawing.compared)]
+            - (points[1:] + points[:-1]) / 2
         )
-        parts = np.ceil(np.sqrt(2000 * np.linalg.norm(off, axis=-1).max(axis=-1) / self.drawing.size))
+        parts = np.ceil(
+            np.sqrt(2000 * np.linalg.norm(off, axis=-1).max(axis=-1) / self.drawing.size)
+        )
         times = [
             np.linspace(a, b, int(n), endpoint=False)
             for a, b, n in zip(self.t[:-1], self.t[1:], parts.clip(1, 8), strict=True)
         ]
         return np.append(np.concatenate(times), self.t[-1])
 
-    def at(self, time: FloatArray, run: RunMotion | None = None, magnification: float = 1.0) -> FloatArray:
+    def at(
+        self, time: FloatArray, run: RunMotion | None = None, magnification: float = 1.0
+    ) -> FloatArray:
         """Positions of all points [m] at instants [s], shape (n, n_points, 2); of a run with magnified deviations."""
         q = self.states(time)
         xy = self.drawing.positions(q)
@@ -158,13 +175,20 @@ class Scene:
     def magnification(self) -> float:
         """By what deviations are magnified at first.
 
-        As asked for, or the power of ten that makes the largest deviation of any run at most an eighth of the size.
+        As asked for, or the power of ten that makes the largest deviation of any run at most an
+        eighth of the size.
         """
         if self.magnify is not None:
             return self.magnify
         errors = [self.error(run) for run in self.runs]
-        largest = max((float(np.nanmax(error)) for error in errors if np.isfinite(error).any()), default=0.0)
-        return 10.0 ** np.clip(np.floor(np.log10(self.drawing.size / 8 / largest)), 0, 8) if largest > 0 else 1.0
+        largest = max(
+            (float(np.nanmax(error)) for error in errors if np.isfinite(error).any()), default=0.0
+        )
+        return (
+            10.0 ** np.clip(np.floor(np.log10(self.drawing.size / 8 / largest)), 0, 8)
+            if largest > 0
+            else 1.0
+        )
 
 
 def refuse_magnification(magnify: float | None) -> None:
@@ -194,7 +218,8 @@ def scene(
         launch: the reference's [s]; found on its frames where left out.
         name: of the mechanism, if another one than its own.
         notes: a sentence below the picture.
-        magnify: by what deviations are magnified at first; chosen so that they are seen where left out.
+        magnify: by what deviations are magnified at first; chosen so that they are seen where left
+            out.
 
     Raises:
         InputError: there is no end, the magnification is below 1, or a run is of another mechanism.
@@ -209,17 +234,32 @@ def scene(
     first = states(np.array([0.0]))
     for label, run in runs.items():
         if run.trajectory.mechanism.coordinates != first.mechanism.coordinates:
-            raise InputError(f"run {label!r} is of another mechanism than the reference, and cannot be drawn over it.")
+            raise InputError(
+                f"run {label!r} is of another mechanism than the reference, and cannot be drawn over it."
+            )
     thrown = thrown if thrown in first.markers else None
     t = _grid(end, _event_times(first, runs, end), len(first.q[0]) * (len(runs) + 1))
-    events = events_of(states(t), {label: run.trajectory for label, run in runs.items()}, end, thrown, launch)
-    if any(event.time not in t for event in events):  # launches and impacts of the reference are known only now
+    events = events_of(
+        states(t), {label: run.trajectory for label, run in runs.items()}, end, thrown, launch
+    )
+    if any(
+        event.time not in t for event in events
+    ):  # launches and impacts of the reference are known only now
         t = _grid(end, [event.time for event in events], len(first.q[0]) * (len(runs) + 1))
     reference = states(t)
     drawing = draw(first.mechanism, reference.q)
     at_samples = _remembered(states)
     motions = tuple(_motion_of(label, run, at_samples, drawing, t) for label, run in runs.items())
-    return Scene(name or first.mechanism.name, drawing, t, reference, motions, events, notes=notes, magnify=magnify)
+    return Scene(
+        name or first.mechanism.name,
+        drawing,
+        t,
+        reference,
+        motions,
+        events,
+        notes=notes,
+        magnify=magnify,
+    )
 
 
 def _remembered(states: States) -> States:
@@ -255,10 +295,16 @@ def _grid(end: float, events: list[float], width: int) -> FloatArray:
     grid = grid[np.concatenate([[True], np.diff(grid) > 1e-7 * end])]
     grid[-1] = end
     # Speeds and forces jump at an event: a frame just before it has those from before.
-    return np.unique(np.concatenate([grid, events[:_FRAMED], np.array(events[:_FRAMED]) - _BEFORE * end]).clip(0.0))
+    return np.unique(
+        np.concatenate([grid, events[:_FRAMED], np.array(events[:_FRAMED]) - _BEFORE * end]).clip(
+            0.0
+        )
+    )
 
 
-def _motion_of(name: str, run: RunLook, states: States, drawing: Drawing, t: FloatArray) -> RunMotion:
+def _motion_of(
+    name: str, run: RunLook, states: States, drawing: Drawing, t: FloatArray
+) -> RunMotion:
     trajectory = run.trajectory
     samples = _around(trajectory.t, t)
     reference = states(trajectory.t[samples])
@@ -280,7 +326,9 @@ def _motion_of(name: str, run: RunLook, states: States, drawing: Drawing, t: Flo
 
     torques = {name: values[:, 0] for name, values in told(trajectory.stop_torques).items()}
     moved = _at(t, trajectory.t[samples], d)
-    return RunMotion(name, run.colour, run.dashed, moved, aside, torques, told(trajectory.joint_reactions))
+    return RunMotion(
+        name, run.colour, run.dashed, moved, aside, torques, told(trajectory.joint_reactions)
+    )
 
 
 def _around(samples: FloatArray, t: FloatArray) -> list[int]:
@@ -308,12 +356,21 @@ def resampled(trajectory: Trajectory) -> States:
 
     def at_q(marker: str, q: FloatArray) -> FloatArray:
         found = next(each for each in trajectory.mechanism.markers if each.name == marker)
-        return trajectory.kinematics.position(trajectory.kinematics.point(found.body, found.point), q)
+        return trajectory.kinematics.position(
+            trajectory.kinematics.point(found.body, found.point), q
+        )
 
-    beside = {name: motion.position - at_q(name, trajectory.q) for name, motion in trajectory.markers.items()}
+    beside = {
+        name: motion.position - at_q(name, trajectory.q)
+        for name, motion in trajectory.markers.items()
+    }
 
     def linear(t: FloatArray, values: FloatArray) -> FloatArray:
-        return np.interp(t, trajectory.t, values) if values.ndim == 1 else _linear(t, trajectory.t, values)
+        return (
+            np.interp(t, trajectory.t, values)
+            if values.ndim == 1
+            else _linear(t, trajectory.t, values)
+        )
 
     def at(t: FloatArray) -> Trajectory:
         t = np.clip(t, trajectory.t[0], trajectory.t[-1])

@@ -1,7 +1,8 @@
 """What a drawing is made of: points that move with bodies, and shapes over indices of these points.
 
-Every renderer (canvas in a page, SVG, raster) draws the same shapes from the positions of the points alone. So the
-drawing of a run with magnified deviations is that of the points z + k (z' - z), z the reference's and z' the run's.
+Every renderer (canvas in a page, SVG, raster) draws the same shapes from the positions of the
+points alone. So the drawing of a run with magnified deviations is that of the points z + k (z' -
+z), z the reference's and z' the run's.
 """
 
 from __future__ import annotations
@@ -24,14 +25,29 @@ Kind = Literal["line", "area", "disc", "hatch", "between", "spiral", "wheel", "a
 line, area: through its points, open or closed, `size` the width of the stroke.
 disc: around a point, `size` its radius.
 hatch: a line of two points with short strokes on its right-hand side, `size` their distance.
-between: the polyline `path`, in parts of the way from the first point to the second and metres to the left of it.
-spiral: about the first point from the direction of the second to that of the third, `size` the outer radius.
-wheel: about the first point, turned by its way from the second along the direction to the third, `size` the radius.
+between: the polyline `path`, in parts of the way from the first point to the second and metres to
+the left of it.
+spiral: about the first point from the direction of the second to that of the third, `size` the
+outer radius.
+wheel: about the first point, turned by its way from the second along the direction to the third,
+`size` the radius.
 arrow: from the first point to the second, `size` the length of its head.
-turn: an arc with a head about a point, `size` the radius, `path[0][0]` the sweep [rad], clockwise positive.
+turn: an arc with a head about a point, `size` the radius, `path[0][0]` the sweep [rad], clockwise
+positive.
 """
 Role = Literal[
-    "ground", "guide", "stop", "rope", "body", "spring", "damper", "mass", "centre", "joint", "load", "marker"
+    "ground",
+    "guide",
+    "stop",
+    "rope",
+    "body",
+    "spring",
+    "damper",
+    "mass",
+    "centre",
+    "joint",
+    "load",
+    "marker",
 ]
 ROLES: tuple[Role, ...] = Role.__args__
 """From what is drawn first, farthest behind, to what is drawn last."""
@@ -119,13 +135,19 @@ class Drawing:
         phasors = np.exp(-1j * q)
         change = np.where(kinematics.is_angle > 0, phasors * turned, d)
         for k, c in kinematics.carried:
-            change[..., k] = phasors[..., c] * ((q[..., k] + d[..., k]) * turned[..., c] + d[..., k])
+            change[..., k] = phasors[..., c] * (
+                (q[..., k] + d[..., k]) * turned[..., c] + d[..., k]
+            )
         coefficients = np.array([row.coefficients for row in self.rows])
         return as_vectors(change @ coefficients.T)
 
 
-def positions(kinematics: Kinematics, rows: Iterable[PointCoefficients], q: FloatArray) -> FloatArray:
+def positions(
+    kinematics: Kinematics, rows: Iterable[PointCoefficients], q: FloatArray
+) -> FloatArray:
     """World positions [m] of points in states q of shape (n, n_q); shape (n, n_points, 2)."""
     rows = tuple(rows)
     offsets = np.array([row.offset for row in rows])
-    return as_vectors(offsets + kinematics.phasors(q) @ np.array([row.coefficients for row in rows]).T)
+    return as_vectors(
+        offsets + kinematics.phasors(q) @ np.array([row.coefficients for row in rows]).T
+    )

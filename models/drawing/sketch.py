@@ -29,7 +29,9 @@ class Sketch:
 
     def point(self, body: str, at: complex, frame: str = GROUND, arm: complex = 0j) -> int:
         """Index of a point; the same for the same point."""
-        return self.points.setdefault(Point(body, complex(at), frame, complex(arm)), len(self.points))
+        return self.points.setdefault(
+            Point(body, complex(at), frame, complex(arm)), len(self.points)
+        )
 
     def add(
         self,
@@ -58,7 +60,9 @@ class Sketch:
         """The longer side of what the bodies' points and centres sweep [m]; of a point that rests, 1."""
         points = [(name, at) for name, ats in self.outlines.items() for at in ats]
         points += [(body.name, complex(*body.centre)) for body in self.mechanism.bodies]
-        xy = positions(self.kinematics, (Point(*each).coefficients(self.kinematics) for each in points), self.q)
+        xy = positions(
+            self.kinematics, (Point(*each).coefficients(self.kinematics) for each in points), self.q
+        )
         flat = xy.reshape(-1, 2)
         spread = float(np.max(flat.max(axis=0) - flat.min(axis=0)))
         return spread if math.isfinite(spread) and spread > 0 else 1.0
@@ -66,7 +70,9 @@ class Sketch:
     @cached_property
     def outlines(self) -> dict[str, list[complex]]:
         """Points of each body, and of the ground, at which something is fixed, each once."""
-        points: dict[str, list[complex]] = {body.name: [] for body in self.mechanism.bodies} | {GROUND: []}
+        points: dict[str, list[complex]] = {body.name: [] for body in self.mechanism.bodies} | {
+            GROUND: []
+        }
         for name, at in self._attachments():
             if not any(abs(at - other) <= 1e-12 * (1 + abs(at)) for other in points[name]):
                 points[name].append(at)
@@ -78,7 +84,10 @@ class Sketch:
             if not isinstance(joint, FreeJoint):
                 found.append((joint.child, complex(*joint.child_point)))
                 found += [(joint.parent, at) for at in self.guide(joint)]
-        found += [(each.body, complex(*each.point)) for each in (*mechanism.markers, *mechanism.point_stops)]
+        found += [
+            (each.body, complex(*each.point))
+            for each in (*mechanism.markers, *mechanism.point_stops)
+        ]
         for element in mechanism.force_elements:
             if isinstance(element, (SpringDamper, ConstantForce)):
                 found.append((element.body, complex(*element.point)))
@@ -92,7 +101,9 @@ class Sketch:
         if isinstance(joint, FreeJoint) or not joint.free_directions:
             return [at]
         (axis,) = joint.free_directions
-        along = self.component(axis, joint.parent, joint.child, joint.child_point, joint.parent_point)
+        along = self.component(
+            axis, joint.parent, joint.child, joint.child_point, joint.parent_point
+        )
         return [at + axis * along.min(), at + axis * along.max()]
 
     def component(
@@ -109,12 +120,16 @@ class Sketch:
         """
         joints = self.mechanism.joints
         both = {body, other}
-        joint = next((j for j in joints if {j.parent, j.child} == both), self.mechanism.joint_of(body))
+        joint = next(
+            (j for j in joints if {j.parent, j.child} == both), self.mechanism.joint_of(body)
+        )
         return complex(*(joint.child_point if joint.child == body else joint.parent_point)), joint
 
     def positions(self) -> FloatArray:
         """Of all points so far, during the motion [m], shape (n, n_points, 2)."""
-        return positions(self.kinematics, (p.coefficients(self.kinematics) for p in self.points), self.q)
+        return positions(
+            self.kinematics, (p.coefficients(self.kinematics) for p in self.points), self.q
+        )
 
 
 def distinct(points: list[complex], centre: complex, size: float) -> list[complex]:

@@ -37,7 +37,9 @@ def moving(picture: Picture) -> str:
     times = play_times(scene, _RATE)
     times += [times[-1]] * round(HOLD * _RATE)
     end = float(scene.t[-1])
-    wanted = max((event.time for event in scene.events if event.time > 0.4 * end), default=0.75 * end)
+    wanted = max(
+        (event.time for event in scene.events if event.time > 0.4 * end), default=0.75 * end
+    )
     film = _Film(times, min(range(len(times)), key=lambda k: abs(times[k] - wanted)))
     elements = [film.trace(stroke, scene.fine) for stroke in picture.traces(end)]
     frames = [_layers(picture, time) for time in times]
@@ -51,7 +53,10 @@ def moving(picture: Picture) -> str:
 
 def _layers(picture: Picture, time: float) -> list[Sequence[Mark]]:
     """Marks of an instant, of the reference, of each run (none after its end), and the names."""
-    runs = (tuple(picture.run(run, time, picture.thinner(k))) for k, run in enumerate(picture.scene.runs))
+    runs = (
+        tuple(picture.run(run, time, picture.thinner(k)))
+        for k, run in enumerate(picture.scene.runs)
+    )
     return [tuple(picture.reference(time)), *runs, tuple(picture.names(time))]
 
 
@@ -66,7 +71,9 @@ class _Film:
         """A mark in all frames; hidden where it is None."""
         base = marks[self.poster] or next(mark for mark in marks if mark is not None)
         shapes = [_geometry(mark or base) for mark in marks]
-        animations = [self._animation(name, [shape[name] for shape in shapes]) for name in shapes[0]]
+        animations = [
+            self._animation(name, [shape[name] for shape in shapes]) for name in shapes[0]
+        ]
         seen = [_HIDDEN if mark is None else _opacity(mark) for mark in marks]
         return _element(base, "".join([*animations, self._animation("opacity", seen, jumps=True)]))
 
@@ -74,7 +81,10 @@ class _Film:
         """A path that grows: one dash of its whole length comes in from its beginning."""
         z = stroke.points[: len(instants)]
         along = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(z)))])
-        left = [f"{along[-1] - length:.1f}" for length in np.interp(self.times, instants[: len(z)], along)]
+        left = [
+            f"{along[-1] - length:.1f}"
+            for length in np.interp(self.times, instants[: len(z)], along)
+        ]
         look = f'fill="none" stroke="{stroke.line}" stroke-width="{stroke.width:.3g}" opacity="{stroke.opacity:.2g}"'
         dash = f'stroke-dasharray="{along[-1]:.1f}" stroke-dashoffset="{left[self.poster]}"'
         return f'<polyline points="{_points(z)}" {look} {dash}>{self._animation("stroke-dashoffset", left)}</polyline>'
@@ -99,14 +109,17 @@ class _Film:
             return self._switch(values)
         # Between lists of several lengths nothing can be interpolated.
         lengths = {value.count(" ") for value in values}
-        return self._element(name, ";".join(values), ' calcMode="discrete"' if len(lengths) > 1 else "")
+        return self._element(
+            name, ";".join(values), ' calcMode="discrete"' if len(lengths) > 1 else ""
+        )
 
     def _element(self, name: str, values: str, how: str) -> str:
         time = f'dur="{self.duration:.4g}s" repeatCount="indefinite"'
         return f'<animate attributeName="{name}" {time}{how} values="{values}"/>'
 
 
-# --- Elements ---------------------------------------------------------------------------------------------------------
+# --- Elements
+# ---------------------------------------------------------------------------------------------------------
 
 
 def _file(picture: Picture, body: str) -> str:
@@ -127,7 +140,11 @@ def _element(mark: Mark, inner: str = "", opacity: str = "") -> str:
         look = f'font-size="{mark.size:g}" fill="{mark.colour}" stroke="{PALETTE["surface"]}" stroke-width="3"'
         return f'<text {place} {look} paint-order="stroke">{escape(mark.text)}{inner}</text>'
     name = "circle" if mark.radius else "polyline"
-    return f"<{name} {place} {_look(mark)}>{inner}</{name}>" if inner else f"<{name} {place} {_look(mark)}/>"
+    return (
+        f"<{name} {place} {_look(mark)}>{inner}</{name}>"
+        if inner
+        else f"<{name} {place} {_look(mark)}/>"
+    )
 
 
 def _geometry(mark: Mark) -> dict[str, str]:

@@ -55,7 +55,8 @@ def _frames(picture: Picture, rate: float) -> Iterator[Image.Image]:
         yield raster(picture.frame(time), picture.width, picture.height)
 
 
-# --- Files ------------------------------------------------------------------------------------------------------------
+# --- Files
+# ------------------------------------------------------------------------------------------------------------
 
 
 def _gif(picture: Picture, rate: float = 18.0) -> bytes:
@@ -64,7 +65,15 @@ def _gif(picture: Picture, rate: float = 18.0) -> bytes:
     images = [_indexed(frame, palette) for frame in frames]
     durations = [round(1e3 / rate)] * (len(images) - 1) + [round(1e3 * HOLD)]
     buffer = io.BytesIO()
-    images[0].save(buffer, "gif", save_all=True, append_images=images[1:], duration=durations, loop=0, optimize=True)
+    images[0].save(
+        buffer,
+        "gif",
+        save_all=True,
+        append_images=images[1:],
+        duration=durations,
+        loop=0,
+        optimize=True,
+    )
     return buffer.getvalue()
 
 
@@ -82,7 +91,9 @@ def _indexed(frame: Image.Image, palette: Image.Image) -> Image.Image:
 def _mp4(picture: Picture, rate: float = 30.0) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "video.mp4")
-        writer = _ffmpeg().write_frames(str(path), (picture.width, picture.height), fps=rate, macro_block_size=2)
+        writer = _ffmpeg().write_frames(
+            str(path), (picture.width, picture.height), fps=rate, macro_block_size=2
+        )
         writer.send(None)
         frame = b""
         for image in _frames(picture, rate):
@@ -98,7 +109,9 @@ def _ffmpeg() -> Any:
     try:
         import imageio_ffmpeg
     except ImportError:
-        raise InputError("an .mp4 needs imageio-ffmpeg; `pip install trebucheck[video]` brings it.") from None
+        raise InputError(
+            "an .mp4 needs imageio-ffmpeg; `pip install trebucheck[video]` brings it."
+        ) from None
     return imageio_ffmpeg
 
 
@@ -110,7 +123,8 @@ WRITERS: dict[str, Callable[[Picture], bytes]] = {".gif": _gif, ".mp4": _mp4, ".
 """By the ending of a file's name."""
 
 
-# --- Pixels -----------------------------------------------------------------------------------------------------------
+# --- Pixels
+# -----------------------------------------------------------------------------------------------------------
 
 
 def raster(marks: list[Mark], width: int, height: int) -> Image.Image:
@@ -124,7 +138,15 @@ def raster(marks: list[Mark], width: int, height: int) -> Image.Image:
     for mark in marks:
         if isinstance(mark, Label):
             at, font = (mark.x, mark.y), _font(mark.size)
-            draw.text(at, mark.text, mark.colour, font, "ls", stroke_width=2, stroke_fill=PALETTE["surface"])
+            draw.text(
+                at,
+                mark.text,
+                mark.colour,
+                font,
+                "ls",
+                stroke_width=2,
+                stroke_fill=PALETTE["surface"],
+            )
     return image
 
 
@@ -141,12 +163,17 @@ class _Brush:
     height: int
 
     def __post_init__(self) -> None:
-        self.image = Image.new("RGB", (self.width * _SAMPLES, self.height * _SAMPLES), PALETTE["surface"])
+        self.image = Image.new(
+            "RGB", (self.width * _SAMPLES, self.height * _SAMPLES), PALETTE["surface"]
+        )
         self.draw = ImageDraw.Draw(self.image)
 
     def stroke(self, stroke: Stroke) -> None:
         """A polyline, an area or a circle; colours of faint ones are mixed with the background's."""
-        line, fill = (_mixed(colour, stroke.opacity) if colour else None for colour in (stroke.line, stroke.fill))
+        line, fill = (
+            _mixed(colour, stroke.opacity) if colour else None
+            for colour in (stroke.line, stroke.fill)
+        )
         width = max(round(stroke.width * _SAMPLES), 1)
         if stroke.radius:
             self._circle(stroke, line, fill, width)
@@ -161,7 +188,9 @@ class _Brush:
     def _circle(self, stroke: Stroke, line: str | None, fill: str | None, width: int) -> None:
         centre = complex(stroke.points[0])
         if stroke.dashed:
-            rim = np.array([centre + cmath.rect(stroke.radius, k * math.pi / 24) for k in range(49)])
+            rim = np.array(
+                [centre + cmath.rect(stroke.radius, k * math.pi / 24) for k in range(49)]
+            )
             for part in _dashes(rim):
                 self._line(part, line or "", width, round_ends=False)
         elif abs(centre) < 20 * (self.width + self.height):
@@ -175,7 +204,9 @@ class _Brush:
         self.draw.line(flat, colour, width, joint="curve")
         if round_ends and width > 3:
             for x, y in (flat[0], flat[-1]):
-                self.draw.ellipse([x - width / 2, y - width / 2, x + width / 2, y + width / 2], colour)
+                self.draw.ellipse(
+                    [x - width / 2, y - width / 2, x + width / 2, y + width / 2], colour
+                )
 
 
 def _flat(points: ComplexArray) -> list[tuple[float, float]]:
@@ -201,5 +232,7 @@ def _dashes(points: ComplexArray) -> Iterator[ComplexArray]:
 
 
 def _mixed(colour: str, opacity: float) -> str:
-    parts = [(int(colour[i : i + 2], 16), int(PALETTE["surface"][i : i + 2], 16)) for i in (1, 3, 5)]
+    parts = [
+        (int(colour[i : i + 2], 16), int(PALETTE["surface"][i : i + 2], 16)) for i in (1, 3, 5)
+    ]
     return "#" + "".join(f"{round(a * opacity + b * (1 - opacity)):02x}" for a, b in parts)

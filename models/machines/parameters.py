@@ -17,12 +17,13 @@ Angle = Annotated[Real, Field(ge=-4 * math.pi, le=4 * math.pi)]
 class TrebuchetParameters(Spec):
     """Lengths [m], masses [kg], gravity [m/s^2] and start angles [rad] of the whipper trebuchet.
 
-    Defaults are Table I of the paper. Angles are absolute, from +x, positive clockwise. The paper does not
-    print its start angles; (0, pi, -pi/4) is what its headline figures single out. Angles beyond two turns
-    (4 pi) are refused: they are degrees more often than not.
+    Defaults are Table I of the paper. Angles are absolute, from +x, positive clockwise. The paper
+    does not print its start angles; (0, pi, -pi/4) is what its headline figures single out. Angles
+    beyond two turns (4 pi) are refused: they are degrees more often than not.
 
     Raises:
-        InputError: a length, mass or gravity is not positive and finite, or an angle is not in range.
+        InputError: a length, mass or gravity is not positive and finite, or an angle is not in
+            range.
     """
 
     l1: Positive = Field(default=10.0, description="arm, fulcrum to sling pin [m]")
@@ -59,5 +60,7 @@ def short_end(l1: float, beam: float) -> float:
         InputError: l1 is not shorter than the beam.
     """
     if not l1 < beam:
-        raise InputError(f"l1 = {l1!r} must be shorter than the beam of {beam!r} m, so that l2 = beam - l1 > 0.")
+        raise InputError(
+            f"l1 = {l1!r} must be shorter than the beam of {beam!r} m, so that l2 = beam - l1 > 0."
+        )
     return beam - l1

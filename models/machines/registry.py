@@ -26,12 +26,20 @@ class _Model:
 
 
 _MODELS = {
-    "fixed": _Model(fixed, TrebuchetParameters, "whipper trebuchet, fulcrum pinned to the ground (paper, Sec. II)"),
+    "fixed": _Model(
+        fixed,
+        TrebuchetParameters,
+        "whipper trebuchet, fulcrum pinned to the ground (paper, Sec. II)",
+    ),
     "rolling": _Model(
-        rolling, TrebuchetParameters, "whipper trebuchet, fulcrum rolling along x on massless wheels (paper, Sec. VI)"
+        rolling,
+        TrebuchetParameters,
+        "whipper trebuchet, fulcrum rolling along x on massless wheels (paper, Sec. VI)",
     ),
     "catapult": _Model(
-        catapult, CatapultParameters, "one rigid body: counterweight and projectile on one arm (paper, Sec. I)"
+        catapult,
+        CatapultParameters,
+        "one rigid body: counterweight and projectile on one arm (paper, Sec. I)",
     ),
     "hinged": _Model(
         hinged,

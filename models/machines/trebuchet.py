@@ -1,8 +1,8 @@
 """The whipper trebuchet of the paper, fixed (Sec. II) and rolling (Sec. VI), and the classical orientation of it.
 
-In the classical one (Denny, Eur. J. Phys. 26 (2005) 561) the arm starts pointing back and down, the counterweight hangs
-below its short end, and the sling lies folded forward under the machine, its projectile in a level trough without
-friction until it lifts off.
+In the classical one (Denny, Eur. J. Phys. 26 (2005) 561) the arm starts pointing back and down, the
+counterweight hangs below its short end, and the sling lies folded forward under the machine, its
+projectile in a level trough without friction until it lifts off.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ class HingedParameters(Spec):
     Masses and lengths are Table I's: the paper's machine, turned to where such machines started.
 
     Raises:
-        InputError: a length, mass or gravity is not positive and finite, or an angle is not in range.
+        InputError: a length, mass or gravity is not positive and finite, or an angle is not in
+            range.
     """
 
     l1: Positive = Field(default=10.0, description="arm, fulcrum to sling pin [m]")
@@ -41,7 +42,9 @@ class HingedParameters(Spec):
     h: Positive = Field(default=10.0, description="hanger length [m]")
     r: Positive = Field(default=6.0, description="sling length [m]")
     g: Positive = Field(default=9.81, description="gravity [m/s^2]")
-    theta0: Angle = Field(default=3 * math.pi / 4, description="start angle of the throwing arm [rad]")
+    theta0: Angle = Field(
+        default=3 * math.pi / 4, description="start angle of the throwing arm [rad]"
+    )
     phi0: Angle = Field(default=0.0, description="start angle of the sling [rad]")
     alpha0: Angle = Field(default=math.pi / 2, description="start angle of the hanger [rad]")
 
@@ -53,7 +56,9 @@ def fixed(parameters: TrebuchetParameters | None = None) -> Mechanism:
         parameters: Table I where left out.
     """
     p = parameters or TrebuchetParameters()
-    pin = PinJoint(name=FULCRUM, parent=GROUND, child="arm", parent_point=(0, 0), child_point=(0, 0))
+    pin = PinJoint(
+        name=FULCRUM, parent=GROUND, child="arm", parent_point=(0, 0), child_point=(0, 0)
+    )
     return _whipper("fixed", p, pin, start=(p.theta0, p.phi0, p.alpha0))
 
 
@@ -64,7 +69,14 @@ def rolling(parameters: TrebuchetParameters | None = None) -> Mechanism:
         parameters: Table I where left out.
     """
     p = parameters or TrebuchetParameters()
-    slot = SlotJoint(name=FULCRUM, child="arm", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0), coordinate="x_p")
+    slot = SlotJoint(
+        name=FULCRUM,
+        child="arm",
+        parent_point=(0, 0),
+        child_point=(0, 0),
+        axis=(1, 0),
+        coordinate="x_p",
+    )
     return _whipper("rolling", p, slot, start=(p.theta0, p.phi0, p.alpha0, 0.0))
 
 
@@ -77,13 +89,17 @@ def hinged(parameters: HingedParameters | None = None) -> Mechanism:
     p = parameters or HingedParameters()
     whipper = fixed(TrebuchetParameters(**p.model_dump()))
     floor = -p.l1 * math.sin(p.theta0) - p.r * math.sin(p.phi0)
-    trough = PointStop(name=TROUGH, body="sling", point=(p.r, 0), normal=(0, 1), offset=floor, closed=True)
+    trough = PointStop(
+        name=TROUGH, body="sling", point=(p.r, 0), normal=(0, 1), offset=floor, closed=True
+    )
     return Mechanism(
         name="hinged",
         bodies=whipper.bodies,
         joints=whipper.joints,
         stops=(trough,),
-        markers=tuple(marker for marker in whipper.markers if marker.name in (PROJECTILE, COUNTERWEIGHT)),
+        markers=tuple(
+            marker for marker in whipper.markers if marker.name in (PROJECTILE, COUNTERWEIGHT)
+        ),
         gravity=p.g,
         start=whipper.start,
     )
@@ -93,7 +109,11 @@ def parameters_of(mechanism: Mechanism) -> TrebuchetParameters | None:
     """The parameters a machine was built from; None if it is not one of these two, to the last bit."""
     builders = {"fixed": fixed, "rolling": rolling}
     names = {body.name for body in mechanism.bodies}
-    if mechanism.name not in builders or names != {"arm", "sling", "hanger"} or len(mechanism.joints) != 3:
+    if (
+        mechanism.name not in builders
+        or names != {"arm", "sling", "hanger"}
+        or len(mechanism.joints) != 3
+    ):
         return None
     _, sling_pin, hanger_pin = mechanism.joints
     try:
@@ -115,9 +135,17 @@ def parameters_of(mechanism: Mechanism) -> TrebuchetParameters | None:
     return parameters if builders[mechanism.name](parameters) == mechanism else None
 
 
-def _whipper(name: str, p: TrebuchetParameters, fulcrum: PinJoint | SlotJoint, start: tuple[float, ...]) -> Mechanism:
+def _whipper(
+    name: str, p: TrebuchetParameters, fulcrum: PinJoint | SlotJoint, start: tuple[float, ...]
+) -> Mechanism:
     beam = p.l1 + p.l2
-    arm = Body(name="arm", angle="theta", mass=p.m_a, centre=((p.l1 - p.l2) / 2, 0), inertia=p.m_a * _square(beam) / 12)
+    arm = Body(
+        name="arm",
+        angle="theta",
+        mass=p.m_a,
+        centre=((p.l1 - p.l2) / 2, 0),
+        inertia=p.m_a * _square(beam) / 12,
+    )
     sling = Body(name="sling", angle="phi", mass=p.m_b, centre=(p.r, 0), inertia=0)
     hanger = Body(name="hanger", angle="alpha", mass=p.m_cw, centre=(p.h, 0), inertia=0)
     return Mechanism(
@@ -125,8 +153,20 @@ def _whipper(name: str, p: TrebuchetParameters, fulcrum: PinJoint | SlotJoint, s
         bodies=(arm, sling, hanger),
         joints=(
             fulcrum,
-            PinJoint(name=SLING_PIN, parent="arm", child="sling", parent_point=(p.l1, 0), child_point=(0, 0)),
-            PinJoint(name=HANGER_PIN, parent="arm", child="hanger", parent_point=(-p.l2, 0), child_point=(0, 0)),
+            PinJoint(
+                name=SLING_PIN,
+                parent="arm",
+                child="sling",
+                parent_point=(p.l1, 0),
+                child_point=(0, 0),
+            ),
+            PinJoint(
+                name=HANGER_PIN,
+                parent="arm",
+                child="hanger",
+                parent_point=(-p.l2, 0),
+                child_point=(0, 0),
+            ),
         ),
         stops=_stops(p),
         markers=(
@@ -140,10 +180,25 @@ def _whipper(name: str, p: TrebuchetParameters, fulcrum: PinJoint | SlotJoint, s
 
 
 def _stops(p: TrebuchetParameters) -> tuple[Stop, ...]:
-    # The two rests stand where the machine starts (paper Eqs. 6, 7: phi_0 = phi[0], alpha_0 = alpha[0]), so a
-    # machine with other start angles has its rests elsewhere, and both always touch at the start.
-    hanger = Stop(name=HANGER_REST, body="hanger", relative_to="arm", sense=-1, limit=p.theta0 - p.alpha0, closed=True)
-    sling = Stop(name=SLING_REST, body="sling", relative_to="arm", sense=1, limit=p.phi0 - p.theta0, closed=True)
+    # The two rests stand where the machine starts (paper Eqs. 6, 7: phi_0 = phi[0], alpha_0 =
+    # alpha[0]), so a machine with other start angles has its rests elsewhere, and both always touch
+    # at the start.
+    hanger = Stop(
+        name=HANGER_REST,
+        body="hanger",
+        relative_to="arm",
+        sense=-1,
+        limit=p.theta0 - p.alpha0,
+        closed=True,
+    )
+    sling = Stop(
+        name=SLING_REST,
+        body="sling",
+        relative_to="arm",
+        sense=1,
+        limit=p.phi0 - p.theta0,
+        closed=True,
+    )
     arm = Stop(name=ARM_STOP, body="arm", sense=-1, limit=-3 * math.pi / 2, closed=False)
     return (hanger, sling, arm)
 

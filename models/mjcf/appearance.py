@@ -1,6 +1,7 @@
 """What a mechanism's MJCF shows of its bodies: beams, ropes, stones, boxes, wheels; nothing here has mass or touches.
 
-Sizes are for the eye: they follow from the size of the whole and the cube roots of masses, not from densities.
+Sizes are for the eye: they follow from the size of the whole and the cube roots of masses, not from
+densities.
 """
 
 from __future__ import annotations
@@ -102,17 +103,29 @@ class Appearance:
 
     def _add_rods(self, shapes: Shapes, body: Body, heavy: bool) -> None:
         """From the joint to whatever hangs on the body: beams, or what holds a point mass."""
-        ends = [point for point in dict.fromkeys(self._ends(body)) if math.dist(point, shapes.origin) > 0]
+        ends = [
+            point
+            for point in dict.fromkeys(self._ends(body))
+            if math.dist(point, shapes.origin) > 0
+        ]
         if body.inertia == 0:
             look, thickness = (IRON, 0.007) if heavy else (ROPE, 0.005)
         else:
             look, thickness = _WOODS[self.mechanism.bodies.index(body) % len(_WOODS)], 0.018
             if not ends:
                 shapes.disc(body.centre, self.disc(body), round(0.01 * self.reach, 6), look)
-        cords = (-0.023, 0.023) if look == ROPE else (0.0,)  # on both sides of the arm that it lies along
+        cords = (
+            (-0.023, 0.023) if look == ROPE else (0.0,)
+        )  # on both sides of the arm that it lies along
         for end in ends:
             for side in cords:
-                shapes.rod(shapes.origin, end, round(thickness * self.reach, 6), look, round(side * self.reach, 6))
+                shapes.rod(
+                    shapes.origin,
+                    end,
+                    round(thickness * self.reach, 6),
+                    look,
+                    round(side * self.reach, 6),
+                )
 
     def _add_bearing(self, shapes: Shapes, joint: AnyJoint) -> None:
         """The pin of a joint; of a slot, two wheels on an axle."""
@@ -132,12 +145,16 @@ class Appearance:
 
     def _ends(self, body: Body) -> list[Vector]:
         """Points of a body worth a rod from its joint."""
-        points = [joint.parent_point for joint in self.mechanism.tree_joints if joint.parent == body.name]
+        points = [
+            joint.parent_point for joint in self.mechanism.tree_joints if joint.parent == body.name
+        ]
         for joint in self.mechanism.loop_joints:
             points += [point for name, point in _members(joint) if name == body.name]
         points += [lump.point for lump in self.lumps if lump.body == body.name]
         return (
-            points or [marker.point for marker in self.mechanism.markers if marker.body == body.name] or [body.centre]
+            points
+            or [marker.point for marker in self.mechanism.markers if marker.body == body.name]
+            or [body.centre]
         )
 
     def _lumps(self, body: Body) -> Iterator[Lump]:
@@ -169,16 +186,27 @@ class Shapes:
     def rod(self, a: Vector, b: Vector, radius: float, look: str, side: float = 0.0) -> None:
         """A capsule between two points."""
         ends = f"{self._at(a, side)} {self._at(b, side)}"
-        ET.SubElement(self.element, "geom", type="capsule", fromto=ends, size=number(radius), rgba=look)
+        ET.SubElement(
+            self.element, "geom", type="capsule", fromto=ends, size=number(radius), rgba=look
+        )
 
     def ball(self, point: Vector, radius: float, look: str) -> None:
         """A sphere."""
-        ET.SubElement(self.element, "geom", type="sphere", pos=self._at(point), size=number(radius), rgba=look)
+        ET.SubElement(
+            self.element, "geom", type="sphere", pos=self._at(point), size=number(radius), rgba=look
+        )
 
     def box(self, point: Vector, half: float, look: str) -> None:
         """A cube, with iron bands around it."""
         band = numbers(round(1.04 * half, 6), round(1.04 * half, 6), round(0.12 * half, 6))
-        ET.SubElement(self.element, "geom", type="box", pos=self._at(point), size=numbers(half, half, half), rgba=look)
+        ET.SubElement(
+            self.element,
+            "geom",
+            type="box",
+            pos=self._at(point),
+            size=numbers(half, half, half),
+            rgba=look,
+        )
         for z in (-0.6 * half, 0.6 * half):
             x, y, up = self._at(point).split()
             at = f"{x} {y} {number(round(float(up) + z, 6))}"
@@ -197,7 +225,9 @@ class Shapes:
         ends = ((point[0] - dx, point[1] - dz), (point[0] + dx, point[1] + dz))
         self.rod(*ends, round(0.12 * radius, 6), IRON, side - half if side < 0 else side + half)
 
-    def slab(self, centre: Vector, sizes: tuple[float, float, float], angle: float, look: str) -> None:
+    def slab(
+        self, centre: Vector, sizes: tuple[float, float, float], angle: float, look: str
+    ) -> None:
         """A box of half sizes along, across and up, turned counter-clockwise by an angle [rad]."""
         ET.SubElement(
             self.element, "geom", type="box", pos=self._at(centre), size=numbers(*sizes),
@@ -216,12 +246,16 @@ def _members(joint: AnyJoint) -> tuple[tuple[str, Vector], tuple[str, Vector]]:
 
 def points_of(mechanism: Mechanism, body: str) -> list[Vector]:
     """Points of a body that anything is attached to."""
-    points = [point for joint in mechanism.joints for name, point in _members(joint) if name == body]
+    points = [
+        point for joint in mechanism.joints for name, point in _members(joint) if name == body
+    ]
     for spring in mechanism.force_elements:
         if isinstance(spring, SpringDamper):
             ends = (spring.body, spring.point), (spring.relative_to, spring.relative_point)
             points += [point for name, point in ends if name == body]
-    return points + [item.point for item in (*mechanism.markers, *mechanism.point_stops) if item.body == body]
+    return points + [
+        item.point for item in (*mechanism.markers, *mechanism.point_stops) if item.body == body
+    ]
 
 
 def reach_of(mechanism: Mechanism) -> float:

@@ -1,8 +1,9 @@
 """Force elements as MJCF: springs and dampers are tendons, constant forces and torques are actuators without control.
 
-A spring between points is a spatial tendon between two sites; one between angles is a fixed tendon over the hinges
-between the two bodies. A constant force is an actuator on a site whose directions are those of a site of the world, a
-constant torque one on a fixed tendon; the bias of the actuator is the force, so that it acts without any control.
+A spring between points is a spatial tendon between two sites; one between angles is a fixed tendon
+over the hinges between the two bodies. A constant force is an actuator on a site whose directions
+are those of a site of the world, a constant torque one on a fixed tendon; the bias of the actuator
+is the force, so that it acts without any control.
 """
 
 from __future__ import annotations
@@ -39,12 +40,16 @@ class Forces:
                     ET.SubElement(element, "site", name=end, pos=from_origin(origin, point))
         for force in self._of(ConstantForce):
             if force.body == body:
-                ET.SubElement(element, "site", name=_site(force), pos=from_origin(origin, force.point))
+                ET.SubElement(
+                    element, "site", name=_site(force), pos=from_origin(origin, force.point)
+                )
 
     @property
     def needs_tendons(self) -> bool:
         """Whether any element is, or acts on, a tendon."""
-        return any(not isinstance(element, ConstantForce) for element in self.mechanism.force_elements)
+        return any(
+            not isinstance(element, ConstantForce) for element in self.mechanism.force_elements
+        )
 
     def add_tendons(self, tendon: ET.Element) -> None:
         """Springs and dampers, and what constant torques act on."""
@@ -87,7 +92,9 @@ class Forces:
             ET.SubElement(actuator, "general", constant, name=torque.name, **of)
 
     def _of(self, kind: type[_E]) -> tuple[_E, ...]:
-        return tuple(element for element in self.mechanism.force_elements if isinstance(element, kind))
+        return tuple(
+            element for element in self.mechanism.force_elements if isinstance(element, kind)
+        )
 
 
 def _points(spring: SpringDamper) -> tuple[tuple[str, Vector], tuple[str, Vector]]:

@@ -1,7 +1,8 @@
 """Names as MJCF files have them: letters, digits, `_`, `-` and `.`; importers refuse or misread others.
 
-The writer names elements after the mechanism ("sling pin", "sling pin/force"); in the finished tree every other
-character becomes `_`, and what is then taken gets a number. Names that differ stay different, whatever they name.
+The writer names elements after the mechanism ("sling pin", "sling pin/force"); in the finished tree
+every other character becomes `_`, and what is then taken gets a number. Names that differ stay
+different, whatever they name.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ _OTHERS = re.compile(r"[^\w.-]")
 
 def names_in(root: ET.Element) -> dict[str, str]:
     """The name that each element's name becomes, by the one that the writer gave it."""
-    return valid_names(name for element in _named(root) if (name := element.get("name")) is not None)
+    return valid_names(
+        name for element in _named(root) if (name := element.get("name")) is not None
+    )
 
 
 def rename(root: ET.Element) -> None:
@@ -51,4 +54,8 @@ def valid_names(names: Iterable[str], taken: Iterable[str] = ()) -> dict[str, st
 
 def _free(name: str, taken: set[str]) -> str:
     """The name, or with the first number that makes it one that is not taken."""
-    return name if name not in taken else next(new for i in count(2) if (new := f"{name}_{i}") not in taken)
+    return (
+        name
+        if name not in taken
+        else next(new for i in count(2) if (new := f"{name}_{i}") not in taken)
+    )

@@ -32,7 +32,9 @@ def description(name: str) -> Description:
     """
     if name not in models():
         known = ", ".join(models())
-        raise InputError(f"there are no MJCF files of {name!r}; there are of {known}; tb.mjcf writes any other.")
+        raise InputError(
+            f"there are no MJCF files of {name!r}; there are of {known}; tb.mjcf writes any other."
+        )
     folder = Path(str(files(__package__ or ""))) / name
     return Description(str(folder), str(folder / model_file(model(name))), str(folder / SCENE_FILE))
 

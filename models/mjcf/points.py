@@ -1,10 +1,11 @@
 """Stops on points and joints that close loops, as MJCF: what holds a point of a body besides the joint of its tree.
 
-A stop on a point is a frictionless contact of a ball with a plane, or with a box on a body that moves. A slot that
-closes a loop is two of them, a ball between the two planes of a rail. A pin that closes a loop is a `connect` equality
-of two sites, and an angle that a loop's weld or slider holds is an equality of a tendon over hinges. Each hangs on a
-body of its own without mass or joint, welded where the point is: MuJoCo then scales the softness of the contact
-with the inertia that is felt there and not at the centre of mass, and a force sensor has a place to stand.
+A stop on a point is a frictionless contact of a ball with a plane, or with a box on a body that
+moves. A slot that closes a loop is two of them, a ball between the two planes of a rail. A pin that
+closes a loop is a `connect` equality of two sites, and an angle that a loop's weld or slider holds
+is an equality of a tendon over hinges. Each hangs on a body of its own without mass or joint,
+welded where the point is: MuJoCo then scales the softness of the contact with the inertia that is
+felt there and not at the centre of mass, and a force sensor has a place to stand.
 """
 
 from __future__ import annotations
@@ -73,7 +74,8 @@ class Points:
     """Elements for all held points of a mechanism.
 
     Raises:
-        UnsupportedProblemError: a stop is on a point of a body, or the ground, against the same one.
+        UnsupportedProblemError: a stop is on a point of a body, or the ground, against the same
+            one.
     """
 
     mechanism: Mechanism
@@ -107,7 +109,10 @@ class Points:
     @cached_property
     def walls(self) -> tuple[Wall, ...]:
         """One a stop, two a slot."""
-        return (*(_wall(stop) for stop in self.mechanism.point_stops), *(s for j in self.slots for s in _sides(j)))
+        return (
+            *(_wall(stop) for stop in self.mechanism.point_stops),
+            *(s for j in self.slots for s in _sides(j)),
+        )
 
     def add_defaults(self, default: ET.Element, solref: str, solimp: str, margin: float) -> None:
         """Softness of contacts and equalities; the margin [m] is that of a machine of a metre."""
@@ -152,7 +157,12 @@ class Points:
         """On a body, sites to which pins that close loops tie others."""
         for pin in self.pins:
             if pin.parent == body:
-                ET.SubElement(element, "site", name=f"{pin.name}/anchor", pos=from_origin(origin, pin.parent_point))
+                ET.SubElement(
+                    element,
+                    "site",
+                    name=f"{pin.name}/anchor",
+                    pos=from_origin(origin, pin.parent_point),
+                )
 
     def _add_balls(self, element: ET.Element, body: str, origin: Vector) -> None:
         for stop in self.mechanism.point_stops:
@@ -186,12 +196,16 @@ class Points:
                 ET.SubElement(equality, "connect", sites, name=pin.name)
             for joint in self.turned:
                 held = f"{numbers(self._turned_too_little(joint))} 0 0 0 0"
-                ET.SubElement(equality, "tendon", name=_angle(joint), tendon1=_angle(joint), polycoef=held)
+                ET.SubElement(
+                    equality, "tendon", name=_angle(joint), tendon1=_angle(joint), polycoef=held
+                )
 
     def add_tendons(self, tendon: ET.Element) -> None:
         """Angles that joints that close loops hold."""
         for joint in self.turned:
-            add_angle_tendon(tendon, self.mechanism, (joint.child, joint.parent), name=_angle(joint))
+            add_angle_tendon(
+                tendon, self.mechanism, (joint.child, joint.parent), name=_angle(joint)
+            )
 
     def _turned_too_little(self, joint: AnyJoint) -> float:
         """By how much the start misses the angle that a joint that closes a loop holds [rad]: rounding."""
@@ -201,12 +215,16 @@ class Points:
 
     def add_stop_sensor(self, sensor: ET.Element, stop: PointStop) -> None:
         """The force of a stop on a point: first of the three components in the contact's frame [N]."""
-        ET.SubElement(sensor, "contact", _wall(stop).geoms, name=torque_sensor(stop.name), data="force")
+        ET.SubElement(
+            sensor, "contact", _wall(stop).geoms, name=torque_sensor(stop.name), data="force"
+        )
 
     def add_force_sensors(self, sensor: ET.Element) -> None:
         """Forces of the joints that close loops."""
         for joint in self.mechanism.loop_joints:
-            ET.SubElement(sensor, "force", name=force_sensor(joint.name), site=f"{joint.name}/joint")
+            ET.SubElement(
+                sensor, "force", name=force_sensor(joint.name), site=f"{joint.name}/joint"
+            )
 
     @cached_property
     def _radius(self) -> float:
@@ -216,7 +234,14 @@ class Points:
         return ET.SubElement(element, "body", name=f"{name}/point", pos=from_origin(origin, point))
 
     def _add_ball(self, element: ET.Element, name: str) -> None:
-        ET.SubElement(element, "geom", name=f"{name}/ball", type="sphere", group="4", size=number(self._radius))
+        ET.SubElement(
+            element,
+            "geom",
+            name=f"{name}/ball",
+            type="sphere",
+            group="4",
+            size=number(self._radius),
+        )
 
 
 def _angle(joint: AnyJoint) -> str:
@@ -235,14 +260,16 @@ def _sides(slot: AnyJoint) -> Iterator[Wall]:
     for side, sense in zip(RAIL_SIDES, (-1, 1), strict=True):
         normal = (sense * left[0], sense * left[1])
         offset = normal[0] * slot.parent_point[0] + normal[1] * slot.parent_point[1]
-        yield Wall(rail_contact(slot.name, side), slot.name, slot.parent, normal, offset, visible=False)
+        yield Wall(
+            rail_contact(slot.name, side), slot.name, slot.parent, normal, offset, visible=False
+        )
 
 
 def felt_from(mechanism: Mechanism, timestep: float) -> float:
     """How near a wall is felt [m] where that shall not matter: it scales with what a step's curvature moves a point by.
 
-    Both walls of a slot are pressed in by it. As long as both push they are one two-sided constraint without play:
-    with a stiffness of 1/timestep^2, up to accelerations of some 1e4 of that named here. The forces that cancel cost
-    five digits of sixteen.
+    Both walls of a slot are pressed in by it. As long as both push they are one two-sided
+    constraint without play: with a stiffness of 1/timestep^2, up to accelerations of some 1e4 of
+    that named here. The forces that cancel cost five digits of sixteen.
     """
     return 10.0 * max(mechanism.gravity, reach_of(mechanism)) * timestep**2

@@ -1,6 +1,7 @@
 """What a model file keeps of a certified motion: its events as keyframes, and the path that the pictures are fitted to.
 
-A motion is data here, made by whoever has a solver; those of the named machines are stored beside their MJCF.
+A motion is data here, made by whoever has a solver; those of the named machines are stored beside
+their MJCF.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ class RecordedMotion(Spec):
 
     mechanism_hash: str
     keyframes: tuple[Keyframe, ...]
-    path: tuple[tuple[Real, ...], ...] = Field(description="q at evenly spaced times, rounded: for pictures only")
+    path: tuple[tuple[Real, ...], ...] = Field(
+        description="q at evenly spaced times, rounded: for pictures only"
+    )
 
 
 def stored_motion(mechanism: Mechanism) -> RecordedMotion | None:
@@ -47,7 +50,8 @@ def stored_motion(mechanism: Mechanism) -> RecordedMotion | None:
 def event_names(events: list[tuple[str, str]]) -> list[str]:
     """Names of keyframes for stops and what becomes of them ("release", "impact", "rest"), each once.
 
-    "hanger rest" and "release" give "hanger_release"; a second event of that name is "hanger_release_2".
+    "hanger rest" and "release" give "hanger_release"; a second event of that name is
+    "hanger_release_2".
     """
     taken, names = {HOME}, list[str]()
     for stop, what in events:

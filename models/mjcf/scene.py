@@ -37,7 +37,8 @@ def scene(mechanism: Mechanism, model: str, motion: RecordedMotion | None = None
     Args:
         mechanism: any.
         model: name of the file of its MJCF.
-        motion: that the ground, the frame and the camera are fitted to; without it they are far enough for any.
+        motion: that the ground, the frame and the camera are fitted to; without it they are far
+            enough for any.
     """
     return as_text(_Scene(mechanism, motion).root(model))
 
@@ -54,7 +55,9 @@ def corners(mechanism: Mechanism, motion: RecordedMotion | None) -> FloatArray:
 
 def line_of_sight() -> tuple[FloatArray, FloatArray, FloatArray]:
     """Unit vectors of the scene's camera, in MuJoCo's axes: where it looks, and the picture's right and up."""
-    sa, ca, se, ce = (f(math.radians(a)) for a in (AZIMUTH, ELEVATION) for f in (math.sin, math.cos))
+    sa, ca, se, ce = (
+        f(math.radians(a)) for a in (AZIMUTH, ELEVATION) for f in (math.sin, math.cos)
+    )
     view, right = np.array([sa * ce, ca * ce, -se]), np.array([ca, -sa, 0.0])
     return view, right, np.cross(right, view)
 
@@ -70,7 +73,9 @@ def viewpoint(points: FloatArray, aspect: float = _ASPECT) -> FloatArray:
     tangents = math.tan(math.radians(FIELD) / 2) * np.array([aspect, 1.0]) * _MARGIN
     depth = points @ view
     lows, highs = zip(*_limits(points, (right, up), depth, tangents), strict=True)
-    nearest = min((high - low) / (2 * t) for low, high, t in zip(lows, highs, tangents, strict=True))
+    nearest = min(
+        (high - low) / (2 * t) for low, high, t in zip(lows, highs, tangents, strict=True)
+    )
     middle = [(low + high) / 2 for low, high in zip(lows, highs, strict=True)]
     return nearest * view + middle[0] * right + middle[1] * up
 
@@ -104,9 +109,15 @@ class _Scene:
         """Least and greatest x, and y, of what moves and of what holds it [m]."""
         reach, around = self.look.reach, list[FloatArray]()
         for body in self.mechanism.bodies:
-            around += [self.places(body.name, point) for point in (body.centre, *points_of(self.mechanism, body.name))]
+            around += [
+                self.places(body.name, point)
+                for point in (body.centre, *points_of(self.mechanism, body.name))
+            ]
             if body.inertia > 0 and body.centre not in points_of(self.mechanism, body.name):
-                around += [self.places(body.name, body.centre) + d * self.look.disc(body) for d in (-1.0, 1.0)]
+                around += [
+                    self.places(body.name, body.centre) + d * self.look.disc(body)
+                    for d in (-1.0, 1.0)
+                ]
         around.append(np.array([[0.0, 0.0], *points_of(self.mechanism, GROUND)])[1:])
         around += [self.places(lump.body, lump.point) + d * self.look.half_size(lump)
                    for lump in self.look.lumps for d in (-1.3, 1.3)]  # fmt: skip
@@ -129,8 +140,16 @@ class _Scene:
         centre = numbers(round((x0 + x1) / 2, 3), 0, round((y0 + y1) / 2, 3))
         ET.SubElement(root, "statistic", center=centre, extent=number(extent))
         visual = ET.SubElement(root, "visual")
-        ET.SubElement(visual, "global", offwidth="1280", offheight="960", azimuth="76", elevation="-7")
-        ET.SubElement(visual, "headlight", ambient="0.35 0.35 0.35", diffuse="0.35 0.35 0.35", specular="0 0 0")
+        ET.SubElement(
+            visual, "global", offwidth="1280", offheight="960", azimuth="76", elevation="-7"
+        )
+        ET.SubElement(
+            visual,
+            "headlight",
+            ambient="0.35 0.35 0.35",
+            diffuse="0.35 0.35 0.35",
+            specular="0 0 0",
+        )
         ET.SubElement(visual, "quality", shadowsize="4096")
         _add_materials(ET.SubElement(root, "asset"), self.look.reach)
         self._add_world(ET.SubElement(root, "worldbody"))
@@ -170,7 +189,9 @@ class _Scene:
                 shapes.rod((x, y), (x + way, self.ground), thick, _FRAME, side)
             for part in (0.5, 0.95):
                 width, level = part * foot, y - part * height
-                shapes.rod((x - width, level), (x + width, level), round(0.7 * thick, 3), _FRAME, side)
+                shapes.rod(
+                    (x - width, level), (x + width, level), round(0.7 * thick, 3), _FRAME, side
+                )
         for way in (-0.95 * 0.3 * height, 0.95 * 0.3 * height):
             shapes.disc((x + way, self.ground + 0.05 * height), round(0.7 * thick, 3), lane, _FRAME)
 
@@ -178,14 +199,22 @@ class _Scene:
         """Two rails below the wheels of a slot, on posts; where it is steep, guides on both sides of them."""
         (axis,), lane, wheel = joint.free_directions[:1], self.look.lane(joint), self.look.wheel
         thick = round(0.008 * self.look.reach, 3)
-        along = (self.places(joint.child, joint.child_point) - joint.parent_point) @ (axis.real, axis.imag)
+        along = (self.places(joint.child, joint.child_point) - joint.parent_point) @ (
+            axis.real,
+            axis.imag,
+        )
         beyond = 3 * wheel if self.motion else self.look.reach
-        ends = [complex(*joint.parent_point) + axis * t for t in (along.min() - beyond, along.max() + beyond)]
+        ends = [
+            complex(*joint.parent_point) + axis * t
+            for t in (along.min() - beyond, along.max() + beyond)
+        ]
         steep = abs(axis.imag) > 0.5
         if steep:
             ends = sorted(ends, key=lambda end: end.imag)
             ends[0] = ends[1] + axis * (self.ground - ends[1].imag) / axis.imag
-        across = 1j * axis if (1j * axis).imag < 0 or (steep and (1j * axis).real < 0) else -1j * axis
+        across = (
+            1j * axis if (1j * axis).imag < 0 or (steep and (1j * axis).real < 0) else -1j * axis
+        )
         for side in (-lane, lane):
             for sense in (1, -1) if steep else (1,):
                 a, b = (end + sense * across * (wheel + thick) for end in ends)
@@ -196,7 +225,9 @@ class _Scene:
                 if not steep:
                     self._add_braces(shapes, a, b, side, thick)
 
-    def _add_braces(self, shapes: Shapes, a: complex, b: complex, side: float, thick: float) -> None:
+    def _add_braces(
+        self, shapes: Shapes, a: complex, b: complex, side: float, thick: float
+    ) -> None:
         """A cross and a beam between the posts below two ends of a rail."""
         middle = [complex(end.real, 0.5 * (end.imag + self.ground)) for end in (a, b)]
         for one, other in ((a, middle[1]), (b, middle[0]), tuple(middle)):
@@ -218,7 +249,13 @@ class _Scene:
         for t in (low, high) if stop.normal[1] > 0.9 else ():
             post = normal * (stop.offset - radius - thick) + tangent * t
             for side in (-sizes[1], sizes[1]):
-                shapes.rod((float(post[0]), float(post[1])), (float(post[0]), self.ground), sizes[2], _FRAME, side)
+                shapes.rod(
+                    (float(post[0]), float(post[1])),
+                    (float(post[0]), self.ground),
+                    sizes[2],
+                    _FRAME,
+                    side,
+                )
 
     def _camera(self) -> dict[str, str]:
         """Before the plane of motion, to the left of its middle and above."""
@@ -237,7 +274,10 @@ class _Scene:
 
 
 def _limits(
-    corners: FloatArray, axes: tuple[FloatArray, FloatArray], depth: FloatArray, tangents: FloatArray
+    corners: FloatArray,
+    axes: tuple[FloatArray, FloatArray],
+    depth: FloatArray,
+    tangents: FloatArray,
 ) -> Iterator[tuple[float, float]]:
     """Of each axis of the picture the bounds that corners put on the eye, were it at depth zero [m].
 
@@ -261,4 +301,11 @@ def _add_materials(asset: ET.Element, reach: float) -> None:
     ET.SubElement(asset, "texture", sky | size, type="skybox", builtin="gradient")
     ET.SubElement(asset, "texture", grass | size, name="floor", type="2d", builtin="checker")
     repeat = number(round(2.0 / reach, 4))
-    ET.SubElement(asset, "material", name="floor", texture="floor", texuniform="true", texrepeat=f"{repeat} {repeat}")
+    ET.SubElement(
+        asset,
+        "material",
+        name="floor",
+        texture="floor",
+        texuniform="true",
+        texrepeat=f"{repeat} {repeat}",
+    )

@@ -1,13 +1,14 @@
 """The throw in MJCF: the projectile is a body that an equality ties to the machine until it is switched off.
 
-Until then the machine shall move as the model without it. MuJoCo's equalities are soft: what hangs on one with its
-weight moves otherwise, and contacts of the sling, whose softness follows from its mass, lose and find their walls in
-other steps. So the machine keeps the projectile's mass, but for a millionth, and that is what hangs on the equality.
-:func:`released` gives the projectile its mass, and the machine what is left; its flight does not depend on it.
+Until then the machine shall move as the model without it. MuJoCo's equalities are soft: what hangs
+on one with its weight moves otherwise, and contacts of the sling, whose softness follows from its
+mass, lose and find their walls in other steps. So the machine keeps the projectile's mass, but for
+a millionth, and that is what hangs on the equality. :func:`released` gives the projectile its mass,
+and the machine what is left; its flight does not depend on it.
 
-The projectile's joints are slides in the frame of the body that carries it, on which they are at rest at zero in all
-stages of a step. Tied to a point of the world it would be off by what the stages of RK4 differ in the two sets of
-coordinates, some 1e-6 m at a step of 1 ms.
+The projectile's joints are slides in the frame of the body that carries it, on which they are at
+rest at zero in all stages of a step. Tied to a point of the world it would be off by what the
+stages of RK4 differ in the two sets of coordinates, some 1e-6 m at a step of 1 ms.
 """
 
 from __future__ import annotations
@@ -51,13 +52,18 @@ class Thrown:
         """The point at which it is held."""
         marker = self.mechanism.marker("projectile")
         if marker is None or self.mechanism.thrown_mass(marker) is None:
-            raise UnsupportedProblemError(f"{self.mechanism.name!r} has no marker 'projectile' with a mass to throw.")
+            raise UnsupportedProblemError(
+                f"{self.mechanism.name!r} has no marker 'projectile' with a mass to throw."
+            )
         return marker
 
     @cached_property
     def mass(self) -> float:
         """Of the body that flies [kg]."""
-        mass, whole = self.mechanism.thrown_mass(self.marker) or 0.0, self.mechanism.body(self.marker.body).mass
+        mass, whole = (
+            self.mechanism.thrown_mass(self.marker) or 0.0,
+            self.mechanism.body(self.marker.body).mass,
+        )
         return mass if mass < (1 - _KEPT) * whole else (1 - _KEPT) * mass
 
     @cached_property
@@ -83,7 +89,9 @@ class Thrown:
         if body != self.marker.body:
             return
         origin = self.mechanism.joint_of(body).child_point
-        ball = ET.SubElement(element, "body", name=PROJECTILE, pos=from_origin(origin, self.marker.point))
+        ball = ET.SubElement(
+            element, "body", name=PROJECTILE, pos=from_origin(origin, self.marker.point)
+        )
         self.tied.add_to(ball, (0.0, 0.0))
         for axis, way in (("x", "1 0 0"), ("z", "0 0 1")):
             ET.SubElement(ball, "joint", name=f"{PROJECTILE}_{axis}", type="slide", axis=way)
@@ -92,14 +100,24 @@ class Thrown:
 
     def add_ground(self, world: ET.Element, level: float) -> None:
         """The ground that it lands on, at a height [m]."""
-        ET.SubElement(world, "geom", group="4", name=LANDING, type="plane", pos=numbers(0, 0, level), size="0 0 1")
+        ET.SubElement(
+            world,
+            "geom",
+            group="4",
+            name=LANDING,
+            type="plane",
+            pos=numbers(0, 0, level),
+            size="0 0 1",
+        )
 
     def add_constraints(self, root: ET.Element) -> None:
         """The equality, the contact with the ground, and the mass that is handed over."""
         contact = root.find("contact")
         contact = ET.SubElement(root, "contact") if contact is None else contact
         soft = numbers(2 * self.timestep, 1)
-        ET.SubElement(contact, "pair", name=LANDING, geom1=LANDING, geom2=PROJECTILE, solref=soft, condim="3")
+        ET.SubElement(
+            contact, "pair", name=LANDING, geom1=LANDING, geom2=PROJECTILE, solref=soft, condim="3"
+        )
         equality = root.find("equality")
         equality = ET.SubElement(root, "equality") if equality is None else equality
         ET.SubElement(
@@ -124,7 +142,9 @@ def released(model: Any, data: Any) -> Any:
     data.eq_active[model.equality(HOLD).id] = 0
     ball, handed = model.body(PROJECTILE).id, float(model.numeric(HANDED_OVER).data[0])
     carrier, after = int(model.body_parentid[ball]), copy.copy(model)
-    at, centre = (complex(vector[0], vector[2]) for vector in (model.body_pos[ball], model.body_ipos[carrier]))
+    at, centre = (
+        complex(vector[0], vector[2]) for vector in (model.body_pos[ball], model.body_ipos[carrier])
+    )
     whole = Inertia(float(model.body_mass[carrier]), centre, float(model.body_inertia[carrier, 1]))
     left = whole.with_mass_at(at, -handed)
     after.body_mass[[carrier, ball]] = left.mass, model.body_mass[ball] + handed
@@ -156,7 +176,9 @@ def throw(model: Any, data: Any, release_time: float | None = None, longest: flo
         mujoco.mj_step(model, data)
     after, pair = released(model, data), model.pair(LANDING)
     wanted = {int(pair.geom1[0]), int(pair.geom2[0])}
-    while not data.ncon or not any(set(contact.geom.tolist()) == wanted for contact in data.contact):
+    while not data.ncon or not any(
+        set(contact.geom.tolist()) == wanted for contact in data.contact
+    ):
         if data.time > longest:
             raise InputError(f"the projectile has not landed by {longest:g} s.")
         mujoco.mj_step(after, data)

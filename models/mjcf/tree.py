@@ -1,7 +1,7 @@
 """The tree of a mechanism in MJCF: names of its hinges and slides, and tendons that measure angles by hinges.
 
-A body turns and slides relative to its parent by as many MuJoCo joints as its joint leaves free: slides first, for the
-directions of their axes turn with the parent and not with the child.
+A body turns and slides relative to its parent by as many MuJoCo joints as its joint leaves free:
+slides first, for the directions of their axes turn with the parent and not with the child.
 """
 
 from __future__ import annotations
@@ -39,9 +39,13 @@ def joint_values(mechanism: Mechanism, rates: Sequence[float]) -> list[float]:
 
     Args:
         mechanism: any.
-        rates: of the coordinates, in their order; changes of them since the start give those of the joints.
+        rates: of the coordinates, in their order; changes of them since the start give those of the
+            joints.
     """
-    turning = {name: 0.0 if index is None else rates[index] for name, (index, _) in mechanism.attitudes.items()}
+    turning = {
+        name: 0.0 if index is None else rates[index]
+        for name, (index, _) in mechanism.attitudes.items()
+    }
     sliding = dict(zip(mechanism.coordinates, rates, strict=True))
     values: list[float] = []
     for body in outwards(mechanism):
@@ -67,11 +71,17 @@ def start_angles(mechanism: Mechanism) -> dict[str, float]:
 def hinge_weights(mechanism: Mechanism, body: str, other: str) -> dict[str, int]:
     """Weights of the hinges whose sum is by how much a body's angle less that of another one has changed."""
     up, down = hinge_chain(mechanism, body), hinge_chain(mechanism, other)
-    return {name: 1 for name in up if name not in down} | {name: -1 for name in down if name not in up}
+    return {name: 1 for name in up if name not in down} | {
+        name: -1 for name in down if name not in up
+    }
 
 
 def add_angle_tendon(
-    tendon: ET.Element, mechanism: Mechanism, bodies: tuple[str, ...], sense: int = 1, **attributes: str
+    tendon: ET.Element,
+    mechanism: Mechanism,
+    bodies: tuple[str, ...],
+    sense: int = 1,
+    **attributes: str,
 ) -> None:
     """Add a tendon whose length is the first body's angle less that of the second [rad], less the one at the start.
 

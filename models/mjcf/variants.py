@@ -1,9 +1,10 @@
 """Variants of a mechanism's MJCF for what else reads it: without sensors, and without bodies of no inertia.
 
-Finite inertia costs nothing where a body hangs on a pin. Mass that is moved from the parent's end of the pin to the
-child's leaves the equations of motion as they are, and with its mass and centre the child's inertia changes: its mass
-m, first moment S and second moment J about the pin give the inertia J - S^2 / m, which grows with m (these are the
-regrouped inertial parameters of robot identification; Gautier and Khalil, IEEE Trans. Robot. Autom. 6 (1990) 368).
+Finite inertia costs nothing where a body hangs on a pin. Mass that is moved from the parent's end
+of the pin to the child's leaves the equations of motion as they are, and with its mass and centre
+the child's inertia changes: its mass m, first moment S and second moment J about the pin give the
+inertia J - S^2 / m, which grows with m (these are the regrouped inertial parameters of robot
+identification; Gautier and Khalil, IEEE Trans. Robot. Autom. 6 (1990) 368).
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from .text import from_origin, number, numbers
 POINT_INERTIA = 2e-15
 """Moment of inertia that stands for none [kg m^2]: twice the least that MuJoCo takes (mjMINVAL).
 
-It counts relative to m r^2: 1e-6 costs 1.6e-8 m on Table I, 1e-12 shows in the model of a machine of a few grams.
+It counts relative to m r^2: 1e-6 costs 1.6e-8 m on Table I, 1e-12 shows in the model of a machine
+of a few grams.
 """
 
 _SHARE = 1e-3  # least moment of inertia, in parts of the second moment about the body's pin
@@ -66,7 +68,10 @@ class Inertia:
 
 def inertias(mechanism: Mechanism, variant: Variant) -> dict[str, Inertia]:
     """Mass, centre and inertia of each body by name, as they are written."""
-    found = {body.name: Inertia(body.mass, complex(*body.centre), body.inertia) for body in mechanism.bodies}
+    found = {
+        body.name: Inertia(body.mass, complex(*body.centre), body.inertia)
+        for body in mechanism.bodies
+    }
     if variant.finite_inertia:
         for body in reversed(mechanism.bodies):
             _enlarge(mechanism, found, mechanism.joint_of(body.name))
@@ -76,8 +81,8 @@ def inertias(mechanism: Mechanism, variant: Variant) -> dict[str, Inertia]:
 def _enlarge(mechanism: Mechanism, found: dict[str, Inertia], joint: AnyJoint) -> None:
     """Move as much mass from the parent to the child of a pin as gives the child its least inertia.
 
-    Not if the parent then had a negative inertia that it could not get from the ground: the third point mass of a chain
-    stays one.
+    Not if the parent then had a negative inertia that it could not get from the ground: the third
+    point mass of a chain stays one.
     """
     child, at = found[joint.child], complex(*joint.child_point)
     needed = _SHARE * child.second_moment(at)

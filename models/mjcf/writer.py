@@ -1,12 +1,13 @@
 """A mechanism as MuJoCo's model format, MJCF; written here, without MuJoCo.
 
-The plane of the mechanism is MuJoCo's x-z plane (our y is its z), and a hinge about `0 1 0` turns x towards -z:
-it is positive clockwise, as our angles are. MuJoCo's hinges are relative to the parent body, and every joint
-reads zero at the start. That zero matters: a closed stop then stands exactly at its limit, and how far it is
-pressed in (1e-10 rad) keeps all its digits, which it would lose beside an angle of order one.
+The plane of the mechanism is MuJoCo's x-z plane (our y is its z), and a hinge about `0 1 0` turns x
+towards -z: it is positive clockwise, as our angles are. MuJoCo's hinges are relative to the parent
+body, and every joint reads zero at the start. That zero matters: a closed stop then stands exactly
+at its limit, and how far it is pressed in (1e-10 rad) keeps all its digits, which it would lose
+beside an angle of order one.
 
-MuJoCo's own writer rounds to six digits, which moves the projectile by 3e-5 m; here each float is written as
-the shortest decimal that reads back to the same bits.
+MuJoCo's own writer rounds to six digits, which moves the projectile by 3e-5 m; here each float is
+written as the shortest decimal that reads back to the same bits.
 """
 
 from __future__ import annotations
@@ -74,12 +75,15 @@ def mjcf(
 
     Raises:
         InputError: the time step is not positive and finite, or the motion is another mechanism's.
-        UnsupportedProblemError: a stop holds a body against itself, or a point of the ground against the ground.
+        UnsupportedProblemError: a stop holds a body against itself, or a point of the ground
+            against the ground.
     """
     if not (math.isfinite(timestep) and timestep > 0):
         raise InputError(f"timestep = {timestep!r} s must be positive and finite.")
     if motion is not None and motion.mechanism_hash != mechanism.content_hash:
-        raise InputError(f"motion is not one of {mechanism.name!r}: it was recorded of another mechanism.")
+        raise InputError(
+            f"motion is not one of {mechanism.name!r}: it was recorded of another mechanism."
+        )
     root = _Writer(mechanism, timestep, motion, variant).root()
     rename(root)
     return as_text(root)
@@ -93,8 +97,9 @@ def _names(mechanism: Mechanism) -> Mapping[str, str]:
 def mjcf_names(mechanism: Mechanism) -> Mapping[str, str]:
     """Names of bodies, joints, sites, sensors and the like in a mechanism's MJCF, read-only.
 
-    A file has only letters, digits, `_`, `-` and `.` in its names. The keys are names with blanks and slashes, made of
-    the mechanism's own ("sling pin", "sling pin/force"); files written by earlier versions have those.
+    A file has only letters, digits, `_`, `-` and `.` in its names. The keys are names with blanks
+    and slashes, made of the mechanism's own ("sling pin", "sling pin/force"); files written by
+    earlier versions have those.
 
     Args:
         mechanism: any.
@@ -137,7 +142,10 @@ def write_model_folder(
         UnsupportedProblemError: as :func:`mjcf`.
     """
     model = model_file(mechanism)
-    texts = {model: mjcf(mechanism, timestep, motion, variant), SCENE_FILE: scene(mechanism, model, motion)}
+    texts = {
+        model: mjcf(mechanism, timestep, motion, variant),
+        SCENE_FILE: scene(mechanism, model, motion),
+    }
     for name, text in texts.items():
         write_text(Path(folder) / name, text)
     return Path(folder) / model, Path(folder) / SCENE_FILE
@@ -146,7 +154,9 @@ def write_model_folder(
 class _Writer:
     """One model's elements."""
 
-    def __init__(self, mechanism: Mechanism, timestep: float, motion: RecordedMotion | None, variant: Variant) -> None:
+    def __init__(
+        self, mechanism: Mechanism, timestep: float, motion: RecordedMotion | None, variant: Variant
+    ) -> None:
         self.mechanism, self.motion, self.variant = mechanism, motion, variant
         self.thrown = Thrown(mechanism, timestep) if variant.throw else None
         self.inertias = inertias(mechanism, variant)
@@ -160,14 +170,22 @@ class _Writer:
         thrown = (self.thrown.marker.body, self.thrown.marker.point) if self.thrown else None
         self.appearance = Appearance(mechanism, thrown)
         self.points, self.forces = Points(mechanism), Forces(mechanism)
-        self.on_tendon = tuple(stop for stop in mechanism.angle_stops if not self._fits_its_joint(stop))
+        self.on_tendon = tuple(
+            stop for stop in mechanism.angle_stops if not self._fits_its_joint(stop)
+        )
 
     def root(self) -> ET.Element:
         """The `mujoco` element."""
         root = ET.Element("mujoco", model=self.mechanism.name)
-        root.append(ET.Comment(" Written by trebucheck.models.mjcf.writer; see README.md for signs and stops. "))
+        root.append(
+            ET.Comment(
+                " Written by trebucheck.models.mjcf.writer; see README.md for signs and stops. "
+            )
+        )
         ET.SubElement(root, "compiler", angle="radian", autolimits="false")
-        option = ET.SubElement(root, "option", timestep=number(self.timestep), integrator="RK4", tolerance="1e-30")
+        option = ET.SubElement(
+            root, "option", timestep=number(self.timestep), integrator="RK4", tolerance="1e-30"
+        )
         option.set("gravity", spatial(self.mechanism.gravity_vector))
         if not self.points.walls and not self.thrown:
             ET.SubElement(option, "flag", contact="disable")
@@ -189,14 +207,21 @@ class _Writer:
         speeds = joint_values(self.mechanism, self.speeds)
         if self.thrown:
             speeds = self.thrown.with_its_own(speeds)
-        ET.SubElement(keyframe, "key", name=HOME, qpos=numbers(*[0.0] * len(speeds)), qvel=numbers(*speeds))
+        ET.SubElement(
+            keyframe, "key", name=HOME, qpos=numbers(*[0.0] * len(speeds)), qvel=numbers(*speeds)
+        )
         for key in self.motion.keyframes if self.motion else ():
             moved = [q - start for q, start in zip(key.q, self.start, strict=True)]
             places, speeds = (joint_values(self.mechanism, values) for values in (moved, key.u))
             if self.thrown:
                 places, speeds = self.thrown.with_its_own(places), self.thrown.with_its_own(speeds)
             ET.SubElement(
-                keyframe, "key", name=key.name, time=number(key.time), qpos=numbers(*places), qvel=numbers(*speeds)
+                keyframe,
+                "key",
+                name=key.name,
+                time=number(key.time),
+                qpos=numbers(*places),
+                qvel=numbers(*speeds),
             )
 
     def _gap(self, stop: Stop) -> float:
@@ -226,8 +251,8 @@ class _Writer:
         return True
 
     def _add_defaults(self, default: ET.Element) -> None:
-        # A time constant of two steps and the greatest impedance MuJoCo takes: errors of the stops' softness
-        # then fall with the square of the step.
+        # A time constant of two steps and the greatest impedance MuJoCo takes: errors of the stops'
+        # softness then fall with the square of the step.
         solref, solimp = numbers(2 * self.timestep, 1), "0.9999 0.9999 0.001 0.5 2"
         stiff = {"solreflimit": solref, "solimplimit": solimp}
         ET.SubElement(default, "joint", stiff, margin=number(MARGIN))
@@ -247,7 +272,9 @@ class _Writer:
     def _add_body(self, parent: ET.Element, body: Body) -> None:
         joint = self.mechanism.joint_of(body.name)
         turn = self._turn(joint)
-        element = ET.SubElement(parent, "body", name=body.name, pos=self._origin(joint), euler=numbers(0, turn, 0))
+        element = ET.SubElement(
+            parent, "body", name=body.name, pos=self._origin(joint), euler=numbers(0, turn, 0)
+        )
         self.inertias[body.name].add_to(element, joint.child_point)
         self._add_joints(element, joint)
         self.appearance.add(element, body, joint.child_point)
@@ -261,7 +288,11 @@ class _Writer:
 
     def _turn(self, joint: AnyJoint) -> float:
         """Angle of a joint's child less that of its parent at the start [rad]."""
-        return self.angle[joint.child] - self.angle[joint.parent] if joint.turned_by is None else joint.turned_by
+        return (
+            self.angle[joint.child] - self.angle[joint.parent]
+            if joint.turned_by is None
+            else joint.turned_by
+        )
 
     def _origin(self, joint: AnyJoint) -> str:
         """Origin of a body's frame in its parent's frame at the start; MuJoCo's frames have their joint as origin."""
@@ -287,16 +318,22 @@ class _Writer:
     def _add_sites(self, element: ET.Element, body: str, origin: Vector) -> None:
         for marker in self.mechanism.markers:
             if marker.body == body:
-                ET.SubElement(element, "site", name=marker.name, pos=from_origin(origin, marker.point))
+                ET.SubElement(
+                    element, "site", name=marker.name, pos=from_origin(origin, marker.point)
+                )
         self.forces.add_sites(element, body, origin)
 
     def _add_tendons(self, tendon: ET.Element) -> None:
         """Stops that no joint's range can be: a limit on the sum of the hinges between the two bodies."""
         for stop in self.on_tendon:
             if not hinge_weights(self.mechanism, *stop.bodies):
-                raise UnsupportedProblemError(f"stop {stop.name!r} holds {stop.body!r} against itself.")
+                raise UnsupportedProblemError(
+                    f"stop {stop.name!r} holds {stop.body!r} against itself."
+                )
             limits = numbers(*self._range(stop))
-            add_angle_tendon(tendon, self.mechanism, stop.bodies, name=stop.name, limited="true", range=limits)
+            add_angle_tendon(
+                tendon, self.mechanism, stop.bodies, name=stop.name, limited="true", range=limits
+            )
         self.points.add_tendons(tendon)
         self.forces.add_tendons(tendon)
 
@@ -305,13 +342,17 @@ class _Writer:
             if isinstance(stop, PointStop):
                 self.points.add_stop_sensor(sensor, stop)
             elif stop in self.on_tendon:
-                ET.SubElement(sensor, "tendonlimitfrc", name=torque_sensor(stop.name), tendon=stop.name)
+                ET.SubElement(
+                    sensor, "tendonlimitfrc", name=torque_sensor(stop.name), tendon=stop.name
+                )
             else:
                 joint = self.mechanism.joint_of(stop.body).name
                 ET.SubElement(sensor, "jointlimitfrc", name=torque_sensor(stop.name), joint=joint)
         for joint in self.mechanism.tree_joints:
             if joint.held_directions:
-                ET.SubElement(sensor, "force", name=force_sensor(joint.name), site=f"{joint.name}/joint")
+                ET.SubElement(
+                    sensor, "force", name=force_sensor(joint.name), site=f"{joint.name}/joint"
+                )
         self.points.add_force_sensors(sensor)
         for marker in self.mechanism.markers:
             of = {"objtype": "site", "objname": marker.name}

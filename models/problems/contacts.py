@@ -24,12 +24,15 @@ class BouncingParameters(Spec):
     """A body that falls on a level floor from rest.
 
     Raises:
-        InputError: a mass, height or gravity is not positive and finite, or the restitution is not from 0 to 1.
+        InputError: a mass, height or gravity is not positive and finite, or the restitution is not
+            from 0 to 1.
     """
 
     mass: Positive = Field(default=2.0, description="[kg]")
     height: Positive = Field(default=1.0, description="of the fall [m]")
-    restitution: Real = Field(default=0.5, ge=0, le=1, description="speed after an impact over the one before")
+    restitution: Real = Field(
+        default=0.5, ge=0, le=1, description="speed after an impact over the one before"
+    )
     g: Positive = Field(default=9.81, description="gravity [m/s^2]")
 
     @property
@@ -48,14 +51,19 @@ class StoppedPendulumParameters(Spec):
     """Two equal uniform rods, the upper between two stops on either side of the vertical, let go from rest.
 
     Raises:
-        InputError: a length, mass or gravity is not positive and finite, or an angle or the restitution out of range.
+        InputError: a length, mass or gravity is not positive and finite, or an angle or the
+            restitution out of range.
     """
 
     length: Positive = Field(default=1.0, description="of each rod [m]")
     mass: Positive = Field(default=1.0, description="of each rod [kg]")
     g: Positive = Field(default=9.81, description="gravity [m/s^2]")
-    opening: Real = Field(default=0.5, gt=0, lt=1.5, description="of each stop from the vertical [rad]")
-    swing: Real = Field(default=1.2, gt=0, lt=3, description="start angle of the lower rod from the vertical [rad]")
+    opening: Real = Field(
+        default=0.5, gt=0, lt=1.5, description="of each stop from the vertical [rad]"
+    )
+    swing: Real = Field(
+        default=1.2, gt=0, lt=3, description="start angle of the lower rod from the vertical [rad]"
+    )
     restitution: Real = Field(default=0.7, gt=0, le=1, description="of both stops")
 
 
@@ -63,14 +71,16 @@ class FallingRodParameters(Spec):
     """A uniform rod that falls, slanting and without spin, on a smooth level floor.
 
     Raises:
-        InputError: a length, mass, height or gravity is not positive and finite, or the slope or the restitution is out
-            of range.
+        InputError: a length, mass, height or gravity is not positive and finite, or the slope or
+            the restitution is out of range.
     """
 
     length: Positive = Field(default=1.0, description="of the rod [m]")
     mass: Positive = Field(default=2.0, description="[kg]")
     height: Positive = Field(default=0.5, description="of the lower end above the floor [m]")
-    slope: Real = Field(default=0.6, gt=0, lt=1.5, description="of the rod, downwards to the right [rad]")
+    slope: Real = Field(
+        default=0.6, gt=0, lt=1.5, description="of the rod, downwards to the right [rad]"
+    )
     restitution: Real = Field(default=0.5, ge=0, le=1, description="of both ends")
     g: Positive = Field(default=9.81, description="gravity [m/s^2]")
 
@@ -86,9 +96,17 @@ class FallingRodParameters(Spec):
 
 
 def _bouncing(p: BouncingParameters) -> Mechanism:
-    ball = Body(name="ball", angle="turn", mass=p.mass, centre=(0, 0), inertia=p.mass * (p.height / 10) ** 2)
+    ball = Body(
+        name="ball", angle="turn", mass=p.mass, centre=(0, 0), inertia=p.mass * (p.height / 10) ** 2
+    )
     floor = PointStop(
-        name="floor", body="ball", point=(0, 0), normal=(0, 1), offset=0, closed=False, restitution=p.restitution
+        name="floor",
+        body="ball",
+        point=(0, 0),
+        normal=(0, 1),
+        offset=0,
+        closed=False,
+        restitution=p.restitution,
     )
     return Mechanism(
         name="bouncing",
@@ -118,22 +136,48 @@ def _bouncing_figures(p: BouncingParameters) -> tuple[Figure, ...]:
             Figure("tenth impact", tenth, "s", 1e-11 * tenth, lambda motion: motion.impacts[9][0]),
             Figure("largest change of the energy", 0.0, "J", 1e-11 * energy, energy_error(end)),
         )
-    rest = Figure("rest", p.rest_time, "s", 1e-10 * max(1.0, p.rest_time), lambda motion: motion.rest_times["floor"][0])
+    rest = Figure(
+        "rest",
+        p.rest_time,
+        "s",
+        1e-10 * max(1.0, p.rest_time),
+        lambda motion: motion.rest_times["floor"][0],
+    )
     return (*common, rest)
 
 
 def _first_impact(stop: str, time: float, impulse: float) -> tuple[Figure, ...]:
     return (
         Figure("first impact", time, "s", 1e-12 * time, lambda motion: motion.impacts[0][0]),
-        Figure("impulse of it", impulse, "N s", 1e-11 * impulse, lambda motion: motion.impacts[0][1][stop]),
+        Figure(
+            "impulse of it",
+            impulse,
+            "N s",
+            1e-11 * impulse,
+            lambda motion: motion.impacts[0][1][stop],
+        ),
     )
 
 
 def _stopped_pendulum(p: StoppedPendulumParameters) -> Mechanism:
     down = math.pi / 2
     # Clockwise from the vertical is to the left.
-    left = Stop(name="left", body="rod 1", sense=-1, limit=-(down + p.opening), closed=False, restitution=p.restitution)
-    right = Stop(name="right", body="rod 1", sense=1, limit=down - p.opening, closed=False, restitution=p.restitution)
+    left = Stop(
+        name="left",
+        body="rod 1",
+        sense=-1,
+        limit=-(down + p.opening),
+        closed=False,
+        restitution=p.restitution,
+    )
+    right = Stop(
+        name="right",
+        body="rod 1",
+        sense=1,
+        limit=down - p.opening,
+        closed=False,
+        restitution=p.restitution,
+    )
     return pin_links(
         "stopped-pendulum",
         rods(2, p.length, p.mass),
@@ -174,7 +218,15 @@ def _falling_rod(p: FallingRodParameters) -> Mechanism:
     half = p.length / 2
     rod = Body(name="rod", angle="a", mass=p.mass, centre=(0, 0), inertia=p.mass * p.length**2 / 12)
     ends = tuple(
-        PointStop(name=name, body="rod", point=(x, 0), normal=(0, 1), offset=0, closed=False, restitution=p.restitution)
+        PointStop(
+            name=name,
+            body="rod",
+            point=(x, 0),
+            normal=(0, 1),
+            offset=0,
+            closed=False,
+            restitution=p.restitution,
+        )
         for name, x in (("right", half), ("left", -half))
     )
     return Mechanism(
@@ -182,7 +234,10 @@ def _falling_rod(p: FallingRodParameters) -> Mechanism:
         bodies=(rod,),
         joints=(FreeJoint(name="flight", child="rod", coordinates=("x", "y")),),
         stops=ends,
-        markers=(Marker(name="right", body="rod", point=(half, 0)), Marker(name="left", body="rod", point=(-half, 0))),
+        markers=(
+            Marker(name="right", body="rod", point=(half, 0)),
+            Marker(name="left", body="rod", point=(-half, 0)),
+        ),
         gravity=p.g,
         start=(p.slope, 0.0, p.height + half * math.sin(p.slope)),
     )
@@ -194,7 +249,13 @@ def _falling_rod_figures(p: FallingRodParameters) -> tuple[Figure, ...]:
     spin = -momentum * p.length / 2 * math.cos(p.slope) / (p.mass * p.length**2 / 12)
     return (
         *_first_impact("right", fall, momentum),
-        Figure("spin after it", spin, "rad/s", 1e-11 * abs(spin), lambda m: at(speed("a"), m.impacts[0][0])(m)),
+        Figure(
+            "spin after it",
+            spin,
+            "rad/s",
+            1e-11 * abs(spin),
+            lambda m: at(speed("a"), m.impacts[0][0])(m),
+        ),
     )
 
 

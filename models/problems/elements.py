@@ -21,14 +21,19 @@ class WeldedRodsParameters(Spec):
     """A pendulum of two equal uniform rods that are welded together at an angle, let go from rest.
 
     Raises:
-        InputError: a length, mass or gravity is not positive and finite, or an angle is not in range.
+        InputError: a length, mass or gravity is not positive and finite, or an angle is not in
+            range.
     """
 
     length: Positive = Field(default=0.8, description="of each rod [m]")
     mass: Positive = Field(default=1.5, description="of each rod [kg]")
-    bend: Real = Field(default=1.2, gt=-3, lt=3, description="angle of the second rod from the first [rad]")
+    bend: Real = Field(
+        default=1.2, gt=-3, lt=3, description="angle of the second rod from the first [rad]"
+    )
     g: Positive = Field(default=9.81, description="gravity [m/s^2]")
-    amplitude: Real = Field(default=2.0, gt=0, lt=math.pi, description="start, from the lowest position [rad]")
+    amplitude: Real = Field(
+        default=2.0, gt=0, lt=math.pi, description="start, from the lowest position [rad]"
+    )
 
     @property
     def centre(self) -> complex:
@@ -57,7 +62,9 @@ class InclineParameters(Spec):
     """
 
     mass: Positive = Field(default=4.0, description="[kg]")
-    slope: Real = Field(default=0.3, ge=-1.5, le=1.5, description="of gravity, from the rail's normal [rad]")
+    slope: Real = Field(
+        default=0.3, ge=-1.5, le=1.5, description="of gravity, from the rail's normal [rad]"
+    )
     g: Positive = Field(default=9.81, description="gravity [m/s^2]")
     speed: Real = Field(default=-2.0, description="at the start [m/s]")
 
@@ -66,7 +73,8 @@ class BeadParameters(Spec):
     """A bead that slides without friction on a rotating arm, without gravity.
 
     Raises:
-        InputError: a mass, inertia, distance or speed is not positive and finite, or the end is not beyond the start.
+        InputError: a mass, inertia, distance or speed is not positive and finite, or the end is not
+            beyond the start.
     """
 
     mass: Positive = Field(default=0.5, description="of the bead [kg]")
@@ -84,7 +92,9 @@ class BeadParameters(Spec):
     @property
     def passage(self) -> float:
         """When the bead passes the end [s]."""
-        return time_between(self.start, self.end, self.speed, lambda r: self.mass, self.effective_potential)
+        return time_between(
+            self.start, self.end, self.speed, lambda r: self.mass, self.effective_potential
+        )
 
     def effective_potential(self, r: float) -> float:
         """Energy of the turning at a distance [m] of the bead [J]."""
@@ -99,7 +109,9 @@ class QuickReturnParameters(Spec):
     """
 
     crank: Positive = Field(default=0.2, description="from its pivot to its pin [m]")
-    distance: Positive = Field(default=0.5, description="of the arm's pivot below the crank's, more than the crank [m]")
+    distance: Positive = Field(
+        default=0.5, description="of the arm's pivot below the crank's, more than the crank [m]"
+    )
     arm: Positive = Field(default=0.9, description="length of the arm [m]")
     m_crank: Positive = Field(default=1.0, description="of the crank, a uniform rod [kg]")
     m_arm: Positive = Field(default=2.0, description="of the arm, a uniform rod [kg]")
@@ -119,7 +131,10 @@ class QuickReturnParameters(Spec):
 
     def inertia(self, a: float) -> float:
         """Reduced to the crank's angle [kg m^2]."""
-        return self.m_crank * self.crank**2 / 3 + self.m_arm * self.arm**2 / 3 * self.arm_angle(a)[1] ** 2
+        return (
+            self.m_crank * self.crank**2 / 3
+            + self.m_arm * self.arm**2 / 3 * self.arm_angle(a)[1] ** 2
+        )
 
     def potential(self, a: float) -> float:
         """Energy of crank and arm [J]."""
@@ -129,7 +144,12 @@ class QuickReturnParameters(Spec):
 
 def _welded_rods(p: WeldedRodsParameters) -> Mechanism:
     weld = WeldJoint(
-        name="weld", parent="upper", child="lower", parent_point=(p.length, 0), child_point=(0, 0), angle=p.bend
+        name="weld",
+        parent="upper",
+        child="lower",
+        parent_point=(p.length, 0),
+        child_point=(0, 0),
+        angle=p.bend,
     )
     return Mechanism(
         name="welded-rods",
@@ -193,8 +213,16 @@ def _bead_figures(p: BeadParameters) -> tuple[Figure, ...]:
     end, r, exact = _bead_duration(p), coordinate("r"), p.passage
     turning = p.momentum / (p.inertia + p.mass * p.end**2)
     return (
-        Figure("passage of the end", exact, "s", 1e-11 * exact, passage(r, p.end, end), "quadrature"),
-        Figure("arm's speed then", turning, "rad/s", 1e-11 * max(1.0, abs(turning)), at(speed("a"), exact)),
+        Figure(
+            "passage of the end", exact, "s", 1e-11 * exact, passage(r, p.end, end), "quadrature"
+        ),
+        Figure(
+            "arm's speed then",
+            turning,
+            "rad/s",
+            1e-11 * max(1.0, abs(turning)),
+            at(speed("a"), exact),
+        ),
     )
 
 
@@ -205,12 +233,21 @@ def _bead_duration(p: BeadParameters) -> float:
 def _quick_return(p: QuickReturnParameters) -> Mechanism:
     angle, slope = p.arm_angle(0.0)
     slot = SlotJoint(
-        name="slot", parent="arm", child="crank", parent_point=(0, 0), child_point=(p.crank, 0), axis=(1, 0)
+        name="slot",
+        parent="arm",
+        child="crank",
+        parent_point=(0, 0),
+        child_point=(p.crank, 0),
+        axis=(1, 0),
     )
     return Mechanism(
         name="quick-return",
         bodies=(rod("crank", "a", p.crank, p.m_crank), rod("arm", "b", p.arm, p.m_arm)),
-        joints=(pin("crank pivot", GROUND, "crank"), pin("arm pivot", GROUND, "arm", (0, -p.distance)), slot),
+        joints=(
+            pin("crank pivot", GROUND, "crank"),
+            pin("arm pivot", GROUND, "arm", (0, -p.distance)),
+            slot,
+        ),
         markers=(Marker(name="tip", body="arm", point=(p.arm, 0)),),
         gravity=p.g,
         start=(0.0, angle),
@@ -225,7 +262,9 @@ def _quick_return_figures(p: QuickReturnParameters) -> tuple[Figure, ...]:
     return (
         Figure("time of a turn", turn, "s", 1e-11, passage(a, 2 * math.pi, end), "quadrature"),
         Figure("time of the first half", half, "s", 1e-11, passage(a, math.pi, end), "quadrature"),
-        Figure("largest change of the energy", 0.0, "J", 1e-11 * max(1.0, scale), energy_error(end)),
+        Figure(
+            "largest change of the energy", 0.0, "J", 1e-11 * max(1.0, scale), energy_error(end)
+        ),
     )
 
 

@@ -21,7 +21,8 @@ class ThrownPlateParameters(Spec):
     """A free body thrown with spin under gravity and a constant force at its centre of mass.
 
     Raises:
-        InputError: a mass, inertia or gravity is not positive and finite, or another value is not finite.
+        InputError: a mass, inertia or gravity is not positive and finite, or another value is not
+            finite.
     """
 
     mass: Positive = Field(default=3.0, description="[kg]")
@@ -29,8 +30,12 @@ class ThrownPlateParameters(Spec):
     g: Positive = Field(default=9.81, description="gravity [m/s^2]")
     force_x: Real = Field(default=-4.0, description="constant force along x [N]")
     force_y: Real = Field(default=2.0, description="constant force along y [N]")
-    speed_x: Real = Field(default=6.0, description="of the centre of mass at the start, along x [m/s]")
-    speed_y: Real = Field(default=9.0, description="of the centre of mass at the start, along y [m/s]")
+    speed_x: Real = Field(
+        default=6.0, description="of the centre of mass at the start, along x [m/s]"
+    )
+    speed_y: Real = Field(
+        default=9.0, description="of the centre of mass at the start, along y [m/s]"
+    )
     spin: Real = Field(default=7.0, description="clockwise [rad/s]")
 
 
@@ -57,7 +62,8 @@ _CENTRE: Vector = (0.3, -0.1)
 
 
 def _thrown_plate(p: ThrownPlateParameters) -> Mechanism:
-    # The coordinates are those of a corner: at the start the centre of mass stands at (0.3, -0.1) from it.
+    # The coordinates are those of a corner: at the start the centre of mass stands at (0.3, -0.1)
+    # from it.
     free = FreeJoint(name="flight", child="plate", coordinates=("x", "y"))
     wind = ConstantForce(name="wind", body="plate", point=_CENTRE, force=(p.force_x, p.force_y))
     corner = complex(p.speed_x, p.speed_y) + 1j * p.spin * complex(*_CENTRE)
@@ -66,7 +72,10 @@ def _thrown_plate(p: ThrownPlateParameters) -> Mechanism:
         bodies=(Body(name="plate", angle="a", mass=p.mass, centre=_CENTRE, inertia=p.inertia),),
         joints=(free,),
         force_elements=(wind,),
-        markers=(Marker(name="centre", body="plate", point=_CENTRE), Marker(name="corner", body="plate", point=(0, 0))),
+        markers=(
+            Marker(name="centre", body="plate", point=_CENTRE),
+            Marker(name="corner", body="plate", point=(0, 0)),
+        ),
         gravity=p.g,
         start=(0.0, 0.0, 0.0),
         start_speeds=(p.spin, corner.real, corner.imag),
@@ -78,15 +87,25 @@ def _thrown_figures(p: ThrownPlateParameters) -> tuple[Figure, ...]:
 
     def path(axis: int, start: float, rate: float, name: str) -> Figure:
         read = largest_error(
-            marker("centre", axis), lambda t: start + rate * t + pull[axis] * t**2 / 2, _THROWN_DURATION
+            marker("centre", axis),
+            lambda t: start + rate * t + pull[axis] * t**2 / 2,
+            _THROWN_DURATION,
         )
-        return Figure(f"largest error of the centre's {name}", 0.0, "m", 1e-11 * max(1.0, abs(rate)), read)
+        return Figure(
+            f"largest error of the centre's {name}", 0.0, "m", 1e-11 * max(1.0, abs(rate)), read
+        )
 
     turned = p.spin * _THROWN_DURATION
     return (
         path(0, _CENTRE[0], p.speed_x, "x"),
         path(1, _CENTRE[1], p.speed_y, "y"),
-        Figure("angle at the end", turned, "rad", 1e-11 * max(1.0, abs(turned)), at(coordinate("a"), _THROWN_DURATION)),
+        Figure(
+            "angle at the end",
+            turned,
+            "rad",
+            1e-11 * max(1.0, abs(turned)),
+            at(coordinate("a"), _THROWN_DURATION),
+        ),
     )
 
 
@@ -94,7 +113,9 @@ _THROWN_DURATION = 2.0  # [s]
 
 
 def _spring_pendulum(p: SpringPendulumParameters) -> Mechanism:
-    spring = SpringDamper(name="spring", body="bob", point=(0, 0), relative_point=(0, 0), stiffness=p.stiffness)
+    spring = SpringDamper(
+        name="spring", body="bob", point=(0, 0), relative_point=(0, 0), stiffness=p.stiffness
+    )
     return Mechanism(
         name="spring-pendulum",
         bodies=(Body(name="bob", angle="a", mass=p.mass, centre=(0, 0), inertia=0.001 * p.mass),),

@@ -22,7 +22,9 @@ from .readings import at, coordinate, energy_error, largest_error, passage, peri
 from .single_freedom import swing_period, time_between
 
 UPRIGHT = -math.pi / 2  # [rad] angle of a link that points up
-_UPRIGHT_SHARE = 0.01  # of the energy: nearer to its upright position the crank would stay there for long
+_UPRIGHT_SHARE = (
+    0.01  # of the energy: nearer to its upright position the crank would stay there for long
+)
 _SUITE = "M. Gonzalez et al., MBS benchmark library (Univ. of A Coruna, 2005)"
 
 
@@ -30,7 +32,8 @@ class FourBarParameters(Spec):
     """N windows of equal uniform links: N + 1 upright cranks and N level couplers.
 
     Raises:
-        InputError: a length, mass, speed or gravity is not positive and finite, or N is not an integer from 1 to 100.
+        InputError: a length, mass, speed or gravity is not positive and finite, or N is not an
+            integer from 1 to 100.
     """
 
     N: int = Field(default=1, ge=1, le=100, description="number of windows")
@@ -57,7 +60,8 @@ class ThreeCranksParameters(Spec):
     """A beam on three equal parallel cranks, of which one is redundant, let go from rest.
 
     Raises:
-        InputError: a length, mass or gravity is not positive and finite, or the amplitude is not below 80 degrees.
+        InputError: a length, mass or gravity is not positive and finite, or the amplitude is not
+            below 80 degrees.
     """
 
     length: Positive = Field(default=1.0, description="of each crank, a uniform rod [m]")
@@ -65,12 +69,16 @@ class ThreeCranksParameters(Spec):
     crank: Positive = Field(default=1.0, description="mass of each crank [kg]")
     beam: Positive = Field(default=3.0, description="mass of the beam [kg]")
     g: Positive = Field(default=9.81, description="gravity [m/s^2]")
-    amplitude: Real = Field(default=1.0, gt=0, le=1.4, description="start, from the lowest position [rad]")
+    amplitude: Real = Field(
+        default=1.0, gt=0, le=1.4, description="start, from the lowest position [rad]"
+    )
 
     @property
     def swing(self) -> Swing:
         """Its motion."""
-        omega = math.sqrt((1.5 * self.crank + self.beam) * self.g / ((self.crank + self.beam) * self.length))
+        omega = math.sqrt(
+            (1.5 * self.crank + self.beam) * self.g / ((self.crank + self.beam) * self.length)
+        )
         return Swing("a1", omega, self.amplitude)
 
 
@@ -80,8 +88,8 @@ class SliderCrankParameters(Spec):
     With too little speed to turn over the crank swings, up to 270 degrees to and fro.
 
     Raises:
-        InputError: a length, mass, speed or gravity is not positive and finite, the rod is shorter than the crank, or
-            the speed is one at which the crank comes to rest upright.
+        InputError: a length, mass, speed or gravity is not positive and finite, the rod is shorter
+            than the crank, or the speed is one at which the crank comes to rest upright.
     """
 
     crank: Positive = Field(default=1.0, description="length of the crank [m]")
@@ -90,7 +98,9 @@ class SliderCrankParameters(Spec):
     m_rod: Positive = Field(default=2.0, description="[kg]")
     m_slider: Positive = Field(default=1.0, description="[kg]")
     g: Positive = Field(default=9.81, description="gravity [m/s^2]")
-    speed: Positive = Field(default=8.0, description="of the crank at the start, stretched out [rad/s]")
+    speed: Positive = Field(
+        default=8.0, description="of the crank at the start, stretched out [rad/s]"
+    )
 
     @property
     def is_singular(self) -> bool:
@@ -108,7 +118,10 @@ class SliderCrankParameters(Spec):
         """Reduced to the crank's angle [kg m^2]."""
         b, slope = self.rod_angle(a)
         r, half = self.crank, self.rod / 2
-        middle = complex(-r * math.sin(a) - half * math.sin(b) * slope, -r * math.cos(a) - half * math.cos(b) * slope)
+        middle = complex(
+            -r * math.sin(a) - half * math.sin(b) * slope,
+            -r * math.cos(a) - half * math.cos(b) * slope,
+        )
         slider = -r * math.sin(a) - self.rod * math.sin(b) * slope
         turning = self.m_crank * r**2 / 3 + self.m_rod * self.rod**2 / 12 * slope**2
         return turning + self.m_rod * abs(middle) ** 2 + self.m_slider * slider**2
@@ -130,12 +143,16 @@ class SliderCrankParameters(Spec):
     @property
     def swing_time(self) -> float:
         """Period of a crank that does not turn over [s]: it swings evenly about its lowest position."""
-        return swing_period(LOWEST, math.pi / 2 + math.asin(self.share), self.potential(UPRIGHT), self.inertia)
+        return swing_period(
+            LOWEST, math.pi / 2 + math.asin(self.share), self.potential(UPRIGHT), self.inertia
+        )
 
     @model_validator(mode="after")
     def _moves_for_good(self) -> Self:
         if self.rod < self.crank:
-            raise ValueError(f"rod = {self.rod:g} m is shorter than crank = {self.crank:g} m: the slider would stick")
+            raise ValueError(
+                f"rod = {self.rod:g} m is shorter than crank = {self.crank:g} m: the slider would stick"
+            )
         if abs(self.share - 1.0) < _UPRIGHT_SHARE:
             raise ValueError(
                 f"speed = {self.speed:g} rad/s brings the crank to rest upright, or nearly: it must differ by more "
@@ -154,13 +171,16 @@ class TrammelParameters(Spec):
     """A uniform rod whose ends run in a level and in an upright slot, let go from rest.
 
     Raises:
-        InputError: a length, mass or gravity is not positive and finite, or the start is not a swing.
+        InputError: a length, mass or gravity is not positive and finite, or the start is not a
+            swing.
     """
 
     length: Positive = Field(default=2.0, description="of the rod [m]")
     mass: Positive = Field(default=3.0, description="of the rod [kg]")
     g: Positive = Field(default=9.81, description="gravity [m/s^2]")
-    amplitude: Real = Field(default=2.5, gt=0, lt=math.pi, description="start, from the lowest position [rad]")
+    amplitude: Real = Field(
+        default=2.5, gt=0, lt=math.pi, description="start, from the lowest position [rad]"
+    )
 
     @property
     def swing(self) -> Swing:
@@ -172,9 +192,13 @@ def _four_bars(p: FourBarParameters) -> Mechanism:
     cranks = tuple(rod(f"crank {i}", f"a{i}", p.length, p.mass) for i in range(p.N + 1))
     couplers = tuple(rod(f"coupler {i}", f"b{i}", p.length, p.mass) for i in range(1, p.N + 1))
     end = (p.length, 0.0)
-    pivots = tuple(pin(f"pivot {i}", GROUND, f"crank {i}", (i * p.length, 0)) for i in range(p.N + 1))
+    pivots = tuple(
+        pin(f"pivot {i}", GROUND, f"crank {i}", (i * p.length, 0)) for i in range(p.N + 1)
+    )
     left = tuple(pin(f"left {i}", f"crank {i - 1}", f"coupler {i}", end) for i in range(1, p.N + 1))
-    right = tuple(pin(f"right {i}", f"crank {i}", f"coupler {i}", end, end) for i in range(1, p.N + 1))
+    right = tuple(
+        pin(f"right {i}", f"crank {i}", f"coupler {i}", end, end) for i in range(1, p.N + 1)
+    )
     return Mechanism(
         name="n-four-bar",
         bodies=cranks + couplers,
@@ -192,7 +216,10 @@ def _four_bar_angle(p: FourBarParameters, t: FloatArray) -> FloatArray:
 
 def _four_bar_duration(p: FourBarParameters) -> float:
     """10 s at 1 m and 1 m/s; at least one and a half turns."""
-    return max(10.0 * math.sqrt(p.length * 9.81 / p.g), 1.5 * pendulum_motion.turn_period(p.omega, p.turning))
+    return max(
+        10.0 * math.sqrt(p.length * 9.81 / p.g),
+        1.5 * pendulum_motion.turn_period(p.omega, p.turning),
+    )
 
 
 def _four_bar_figures(p: FourBarParameters) -> tuple[Figure, ...]:
@@ -215,8 +242,12 @@ def _three_cranks(p: ThreeCranksParameters) -> Mechanism:
     inertia = p.beam * (2 * p.spacing) ** 2 / 12
     beam = Body(name="beam", angle="b", mass=p.beam, centre=(p.spacing, 0), inertia=inertia)
     end = (p.length, 0.0)
-    pivots = tuple(pin(f"pivot {i}", GROUND, f"crank {i}", ((i - 1) * p.spacing, 0)) for i in (1, 2, 3))
-    pins = tuple(pin(f"pin {i}", f"crank {i}", "beam", end, ((i - 1) * p.spacing, 0)) for i in (1, 2, 3))
+    pivots = tuple(
+        pin(f"pivot {i}", GROUND, f"crank {i}", ((i - 1) * p.spacing, 0)) for i in (1, 2, 3)
+    )
+    pins = tuple(
+        pin(f"pin {i}", f"crank {i}", "beam", end, ((i - 1) * p.spacing, 0)) for i in (1, 2, 3)
+    )
     return Mechanism(
         name="three-cranks",
         bodies=(*cranks, beam),
@@ -231,14 +262,20 @@ def _slider_crank(name: str, p: SliderCrankParameters) -> Mechanism:
     # The slider, a point mass at the rod's end, is part of the rod.
     mass = p.m_rod + p.m_slider
     centre = (p.m_rod / 2 + p.m_slider) * p.rod / mass
-    inertia = p.m_rod * (p.rod**2 / 12 + (centre - p.rod / 2) ** 2) + p.m_slider * (p.rod - centre) ** 2
+    inertia = (
+        p.m_rod * (p.rod**2 / 12 + (centre - p.rod / 2) ** 2) + p.m_slider * (p.rod - centre) ** 2
+    )
     loaded = Body(name="rod", angle="b", mass=mass, centre=(centre, 0), inertia=inertia)
     end = (p.rod, 0.0)
     slot = SlotJoint(name="slot", child="rod", parent_point=(0, 0), child_point=end, axis=(1, 0))
     return Mechanism(
         name=name,
         bodies=(rod("crank", "a", p.crank, p.m_crank), loaded),
-        joints=(pin("pivot", GROUND, "crank"), pin("crank pin", "crank", "rod", (p.crank, 0)), slot),
+        joints=(
+            pin("pivot", GROUND, "crank"),
+            pin("crank pin", "crank", "rod", (p.crank, 0)),
+            slot,
+        ),
         markers=(Marker(name="slider", body="rod", point=end),),
         gravity=p.g,
         start=(0.0, 0.0),
@@ -250,7 +287,11 @@ def _slider_crank_figures(p: SliderCrankParameters) -> tuple[Figure, ...]:
     end = _slider_crank_duration(p)
     scale = p.inertia(0.0) * p.speed**2
     if p.share > 1:
-        name, time, measured = "time of a turn", p.turn_time, passage(coordinate("a"), 2 * math.pi, end)
+        name, time, measured = (
+            "time of a turn",
+            p.turn_time,
+            passage(coordinate("a"), 2 * math.pi, end),
+        )
     else:
         name, time, measured = "period", p.swing_time, period(coordinate("a"), LOWEST, end)
     return (
@@ -265,8 +306,17 @@ def _slider_crank_duration(p: SliderCrankParameters) -> float:
 
 def _trammel(p: TrammelParameters) -> Mechanism:
     start = LOWEST + p.amplitude
-    level = SlotJoint(name="level", child="rod", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0), coordinate="x")
-    upright = SlotJoint(name="upright", child="rod", parent_point=(0, 0), child_point=(p.length, 0), axis=(0, 1))
+    level = SlotJoint(
+        name="level",
+        child="rod",
+        parent_point=(0, 0),
+        child_point=(0, 0),
+        axis=(1, 0),
+        coordinate="x",
+    )
+    upright = SlotJoint(
+        name="upright", child="rod", parent_point=(0, 0), child_point=(p.length, 0), axis=(0, 1)
+    )
     return Mechanism(
         name="trammel",
         bodies=(rod("rod", "a", p.length, p.mass),),

@@ -27,14 +27,16 @@ class OscillatorParameters(Spec):
     """A block on a spring and damper, deflected along a level line and let go.
 
     Raises:
-        InputError: a mass or stiffness is not positive and finite, the damping is negative, or the start is not shorter
-            than the spring.
+        InputError: a mass or stiffness is not positive and finite, the damping is negative, or the
+            start is not shorter than the spring.
     """
 
     mass: Positive = Field(default=2.0, description="[kg]")
     stiffness: Positive = Field(default=50.0, description="[N/m]")
     damping: NonNegative = Field(default=0.0, description="[N s/m]")
-    start: Real = Field(default=0.3, gt=-1, lt=1, description="deflection; the spring is 1 m long at rest [m]")
+    start: Real = Field(
+        default=0.3, gt=-1, lt=1, description="deflection; the spring is 1 m long at rest [m]"
+    )
 
     @property
     def rates(self) -> FloatArray:
@@ -93,11 +95,15 @@ def _linear(inertia: float, stiffness: float, damping: float) -> FloatArray:
 def _decay(rates: FloatArray, start: float, t: FloatArray) -> FloatArray:
     """Deflection at times t [s] of a linear system let go at `start`, shape (n,)."""
     decay = -rates[1, 1] / 2
-    root = cmath.sqrt(decay**2 + rates[1, 0])  # imaginary below critical damping, at which it is zero
+    root = cmath.sqrt(
+        decay**2 + rates[1, 0]
+    )  # imaginary below critical damping, at which it is zero
     up, down = np.exp((root - decay) * t), np.exp((-root - decay) * t)
     small = np.where(abs(root * t) < 1, root * t, 0.0)
     near_zero = np.exp(-decay * t) * t * np.sinc(1j * small / np.pi)
-    ratio = np.where(abs(root * t) < 1, near_zero, (up - down) / (2 * root or 1.0))  # e^(-decay t) sinh(root t) / root
+    ratio = np.where(
+        abs(root * t) < 1, near_zero, (up - down) / (2 * root or 1.0)
+    )  # e^(-decay t) sinh(root t) / root
     return np.asarray(((up + down) / 2 + decay * ratio).real * start, dtype=np.float64)
 
 
@@ -121,15 +127,27 @@ def _oscillator(name: str, p: OscillatorParameters) -> Mechanism:
     )
 
 
-def _linear_figures(p: OscillatorParameters | TorsionParameters, quantity: Quantity, rest: float) -> tuple[Figure, ...]:
+def _linear_figures(
+    p: OscillatorParameters | TorsionParameters, quantity: Quantity, rest: float
+) -> tuple[Figure, ...]:
     end = _linear_duration(p)
     unit = "m" if isinstance(p, OscillatorParameters) else "rad"
     path = largest_error(quantity, lambda t: rest + _decay(p.rates, p.start, t), end)
-    error = Figure("largest error of the deflection", 0.0, unit, 1e-11 * max(1.0, abs(p.start)), path)
+    error = Figure(
+        "largest error of the deflection", 0.0, unit, 1e-11 * max(1.0, abs(p.start)), path
+    )
     if p.damping > 0:
         final = rest + float(_decay(p.rates, p.start, np.array([end / 4]))[0])
-        return (error, Figure("deflection after a quarter of the time", final, unit, 1e-11, at(quantity, end / 4)))
-    return (error, Figure("period", end / _SPAN, "s", 1e-11 * end / _SPAN, period(quantity, rest, end)))
+        return (
+            error,
+            Figure(
+                "deflection after a quarter of the time", final, unit, 1e-11, at(quantity, end / 4)
+            ),
+        )
+    return (
+        error,
+        Figure("period", end / _SPAN, "s", 1e-11 * end / _SPAN, period(quantity, rest, end)),
+    )
 
 
 def _torsion(p: TorsionParameters) -> Mechanism:
@@ -149,9 +167,14 @@ def _torsion(p: TorsionParameters) -> Mechanism:
 
 
 def _motor(p: MotorParameters) -> Mechanism:
-    (rotor, rotor_pin), (casing, casing_pin) = disc("rotor", "a", 1.0, p.rotor), disc("casing", "b", 5.0, p.casing)
+    (rotor, rotor_pin), (casing, casing_pin) = (
+        disc("rotor", "a", 1.0, p.rotor),
+        disc("casing", "b", 5.0, p.casing),
+    )
     motor = ConstantTorque(name="motor", body="rotor", relative_to="casing", torque=p.torque)
-    damper = RotationalSpringDamper(name="damper", body="rotor", relative_to="casing", damping=p.damping)
+    damper = RotationalSpringDamper(
+        name="damper", body="rotor", relative_to="casing", damping=p.damping
+    )
     return Mechanism(
         name="motor",
         bodies=(rotor, casing),
@@ -173,8 +196,20 @@ def _motor_figures(p: MotorParameters) -> tuple[Figure, ...]:
     last = share * final * -math.expm1(-_SPAN)
     path = largest_error(coordinate("a"), angle, end)
     return (
-        Figure("largest error of the rotor's angle", 0.0, "rad", 1e-11 * max(1.0, abs(final) * end), path),
-        Figure("rotor's speed at the end", last, "rad/s", 1e-11 * max(1.0, abs(last)), at(speed("a"), end)),
+        Figure(
+            "largest error of the rotor's angle",
+            0.0,
+            "rad",
+            1e-11 * max(1.0, abs(final) * end),
+            path,
+        ),
+        Figure(
+            "rotor's speed at the end",
+            last,
+            "rad/s",
+            1e-11 * max(1.0, abs(last)),
+            at(speed("a"), end),
+        ),
     )
 
 

@@ -9,7 +9,9 @@ from ..spec import Vector
 
 def rod(name: str, angle: str | None, length: float, mass: float) -> Body:
     """A uniform rod whose frame begins at its end; without a name for its angle, one whose joint holds it."""
-    return Body(name=name, angle=angle, mass=mass, centre=(length / 2, 0), inertia=mass * length**2 / 12)
+    return Body(
+        name=name, angle=angle, mass=mass, centre=(length / 2, 0), inertia=mass * length**2 / 12
+    )
 
 
 def pin(name: str, parent: str, child: str, at: Vector = (0, 0), on: Vector = (0, 0)) -> PinJoint:
@@ -19,7 +21,9 @@ def pin(name: str, parent: str, child: str, at: Vector = (0, 0), on: Vector = (0
 
 def disc(name: str, angle: str, mass: float, inertia: float) -> tuple[Body, PinJoint]:
     """A body that turns about its centre on the ground, and its pin."""
-    return Body(name=name, angle=angle, mass=mass, centre=(0, 0), inertia=inertia), pin(f"{name} pin", GROUND, name)
+    return Body(name=name, angle=angle, mass=mass, centre=(0, 0), inertia=inertia), pin(
+        f"{name} pin", GROUND, name
+    )
 
 
 def rail(name: str, parent: str, child: str, coordinate: str) -> PrismaticJoint:

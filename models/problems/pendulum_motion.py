@@ -1,8 +1,8 @@
 """Closed forms of a pendulum's motion, by Jacobi's elliptic functions.
 
-With psi the angle from the lowest position and omega^2 = (mass times centre's distance times gravity) / (inertia about
-the pivot), psi'' = -omega^2 sin psi. E.g. Whittaker, Analytical Dynamics (1937), Ch. IV. What moves like a pendulum (a
-trammel, a parallelogram's cranks) has the same.
+With psi the angle from the lowest position and omega^2 = (mass times centre's distance times
+gravity) / (inertia about the pivot), psi'' = -omega^2 sin psi. E.g. Whittaker, Analytical Dynamics
+(1937), Ch. IV. What moves like a pendulum (a trammel, a parallelogram's cranks) has the same.
 """
 
 from __future__ import annotations
@@ -79,10 +79,18 @@ class Swing:
         """The coordinate at times t [s], shape (n,) [rad]."""
         return self.lowest + swing(self.omega, self.amplitude, t)
 
-    def figures(self, end: float, time_tolerance: float, angle_tolerance: float) -> tuple[Figure, ...]:
+    def figures(
+        self, end: float, time_tolerance: float, angle_tolerance: float
+    ) -> tuple[Figure, ...]:
         """Its period and its path up to `end` [s], with their tolerances [s, rad]."""
         quantity = coordinate(self.angle)
         return (
             Figure("period", self.period, "s", time_tolerance, period(quantity, self.lowest, end)),
-            Figure("largest error of the angle", 0.0, "rad", angle_tolerance, largest_error(quantity, self.at, end)),
+            Figure(
+                "largest error of the angle",
+                0.0,
+                "rad",
+                angle_tolerance,
+                largest_error(quantity, self.at, end),
+            ),
         )

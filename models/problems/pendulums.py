@@ -27,13 +27,16 @@ class PendulumParameters(Spec):
     """A point mass on a massless link.
 
     Raises:
-        InputError: a length, mass or gravity is not positive and finite, or the start is not a swing.
+        InputError: a length, mass or gravity is not positive and finite, or the start is not a
+            swing.
     """
 
     length: Positive = Field(default=1.0, description="link [m]")
     mass: Positive = Field(default=1.0, description="bob [kg]")
     g: Positive = Field(default=9.81, description="gravity [m/s^2]")
-    amplitude: Real = Field(default=math.pi / 2, gt=0, lt=math.pi, description="start, from the lowest position [rad]")
+    amplitude: Real = Field(
+        default=math.pi / 2, gt=0, lt=math.pi, description="start, from the lowest position [rad]"
+    )
 
     @property
     def swing(self) -> Swing:
@@ -45,7 +48,10 @@ class HighPendulumParameters(PendulumParameters):
     """The same, let go one degree below the highest position."""
 
     amplitude: Real = Field(
-        default=math.radians(179), gt=0, lt=math.pi, description="start, from the lowest position [rad]"
+        default=math.radians(179),
+        gt=0,
+        lt=math.pi,
+        description="start, from the lowest position [rad]",
     )
 
 
@@ -53,7 +59,8 @@ class ChainParameters(Spec):
     """Equal uniform rods, each pinned to the one before, let go from rest on a straight line.
 
     Raises:
-        InputError: a length, mass or gravity is not positive and finite, or the number is not an integer from 1 to 200.
+        InputError: a length, mass or gravity is not positive and finite, or the number is not an
+            integer from 1 to 200.
     """
 
     N: int = Field(default=5, ge=1, le=200, description="number of rods")
@@ -68,14 +75,17 @@ class DoublePendulumParameters(ChainParameters):
 
     N: int = Field(default=2, ge=2, le=2, description="number of rods")
     length: Positive = Field(default=1.0, description="of each rod [m]")
-    start: Real = Field(default=-0.5, description="start angle of both rods, from +x clockwise [rad]")
+    start: Real = Field(
+        default=-0.5, description="start angle of both rods, from +x clockwise [rad]"
+    )
 
 
 class HangingChainParameters(Spec):
     """Equal point masses on equal massless links, let go from rest in the shape of the slowest small oscillation.
 
     Raises:
-        InputError: a length, mass or gravity is not positive and finite, or the number or amplitude is out of range.
+        InputError: a length, mass or gravity is not positive and finite, or the number or amplitude
+            is out of range.
     """
 
     N: int = Field(default=5, ge=1, le=50, description="number of links")
@@ -88,11 +98,13 @@ class HangingChainParameters(Spec):
     def shape(self) -> tuple[float, FloatArray]:
         """Squared frequency times length over gravity, and the links' angles relative to the lowest one, from the top.
 
-        The deflection of the mass n links above the end is the Laguerre polynomial L_n(x), and the pivot's, L_N(x), is
-        zero (D. Bernoulli, Comm. Acad. Petrop. 6 (1733) 108).
+        The deflection of the mass n links above the end is the Laguerre polynomial L_n(x), and the
+        pivot's, L_N(x), is zero (D. Bernoulli, Comm. Acad. Petrop. 6 (1733) 108).
         """
         root = float(laguerre.lagroots([0.0] * self.N + [1.0])[0])
-        deflections = np.array([laguerre.lagval(root, [0.0] * n + [1.0]) for n in range(self.N + 1)])
+        deflections = np.array(
+            [laguerre.lagval(root, [0.0] * n + [1.0]) for n in range(self.N + 1)]
+        )
         angles = -np.diff(deflections)[::-1]
         return root, angles / angles[-1]
 
@@ -127,7 +139,15 @@ def pin_links(
         for i, ((parent, at), link) in enumerate(zip(parents, links, strict=True))
     )
     tip = Marker(name="tip", body=links[-1].name, point=(length, 0))
-    return Mechanism(name=name, bodies=links, joints=joints, stops=stops, markers=(tip,), gravity=gravity, start=start)
+    return Mechanism(
+        name=name,
+        bodies=links,
+        joints=joints,
+        stops=stops,
+        markers=(tip,),
+        gravity=gravity,
+        start=start,
+    )
 
 
 def rods(count: int, length: float, mass: float) -> tuple[Body, ...]:
@@ -141,16 +161,20 @@ def _chain(name: str, p: ChainParameters) -> Mechanism:
 
 def _hanging_chain(p: HangingChainParameters) -> Mechanism:
     links = tuple(
-        Body(name=f"link {i + 1}", angle=f"a{i + 1}", mass=p.mass, centre=(p.length, 0), inertia=0) for i in range(p.N)
+        Body(name=f"link {i + 1}", angle=f"a{i + 1}", mass=p.mass, centre=(p.length, 0), inertia=0)
+        for i in range(p.N)
     )
     start = LOWEST + p.amplitude * p.shape[1]
     return pin_links("hanging-chain", links, p.length, p.g, tuple(start.tolist()))
 
 
 def _swing_figures(p: PendulumParameters) -> tuple[Figure, ...]:
-    # Near the highest position errors grow, as the period does with the amplitude: by 1 / cos of its half.
+    # Near the highest position errors grow, as the period does with the amplitude: by 1 / cos of
+    # its half.
     growth = 1.0 / math.cos(p.amplitude / 2)
-    return p.swing.figures(_swing_duration(p), max(1e-12, 1e-12 * p.swing.period * growth), 1e-11 * growth)
+    return p.swing.figures(
+        _swing_duration(p), max(1e-12, 1e-12 * p.swing.period * growth), 1e-11 * growth
+    )
 
 
 def _swing_duration(p: PendulumParameters) -> float:
@@ -164,7 +188,15 @@ def _swing_conditions(p: PendulumParameters) -> tuple[Condition, ...]:
 
 def _chain_figures(p: ChainParameters) -> tuple[Figure, ...]:
     scale = p.N**2 * p.mass * p.g * p.length
-    return (Figure("largest change of the energy", 0.0, "J", 1e-11 * scale, energy_error(_chain_duration(p))),)
+    return (
+        Figure(
+            "largest change of the energy",
+            0.0,
+            "J",
+            1e-11 * scale,
+            energy_error(_chain_duration(p)),
+        ),
+    )
 
 
 def _chain_duration(p: ChainParameters) -> float:
@@ -180,7 +212,9 @@ def _hanging_figures(p: HangingChainParameters) -> tuple[Figure, ...]:
     exact = _hanging_period(p)
     # The oscillation is small: its period differs from the linear one by the amplitude's square.
     read = period(coordinate("a1"), LOWEST, 1.5 * exact)
-    return (Figure("period of the slowest small oscillation", exact, "s", exact * p.amplitude**2, read),)
+    return (
+        Figure("period of the slowest small oscillation", exact, "s", exact * p.amplitude**2, read),
+    )
 
 
 HIGH_PENDULUM = Benchmark(

@@ -39,7 +39,9 @@ def at(quantity: Quantity, t: float) -> Callable[[Motion], float]:
     return lambda motion: float(quantity(motion.trajectory(np.array([t])))[0])
 
 
-def crossing(motion: Motion, quantity: Quantity, level: float, until: float, count: int = 1) -> float:
+def crossing(
+    motion: Motion, quantity: Quantity, level: float, until: float, count: int = 1
+) -> float:
     """When a quantity passes a level for the n-th time [s].
 
     Raises:
@@ -67,7 +69,9 @@ def passage(quantity: Quantity, level: float, until: float) -> Callable[[Motion]
 
 def period(quantity: Quantity, level: float, until: float) -> Callable[[Motion], float]:
     """Time between a quantity's first and third passage of a level [s]: a period of an oscillation about it."""
-    return lambda motion: crossing(motion, quantity, level, until, 3) - crossing(motion, quantity, level, until)
+    return lambda motion: (
+        crossing(motion, quantity, level, until, 3) - crossing(motion, quantity, level, until)
+    )
 
 
 def largest_error(
@@ -101,8 +105,8 @@ def suite_condition(
 ) -> Condition:
     """When the MBS benchmark suite takes a motion as of high precision: a marker's relative position error.
 
-    It is the root mean square over the samples and components, each divided by its exact value, or by 1 mm where that
-    is larger.
+    It is the root mean square over the samples and components, each divided by its exact value, or
+    by 1 mm where that is larger.
 
     Args:
         name: of a marker that moves on a circle about the origin.
@@ -114,7 +118,9 @@ def suite_condition(
     def read(motion: Motion) -> float:
         times = np.linspace(0.0, until, samples + 1)[1:]
         exact = length * np.stack([np.cos(angle(times)), -np.sin(angle(times))], axis=1)
-        errors = (motion.trajectory(times).marker(name).position - exact) / np.maximum(abs(exact), 1e-3)
+        errors = (motion.trajectory(times).marker(name).position - exact) / np.maximum(
+            abs(exact), 1e-3
+        )
         return float(np.sqrt(np.mean(errors**2)))
 
     text = f"relative error of {name}'s position, RMS, threshold 1e-3 m ('high precision')"

@@ -39,7 +39,9 @@ def benchmarks(tag: str | None = None) -> tuple[Benchmark, ...]:
 
 def find_benchmark(name: str) -> Benchmark | None:
     """The problem of that name or number; None if there is none."""
-    return next((entry for entry in _BENCHMARKS.values() if name in (entry.name, entry.number)), None)
+    return next(
+        (entry for entry in _BENCHMARKS.values() if name in (entry.name, entry.number)), None
+    )
 
 
 def benchmark(name: str) -> Benchmark:

@@ -1,7 +1,8 @@
 """Mechanisms of one degree of freedom without losses: their motion follows from the energy by quadrature.
 
-With I(a) the inertia reduced to the coordinate a and V(a) the potential energy, I a'^2 / 2 + V = E, so the time from
-one position to another is the integral of sqrt(I / (2 (E - V))) (e.g. Whittaker, Analytical Dynamics, 1937, Ch. III).
+With I(a) the inertia reduced to the coordinate a and V(a) the potential energy, I a'^2 / 2 + V = E,
+so the time from one position to another is the integral of sqrt(I / (2 (E - V))) (e.g. Whittaker,
+Analytical Dynamics, 1937, Ch. III).
 """
 
 from __future__ import annotations
@@ -15,7 +16,11 @@ from scipy.integrate import quad
 
 
 def time_between(
-    start: float, end: float, start_speed: float, inertia: Callable[[float], float], potential: Callable[[float], float]
+    start: float,
+    end: float,
+    start_speed: float,
+    inertia: Callable[[float], float],
+    potential: Callable[[float], float],
 ) -> float:
     """Time of a motion that does not turn back [s].
 
@@ -30,18 +35,21 @@ def time_between(
     def slowness(a: float) -> float:
         return math.sqrt(inertia(a) / (2 * (energy - potential(a))))
 
-    # Over a whole turn the integrand is periodic and smooth: pieces of a quarter turn are integrated to rounding.
+    # Over a whole turn the integrand is periodic and smooth: pieces of a quarter turn are
+    # integrated to rounding.
     pieces = max(1, math.ceil(abs(end - start) / (math.pi / 4)))
     knots = [start + (end - start) * k / pieces for k in range(pieces + 1)]
     parts = (quad(slowness, a, b, epsabs=0.0, epsrel=1e-13)[0] for a, b in pairwise(knots))
     return abs(math.fsum(parts))
 
 
-def swing_period(middle: float, amplitude: float, most: float, inertia: Callable[[float], float]) -> float:
+def swing_period(
+    middle: float, amplitude: float, most: float, inertia: Callable[[float], float]
+) -> float:
     """Period of a swing in the potential -most cos(a - middle) [s].
 
-    With a = middle + amplitude cos(c) and the difference of the cosines as a product, what vanishes at the turning
-    points cancels: the integrand over c is smooth.
+    With a = middle + amplitude cos(c) and the difference of the cosines as a product, what vanishes
+    at the turning points cancels: the integrand over c is smooth.
 
     Args:
         middle: lowest position [rad].
@@ -56,4 +64,6 @@ def swing_period(middle: float, amplitude: float, most: float, inertia: Callable
         return math.sqrt(inertia(middle + amplitude * math.cos(c)) / (most * float(left.prod())))
 
     knots = [math.pi * k / 16 for k in range(17)]
-    return 2 * math.fsum(quad(slowness, a, b, epsabs=0.0, epsrel=1e-13)[0] for a, b in pairwise(knots))
+    return 2 * math.fsum(
+        quad(slowness, a, b, epsabs=0.0, epsrel=1e-13)[0] for a, b in pairwise(knots)
+    )

@@ -1,10 +1,12 @@
 """Andrews' squeezing mechanism: seven bodies, three loops, a spring and a motor, over and over turning within 30 ms.
 
-Published angles count counterclockwise, and some from another body: beta of the crank K1; Theta of K2 from K1; gamma of
-K3, the triangle with the spring; delta of K5 and Phi of K4 from K5; epsilon of K7 and Omega of K6 from K7.
+Published angles count counterclockwise, and some from another body: beta of the crank K1; Theta of
+K2 from K1; gamma of K3, the triangle with the spring; delta of K5 and Phi of K4 from K5; epsilon of
+K7 and Omega of K6 from K7.
 
-The published end state is late by some 1e-12 s: minimal and redundant coordinates agree with each other at any
-tolerance below 1e-11, and with it in the angles to a few parts in 1e10, in their rates (not taken here) to some 5e-8.
+The published end state is late by some 1e-12 s: minimal and redundant coordinates agree with each
+other at any tolerance below 1e-11, and with it in the angles to a few parts in 1e10, in their rates
+(not taken here) to some 5e-8.
 """
 
 from __future__ import annotations
@@ -39,7 +41,15 @@ _END_ANGLES = {
     "epsilon": 1.048080741042263,
 }
 _OTHER = {"Theta": "k1", "Phi": "k5", "Omega": "k7"}
-_OWN = {"beta": "k1", "Theta": "k2", "gamma": "k3", "Phi": "k4", "delta": "k5", "Omega": "k6", "epsilon": "k7"}
+_OWN = {
+    "beta": "k1",
+    "Theta": "k2",
+    "gamma": "k3",
+    "Phi": "k4",
+    "delta": "k5",
+    "Omega": "k6",
+    "epsilon": "k7",
+}
 """Our coordinate of the body that an angle belongs to, and of the one it counts from."""
 _DIGITS = 1e-9  # relative
 
@@ -51,7 +61,9 @@ class SqueezerParameters(Spec):
         InputError: the stiffness or the rest length is negative, or a value is not finite.
     """
 
-    torque: Real = Field(default=0.033, description="of the motor on the crank, counterclockwise [N m]")
+    torque: Real = Field(
+        default=0.033, description="of the motor on the crank, counterclockwise [N m]"
+    )
     stiffness: NonNegative = Field(default=4530.0, description="of the spring [N/m]")
     rest_length: Positive = Field(default=0.07785, description="of the spring [m]")
 
@@ -71,7 +83,12 @@ def _squeezer(p: SqueezerParameters) -> Mechanism:
         start[_OWN[angle]] += start[other]
     a, b, c, d = (-0.06934, -0.00227), (-0.03635, 0.03273), (0.014, 0.072), (0.02, -0.018)
     spring = SpringDamper(
-        name="spring", body="K3", point=d, relative_point=c, stiffness=p.stiffness, rest_length=p.rest_length
+        name="spring",
+        body="K3",
+        point=d,
+        relative_point=c,
+        stiffness=p.stiffness,
+        rest_length=p.rest_length,
     )
     return Mechanism(
         name="squeezer",
@@ -118,7 +135,14 @@ def _figures(p: SqueezerParameters) -> tuple[Figure, ...]:
     if p != SqueezerParameters():
         return ()
     return tuple(
-        Figure(f"{angle} at 0.03 s", value, "rad", _DIGITS * abs(value), at(published(angle), _END), "published")
+        Figure(
+            f"{angle} at 0.03 s",
+            value,
+            "rad",
+            _DIGITS * abs(value),
+            at(published(angle), _END),
+            "published",
+        )
         for angle, value in _END_ANGLES.items()
     )
 

@@ -33,7 +33,9 @@ def _weld() -> Mechanism:
     joints = (
         pin("pivot", GROUND, "rod"),
         FreeJoint(name="free", child="plate", coordinates=("x", "y")),
-        WeldJoint(name="weld", parent="rod", child="plate", parent_point=(0.6, 0.1), child_point=(0, 0)),
+        WeldJoint(
+            name="weld", parent="rod", child="plate", parent_point=(0.6, 0.1), child_point=(0, 0)
+        ),
     )
     return mechanism("weld", bodies, joints, (0.0, 0.0, 0.6, 0.1))
 
@@ -45,20 +47,34 @@ def _joint_equality() -> Mechanism:
     line = SlotJoint(
         name="line", parent="cart", child="weight", parent_point=(1, 0), child_point=(0, 0), axis=(-1 / size, -2 / size)
     )  # fmt: skip
-    joints = (rail("track", "cart", (1, 0), "s"), rail("shaft", "weight", (0, -1), "h", at=(1, 0)), line)
+    joints = (
+        rail("track", "cart", (1, 0), "s"),
+        rail("shaft", "weight", (0, -1), "h", at=(1, 0)),
+        line,
+    )
     return mechanism("joint-equality", bodies, joints, (0.0, 0.0))
 
 
 def constraint_models() -> tuple[ZooModel, ...]:
     """Equalities of points, bodies and joints; contacts that act, and geoms that have none."""
-    floor = PointStop(name="floor", body="rod", point=(0.6, 0), normal=(0, 1), offset=-0.35, closed=False)
+    floor = PointStop(
+        name="floor", body="rod", point=(0.6, 0), normal=(0, 1), offset=-0.35, closed=False
+    )
     loop = (of("crank", a=1), of("elbow", b=1, a=-1), of("rocker", c=1))
     welded = (of("pivot", a=1), of("x", -0.6, x=1), of("z", -0.1, y=1), of("turn", b=1))
     coupled = (of("cart", s=1), of("weight", h=1))
     return (
         ZooModel("connect", "a loop by connect", _connect(), loop, needs=("loops",)),
         ZooModel("weld", "a weld of two trees", _weld(), welded, needs=("loops",)),
-        ZooModel("joint-equality", "two coupled joints", _joint_equality(), coupled, needs=("loops",)),
+        ZooModel(
+            "joint-equality", "two coupled joints", _joint_equality(), coupled, needs=("loops",)
+        ),
         ZooModel("no-contact", "geoms without contact", rod("no-contact"), _PIVOT),
-        ZooModel("contact", "a ball on the ground", rod("contact", stops=(floor,)), _PIVOT, needs=("contact",)),
+        ZooModel(
+            "contact",
+            "a ball on the ground",
+            rod("contact", stops=(floor,)),
+            _PIVOT,
+            needs=("contact",),
+        ),
     )

@@ -12,7 +12,12 @@ _PIVOT = (of("pivot", a=1),)
 
 
 def _hinge_spring(
-    name: str, on: str = "rod", to: str = GROUND, stiffness: float = 0.0, damping: float = 0.0, rest: float = 0.0
+    name: str,
+    on: str = "rod",
+    to: str = GROUND,
+    stiffness: float = 0.0,
+    damping: float = 0.0,
+    rest: float = 0.0,
 ) -> RotationalSpringDamper:
     return RotationalSpringDamper(
         name=name, body=on, relative_to=to, stiffness=stiffness, damping=damping, rest_angle=rest
@@ -29,8 +34,13 @@ def force_models() -> tuple[ZooModel, ...]:
         name="spring", body="block", point=(0, 0), relative_to=GROUND, relative_point=(0, -2.0), stiffness=150.0,
         damping=0.0, rest_length=2.2,
     )  # fmt: skip
-    carried = ConstantForce(name="carried", body="rod", point=ALONG_X, force=(0.0, 0.5 * 2.0 * GRAVITY))
-    dampers = (_hinge_spring("slow", "upper", damping=0.1), _hinge_spring("slower", "lower", "upper", damping=0.3))
+    carried = ConstantForce(
+        name="carried", body="rod", point=ALONG_X, force=(0.0, 0.5 * 2.0 * GRAVITY)
+    )
+    dampers = (
+        _hinge_spring("slow", "upper", damping=0.1),
+        _hinge_spring("slower", "lower", "upper", damping=0.3),
+    )
     spring = rod("spring", start=-0.3, forces=(_hinge_spring("spring", stiffness=12.0, rest=0.4),))
     classes = chain("defaults", 0.9, -0.5, forces=dampers)
     return (

@@ -28,7 +28,9 @@ def range_of_slide(low: float, high: float) -> tuple[PointStop, PointStop]:
     """Both ends of a range of the block's height [m]."""
     return (
         PointStop(name="low", body="block", point=(0, 0), normal=(0, 1), offset=low, closed=False),
-        PointStop(name="high", body="block", point=(0, 0), normal=(0, -1), offset=-high, closed=False),
+        PointStop(
+            name="high", body="block", point=(0, 0), normal=(0, -1), offset=-high, closed=False
+        ),
     )
 
 
@@ -37,18 +39,32 @@ def chain(name: str, *relative: float, speeds: tuple[float, ...] = (), **changes
     bodies = (body("upper", "a", 1.0, (0, -0.25), 0.02), body("lower", "b", 0.5, (0, -0.2), 0.008))
     joints = (pin("shoulder", GROUND, "upper"), pin("elbow", "upper", "lower", (0, -0.5)))
     started = tuple(sum(speeds[: i + 1]) for i in range(len(speeds)))
-    return mechanism(name, bodies, joints, (relative[0], sum(relative)), start_speeds=started, **changes)
+    return mechanism(
+        name, bodies, joints, (relative[0], sum(relative)), start_speeds=started, **changes
+    )
 
 
 def _offset_centre() -> Mechanism:
-    bodies = (body("upper", "a", 1.5, (0.2, -0.1), 0.03), body("lower", "b", 0.8, (-0.1, -0.25), 0.012))
-    joints = (pin("shoulder", GROUND, "upper", (0.1, 0.2)), pin("elbow", "upper", "lower", (0.5, 0.1)))
+    bodies = (
+        body("upper", "a", 1.5, (0.2, -0.1), 0.03),
+        body("lower", "b", 0.8, (-0.1, -0.25), 0.012),
+    )
+    joints = (
+        pin("shoulder", GROUND, "upper", (0.1, 0.2)),
+        pin("elbow", "upper", "lower", (0.5, 0.1)),
+    )
     return mechanism("offset-centre", bodies, joints, (0.1, -0.2))
 
 
 def _nested_frames() -> Mechanism:
-    bodies = (body("upper", "a", 1.5, (0.2, 0.05), 0.03), body("lower", "b", 0.8, (0.3, 0.2), 0.012))
-    joints = (pin("shoulder", GROUND, "upper", (0.1, 0.3)), pin("elbow", "upper", "lower", (0.4, 0)))
+    bodies = (
+        body("upper", "a", 1.5, (0.2, 0.05), 0.03),
+        body("lower", "b", 0.8, (0.3, 0.2), 0.012),
+    )
+    joints = (
+        pin("shoulder", GROUND, "upper", (0.1, 0.3)),
+        pin("elbow", "upper", "lower", (0.4, 0)),
+    )
     return mechanism("nested-frames", bodies, joints, (0.6, 1.0))
 
 
@@ -66,8 +82,14 @@ def _fixed_body() -> Mechanism:
 
 
 def _slide_on_link() -> Mechanism:
-    bodies = (body("link", "a", 1.0, (0.1, 0), 0.05), body("slider", None, 0.4, (0.05, 0.02), 0.004))
-    joints = (pin("pivot", GROUND, "link", (0, 1)), rail("rail", "slider", (0.8, 0.6), "s", "link", (0.2, 0.05)))
+    bodies = (
+        body("link", "a", 1.0, (0.1, 0), 0.05),
+        body("slider", None, 0.4, (0.05, 0.02), 0.004),
+    )
+    joints = (
+        pin("pivot", GROUND, "link", (0, 1)),
+        rail("rail", "slider", (0.8, 0.6), "s", "link", (0.2, 0.05)),
+    )
     return mechanism("slide-on-link", bodies, joints, (0.3, 0.1), start_speeds=(2.0, -0.5))
 
 
@@ -100,7 +122,11 @@ def joint_models() -> tuple[ZooModel, ...]:
     offset = rod("joint-offset", joint=pin("pivot", GROUND, "rod", (0.1, 0.45), (-0.1, 0.05)))
     on_range = rod("hinge-limit", stops=range_of_angle(-1.0, 0.8))
     on_slide = block("slide-limit", start=0.3, stops=range_of_slide(-0.4, 2.0))
-    degrees = rod("degrees", start=0.2 + third, stops=range_of_angle(third - math.pi / 2, third + math.radians(150)))
+    degrees = rod(
+        "degrees",
+        start=0.2 + third,
+        stops=range_of_angle(third - math.pi / 2, third + math.radians(150)),
+    )
     free = (of("x", x=1), of("z", y=1), of("turn", a=1))
     trees = (of("left_pivot", a=1), of("right_pivot", b=1))
     return (

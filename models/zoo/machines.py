@@ -51,7 +51,12 @@ def _variants(mechanism: Mechanism, text: str) -> Iterator[tuple[str, FileVarian
     for name, variant in _VARIANTS.items():
         other = mjcf(mechanism, motion=stored_motion(mechanism), variant=variant)
         if other not in seen:
-            yield name, FileVariant(other, sum(each.mass for each in inertias(mechanism, variant).values()))
+            yield (
+                name,
+                FileVariant(
+                    other, sum(each.mass for each in inertias(mechanism, variant).values())
+                ),
+            )
         seen.add(other)
 
 
@@ -67,7 +72,9 @@ def _weights(mechanism: Mechanism, parent: str) -> Iterator[Mapping[str, float]]
         yield from _weights(mechanism, body.name)
 
 
-def _limits(mechanism: Mechanism, joints: tuple[JointCoordinate, ...]) -> Iterator[tuple[str, tuple[float, float]]]:
+def _limits(
+    mechanism: Mechanism, joints: tuple[JointCoordinate, ...]
+) -> Iterator[tuple[str, tuple[float, float]]]:
     """Of the stops that act between a body and its parent; their other end is far away."""
     angles = {body.name: body.angle for body in mechanism.bodies}
     far = 1e10

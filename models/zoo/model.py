@@ -51,7 +51,9 @@ class ZooModel:
     mechanism: Mechanism
     joints: tuple[JointCoordinate, ...]
     """In the order of the file, depth first, which is that of `qpos`; one coordinate each."""
-    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
+    limits: Mapping[str, tuple[float, float]] = field(
+        default_factory=dict[str, tuple[float, float]]
+    )
     """Ranges by joint [rad or m]."""
     needs: tuple[Needs, ...] = ()
     """What beside the equations of motion of a tree an importer must have to move it."""

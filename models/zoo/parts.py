@@ -32,7 +32,13 @@ def pin(name: str, parent: str, child: str, at: Vector = (0, 0), on: Vector = (0
 
 
 def rail(
-    name: str, child: str, axis: Vector, coordinate: str, parent: str = GROUND, at: Vector = (0, 0), angle: float = 0.0
+    name: str,
+    child: str,
+    axis: Vector,
+    coordinate: str,
+    parent: str = GROUND,
+    at: Vector = (0, 0),
+    angle: float = 0.0,
 ) -> PrismaticJoint:
     """A body's origin on a line through a point of its parent."""
     return PrismaticJoint(
@@ -53,7 +59,9 @@ def mechanism(
 ) -> Mechanism:
     """A mechanism under gravity."""
     fields: dict[str, Any] = {"name": name, "gravity": GRAVITY, **changes}
-    return Mechanism(bodies=bodies, joints=joints, start=start, stops=stops, force_elements=forces, **fields)
+    return Mechanism(
+        bodies=bodies, joints=joints, start=start, stops=stops, force_elements=forces, **fields
+    )
 
 
 def rod(
@@ -72,8 +80,14 @@ def rod(
     return mechanism(name, (body("rod", "a", mass, centre, inertia),), (hinge,), started, **changes)
 
 
-def block(name: str, axis: Vector = (0, 1), *, start: float = 0.0, mass: float = 2.0, **changes: Any) -> Mechanism:
+def block(
+    name: str, axis: Vector = (0, 1), *, start: float = 0.0, mass: float = 2.0, **changes: Any
+) -> Mechanism:
     """A block on a straight rail through the origin; its slide is `s`."""
     return mechanism(
-        name, (body("block", None, mass, (0, 0), 0.01),), (rail("rail", "block", axis, "s"),), (start,), **changes
+        name,
+        (body("block", None, mass, (0, 0), 0.01),),
+        (rail("rail", "block", axis, "s"),),
+        (start,),
+        **changes,
     )

@@ -26,5 +26,7 @@ def zoo_model(name: str) -> ZooModel:
     """
     found = next((model for model in zoo() if model.name == name), None)
     if found is None:
-        raise InputError(f"there is no model {name[:60]!r} in the zoo; there are: {', '.join(m.name for m in zoo())}.")
+        raise InputError(
+            f"there is no model {name[:60]!r} in the zoo; there are: {', '.join(m.name for m in zoo())}."
+        )
     return found

@@ -1,8 +1,8 @@
 """What every machine that the paper names makes of its energy: as given, with its fastest sling, and at its best.
 
-The paper cites machines without their lengths. What it says of them can only be compared with all such machines within
-stated bounds, at the paper's masses and length of arm. Where a machine has the paper's third constraint, a stop that
-would act before the launch counts as no throw.
+The paper cites machines without their lengths. What it says of them can only be compared with all
+such machines within stated bounds, at the paper's masses and length of arm. Where a machine has the
+paper's third constraint, a stop that would act before the launch counts as no throw.
 """
 
 from __future__ import annotations
@@ -42,10 +42,18 @@ BOUNDS: dict[str, tuple[float, float]] = {"l1": (7.0, 13.0), "r": SLINGS, "theta
 _STARTS = 8  # of the search for the lowest position: a linkage has few
 _SEED = 1
 _LENGTHS, _REFINED_LENGTHS = 25, 7  # lengths at first, and in each closer look
-_LENGTH_REFINEMENTS = 4  # each a third as wide as the one before: 0.5 m become 6 mm, where the speed is flat to 1e-6
+_LENGTH_REFINEMENTS = (
+    4  # each a third as wide as the one before: 0.5 m become 6 mm, where the speed is flat to 1e-6
+)
 _SLING_DURATION = 4.0  # [s] in which machines of this size launch
-_GRID = {"l1": 7, "r": 9, "theta0": 5}  # points of the coarse grid, with spacings of 1 m, 1.5 m and 13 deg
-_REFINEMENTS = 3  # finer grids, one point to each side of the best: spacings become 4 cm, 6 cm and 0.5 deg
+_GRID = {
+    "l1": 7,
+    "r": 9,
+    "theta0": 5,
+}  # points of the coarse grid, with spacings of 1 m, 1.5 m and 13 deg
+_REFINEMENTS = (
+    3  # finer grids, one point to each side of the best: spacings become 4 cm, 6 cm and 0.5 deg
+)
 _BESIDE, _CLOSER = 1, 3.0
 _DURATION = 5.0  # [s] in which machines of this size launch
 _BACKWARD = 1.0  # [rad] a start beyond this is one of an arm that begins backward
@@ -59,7 +67,9 @@ class SlingThrow(Spec):
     speed: Real = Field(description="of the projectile [m/s]")
     kinetic_energy: Real = Field(description="of the projectile [J]")
     efficiency: Real = Field(description="kinetic energy over the energy available with that sling")
-    arm_angle: Real = Field(description="of the arm at the launch [rad]; 3 pi / 2 points straight up")
+    arm_angle: Real = Field(
+        description="of the arm at the launch [rad]; 3 pi / 2 points straight up"
+    )
 
 
 class WidestThrow(SlingThrow):
@@ -74,17 +84,27 @@ class MachineEfficiency(Spec):
 
     name: str
     text: str
-    available_energy: Real = Field(description="from the start down to its lowest position of all [J]")
-    total_energy: Real = Field(description="the paper's E: of the start, zero at the fulcrum's height [J]")
+    available_energy: Real = Field(
+        description="from the start down to its lowest position of all [J]"
+    )
+    total_energy: Real = Field(
+        description="the paper's E: of the start, zero at the fulcrum's height [J]"
+    )
     table_one: SlingThrow
-    fastest_sling: SlingThrow | None = Field(description="with the sling that throws fastest; None: no sling")
+    fastest_sling: SlingThrow | None = Field(
+        description="with the sling that throws fastest; None: no sling"
+    )
     most_efficient: WidestThrow | None = Field(
-        default=None, description="of all within the bounds; None: not looked for, since that needs heyoka"
+        default=None,
+        description="of all within the bounds; None: not looked for, since that needs heyoka",
     )
     speed_uncertainty: Real | None = Field(description="of the speed with the paper's sling [m/s]")
-    engines: tuple[EngineValue, ...] = Field(default=(), description="efficiency with the paper's sling")
+    engines: tuple[EngineValue, ...] = Field(
+        default=(), description="efficiency with the paper's sling"
+    )
     distances: tuple[EngineValue, ...] = Field(
-        default=(), description="largest distance of any marker from ours up to the launch [m], each with its tolerance"
+        default=(),
+        description="largest distance of any marker from ours up to the launch [m], each with its tolerance",
     )
 
 
@@ -105,7 +125,9 @@ class Machines(Spec):
 
 def thrown_mass(mechanism: Mechanism) -> float:
     """Of the projectile [kg]."""
-    mass = mechanism.thrown_mass(next(marker for marker in mechanism.markers if marker.name == PROJECTILE))
+    mass = mechanism.thrown_mass(
+        next(marker for marker in mechanism.markers if marker.name == PROJECTILE)
+    )
     assert mass is not None, f"{mechanism.name} throws a known mass"
     return mass
 
@@ -123,7 +145,8 @@ def potential_energy(mechanism: Mechanism) -> float:
 def available_energy(mechanism: Mechanism) -> float:
     """Potential energy at the start less its minimum over all positions that the joints allow [J].
 
-    An upper bound of the projectile's kinetic energy: nothing else moves in the end, and the potential energy is least.
+    An upper bound of the projectile's kinetic energy: nothing else moves in the end, and the
+    potential energy is least.
     """
     equations = Equations(mechanism)
     start = np.array(mechanism.start)
@@ -135,12 +158,17 @@ def available_energy(mechanism: Mechanism) -> float:
     def slope(q: FloatArray) -> FloatArray:
         return -equations.gravity_forces(q) / abs(top or 1.0)
 
-    loops = NonlinearConstraint(equations.loop_residual, 0.0, 0.0, jac=lambda q: equations.constraint_jacobian(q, ()))
+    loops = NonlinearConstraint(
+        equations.loop_residual, 0.0, 0.0, jac=lambda q: equations.constraint_jacobian(q, ())
+    )
     constraints = [loops] if equations.n_loops else []
     random = np.random.default_rng(_SEED)
     starts = [start, *(start + random.uniform(-np.pi, np.pi, (_STARTS, len(start))))]
     minima = [
-        minimize(energy, q, jac=slope, method="SLSQP", constraints=constraints, options={"ftol": 1e-15}) for q in starts
+        minimize(
+            energy, q, jac=slope, method="SLSQP", constraints=constraints, options={"ftol": 1e-15}
+        )
+        for q in starts
     ]
     lowest = min(float(each.fun) for each in minima if _closes(equations, each.x))
     return top - lowest * abs(top or 1.0)
@@ -173,7 +201,9 @@ def fastest_sling(name: str) -> tuple[float, Mechanism, Launched] | None:
     fastest = _fastest_of(name, lengths)
     for _ in range(_LENGTH_REFINEMENTS):
         step, middle = lengths[1] - lengths[0], fastest[0]
-        lengths = np.linspace(max(SLINGS[0], middle - step), min(SLINGS[1], middle + step), _REFINED_LENGTHS)
+        lengths = np.linspace(
+            max(SLINGS[0], middle - step), min(SLINGS[1], middle + step), _REFINED_LENGTHS
+        )
         fastest = max(fastest, _fastest_of(name, lengths), key=lambda each: each[2].speed)
     return fastest if fastest[2].speed > 0 else None
 
@@ -184,13 +214,17 @@ def _fastest_of(name: str, lengths: FloatArray) -> tuple[float, Mechanism, Launc
     return max(throws, key=lambda each: each[2].speed)
 
 
-def launches(machines: Sequence[Mechanism], duration: float, alone: bool = True) -> Iterable[Launched]:
+def launches(
+    machines: Sequence[Mechanism], duration: float, alone: bool = True
+) -> Iterable[Launched]:
     """Throws of machines of one kind at 45 degrees.
 
     Args:
         machines: alike but for their numbers.
-        duration: end of the search for the launch [s]; where machines are solved alone, at all times.
-        alone: whether each may be solved for itself, a tenth of a second each, where heyoka is not installed.
+        duration: end of the search for the launch [s]; where machines are solved alone, at all
+        times.
+        alone: whether each may be solved for itself, a tenth of a second each, where heyoka is not
+            installed.
 
     Raises:
         EngineNotInstalledError: heyoka is not installed, and they may not be solved alone.
@@ -204,7 +238,9 @@ def launches(machines: Sequence[Mechanism], duration: float, alone: bool = True)
             raise
         return [_launch(machine) for machine in machines]
     rows = zip(machines, batch.launched, batch.speed, batch.time, batch.q, strict=True)
-    found = [_checked(machine, q, float(v), float(t)) if ok else _NONE for machine, ok, v, t, q in rows]
+    found = [
+        _checked(machine, q, float(v), float(t)) if ok else _NONE for machine, ok, v, t, q in rows
+    ]
     return [_launch(machines[i]) if i in batch.failures else throw for i, throw in enumerate(found)]
 
 
@@ -245,7 +281,11 @@ def most_efficient(name: str) -> Widest | None:
             if best is None:
                 return None
             spacing = {key: step / _CLOSER for key, step in spacing.items()}
-            closer = _best(name, {key: _around(key, best.chosen[key], step) for key, step in spacing.items()}, lowest)
+            closer = _best(
+                name,
+                {key: _around(key, best.chosen[key], step) for key, step in spacing.items()},
+                lowest,
+            )
             best = max((best, closer or best), key=lambda each: each.efficiency)
     except EngineNotInstalledError:
         return None
@@ -266,7 +306,8 @@ def _around(key: str, middle: float, step: float) -> FloatArray:
 
 def _best(name: str, grid: dict[str, FloatArray], lowest: dict[float, float]) -> Widest | None:
     points = [
-        dict(zip(grid, values, strict=True)) for values in itertools.product(*(g.tolist() for g in grid.values()))
+        dict(zip(grid, values, strict=True))
+        for values in itertools.product(*(g.tolist() for g in grid.values()))
     ]
     machines = [_machine(name, point) for point in points]
     throws = launches(machines, _DURATION, alone=False)
@@ -289,13 +330,16 @@ def _rated(
 ) -> Iterable[Widest]:
     """Efficiencies of those that launch.
 
-    The lowest position of all does not depend on the start, and a sling hangs straight down in it: one search serves
-    all machines of one l1, and `lowest` keeps its result.
+    The lowest position of all does not depend on the start, and a sling hangs straight down in it:
+    one search serves all machines of one l1, and `lowest` keeps its result.
     """
     for point, machine, thrown in zip(points, machines, throws, strict=True):
         if not thrown.speed > 0:
             continue
-        top, hanging = potential_energy(machine), thrown_mass(machine) * machine.gravity * point.get("r", 0.0)
+        top, hanging = (
+            potential_energy(machine),
+            thrown_mass(machine) * machine.gravity * point.get("r", 0.0),
+        )
         l1 = point["l1"]
         if l1 not in lowest:
             lowest[l1] = top - available_energy(machine) + hanging
@@ -314,7 +358,9 @@ def efficiencies(engines: Sequence[str] | None = None) -> Machines:
     named = engines if engines is None else tuple(engines) or ("reference",)
     comparison = compare(names, engines=named, presets=("tuned",))
     rows = tuple(_efficiency(name, comparison) for name in names)
-    return Machines(machines=rows, slings=SLINGS, bounds=BOUNDS, seconds=time.perf_counter() - started)
+    return Machines(
+        machines=rows, slings=SLINGS, bounds=BOUNDS, seconds=time.perf_counter() - started
+    )
 
 
 def _efficiency(name: str, comparison: Comparison) -> MachineEfficiency:
@@ -326,25 +372,36 @@ def _efficiency(name: str, comparison: Comparison) -> MachineEfficiency:
     built = Launched(launch.speed, launch.time, arm)
     best = fastest_sling(name)
     sling = next((body.centre[0] for body in mechanism.bodies if body.name == "sling"), None)
-    runs = [run for run in comparison.results.runs if run.model == name and run.engine != "reference"]
-    trajectories = {label: t for (machine, label), t in comparison.trajectories.items() if machine == name}
+    runs = [
+        run for run in comparison.results.runs if run.model == name and run.engine != "reference"
+    ]
+    trajectories = {
+        label: t for (machine, label), t in comparison.trajectories.items() if machine == name
+    }
     return MachineEfficiency(
         name=name,
         text=models()[name],
         available_energy=available,
         total_energy=potential_energy(mechanism),
         table_one=_throw(mechanism, available, sling, built),
-        fastest_sling=None if best is None else _throw(best[1], available_energy(best[1]), best[0], best[2]),
+        fastest_sling=None
+        if best is None
+        else _throw(best[1], available_energy(best[1]), best[0], best[2]),
         most_efficient=_widest(name),
         speed_uncertainty=reference_uncertainty(solution, launch.time).of("launch_speed"),
         engines=tuple(
-            _by_engine(run, trajectories.get(run.label), _allowed(run, solution), mechanism, available) for run in runs
+            _by_engine(
+                run, trajectories.get(run.label), _allowed(run, solution), mechanism, available
+            )
+            for run in runs
         ),
         distances=tuple(_distance(run) for run in runs),
     )
 
 
-def _throw(mechanism: Mechanism, available: float, sling: float | None, thrown: Launched) -> SlingThrow:
+def _throw(
+    mechanism: Mechanism, available: float, sling: float | None, thrown: Launched
+) -> SlingThrow:
     kinetic = kinetic_energy(mechanism, thrown.speed)
     return SlingThrow(
         sling=sling,
@@ -368,26 +425,48 @@ def _widest(name: str) -> WidestThrow | None:
 def _allowed(run: Run, solution: Solution) -> float | None:
     """Tolerance of the launch speed [m/s] that follows from the engine's tolerances."""
     tolerance_of = {(metric.name, metric.subject): metric.tolerance for metric in run.metrics}
-    tolerances = Allowed(tolerance_of.get(("position_max", PROJECTILE)), tolerance_of.get(("launch_speed", None)))
+    tolerances = Allowed(
+        tolerance_of.get(("position_max", PROJECTILE)), tolerance_of.get(("launch_speed", None))
+    )
     launch = solution.launch
-    return None if launch is None else speed_allowance(tolerances, Projectile(solution), launch.time)
+    return (
+        None if launch is None else speed_allowance(tolerances, Projectile(solution), launch.time)
+    )
 
 
 def _by_engine(
-    run: Run, trajectory: Trajectory | None, allowed: float | None, mechanism: Mechanism, available: float
+    run: Run,
+    trajectory: Trajectory | None,
+    allowed: float | None,
+    mechanism: Mechanism,
+    available: float,
 ) -> EngineValue:
     launch = None if trajectory is None else trajectory.launch()
     if launch is None:
-        return EngineValue(engine=run.engine, value=None, note=run.message or "its projectile is not launched")
-    tolerance = None if allowed is None else thrown_mass(mechanism) * launch.speed * allowed / available
+        return EngineValue(
+            engine=run.engine, value=None, note=run.message or "its projectile is not launched"
+        )
+    tolerance = (
+        None if allowed is None else thrown_mass(mechanism) * launch.speed * allowed / available
+    )
     return EngineValue(
-        engine=run.engine, value=kinetic_energy(mechanism, launch.speed) / available, tolerance=tolerance
+        engine=run.engine,
+        value=kinetic_energy(mechanism, launch.speed) / available,
+        tolerance=tolerance,
     )
 
 
 def _distance(run: Run) -> EngineValue:
     if run.outcome not in (Outcome.AGREES, Outcome.DISAGREES):
         return EngineValue(engine=run.engine, value=None, note=run.message)
-    errors = [metric for metric in run.metrics if metric.name == "position_max" and metric.value is not None]
+    errors = [
+        metric
+        for metric in run.metrics
+        if metric.name == "position_max" and metric.value is not None
+    ]
     tolerance = next((metric.tolerance for metric in errors if metric.subject == PROJECTILE), None)
-    return EngineValue(engine=run.engine, value=max(abs(metric.value or 0.0) for metric in errors), tolerance=tolerance)
+    return EngineValue(
+        engine=run.engine,
+        value=max(abs(metric.value or 0.0) for metric in errors),
+        tolerance=tolerance,
+    )

@@ -52,12 +52,18 @@ class Throwing(Spec):
     angle: Real = Field(description="there, above the horizontal [rad]")
     range: Real = Field(description="from the fulcrum's x at the start to y = 0 [m]")
     ratio: Real = Field(description="the paper's R there: kinetic over total energy")
-    available_energy: Real = Field(description="from the start down to its lowest position of all [J]")
+    available_energy: Real = Field(
+        description="from the start down to its lowest position of all [J]"
+    )
     efficiency: Real = Field(description="kinetic energy there over the available energy")
-    arm_angle: Real = Field(description="theta at the range-optimal release [rad]; the third constraint is at 3 pi / 2")
+    arm_angle: Real = Field(
+        description="theta at the range-optimal release [rad]; the third constraint is at 3 pi / 2"
+    )
     sling_release: Real = Field(description="when the sling's rest opens [s]")
     rest_torques: dict[str, Real] = Field(description="largest torque of each rest [N m]")
-    lowest: dict[str, Real] = Field(description="least y of projectile and counterweight up to the release [m]")
+    lowest: dict[str, Real] = Field(
+        description="least y of projectile and counterweight up to the release [m]"
+    )
 
     @property
     def gap(self) -> float:
@@ -76,14 +82,22 @@ class Bounds(Spec):
 class Optimality(Spec):
     """First and second order conditions of the design, checked on what is reported."""
 
-    residual: Real = Field(description="|projected gradient of the Lagrangian| over |gradient of the objective|")
-    multiplier: Real | None = Field(description="of the coincidence; [m of range per s] where range is the objective")
+    residual: Real = Field(
+        description="|projected gradient of the Lagrangian| over |gradient of the objective|"
+    )
+    multiplier: Real | None = Field(
+        description="of the coincidence; [m of range per s] where range is the objective"
+    )
     neighbours: tuple[Real, ...] = Field(
         description="objective at neighbours that also coincide, minus the design's own: all negative at a maximum"
     )
-    active: tuple[str, ...] = Field(description="bounds it stands on, such as 'h at 14'; empty: it lies inside")
+    active: tuple[str, ...] = Field(
+        description="bounds it stands on, such as 'h at 14'; empty: it lies inside"
+    )
     starts: int = Field(description="starts of the search")
-    reached: int = Field(description="of those, how many came to this design, within 0.1 % of each length")
+    reached: int = Field(
+        description="of those, how many came to this design, within 0.1 % of each length"
+    )
 
 
 class CoincidingDesign(Spec):
@@ -95,10 +109,14 @@ class CoincidingDesign(Spec):
     )
     reading: Reading
     throwing: Throwing
-    difference: Quantity = Field(description="largest kinetic energy after the release it is to coincide with [s]")
+    difference: Quantity = Field(
+        description="largest kinetic energy after the release it is to coincide with [s]"
+    )
     change: Real = Field(description="root sum square of the relative changes of r, h and l1")
     optimality: Optimality
-    warnings: tuple[str, ...] = Field(description="what a builder should know: slack slings, lifting wheels, stops met")
+    warnings: tuple[str, ...] = Field(
+        description="what a builder should know: slack slings, lifting wheels, stops met"
+    )
     engines: dict[str, tuple[EngineValue, ...]] = Field(
         default_factory=dict,
         description="by figure: largest_ratio_time, best_release_time, best_release_angle, "
@@ -113,8 +131,12 @@ class Design(Spec):
     constraints: tuple[str, ...] = Field(description="what was asked of a design besides, in words")
     paper_rolling: Throwing
     paper_fixed: Throwing
-    designs: tuple[CoincidingDesign, ...] = Field(description="those that were found; empty: no start led to one")
-    unconstrained: Throwing | None = Field(description="largest range within the bounds, whatever the times")
+    designs: tuple[CoincidingDesign, ...] = Field(
+        description="those that were found; empty: no start led to one"
+    )
+    unconstrained: Throwing | None = Field(
+        description="largest range within the bounds, whatever the times"
+    )
     seconds: Real = Field(description="wall time [s]")
 
     def named(self, name: str) -> CoincidingDesign | None:
@@ -122,9 +144,14 @@ class Design(Spec):
         return next((design for design in self.designs if design.name == name), None)
 
 
-_SPANS = (1.9, 3.0)  # longest simulated motions, in characteristic times; Table I's rolling machine has swept after 1.5
+_SPANS = (
+    1.9,
+    3.0,
+)  # longest simulated motions, in characteristic times; Table I's rolling machine has swept after 1.5
 _SCAN = 1000  # samples from the sling's release on: a spacing of some 2 ms on Table I
-_DEGREE = 10  # of interpolants over two such intervals, in which a throw changes by a tenth: to rounding
+_DEGREE = (
+    10  # of interpolants over two such intervals, in which a throw changes by a tenth: to rounding
+)
 _REAL = 1e-9  # [s] imaginary part of a root that is rounding
 _LOOKS = 200  # at the arm's angle, which changes by 0.03 rad in between
 _COARSE = 1e-11  # local error where heyoka is not installed
@@ -165,20 +192,27 @@ class FirstForwardSwing:
         return self.fastest - (self.best.time if reading is Reading.RANGE_OPTIMAL else self.launch)
 
 
-def first_forward_swing_of(mechanism: Mechanism, solver: Solver = quick) -> FirstForwardSwing | None:
+def first_forward_swing_of(
+    mechanism: Mechanism, solver: Solver = quick
+) -> FirstForwardSwing | None:
     """The first forward swing of a machine; None where it is no throw.
 
-    It is one where the sling's rest opens, the velocity comes down to 45 degrees within three characteristic times, the
-    speed has its largest value inside the sweep and not at an end of it, a release flies forward to the fulcrum's
-    height, and the arm does not come to its stop before any of these instants.
+    It is one where the sling's rest opens, the velocity comes down to 45 degrees within three
+    characteristic times, the speed has its largest value inside the sweep and not at an end of it,
+    a release flies forward to the fulcrum's height, and the arm does not come to its stop before
+    any of these instants.
     """
     try:
         scanned = _scanned(mechanism, solver)
         if scanned is None:
             return None
         around = Surroundings(gravity=mechanism.gravity)
-        fastest = scanned.largest(lambda _, v, __: np.sum(v**2, axis=1), lambda _, v, a: np.sum(v * a, axis=1))
-        best = scanned.largest(lambda x, v, _: _ranges(x, v, around), lambda x, v, a: _range_rates(x, v, a, around))
+        fastest = scanned.largest(
+            lambda _, v, __: np.sum(v**2, axis=1), lambda _, v, a: np.sum(v * a, axis=1)
+        )
+        best = scanned.largest(
+            lambda x, v, _: _ranges(x, v, around), lambda x, v, a: _range_rates(x, v, a, around)
+        )
         launch = scanned.launch
         if fastest is None or best is None or launch is None:
             return None
@@ -187,7 +221,9 @@ def first_forward_swing_of(mechanism: Mechanism, solver: Solver = quick) -> Firs
     except TrebucheckError:
         return None
     swing = FirstForwardSwing(scanned.projectile, around, fastest, release, reached, launch)
-    return swing if reached > 0 and release.velocity[0] > 0 and _before_the_arm_stop(swing) else None
+    return (
+        swing if reached > 0 and release.velocity[0] > 0 and _before_the_arm_stop(swing) else None
+    )
 
 
 States = tuple[FloatArray, FloatArray, FloatArray]
@@ -228,8 +264,8 @@ class _Scanned:
 def _scanned(mechanism: Mechanism, solver: Solver) -> _Scanned | None:
     """From the opening of the sling's rest to the velocity's first pointing straight down.
 
-    A short sling may whirl the projectile over without its ever pointing down: then to the end of the shortest motion
-    in which it is launched.
+    A short sling may whirl the projectile over without its ever pointing down: then to the end of
+    the shortest motion in which it is launched.
     """
     scale, launched = characteristic_time(mechanism), None
     for spans in _SPANS:
@@ -241,7 +277,9 @@ def _scanned(mechanism: Mechanism, solver: Solver) -> _Scanned | None:
         down = launch_interval(states[1], -math.pi / 2)
         if down is not None:
             swept = slice(0, down + 1)
-            return _Scanned(projectile, times[swept], (states[0][swept], states[1][swept], states[2][swept]))
+            return _Scanned(
+                projectile, times[swept], (states[0][swept], states[1][swept], states[2][swept])
+            )
         if launched is None and launch_interval(states[1]) is not None:
             launched = _Scanned(projectile, times, states)
     return launched
@@ -249,7 +287,11 @@ def _scanned(mechanism: Mechanism, solver: Solver) -> _Scanned | None:
 
 def _ranges(position: FloatArray, velocity: FloatArray, around: Surroundings) -> FloatArray:
     """Of releases, NaN where nothing lands [m], shape (n,)."""
-    ranges = position[:, 0] + velocity[:, 0] * fall_time(position[:, 1], velocity[:, 1], around) - around.origin
+    ranges = (
+        position[:, 0]
+        + velocity[:, 0] * fall_time(position[:, 1], velocity[:, 1], around)
+        - around.origin
+    )
     return np.where(np.isfinite(ranges), ranges, -np.inf)
 
 
@@ -299,6 +341,11 @@ def read_throw(parameters: TrebuchetParameters, swing: FirstForwardSwing) -> Thr
         efficiency=kinetic / available,
         arm_angle=float(solution.motion(np.array([swing.best.time])).q[0, 0]),
         sling_release=opened,
-        rest_torques={s.name: float(path.stop_torque(s.name).max()) for s in mechanism.stops if s.closed},
-        lowest={name: float(path.marker(name).position[:, 1].min()) for name in (PROJECTILE, COUNTERWEIGHT)},
+        rest_torques={
+            s.name: float(path.stop_torque(s.name).max()) for s in mechanism.stops if s.closed
+        },
+        lowest={
+            name: float(path.marker(name).position[:, 1].min())
+            for name in (PROJECTILE, COUNTERWEIGHT)
+        },
     )

@@ -15,14 +15,24 @@ from scipy.optimize import NonlinearConstraint, brentq, minimize
 from ...models.arrays import FloatArray
 from ...models.machines.parameters import TrebuchetParameters
 from ...models.machines.trebuchet import rolling
-from .first_forward_swing import Bounds, FirstForwardSwing, Optimality, Reading, first_forward_swing_of
+from .first_forward_swing import (
+    Bounds,
+    FirstForwardSwing,
+    Optimality,
+    Reading,
+    first_forward_swing_of,
+)
 
 NAMES = ("r", "h", "l1")
 _STEP = 1e-4  # of finite differences, relative: errors of 1e-8 relative from the third derivative, 1e-6 from rounding
 _GRID = (6, 4, 5)  # places of r, h and l1 in the coarse look
 _NEAR = 0.06  # [s] largest difference of a start's two instants: Table I's rolling machine has 0.05
 _STARTS = 3
-_DRAWS, _DRAWN, _LONGEST = 12, 0.5, 0.2  # steps towards the condition, how near is enough [ms], longest of them
+_DRAWS, _DRAWN, _LONGEST = (
+    12,
+    0.5,
+    0.2,
+)  # steps towards the condition, how near is enough [ms], longest of them
 _REACH = 0.4  # of x, to either side, in which a search goes on before it looks around again
 _BOXES = 10
 _ITERATIONS = 15  # in one box
@@ -46,7 +56,9 @@ class Family:
     beam: float
     bounds: Bounds
     reading: Reading = Reading.RANGE_OPTIMAL
-    _known: dict[tuple[float, ...], FirstForwardSwing | None] = field(default_factory=dict, repr=False, compare=False)
+    _known: dict[tuple[float, ...], FirstForwardSwing | None] = field(
+        default_factory=dict, repr=False, compare=False
+    )
 
     @cached_property
     def scale(self) -> FloatArray:
@@ -79,7 +91,11 @@ class Family:
     def values(self, x: FloatArray) -> FloatArray:
         """Range [km] and time between the two instants [ms]; for no throw, values that a line search rejects."""
         swing = self.sweep(x)
-        return _NO_THROW if swing is None else np.array([1e-3 * swing.range, 1e3 * swing.delay(self.reading)])
+        return (
+            _NO_THROW
+            if swing is None
+            else np.array([1e-3 * swing.range, 1e3 * swing.delay(self.reading)])
+        )
 
     def slopes(self, x: FloatArray) -> FloatArray:
         """Derivatives of :meth:`values` by x, central differences, shape (2, 3).
@@ -108,18 +124,27 @@ class Family:
 
     def maximised(self, starts: Sequence[FloatArray], objective: Objective) -> list[FloatArray]:
         """Optima reached from each start under the condition that the two instants coincide, the best first."""
-        optima = [x for start in starts if (x := self._optimum(start, objective, coincide=True)) is not None]
+        optima = [
+            x
+            for start in starts
+            if (x := self._optimum(start, objective, coincide=True)) is not None
+        ]
         return sorted(optima, key=lambda x: -objective.value(self, x))
 
     def farthest(self, start: FloatArray) -> FloatArray | None:
         """Of largest range, whatever the two instants."""
         return self._optimum(start, RANGE, coincide=False)
 
-    def _optimum(self, start: FloatArray, objective: Objective, coincide: bool) -> FloatArray | None:
+    def _optimum(
+        self, start: FloatArray, objective: Objective, coincide: bool
+    ) -> FloatArray | None:
         """In boxes that follow the search: steps taken whole may lead to machines that do not throw."""
         low, high = (edge + sign * 2 * _STEP for edge, sign in zip(self.box, (1, -1), strict=True))
         try:
-            x, reach = self._drawn(np.clip(start, low, high), low, high) if coincide else start, _REACH
+            x, reach = (
+                self._drawn(np.clip(start, low, high), low, high) if coincide else start,
+                _REACH,
+            )
             for _ in range(_BOXES):
                 box = (np.maximum(low, x - reach), np.minimum(high, x + reach))
                 try:
@@ -127,7 +152,9 @@ class Family:
                 except NoThrowError:
                     reach /= 2
                     continue
-                inside = np.all((np.abs(optimum - x) < reach * 0.999) | (optimum <= low) | (optimum >= high))
+                inside = np.all(
+                    (np.abs(optimum - x) < reach * 0.999) | (optimum <= low) | (optimum >= high)
+                )
                 x = optimum
                 if inside and converged:
                     break
@@ -151,9 +178,15 @@ class Family:
         return x
 
     def _in_box(
-        self, x: FloatArray, objective: Objective, coincide: bool, box: tuple[FloatArray, FloatArray]
+        self,
+        x: FloatArray,
+        objective: Objective,
+        coincide: bool,
+        box: tuple[FloatArray, FloatArray],
     ) -> tuple[FloatArray, bool]:
-        condition = NonlinearConstraint(lambda x: self.values(x)[1], 0.0, 0.0, jac=lambda x: self.slopes(x)[1:2])
+        condition = NonlinearConstraint(
+            lambda x: self.values(x)[1], 0.0, 0.0, jac=lambda x: self.slopes(x)[1:2]
+        )
         result: Any = minimize(
             lambda x: -objective.value(self, x),
             x,
@@ -188,7 +221,9 @@ class Family:
                 return x + float(brentq(delay, -far, far, xtol=1e-13)) * direction
         return None
 
-    def conditions(self, x: FloatArray, objective: Objective, optima: Sequence[FloatArray], starts: int) -> Optimality:
+    def conditions(
+        self, x: FloatArray, objective: Objective, optima: Sequence[FloatArray], starts: int
+    ) -> Optimality:
         """First and second order, at a machine whose two instants coincide.
 
         Raises:
@@ -196,7 +231,11 @@ class Family:
         """
         slopes, gradient = self.slopes(x), objective.slope(self, x)
         low, high = self.box
-        active = [i for i in range(len(x)) if min(abs(x[i] - low[i]), abs(x[i] - high[i])) < _AT_BOUND + 3 * _STEP]
+        active = [
+            i
+            for i in range(len(x))
+            if min(abs(x[i] - low[i]), abs(x[i] - high[i])) < _AT_BOUND + 3 * _STEP
+        ]
         free = np.array([i not in active for i in range(len(x))])
         normal = slopes[1] * free
         multiplier = float(gradient @ normal / (normal @ normal))
@@ -232,7 +271,9 @@ class Objective:
     """What one of it is in the unit it is reported in."""
 
 
-RANGE = Objective(lambda family, x: float(family.values(x)[0]), lambda family, x: family.slopes(x)[0], 1e3)
+RANGE = Objective(
+    lambda family, x: float(family.values(x)[0]), lambda family, x: family.slopes(x)[0], 1e3
+)
 """The range of the best release [km], reported in m."""
 NEARNESS = Objective(lambda _, x: -float(np.sum((x - 1) ** 2)), lambda _, x: -2 * (x - 1))
 """Minus the sum of the squares of the relative changes of r, h and l1."""

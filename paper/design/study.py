@@ -23,7 +23,14 @@ from ...reference.throw.flight import fly, range_rate
 from ...reference.throw.throw import throw
 from ..evidence.claims import EngineValue, Quantity
 from ..evidence.engine_runs import TAIL, SampledMotion, allowed, simulated, turning
-from ..evidence.quantities import BEST_ANGLE, BEST_RANGE, BEST_SPEED, BEST_TIME, FASTEST_TIME, read_certified
+from ..evidence.quantities import (
+    BEST_ANGLE,
+    BEST_RANGE,
+    BEST_SPEED,
+    BEST_TIME,
+    FASTEST_TIME,
+    read_certified,
+)
 from ..sweep.study import ENGINES
 from .first_forward_swing import (
     Bounds,
@@ -60,20 +67,22 @@ def design_rolling(
 ) -> Design:
     """Choose r, h and l1 of a rolling machine so that its largest kinetic energy comes at its best release.
 
-    One condition on three lengths: of all machines that meet it, the one that throws farthest and the one nearest to
-    the given machine are looked for, by sequential quadratic programming from the best of a coarse grid; and the one
-    that throws farthest with its largest kinetic energy at 45 degrees. What is reported is computed anew by the
-    reference, and its optimality conditions are checked.
+    One condition on three lengths: of all machines that meet it, the one that throws farthest and
+    the one nearest to the given machine are looked for, by sequential quadratic programming from
+    the best of a coarse grid; and the one that throws farthest with its largest kinetic energy at
+    45 degrees. What is reported is computed anew by the reference, and its optimality conditions
+    are checked.
 
     Args:
-        parameters: masses, gravity, start angles, length of the arm, and the machine to compare with; Table I if
-            left out.
+        parameters: masses, gravity, start angles, length of the arm, and the machine to compare
+            with; Table I if left out.
         bounds: of r, h and l1.
         engines: names; one that fails or is absent becomes a note.
         worker: the process engines run in; None: this one.
 
     Raises:
-        InputError: the bounds are empty or leave the arm, the given machine does not throw, or no design was found.
+        InputError: the bounds are empty or leave the arm, the given machine does not throw, or no
+        design was found.
         SimulationError: the reference's own integrator does not reproduce the throw of the search.
     """
     began = time.perf_counter()
@@ -136,9 +145,13 @@ class _Search:
         x = reached[0]
         sketched, swing = family.sweep(x), first_forward_swing_of(rolling(family.machine(x)), solve)
         if sketched is None or swing is None:
-            raise SimulationError(f"the design {name!r} throws by one integrator of the reference and not by another.")
+            raise SimulationError(
+                f"the design {name!r} throws by one integrator of the reference and not by another."
+            )
         delay = swing.delay(family.reading)
-        width = _SAFETY * abs(delay - sketched.delay(family.reading)) + float(np.spacing(swing.fastest))
+        width = _SAFETY * abs(delay - sketched.delay(family.reading)) + float(
+            np.spacing(swing.fastest)
+        )
         return CoincidingDesign(
             name=name,
             objective="range" if objective is RANGE else "nearness",
@@ -152,11 +165,15 @@ class _Search:
         )
 
 
-def _reference_throw(parameters: TrebuchetParameters, build: Callable[[TrebuchetParameters], Mechanism]) -> Throwing:
+def _reference_throw(
+    parameters: TrebuchetParameters, build: Callable[[TrebuchetParameters], Mechanism]
+) -> Throwing:
     mechanism = build(parameters)
     swing = first_forward_swing_of(mechanism, solve)
     if swing is None:
-        raise InputError(f"the {mechanism.name!r} machine to compare with does not throw in its first forward swing.")
+        raise InputError(
+            f"the {mechanism.name!r} machine to compare with does not throw in its first forward swing."
+        )
     return read_throw(parameters, swing)
 
 
@@ -164,9 +181,13 @@ def _refuse_bounds(bounds: Bounds, beam: float) -> None:
     for name in NAMES:
         low, high = getattr(bounds, name)
         if not 0 < low < high:
-            raise InputError(f"{name} = {(low, high)!r} of the bounds must be two positive lengths in m, rising.")
+            raise InputError(
+                f"{name} = {(low, high)!r} of the bounds must be two positive lengths in m, rising."
+            )
     if not bounds.l1[1] < beam:
-        raise InputError(f"l1 = {bounds.l1!r} of the bounds must stay below the arm's length of {beam!r} m.")
+        raise InputError(
+            f"l1 = {bounds.l1!r} of the bounds must stay below the arm's length of {beam!r} m."
+        )
 
 
 QUANTITIES = {
@@ -201,16 +222,18 @@ def confirmed(
         for label, quantity in QUANTITIES.items():
             value, tolerance = read.get(quantity), allowed_of.get(label)
             note_of = note if value is None else None
-            values[label].append(EngineValue(engine=name, value=value, tolerance=tolerance, note=note_of))
+            values[label].append(
+                EngineValue(engine=name, value=value, tolerance=tolerance, note=note_of)
+            )
     return {label: tuple(each) for label, each in values.items()}
 
 
 def tolerances(swing: FirstForwardSwing, position: float | None) -> dict[str, float]:
     """Tolerance of each quantity that follows from one of the projectile's position [m], to first order.
 
-    The velocity is allowed w times as much and the acceleration w^2 times, w being the rate at which the velocity
-    turns (see `paper.evidence.engine_runs`). Where a quantity's instant is a zero of a rate, the instant may move by
-    what the rate may, over the rate's own slope.
+    The velocity is allowed w times as much and the acceleration w^2 times, w being the rate at
+    which the velocity turns (see `paper.evidence.engine_runs`). Where a quantity's instant is a
+    zero of a rate, the instant may move by what the rate may, over the rate's own slope.
 
     Args:
         position: None gives no tolerances.
@@ -223,10 +246,16 @@ def tolerances(swing: FirstForwardSwing, position: float | None) -> dict[str, fl
     lands = math.hypot(1.0, vx / vy)  # a displacement at the landing to one along the ground
     rate = turning(projectile, best.time)
     velocity, acceleration = rate * position, rate**2 * position
-    late = lands * (velocity + flight.time * acceleration) / _slope(lambda t: _range_rate(swing, t), best.time)
+    late = (
+        lands
+        * (velocity + flight.time * acceleration)
+        / _slope(lambda t: _range_rate(swing, t), best.time)
+    )
     _, v, a = (part[0] for part in projectile.states(np.array([swing.fastest])))
     turn = turning(projectile, swing.fastest)
-    force = float(np.linalg.norm(v)) * turn**2 * position + float(np.linalg.norm(a)) * turn * position
+    force = (
+        float(np.linalg.norm(v)) * turn**2 * position + float(np.linalg.norm(a)) * turn * position
+    )
     along = abs(kinetic_rate(projectile, best.time)) / best.speed
     return {
         "largest_ratio_time": force / _slope(lambda t: kinetic_rate(projectile, t), swing.fastest),

@@ -16,7 +16,15 @@ from ...models.arrays import FloatArray
 from ...models.errors import InputError
 from ...models.joints import PinJoint
 from ...models.spec import NonNegative, Positive, Real, Spec
-from ...reference.throw.flight import Air, Release, Surroundings, World, drag_flight, fly, range_rate
+from ...reference.throw.flight import (
+    Air,
+    Release,
+    Surroundings,
+    World,
+    drag_flight,
+    fly,
+    range_rate,
+)
 from ...reference.throw.release import Projectile
 
 _SCAN = 800  # instants of the last part of the sweep between which an angle is looked for
@@ -69,7 +77,9 @@ class WorldOnGrid(Spec):
     """One world's printed angle against a grid of release times."""
 
     world: str
-    nearest: GridPoint = Field(description="of those that some drag area makes the best: nearest to the printed angle")
+    nearest: GridPoint = Field(
+        description="of those that some drag area makes the best: nearest to the printed angle"
+    )
     beside: tuple[GridPoint, ...] = Field(description="those on either side of the printed angle")
     any_phase: DragInterval | None = Field(
         description="drag areas with which the printed angle is the best of some grid of this step, wherever it "
@@ -86,7 +96,9 @@ class GridReading(Spec):
     shared: DragInterval | None = Field(
         description="drag areas that make every world's nearest point the best of the grid that starts at t = 0"
     )
-    agreeing: tuple[str, ...] = Field(description="worlds whose nearest point has the printed angle")
+    agreeing: tuple[str, ...] = Field(
+        description="worlds whose nearest point has the printed angle"
+    )
     shared_by_agreeing: DragInterval | None = Field(description="drag areas that suit all of those")
     any_phase: DragInterval | None = Field(
         description="drag areas that suit every world if each one's grid may start where it likes"
@@ -99,7 +111,9 @@ class Throwing:
 
     projectile: Projectile
     world: World
-    _known: dict[tuple[float, float], float] = field(default_factory=dict[tuple[float, float], float])
+    _known: dict[tuple[float, float], float] = field(
+        default_factory=dict[tuple[float, float], float]
+    )
 
     @cached_property
     def mass(self) -> float:
@@ -128,7 +142,9 @@ class Throwing:
         """
         best = self.projectile.best_release(self.surroundings())
         if best is None:
-            raise InputError(f"no release of the throw on {self.world.name} comes back to the fulcrum's height.")
+            raise InputError(
+                f"no release of the throw on {self.world.name} comes back to the fulcrum's height."
+            )
         return best
 
     def angle(self, times: FloatArray, reading: AngleReading) -> FloatArray:
@@ -145,7 +161,9 @@ class Throwing:
         index = [b.name for b in mechanism.bodies].index(body.name)
         joint = mechanism.tree_joints[index]
         foot = joint.child_point if isinstance(joint, PinJoint) else body.centre
-        along = math.atan2(self.projectile.marker.point[1] - foot[1], self.projectile.marker.point[0] - foot[0])
+        along = math.atan2(
+            self.projectile.marker.point[1] - foot[1], self.projectile.marker.point[0] - foot[0]
+        )
         # Angles count clockwise, so a growing one turns the sling by -90 deg from where it points.
         across = along - motion.q[:, index] - np.sign(motion.u[:, index]) * math.pi / 2
         return np.angle(np.exp(1j * across))
@@ -159,7 +177,11 @@ class Throwing:
         i = int(below[-1])
 
         def beyond(t: float) -> float:
-            return float(self.angle(np.array([float(times[i]), t]), reading)[1] - anchor - (angle - float(angles[i])))
+            return float(
+                self.angle(np.array([float(times[i]), t]), reading)[1]
+                - anchor
+                - (angle - float(angles[i]))
+            )
 
         anchor = float(self.angle(times[i : i + 1], reading)[0])
         return float(brentq(beyond, float(times[i]), float(times[i + 1]), xtol=1e-12))
@@ -168,7 +190,8 @@ class Throwing:
         start, end = self.projectile.sweep()
         times = np.linspace(start, end, _SCAN)
         angles = self.angle(times, reading)
-        # Unwrapped from the far end back, whose velocity points down: -90 deg, not -90 deg and some turns.
+        # Unwrapped from the far end back, whose velocity points down: -90 deg, not -90 deg and some
+        # turns.
         return times, angles - 2 * math.pi * round(float(angles[-1]) / (2 * math.pi))
 
     def optimal_with(self, time: float) -> float:
@@ -183,7 +206,10 @@ class Throwing:
 
         0 where that is so without air, infinite where it never is.
         """
-        if (early, late) not in self._known:  # each reading of the angle needs the same neighbours on a grid
+        if (
+            early,
+            late,
+        ) not in self._known:  # each reading of the angle needs the same neighbours on a grid
 
             def gain(drag_area: float) -> float:
                 first, second = (self.range(release, drag_area) for release in both)
@@ -201,7 +227,9 @@ class Throwing:
 
         if drag_area * self.world.density == 0:
             return self.vacuum
-        return self.projectile.release_at(float(brentq(rate, near - within, near + within, xtol=1e-9)))
+        return self.projectile.release_at(
+            float(brentq(rate, near - within, near + within, xtol=1e-9))
+        )
 
     def range(self, release: Release, drag_area: float = 0.0) -> float:
         """Of a release with a drag area [m].
@@ -210,9 +238,15 @@ class Throwing:
             InputError: the projectile never comes up to the fulcrum's height.
         """
         surroundings = self.surroundings(drag_area)
-        flight = fly(release, surroundings) if surroundings.drag == 0 else drag_flight(release, surroundings, _FLIGHT)
+        flight = (
+            fly(release, surroundings)
+            if surroundings.drag == 0
+            else drag_flight(release, surroundings, _FLIGHT)
+        )
         if flight is None:
-            raise InputError(f"a release at {release.time:.6g} s never comes up to the fulcrum's height.")
+            raise InputError(
+                f"a release at {release.time:.6g} s never comes up to the fulcrum's height."
+            )
         return flight.range
 
     def _root(self, rising: Callable[[float], float]) -> float:
@@ -224,7 +258,9 @@ class Throwing:
         low, high = 0.0, self._first_try
         for _ in range(_MOST):
             if rising(high) > 0:
-                return float(brentq(rising, low, high, xtol=high * _RESOLVED / _GROWTH, rtol=_RESOLVED))
+                return float(
+                    brentq(rising, low, high, xtol=high * _RESOLVED / _GROWTH, rtol=_RESOLVED)
+                )
             low, high = high, high * _GROWTH
         return math.inf
 
@@ -236,7 +272,11 @@ class Throwing:
 
 def interval(low: float, high: float) -> DragInterval | None:
     """Drag areas from `low` to `high` [m^2]; None where `high` is 0: a later release is then better in any air."""
-    return DragInterval(low=low, high=None if math.isinf(high) else high) if high > 0 and math.isfinite(low) else None
+    return (
+        DragInterval(low=low, high=None if math.isinf(high) else high)
+        if high > 0 and math.isfinite(low)
+        else None
+    )
 
 
 def common(intervals: Sequence[DragInterval | None]) -> DragInterval | None:
@@ -250,13 +290,18 @@ def common(intervals: Sequence[DragInterval | None]) -> DragInterval | None:
 
 
 def on_grid(
-    throwings: Sequence[Throwing], printed: Sequence[PrintedAngle], step: float, reading: AngleReading
+    throwings: Sequence[Throwing],
+    printed: Sequence[PrintedAngle],
+    step: float,
+    reading: AngleReading,
 ) -> GridReading:
     """All worlds against the grid n * step [s]."""
     rows = list(zip(throwings, printed, strict=True))
     worlds = [_OnGrid(throwing, row, step, reading).world() for throwing, row in rows]
     agreeing = [each for each in worlds if each.nearest.agrees]
-    misses = np.array([each.nearest.angle - row.value for each, row in zip(worlds, printed, strict=True)])
+    misses = np.array(
+        [each.nearest.angle - row.value for each, row in zip(worlds, printed, strict=True)]
+    )
     return GridReading(
         step=step,
         root_mean_square=float(np.sqrt(np.mean(misses**2))),
@@ -271,14 +316,17 @@ def on_grid(
 class _OnGrid:
     """One world against one grid."""
 
-    def __init__(self, throwing: Throwing, row: PrintedAngle, step: float, reading: AngleReading) -> None:
+    def __init__(
+        self, throwing: Throwing, row: PrintedAngle, step: float, reading: AngleReading
+    ) -> None:
         self.throwing, self.row, self.step, self.reading = throwing, row, step, reading
 
     def world(self) -> WorldOnGrid:
         at = self.throwing.time_of(self.row.value, self.reading)
         beside = [] if at is None else [math.floor(at / self.step), math.floor(at / self.step) + 1]
         points = {n: self.point(n) for n in {*beside, self.first}}
-        # Air moves the best point to later ones only: where there is some, and it is wanted, any later one will do.
+        # Air moves the best point to later ones only: where there is some, and it is wanted, any
+        # later one will do.
         able = [point for point in points.values() if point.drag_areas is not None]
         return WorldOnGrid(
             world=self.row.world,
@@ -291,16 +339,21 @@ class _OnGrid:
     def first(self) -> int:
         """The best point without air: one of the two beside the best release, as the range has a single peak there."""
         below = math.floor(self.throwing.vacuum.time / self.step)
-        return below + int(self.throwing.indifferent(below * self.step, (below + 1) * self.step) == 0)
+        return below + int(
+            self.throwing.indifferent(below * self.step, (below + 1) * self.step) == 0
+        )
 
     def point(self, n: int) -> GridPoint:
         at = n * self.step
-        angle = math.remainder(float(self.throwing.angle(np.array([at]), self.reading)[0]), 2 * math.pi)
+        angle = math.remainder(
+            float(self.throwing.angle(np.array([at]), self.reading)[0]), 2 * math.pi
+        )
         return GridPoint(
             time=at,
             angle=angle,
             drag_areas=interval(
-                self.throwing.indifferent((n - 1) * self.step, at), self.throwing.indifferent(at, (n + 1) * self.step)
+                self.throwing.indifferent((n - 1) * self.step, at),
+                self.throwing.indifferent(at, (n + 1) * self.step),
             ),
             agrees=abs(angle - self.row.value) <= self.row.half,
         )

@@ -1,9 +1,9 @@
 """The drag area behind the paper's Table II: which one gives its angles, and whether any one gives them all.
 
-Two things the paper leaves open are tried both ways: whether a planet's g acts in the throw or in the flight only, and
-whether an angle of release is that of the velocity or, as it computes it in Sec. IV, 90 deg from the sling's. If g acts
-in both, time scales with 1 / sqrt(g) and every length of throw and flight stays as it is: the best angle then depends
-on rho C_d A alone.
+Two things the paper leaves open are tried both ways: whether a planet's g acts in the throw or in
+the flight only, and whether an angle of release is that of the velocity or, as it computes it in
+Sec. IV, 90 deg from the sling's. If g acts in both, time scales with 1 / sqrt(g) and every length
+of throw and flight stays as it is: the best angle then depends on rho C_d A alone.
 """
 
 from __future__ import annotations
@@ -26,7 +26,16 @@ from ...reference.solver import solve_to_launch
 from ...reference.throw.flight import World, world
 from ...reference.throw.release import Projectile
 from ..evidence.claims import CAPTION_STEP, TIME_STEP, parse
-from .motion import AngleReading, DragInterval, GridReading, PrintedAngle, Throwing, common, interval, on_grid
+from .motion import (
+    AngleReading,
+    DragInterval,
+    GridReading,
+    PrintedAngle,
+    Throwing,
+    common,
+    interval,
+    on_grid,
+)
 
 STEPS = (TIME_STEP, CAPTION_STEP)
 """Between release times [s]: the text's, and that of the caption of Fig. 4."""
@@ -51,7 +60,9 @@ class WorldFit(Spec):
     drag_area: NonNegative | None = Field(
         description="that gives the printed angle [m^2]; None where none does, or any drag area gives the same"
     )
-    drag_areas: DragInterval | None = Field(description="that give the printed digits; None where none does")
+    drag_areas: DragInterval | None = Field(
+        description="that give the printed digits; None where none does"
+    )
     common_angle: Real = Field(description="with the reading's common drag area [rad]")
     agrees: bool = Field(description="whether that is the printed angle, to the printed digits")
 
@@ -71,7 +82,9 @@ class Reading(Spec):
     angle: AngleReading
     gravity: GravityReading
     worlds: tuple[WorldFit, ...]
-    shared: DragInterval | None = Field(description="drag areas that give every printed angle; None: no one does")
+    shared: DragInterval | None = Field(
+        description="drag areas that give every printed angle; None: no one does"
+    )
     common_drag_area: NonNegative = Field(description="least squares over the printed angles [m^2]")
     root_mean_square: NonNegative = Field(description="of the misses with it [rad]")
     curves: tuple[AngleCurve, ...]
@@ -85,7 +98,9 @@ class DragStudy(Spec):
     projectile_mass: Positive = Field(description="[kg]")
     printed: tuple[PrintedAngle, ...]
     readings: tuple[Reading, ...]
-    findings: tuple[str, ...] = Field(description="what one drag area can and cannot match, in sentences")
+    findings: tuple[str, ...] = Field(
+        description="what one drag area can and cannot match, in sentences"
+    )
     seconds: NonNegative = Field(description="processor time [s]")
 
 
@@ -106,7 +121,9 @@ PRINTED = (_row("moon", "45"), _row("mars", "46.9"), _row("earth", "41.5"), _row
 
 
 def drag_study(
-    mechanism: Mechanism | None = None, printed: Sequence[PrintedAngle] = PRINTED, steps: Sequence[float] = STEPS
+    mechanism: Mechanism | None = None,
+    printed: Sequence[PrintedAngle] = PRINTED,
+    steps: Sequence[float] = STEPS,
 ) -> DragStudy:
     """Fit the drag area to printed angles of release, world by world and in common, under every reading.
 
@@ -116,8 +133,8 @@ def drag_study(
         steps: of the grids of release times n * step [s] that the angles may have been picked from.
 
     Raises:
-        InputError: nothing is printed, the machine does not launch, its projectile has no mass of its own, or its
-            flight does not land.
+        InputError: nothing is printed, the machine does not launch, its projectile has no mass of
+            its own, or its flight does not land.
         SimulationError: an integrator failed.
     """
     started = time.process_time()
@@ -130,7 +147,9 @@ def drag_study(
         throwings = [_throwing(machine, row, gravity) for row in printed]
         lowest = min(row.value for row in printed) - _BEYOND
         curves = [_curve(each, lowest) for each in throwings]
-        readings += [_reading(throwings, curves, printed, steps, gravity, angle) for angle in AngleReading]
+        readings += [
+            _reading(throwings, curves, printed, steps, gravity, angle) for angle in AngleReading
+        ]
     return DragStudy(
         mechanism=machine,
         projectile_mass=throwings[0].mass,
@@ -171,7 +190,8 @@ def _time_with(curve: _Curve, area: float) -> float:
     areas, times = curve
     if area <= 0 or len(areas) == 1:
         return times[0]
-    # The drag area as a function of the time is smooth; the time as one of the drag area bends sharply near none.
+    # The drag area as a function of the time is smooth; the time as one of the drag area bends
+    # sharply near none.
     met = CubicSpline(times, areas).solve(area, extrapolate=False)
     return float(met[0]) if len(met) else times[-1]
 
@@ -187,8 +207,12 @@ def _reading(
     rows = list(zip(throwings, curves, printed, strict=True))
     exact = [_area(throwing, row.value, angle) for throwing, _, row in rows]
     area = _least_squares(rows, max((a for a in exact if a is not None), default=0.0), angle)
-    fits = [_fit(*row, exact_area, area, angle) for row, exact_area in zip(rows, exact, strict=True)]
-    misses = np.array([fit.common_angle - row.value for fit, row in zip(fits, printed, strict=True)])
+    fits = [
+        _fit(*row, exact_area, area, angle) for row, exact_area in zip(rows, exact, strict=True)
+    ]
+    misses = np.array(
+        [fit.common_angle - row.value for fit, row in zip(fits, printed, strict=True)]
+    )
     return Reading(
         angle=angle,
         gravity=gravity,
@@ -208,7 +232,9 @@ def _area(throwing: Throwing, angle: float, reading: AngleReading) -> float | No
     return area if 0 < area < math.inf else None
 
 
-def _least_squares(rows: Sequence[tuple[Throwing, _Curve, PrintedAngle]], most: float, reading: AngleReading) -> float:
+def _least_squares(
+    rows: Sequence[tuple[Throwing, _Curve, PrintedAngle]], most: float, reading: AngleReading
+) -> float:
     """Over all worlds' angles, each counting alike: a grid's coarseness, not the printed digits, is what scatters them.
 
     Between no drag and the largest drag area any one world asks for.
@@ -216,11 +242,17 @@ def _least_squares(rows: Sequence[tuple[Throwing, _Curve, PrintedAngle]], most: 
 
     def loss(area: float) -> float:
         angles = [_angle(throwing, _time_with(curve, area), reading) for throwing, curve, _ in rows]
-        return sum((angle - row.value) ** 2 for angle, (_, _, row) in zip(angles, rows, strict=True))
+        return sum(
+            (angle - row.value) ** 2 for angle, (_, _, row) in zip(angles, rows, strict=True)
+        )
 
     if most == 0:
         return 0.0
-    return float(minimize_scalar(loss, bounds=(0.0, most), method="bounded", options={"xatol": 1e-6 * most}).x)
+    return float(
+        minimize_scalar(
+            loss, bounds=(0.0, most), method="bounded", options={"xatol": 1e-6 * most}
+        ).x
+    )
 
 
 def _angle(throwing: Throwing, at: float, reading: AngleReading) -> float:
@@ -229,7 +261,12 @@ def _angle(throwing: Throwing, at: float, reading: AngleReading) -> float:
 
 
 def _fit(
-    throwing: Throwing, curve: _Curve, row: PrintedAngle, exact: float | None, area: float, reading: AngleReading
+    throwing: Throwing,
+    curve: _Curve,
+    row: PrintedAngle,
+    exact: float | None,
+    area: float,
+    reading: AngleReading,
 ) -> WorldFit:
     early = throwing.time_of(row.value + row.half, reading)
     late = throwing.time_of(row.value - row.half, reading)
@@ -253,7 +290,10 @@ def _fit(
 def _as_curve(throwing: Throwing, curve: _Curve, reading: AngleReading) -> AngleCurve:
     angles = [_angle(throwing, t, reading) for t in curve[1]]
     return AngleCurve(
-        world=throwing.world.name, drag_areas=tuple(curve[0]), angles=tuple(angles), times=tuple(curve[1])
+        world=throwing.world.name,
+        drag_areas=tuple(curve[0]),
+        angles=tuple(angles),
+        times=tuple(curve[1]),
     )
 
 
@@ -280,7 +320,11 @@ def _label(reading: Reading) -> str:
 def _without_grid(reading: Reading, rows: dict[str, PrintedAngle]) -> str:
     parts = [f"{fit.world} {_format_fit(fit, rows[fit.world])}" for fit in reading.worlds]
     angles = ", ".join(f"{fit.world} {_degrees(fit.common_angle)}" for fit in reading.worlds)
-    together = f"all hold with {_areas(reading.shared)}" if reading.shared else "no one drag area gives all"
+    together = (
+        f"all hold with {_areas(reading.shared)}"
+        if reading.shared
+        else "no one drag area gives all"
+    )
     return (
         f"{_label(reading)}: {'; '.join(parts)}; {together}; least squares, {reading.common_drag_area:.3g} m^2, gives "
         f"{angles} (deg; {math.degrees(reading.root_mean_square):.2g} deg root mean square)"
@@ -304,10 +348,14 @@ def _of_the_best_grid(reading: Reading, grid: GridReading, rows: dict[str, Print
             f"({rows[each.world].printed} printed)"
         )
     one = (
-        f"one drag area, {_areas(grid.shared)}, gives all these" if grid.shared else "no one drag area gives all these"
+        f"one drag area, {_areas(grid.shared)}, gives all these"
+        if grid.shared
+        else "no one drag area gives all these"
     )
     some = (
-        f", {_areas(grid.shared_by_agreeing)} those that agree" if grid.shared_by_agreeing and not grid.shared else ""
+        f", {_areas(grid.shared_by_agreeing)} those that agree"
+        if grid.shared_by_agreeing and not grid.shared
+        else ""
     )
     return (
         f"of grids from t = 0, that of {grid.step:g} s agrees with most ({_label(reading)}; "
@@ -315,10 +363,14 @@ def _of_the_best_grid(reading: Reading, grid: GridReading, rows: dict[str, Print
     )
 
 
-def _where_g_acts(best: Reading, grid: GridReading, pairs: Sequence[tuple[Reading, GridReading]]) -> str:
+def _where_g_acts(
+    best: Reading, grid: GridReading, pairs: Sequence[tuple[Reading, GridReading]]
+) -> str:
     """The same angle and step with g read the other way."""
     other, worse = next(
-        (r, g) for r, g in pairs if r.angle == best.angle and r.gravity != best.gravity and g.step == grid.step
+        (r, g)
+        for r, g in pairs
+        if r.angle == best.angle and r.gravity != best.gravity and g.step == grid.step
     )
     errors = [math.degrees(each.root_mean_square) for each in (grid, worse)]
     return (
@@ -333,18 +385,29 @@ def _one_digit_off(grid: GridReading, rows: dict[str, PrintedAngle]) -> Iterator
         printed = rows[each.world].printed
         decimals = len(printed.partition(".")[2])
         ours = f"{math.degrees(each.nearest.angle):.{decimals}f}"
-        if len(ours) == len(printed) and sum(a != b for a, b in zip(ours, printed, strict=True)) == 1:
+        if (
+            len(ours) == len(printed)
+            and sum(a != b for a, b in zip(ours, printed, strict=True)) == 1
+        ):
             yield f"{each.world}'s printed {printed} and the {ours} of that grid differ in a single digit"
 
 
 def _out_of_reach(row: PrintedAngle, readings: Sequence[Reading]) -> Iterator[str]:
     """A world that no reading gives, on no grid from t = 0."""
     fits = [fit for reading in readings for fit in reading.worlds if fit.world == row.world]
-    points = [(r, g, w) for r in readings for g in r.grids for w in g.worlds if w.world == row.world]
+    points = [
+        (r, g, w) for r in readings for g in r.grids for w in g.worlds if w.world == row.world
+    ]
     if any(fit.drag_areas for fit in fits) or any(w.nearest.agrees for _, _, w in points):
         return
-    shifted = [f"{_label(r)}, {g.step:g} s, {_areas(w.any_phase)}" for r, g, w in points if w.any_phase]
-    where = f"only if the grid starts elsewhere: {'; '.join(shifted)}" if shifted else "wherever the grid starts: never"
+    shifted = [
+        f"{_label(r)}, {g.step:g} s, {_areas(w.any_phase)}" for r, g, w in points if w.any_phase
+    ]
+    where = (
+        f"only if the grid starts elsewhere: {'; '.join(shifted)}"
+        if shifted
+        else "wherever the grid starts: never"
+    )
     yield f"{row.world}'s {row.printed} deg is the best release of no reading and no grid from t = 0; {where}"
 
 
@@ -356,7 +419,12 @@ def _any_one(readings: Sequence[Reading]) -> str:
     ]  # fmt: skip
     if given:
         return f"one drag area gives all printed angles: {'; '.join(given)}"
-    loose = [f"{_label(r)}, {g.step:g} s, {_areas(g.any_phase)}" for r in readings for g in r.grids if g.any_phase]
+    loose = [
+        f"{_label(r)}, {g.step:g} s, {_areas(g.any_phase)}"
+        for r in readings
+        for g in r.grids
+        if g.any_phase
+    ]
     if loose:
         return (
             "one drag area gives all printed angles only if each world's grid may start where it likes: "

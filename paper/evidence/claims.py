@@ -45,7 +45,9 @@ def parse(text: str) -> Printed:
     """
     match = _NUMBER.search(text)
     if match is None:
-        raise InputError(f"printed = {text!r} holds no number; one with its printed digits is needed, such as '99.4'.")
+        raise InputError(
+            f"printed = {text!r} holds no number; one with its printed digits is needed, such as '99.4'."
+        )
     number = Decimal(match.group())
     exponent = number.as_tuple().exponent
     assert isinstance(exponent, int)  # a number of the pattern is finite
@@ -61,7 +63,12 @@ TIME_STEP, CAPTION_STEP = 0.005, 0.01
 # Sec. V: the fulcrum's position on a beam of fixed length.
 LAUNCH_SPEED, LEVER_RATIO, BEAM = parse("99.4 m/s"), parse("2.5:1"), parse("14 m")
 BEST_L1, BEST_SPEED, BEST_RATIO = parse("9.91 m"), parse("100.55 m/s"), parse("2.42:1")
-TABLE_L1, BACKWARD_L1, ZERO_L1, END_L1 = parse("10 m"), parse("9.9 m"), parse("10.3 m"), parse("12.7 m")
+TABLE_L1, BACKWARD_L1, ZERO_L1, END_L1 = (
+    parse("10 m"),
+    parse("9.9 m"),
+    parse("10.3 m"),
+    parse("12.7 m"),
+)
 NO_SPEED = parse("0 m/s")
 
 # Secs. VI and VII: rolling against fixed, and the error of the paper's computation.
@@ -87,7 +94,9 @@ class Quantity(Spec):
     """A number with what it is known to."""
 
     value: Real
-    uncertainty: Real | None = Field(default=None, description="half width, same unit; None: not a measured number")
+    uncertainty: Real | None = Field(
+        default=None, description="half width, same unit; None: not a measured number"
+    )
     unit: str = Field(description="'' where there is none")
 
 
@@ -96,7 +105,9 @@ class EngineValue(Spec):
 
     engine: str
     value: Real | None = Field(description="None where it has none; `note` then says why")
-    tolerance: Real | None = Field(default=None, description="its agreement bar: distance from ours that is allowed")
+    tolerance: Real | None = Field(
+        default=None, description="its agreement bar: distance from ours that is allowed"
+    )
     note: str | None = None
 
     def agrees(self, ours: Quantity | None) -> bool | None:
@@ -113,15 +124,20 @@ class Claim(Spec):
     where: str = Field(description="section, figure or table of the paper")
     printed: str = Field(description="the number as printed, not the prose around it")
     quantity: str = Field(description="what is compared, in our words")
-    machine: str = Field(default="", description="which machine it is about; empty: none or several")
-    fact: str = Field(default="", description="rows of one fact count once; empty: the row is a fact of its own")
+    machine: str = Field(
+        default="", description="which machine it is about; empty: none or several"
+    )
+    fact: str = Field(
+        default="", description="rows of one fact count once; empty: the row is a fact of its own"
+    )
     ours: Quantity | None = Field(description="None where a solver cannot reach it")
     engines: tuple[EngineValue, ...] = ()
     rule: str = Field(description="the rule that gave the verdict, in words")
     verdict: Verdict
     why: str = Field(default="", description="cause of a verdict other than 'holds'")
     departure: Real | None = Field(
-        default=None, description="distance of ours from what is claimed, as its share; 1: a claimed fact is not there"
+        default=None,
+        description="distance of ours from what is claimed, as its share; 1: a claimed fact is not there",
     )
 
 
@@ -139,7 +155,8 @@ class Series(Spec):
     figure: str = Field(description="of the paper, such as 'Fig. 4'")
     name: str
     kind: Literal["line", "points", "printed"] = Field(
-        default="line", description="ours: line; engines' and grids' samples: points; the paper's numbers: printed"
+        default="line",
+        description="ours: line; engines' and grids' samples: points; the paper's numbers: printed",
     )
     engine: str | None = Field(default=None, description="whose points they are, if an engine's")
     x: tuple[Real, ...]
@@ -158,21 +175,33 @@ class Study(Reported, Spec):
     versions: dict[str, str]
     machines: tuple[Mechanism, ...]
     claims: tuple[Claim, ...]
-    unreached: tuple[Unreached, ...] = Field(default=(), description="numbers of the paper that no solver can reach")
+    unreached: tuple[Unreached, ...] = Field(
+        default=(), description="numbers of the paper that no solver can reach"
+    )
     series: tuple[Series, ...] = ()
     sections: dict[str, JsonValue] = Field(
-        default_factory=dict, description="identification, drag, sweep, machines, design: each one's own figures"
+        default_factory=dict,
+        description="identification, drag, sweep, machines, design: each one's own figures",
     )
     seconds: Real = Field(description="wall time of the whole study [s]")
 
     def headline(self) -> str:
         """How many rows came out how."""
         counts = Counter(claim.verdict.value for claim in self.claims)
-        return f"The paper, {len(self.claims)} rows: " + ", ".join(f"{number} {v}" for v, number in counts.items())
+        return f"The paper, {len(self.claims)} rows: " + ", ".join(
+            f"{number} {v}" for v, number in counts.items()
+        )
 
     def rows(self) -> Iterator[dict[str, object]]:
         """A claim a row."""
         for claim in self.claims:
             ours = claim.ours
-            value = {"ours": None if ours is None else ours.value, "unit": "" if ours is None else ours.unit}
-            yield {**claim.model_dump(exclude={"ours", "engines"}), **value, "verdict": claim.verdict.value}
+            value = {
+                "ours": None if ours is None else ours.value,
+                "unit": "" if ours is None else ours.unit,
+            }
+            yield {
+                **claim.model_dump(exclude={"ours", "engines"}),
+                **value,
+                "verdict": claim.verdict.value,
+            }

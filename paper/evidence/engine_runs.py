@@ -1,13 +1,15 @@
 """Engines on the paper's machines: their samples as a motion, and how far their quantities may lie from ours.
 
-Tolerances are stated for release times, torques, the energy and the projectile's position. What an error of the
-position means for another quantity is estimated on the machine itself: each parameter is changed a little, and the
-largest ratio of the quantity's change to the largest displacement of the projectile up to the launch is taken. An error
-of the position is then allowed to do to the quantity what a slightly different machine with that error would.
+Tolerances are stated for release times, torques, the energy and the projectile's position. What an
+error of the position means for another quantity is estimated on the machine itself: each parameter
+is changed a little, and the largest ratio of the quantity's change to the largest displacement of
+the projectile up to the launch is taken. An error of the position is then allowed to do to the
+quantity what a slightly different machine with that error would.
 
-Machines away from Table I are not differentiated so. An error of the projectile's position p that lasts at the end of a
-throw turns with the projectile's velocity, at the rate w of its direction, so that the velocity is allowed p w and the
-acceleration p w^2; the allowance of every quantity follows from those by its own derivatives.
+Machines away from Table I are not differentiated so. An error of the projectile's position p that
+lasts at the end of a throw turns with the projectile's velocity, at the rate w of its direction, so
+that the velocity is allowed p w and the acceleration p w^2; the allowance of every quantity follows
+from those by its own derivatives.
 """
 
 from __future__ import annotations
@@ -40,14 +42,17 @@ from .claims import EngineValue
 from .quantities import BEND, LAUNCH_TIME, Readings, ThrowQuantity, read
 
 _DEGREE = 5  # error ~ step^6: far below that of any engine, at the steps they are run with
-_CROWDED = 0.5  # of the median step: samples closer than this (a release inside a step) unsettle a spline
+_CROWDED = (
+    0.5  # of the median step: samples closer than this (a release inside a step) unsettle a spline
+)
 
 
 class SampledMotion:
     """A trajectory read at any time (a `Motion` of the reference's `quantities`).
 
-    Positions, velocities and coordinates are quintic splines through the samples; an acceleration is the derivative
-    of the velocity's spline. Torques and energies, which have kinks, are read linearly.
+    Positions, velocities and coordinates are quintic splines through the samples; an acceleration
+    is the derivative of the velocity's spline. Torques and energies, which have kinks, are read
+    linearly.
     """
 
     def __init__(self, trajectory: Trajectory) -> None:
@@ -83,7 +88,9 @@ class SampledMotion:
         """Torque of every stop [N m]; NaN for one the engine does not show."""
         recorded = self.trajectory.stop_torques
         return {
-            stop.name: float(np.interp(t, self.trajectory.t, recorded[stop.name])) if stop.name in recorded else np.nan
+            stop.name: float(np.interp(t, self.trajectory.t, recorded[stop.name]))
+            if stop.name in recorded
+            else np.nan
             for stop in self.trajectory.mechanism.stops
         }
 
@@ -94,21 +101,29 @@ class SampledMotion:
     def _spline(self, name: str, what: str, values: FloatArray) -> BSpline:
         if (name, what) not in self._splines:
             kept = self._kept
-            self._splines[name, what] = make_interp_spline(self.trajectory.t[kept], values[kept], k=_DEGREE)
+            self._splines[name, what] = make_interp_spline(
+                self.trajectory.t[kept], values[kept], k=_DEGREE
+            )
         return self._splines[name, what]
 
 
 _Result = TypeVar("_Result")
 TAIL = 0.02  # [s] an engine runs on past what is read, so that there are samples on both sides
-_CHANGE = 1e-6  # of a parameter's scale: far above the solver's rounding, far below what bends a response
-_TOLERANCE = 1e-12  # of the solver for these: a change of 1e-6 is then known to one part in a million
+_CHANGE = (
+    1e-6  # of a parameter's scale: far above the solver's rounding, far below what bends a response
+)
+_TOLERANCE = (
+    1e-12  # of the solver for these: a change of 1e-6 is then known to one part in a million
+)
 _TICK = 1e-3  # [s] between samples of the changed machines' motions
 
 Amplification = dict[ThrowQuantity, float]
 """Largest change of a quantity per metre of the projectile's displacement."""
 
 
-def amplification(mechanism: Mechanism, parameters: TrebuchetParameters, until: float) -> Amplification:
+def amplification(
+    mechanism: Mechanism, parameters: TrebuchetParameters, until: float
+) -> Amplification:
     """How strongly the quantities of a named machine change with its projectile's position.
 
     Args:
@@ -137,12 +152,18 @@ def _moved(mechanism: Mechanism, until: float) -> tuple[Readings, FloatArray]:
     return read(SampledMotion(trajectory), trajectory), trajectory.marker(PROJECTILE).position
 
 
-def allowances(engine: Engine, mechanism: Mechanism, ours: Readings, amplified: Amplification) -> Readings:
+def allowances(
+    engine: Engine, mechanism: Mechanism, ours: Readings, amplified: Amplification
+) -> Readings:
     """The tolerance of each quantity of an engine's tuned preset; those without one behind them are left out."""
     position = _applied(engine, "position_max", mechanism, PROJECTILE)
     tolerances: Readings = {}
     if position is not None:
-        tolerances = {each: position.value * ratio for each, ratio in amplified.items() if each.follows_position}
+        tolerances = {
+            each: position.value * ratio
+            for each, ratio in amplified.items()
+            if each.follows_position
+        }
         tolerances[BEND] = position.value / _shortest(mechanism)
     for quantity in ours:
         direct = _direct(engine, mechanism, quantity, ours)
@@ -153,11 +174,15 @@ def allowances(engine: Engine, mechanism: Mechanism, ours: Readings, amplified: 
 
 def _shortest(mechanism: Mechanism) -> float:
     """Shortest lever [m] on which a body's angle moves its centre."""
-    levers = [math.dist(j.child_point, mechanism.body(j.child).centre) for j in mechanism.tree_joints]
+    levers = [
+        math.dist(j.child_point, mechanism.body(j.child).centre) for j in mechanism.tree_joints
+    ]
     return min(lever for lever in levers if lever > 0)
 
 
-def _direct(engine: Engine, mechanism: Mechanism, quantity: ThrowQuantity, ours: Readings) -> float | None:
+def _direct(
+    engine: Engine, mechanism: Mechanism, quantity: ThrowQuantity, ours: Readings
+) -> float | None:
     """From a tolerance of just this quantity."""
     tolerance = None if quantity.metric is None else _applied(engine, quantity.metric, mechanism)
     if tolerance is None:
@@ -166,10 +191,14 @@ def _direct(engine: Engine, mechanism: Mechanism, quantity: ThrowQuantity, ours:
     return tolerance.value * (abs(ours[quantity]) if tolerance.stated.per else 1.0)
 
 
-def _applied(engine: Engine, metric: str, mechanism: Mechanism, subject: str | None = None) -> StatedTolerance | None:
+def _applied(
+    engine: Engine, metric: str, mechanism: Mechanism, subject: str | None = None
+) -> StatedTolerance | None:
     """The tolerance of the tuned preset at the engine's own step."""
     table_one = is_table_one(mechanism)
-    return tolerance_for(engine.name, "tuned", metric, subject, mechanism, engine.timestep, table_one=table_one)
+    return tolerance_for(
+        engine.name, "tuned", metric, subject, mechanism, engine.timestep, table_one=table_one
+    )
 
 
 @dataclass(frozen=True)
@@ -215,7 +244,9 @@ def attempted(run: Callable[[], _Result]) -> _Result | str:
         return failure(error)[1]
 
 
-def simulated(name: str, mechanism: Mechanism, end: float, worker: Worker | None) -> Trajectory | str:
+def simulated(
+    name: str, mechanism: Mechanism, end: float, worker: Worker | None
+) -> Trajectory | str:
     """An engine's tuned run up to `end` [s], or why there is none; in this process if there is no worker."""
     at = worker or Worker(isolate=False)
     return attempted(lambda: at.simulate(engine(name), Problem(mechanism, duration=end)))
@@ -236,9 +267,13 @@ def _speed(name: str, run: Trajectory | str, projectile: Projectile, launch: flo
         return EngineValue(engine=name, value=None, note=run)
     thrown = run.launch()
     if thrown is None:
-        return EngineValue(engine=name, value=None, note="its projectile's velocity never comes down to 45 degrees")
+        return EngineValue(
+            engine=name, value=None, note="its projectile's velocity never comes down to 45 degrees"
+        )
     tolerances = allowed(engine(name), run.mechanism)
-    return EngineValue(engine=name, value=thrown.speed, tolerance=speed_allowance(tolerances, projectile, launch))
+    return EngineValue(
+        engine=name, value=thrown.speed, tolerance=speed_allowance(tolerances, projectile, launch)
+    )
 
 
 def _back(name: str, run: Trajectory | str, mechanism: Mechanism, launch: float) -> EngineValue:
@@ -248,7 +283,9 @@ def _back(name: str, run: Trajectory | str, mechanism: Mechanism, launch: float)
     # An arm off by an angle moves the sling's pin by that times l1, and the projectile with it.
     lever = max(math.hypot(*joint.parent_point) for joint in mechanism.joints)
     return EngineValue(
-        engine=name, value=furthest_back(run, launch), tolerance=None if position is None else position / lever
+        engine=name,
+        value=furthest_back(run, launch),
+        tolerance=None if position is None else position / lever,
     )
 
 

@@ -17,15 +17,29 @@ from ...models.machines.trebuchet import ARM_STOP, COUNTERWEIGHT, PROJECTILE
 from ...models.mechanism import Mechanism
 from ...models.problem import StopLaw
 from ...models.trajectory import Trajectory
-from ...reference.certification.quantities import BEYOND_LAUNCH, Key, Motion, Plan, read_quantities, vacuum_range
+from ...reference.certification.quantities import (
+    BEYOND_LAUNCH,
+    Key,
+    Motion,
+    Plan,
+    read_quantities,
+    vacuum_range,
+)
 from .claims import CAPTION_STEP, TIME_STEP
 
 _SCAN = 0.01  # [s] in which the arm cannot come to its stop and back
 _LOOK = 1.0  # [s] after the launch in which the arm's arrival at its stop is looked for
 _FEWEST = 8  # samples below which a fit of three coefficients says nothing
-_NEAR, _PART = 50, 0.2  # samples beside a kink, and share of the shorter phase, that its slopes are fitted to at least
+_NEAR, _PART = (
+    50,
+    0.2,
+)  # samples beside a kink, and share of the shorter phase, that its slopes are fitted to at least
 _DEGREE = 5  # of these fits: the curve bends, so that a line's slope would be one of its middle
-_DIRECT = {"release_time": "release_time", "stop_torque": "stop_torque_max", "launch_speed": "launch_speed"}
+_DIRECT = {
+    "release_time": "release_time",
+    "stop_torque": "stop_torque_max",
+    "launch_speed": "launch_speed",
+}
 
 
 @dataclass(frozen=True)
@@ -52,7 +66,11 @@ class ThrowQuantity:
         return replace(self, law=law)
 
     def __str__(self) -> str:
-        return self.name if self.law is StopLaw.RELEASE_ONCE else f"{self.name} ({self.law.value} stops)"
+        return (
+            self.name
+            if self.law is StopLaw.RELEASE_ONCE
+            else f"{self.name} ({self.law.value} stops)"
+        )
 
 
 Readings = dict[ThrowQuantity, float]
@@ -80,7 +98,9 @@ class Formula:
 
     def times(self, factor: float, unit: str | None = None) -> Formula:
         """In another unit, or a multiple of it."""
-        return Formula(self.unit if unit is None else unit, lambda values: factor * self.value(values))
+        return Formula(
+            self.unit if unit is None else unit, lambda values: factor * self.value(values)
+        )
 
 
 def certified(key: Key) -> ThrowQuantity:
@@ -88,7 +108,9 @@ def certified(key: Key) -> ThrowQuantity:
     subject = "" if key.subject is None else f" ({key.subject})"
     label = f"{key.name}{subject}, {key.at}" if key.at else f"{key.name}{subject}"
     unit = "" if key.unit == "1" else key.unit
-    return ThrowQuantity(label, unit, metric=_DIRECT.get(key.name), follows_position=key.name != "stop_torque")
+    return ThrowQuantity(
+        label, unit, metric=_DIRECT.get(key.name), follows_position=key.name != "stop_torque"
+    )
 
 
 def release_time(stop: str) -> ThrowQuantity:
@@ -130,7 +152,10 @@ LAUNCH_TIME, LAUNCH_SPEED = (
     certified(Key("launch_time", None, "", "s")),
     certified(Key("launch_speed", None, "", "m/s")),
 )
-RANGE, ENERGY_RATIO = certified(Key("range", None, "launch", "m")), certified(Key("energy_ratio", None, "launch", "1"))
+RANGE, ENERGY_RATIO = (
+    certified(Key("range", None, "launch", "m")),
+    certified(Key("energy_ratio", None, "launch", "1")),
+)
 TOTAL_ENERGY = certified(Key("total_energy", None, "start", "J"))
 BEST_TIME = certified(Key("best_release_time", None, "longest range", "s"))
 BEST_ANGLE = certified(Key("best_release_angle", None, "longest range", "rad"))
@@ -158,7 +183,10 @@ FASTEST_ANGLE = ThrowQuantity("velocity_angle, fastest", "rad")
 FASTEST_DELAY = ThrowQuantity("fastest after longest range", "s")
 
 # The arm's stop, and what should not change at all.
-ARM_ARRIVAL, ARM_DELAY = ThrowQuantity("arm at its stop", "s"), ThrowQuantity("arm at its stop after launch", "s")
+ARM_ARRIVAL, ARM_DELAY = (
+    ThrowQuantity("arm at its stop", "s"),
+    ThrowQuantity("arm at its stop after launch", "s"),
+)
 FIRST_BLOW = ThrowQuantity("arm stop acts", "s", StopLaw.UNILATERAL)
 ENERGY_DRIFT = ThrowQuantity("energy drift", "J", metric="energy_balance", follows_position=False)
 BEND = ThrowQuantity("bend before the first release", "rad")
@@ -189,7 +217,9 @@ def read(motion: Motion, trajectory: Trajectory) -> Readings:
 def read_certified(motion: Motion, mechanism: Mechanism) -> Readings:
     """The quantities that certificates hold, but for those at fixed instants."""
     end = math.inf if motion.launch is None else motion.launch.time
-    released = tuple(name for name, time in motion.release_times.items() if time is not None and time <= end)
+    released = tuple(
+        name for name, time in motion.release_times.items() if time is not None and time <= end
+    )
     plan = Plan(mechanism, released, {}, (), motion.launch is not None)
     return {certified(key): value for key, value in read_quantities(motion, plan).items()}
 
@@ -214,7 +244,10 @@ def _of_the_launch(motion: Motion, trajectory: Trajectory, readings: Readings) -
 
 def vacuum_ranges(trajectory: Trajectory) -> FloatArray:
     """Range of a release without drag at every sample [m], NaN where the projectile never comes back to y = 0."""
-    (x, y), (vx, vy) = trajectory.marker(PROJECTILE).position.T, trajectory.marker(PROJECTILE).velocity.T
+    (x, y), (vx, vy) = (
+        trajectory.marker(PROJECTILE).position.T,
+        trajectory.marker(PROJECTILE).velocity.T,
+    )
     g = trajectory.mechanism.gravity
     with np.errstate(invalid="ignore"):
         return x + vx * (vy + np.sqrt(vy**2 + 2 * g * y)) / g
@@ -222,7 +255,10 @@ def vacuum_ranges(trajectory: Trajectory) -> FloatArray:
 
 def _best_on_grid(motion: Motion, gravity: float, launch: float, step: float) -> float:
     """Time k step of the longest range near the launch [s]."""
-    first, last = math.ceil((launch - BEYOND_LAUNCH) / step), math.floor((launch + BEYOND_LAUNCH) / step)
+    first, last = (
+        math.ceil((launch - BEYOND_LAUNCH) / step),
+        math.floor((launch + BEYOND_LAUNCH) / step),
+    )
     times = [k * step for k in range(first, last + 1)]
     ranges = [vacuum_range(motion, gravity, time) for time in times]
     return times[int(np.nanargmax(ranges))]
@@ -234,7 +270,10 @@ def _of_the_counterweight(motion: Motion, trajectory: Trajectory, readings: Read
     end = motion.launch.time
     before = trajectory.t[trajectory.t < end]
     vx = trajectory.marker(COUNTERWEIGHT).velocity[: len(before), 0]
-    turns = [_turn(motion, float(before[i]), float(before[i + 1])) for i in np.flatnonzero(vx[:-1] * vx[1:] < 0)]
+    turns = [
+        _turn(motion, float(before[i]), float(before[i + 1]))
+        for i in np.flatnonzero(vx[:-1] * vx[1:] < 0)
+    ]
     path = np.array([motion.marker(COUNTERWEIGHT, t)[0] for t in (float(before[0]), *turns, end)])
     yield SIDEWAYS, float(np.abs(np.diff(path[:, 0])).sum())
     fallen = float(path[0, 1] - path[-1, 1])
@@ -248,8 +287,13 @@ def _turn(motion: Motion, start: float, end: float) -> float:
     def sideways(t: float) -> float:
         return float(motion.marker(COUNTERWEIGHT, t)[1][0])
 
-    # A spline through an engine's samples may have the sign's change just outside: then either sample will do.
-    return float(brentq(sideways, start, end, xtol=1e-15)) if sideways(start) * sideways(end) < 0 else start
+    # A spline through an engine's samples may have the sign's change just outside: then either
+    # sample will do.
+    return (
+        float(brentq(sideways, start, end, xtol=1e-15))
+        if sideways(start) * sideways(end) < 0
+        else start
+    )
 
 
 def _of_the_best_release(motion: Motion, trajectory: Trajectory, readings: Readings) -> _Values:
@@ -283,7 +327,9 @@ def _of_the_arm(motion: Motion, trajectory: Trajectory, readings: Readings) -> _
     times = np.arange(start, min(float(trajectory.t[-1]), start + _LOOK), _SCAN)
     beyond = next((i for i, t in enumerate(times) if gap(float(t)) <= 0), None)
     if beyond:
-        time = float(brentq(gap, float(times[beyond - 1]), float(times[beyond]), xtol=1e-15, rtol=1e-15))
+        time = float(
+            brentq(gap, float(times[beyond - 1]), float(times[beyond]), xtol=1e-15, rtol=1e-15)
+        )
         yield ARM_ARRIVAL, time
         yield ARM_DELAY, time - start
     elif beyond == 0:
@@ -321,8 +367,14 @@ def fit(t: FloatArray, values: FloatArray, degree: int) -> Fit | None:
 
 def _shapes(trajectory: Trajectory) -> _Values:
     """How the torques of the stops closed at the start run, up to the first release and between the releases."""
-    closed = [stop.name for stop in trajectory.mechanism.stops if stop.closed and stop.name in trajectory.stop_torques]
-    released = {name: time for name in closed if (time := trajectory.release_times.get(name)) is not None}
+    closed = [
+        stop.name
+        for stop in trajectory.mechanism.stops
+        if stop.closed and stop.name in trajectory.stop_torques
+    ]
+    released = {
+        name: time for name in closed if (time := trajectory.release_times.get(name)) is not None
+    }
     ordered = sorted(released, key=lambda name: released[name])
     if len(ordered) < 2:
         return
@@ -332,7 +384,9 @@ def _shapes(trajectory: Trajectory) -> _Values:
     yield from _between_releases(trajectory, ordered[-1], first, last)
 
 
-def _samples(trajectory: Trajectory, name: str, start: float, end: float) -> tuple[FloatArray, FloatArray]:
+def _samples(
+    trajectory: Trajectory, name: str, start: float, end: float
+) -> tuple[FloatArray, FloatArray]:
     inside = (trajectory.t >= start) & (trajectory.t < end)
     return trajectory.t[inside], trajectory.stop_torque(name)[inside]
 
@@ -342,7 +396,10 @@ def _before_release(trajectory: Trajectory, name: str, end: float) -> _Values:
     fitted = fit(t, torque, 2)
     if fitted is not None:
         yield parabola(name), fitted.determination
-        yield climb(name), float(np.max(torque - np.minimum.accumulate(torque))) / abs(float(torque[0]))
+        yield (
+            climb(name),
+            float(np.max(torque - np.minimum.accumulate(torque))) / abs(float(torque[0])),
+        )
 
 
 def _between_releases(trajectory: Trajectory, name: str, start: float, end: float) -> _Values:
@@ -351,7 +408,8 @@ def _between_releases(trajectory: Trajectory, name: str, start: float, end: floa
         yield line(name), after.determination
     near = max(_NEAR * float(np.median(np.diff(trajectory.t))), _PART * min(start, end - start))
     sides = [
-        fit(*_samples(trajectory, name, *side), _DEGREE) for side in ((start - near, start), (start, start + near))
+        fit(*_samples(trajectory, name, *side), _DEGREE)
+        for side in ((start - near, start), (start, start + near))
     ]
     slopes = [float(side.polynomial.deriv()(start)) for side in sides if side is not None]
     if len(slopes) == 2:

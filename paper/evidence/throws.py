@@ -1,7 +1,7 @@
 """A machine's throw by the reference and by every engine, each read for the same quantities.
 
-The paper's third constraint, the arm's stop, acts under the law by which a stop can close: a second motion, of which
-only the launch and the first blow on that stop are read.
+The paper's third constraint, the arm's stop, acts under the law by which a stop can close: a second
+motion, of which only the launch and the first blow on that stop are read.
 """
 
 from __future__ import annotations
@@ -28,9 +28,20 @@ from ...reference.certification.quantities import BEYOND_LAUNCH, Key, Motion, va
 from ...reference.solution import Solution
 from ...reference.solver import solve, solve_to_launch
 from .engine_runs import Amplification, SampledMotion, allowances, amplification, attempted
-from .quantities import ARM_ARRIVAL, FIRST_BLOW, LAUNCH_SPEED, LAUNCH_TIME, RANGE, Readings, certified, read
+from .quantities import (
+    ARM_ARRIVAL,
+    FIRST_BLOW,
+    LAUNCH_SPEED,
+    LAUNCH_TIME,
+    RANGE,
+    Readings,
+    certified,
+    read,
+)
 
-_TAIL = 0.05  # [s] past the last instant that is read, so that polynomials have samples on both sides
+_TAIL = (
+    0.05  # [s] past the last instant that is read, so that polynomials have samples on both sides
+)
 _SAMPLES = 3000  # of the reference, over the whole motion, for what is read along it
 _COARSE = 1e-12  # tolerance of the second integration, for quantities that no certificate holds
 _SAFETY = 4.0  # on the difference of the two, as where the certificate's own estimate is made
@@ -74,7 +85,9 @@ class MachineThrow:
         return self.solution.trajectory(times)
 
 
-def throw_by_all(name: str, parameters: TrebuchetParameters, engines: Sequence[str], worker: Worker) -> MachineThrow:
+def throw_by_all(
+    name: str, parameters: TrebuchetParameters, engines: Sequence[str], worker: Worker
+) -> MachineThrow:
     """Throw with a named machine under the paper's law of its stops, and once more with an arm stop that acts.
 
     Args:
@@ -99,7 +112,9 @@ def throw_by_all(name: str, parameters: TrebuchetParameters, engines: Sequence[s
         trajectory=trajectory,
         values=values | _with_arm_stop(mechanism, until),
         uncertainties=_uncertainties(mechanism, values, until),
-        engines=tuple(_finished(each, mechanism, values, amplified, until, worker) for each in throws),
+        engines=tuple(
+            _finished(each, mechanism, values, amplified, until, worker) for each in throws
+        ),
     )
 
 
@@ -107,7 +122,9 @@ def _reference(mechanism: Mechanism) -> tuple[Solution, float]:
     """The motion up to the last instant that is read: the fastest release, or the arm's arrival at its stop."""
     launch = solve_to_launch(mechanism).launch
     if launch is None:
-        raise InputError(f"{mechanism.name!r} does not launch, so the paper's quantities of a throw are not there.")
+        raise InputError(
+            f"{mechanism.name!r} does not launch, so the paper's quantities of a throw are not there."
+        )
     end = launch.time + BEYOND_LAUNCH
     longer = solve(Problem(mechanism, duration=end + 1.0))
     arrived = read(MinimalMotion(longer), longer.trajectory(np.linspace(0.0, end + 1.0, _SAMPLES)))
@@ -118,7 +135,8 @@ def _reference(mechanism: Mechanism) -> tuple[Solution, float]:
 def _uncertainties(mechanism: Mechanism, ours: Readings, until: float) -> Readings:
     """Of the certificate where it has them; else four times what a coarser integration changes, and rounding.
 
-    The coarser one is read at half as many instants, so that what is fitted to samples is known no better than that.
+    The coarser one is read at half as many instants, so that what is fitted to samples is known no
+    better than that.
     """
     coarse = solve(Problem(mechanism, duration=until), _COARSE, _COARSE)
     other = read(MinimalMotion(coarse), coarse.trajectory(np.linspace(0.0, until, _SAMPLES // 2)))
@@ -129,7 +147,9 @@ def _uncertainties(mechanism: Mechanism, ours: Readings, until: float) -> Readin
     }
     certificate = load_certificate(mechanism)
     for figure in certificate.figures if certificate else ():
-        widths[certified(Key(figure.name, figure.subject, figure.at, figure.unit))] = figure.uncertainty
+        widths[certified(Key(figure.name, figure.subject, figure.at, figure.unit))] = (
+            figure.uncertainty
+        )
     return widths | _carried_over(widths)
 
 
@@ -143,20 +163,31 @@ def _carried_over(widths: Readings, noticed: float = 0.0) -> Readings:
         noticed: how much later than it happens the blow may be noticed [s].
     """
     unilateral = {quantity.under(StopLaw.UNILATERAL): width for quantity, width in widths.items()}
-    return unilateral | {FIRST_BLOW: widths[ARM_ARRIVAL] + noticed} if ARM_ARRIVAL in widths else unilateral
+    return (
+        unilateral | {FIRST_BLOW: widths[ARM_ARRIVAL] + noticed}
+        if ARM_ARRIVAL in widths
+        else unilateral
+    )
 
 
 def _by(runner: Engine, mechanism: Mechanism, until: float, worker: Worker) -> EngineThrow:
     def run() -> EngineThrow:
         trajectory = worker.simulate(runner, Problem(mechanism, duration=until))
-        return EngineThrow(runner.name, read(SampledMotion(trajectory), trajectory), trajectory=trajectory)
+        return EngineThrow(
+            runner.name, read(SampledMotion(trajectory), trajectory), trajectory=trajectory
+        )
 
     result = attempted(run)
     return EngineThrow(runner.name, note=result) if isinstance(result, str) else result
 
 
 def _finished(
-    throw: EngineThrow, mechanism: Mechanism, ours: Readings, amplified: Amplification, until: float, worker: Worker
+    throw: EngineThrow,
+    mechanism: Mechanism,
+    ours: Readings,
+    amplified: Amplification,
+    until: float,
+    worker: Worker,
 ) -> EngineThrow:
     """With its tolerances, and with what it finds where the arm's stop acts; one that failed is not run again."""
     if throw.trajectory is None:
@@ -173,20 +204,26 @@ def _finished(
     if isinstance(stopped, str):
         return replace(throw, tolerances=tolerances, lacking={StopLaw.UNILATERAL: stopped})
     values, noticed = stopped
-    return replace(throw, values=throw.values | values, tolerances=tolerances | _carried_over(tolerances, noticed))
+    return replace(
+        throw,
+        values=throw.values | values,
+        tolerances=tolerances | _carried_over(tolerances, noticed),
+    )
 
 
 def _with_arm_stop(mechanism: Mechanism, until: float) -> Readings:
     """Launch and first blow on the arm's stop by the reference, stops being unilateral, up to a time [s]."""
     solution = solve(Problem(mechanism, duration=until, stop_law=StopLaw.UNILATERAL))
-    return _read_with_arm_stop(MinimalMotion(solution), solution.trajectory(np.linspace(0.0, until, _SAMPLES)))[0]
+    return _read_with_arm_stop(
+        MinimalMotion(solution), solution.trajectory(np.linspace(0.0, until, _SAMPLES))
+    )[0]
 
 
 def _read_with_arm_stop(motion: Motion, trajectory: Trajectory) -> tuple[Readings, float]:
     """Values, and how much later than it happens a blow may be noticed [s].
 
-    An engine that resolves the blow as an impact gives its instant; one that only shows that the stop pushes gives the
-    sample after it.
+    An engine that resolves the blow as an impact gives its instant; one that only shows that the
+    stop pushes gives the sample after it.
     """
     readings: Readings = {}
     if motion.launch is not None:

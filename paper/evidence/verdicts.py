@@ -1,8 +1,8 @@
 """One claim as data and a rule; the rules that turn a number of ours and the paper's into a verdict; none is typed in.
 
-Each rule is a function that returns a :class:`Judgement`: the verdict, the rule in words, and, where the claim does
-not simply hold, a sentence that says why, with the computed numbers in it. Which sentence it is follows from facts
-that were computed as well (:class:`Cause`).
+Each rule is a function that returns a :class:`Judgement`: the verdict, the rule in words, and,
+where the claim does not simply hold, a sentence that says why, with the computed numbers in it.
+Which sentence it is follows from facts that were computed as well (:class:`Cause`).
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ class Cause:
 class Grid:
     """Our value at the one point of the paper's own sampling that this sampling finds to be the best.
 
-    A printed number that was picked from a grid is our value there. That the values on either side of our own point
-    enclose the printed number is no agreement: the grid has no point between them.
+    A printed number that was picked from a grid is our value there. That the values on either side
+    of our own point enclose the printed number is no agreement: the grid has no point between them.
     """
 
     step: str
@@ -50,11 +50,15 @@ class Grid:
     value: float
 
 
-_TO_THE_DIGITS = "|ours - printed| is at most half a unit of the last printed digit plus our uncertainty"
+_TO_THE_DIGITS = (
+    "|ours - printed| is at most half a unit of the last printed digit plus our uncertainty"
+)
 _ON_GRID = "; or our value at the point that the paper's own grid finds best comes as near"
 
 
-def as_printed(ours: Quantity, printed: str, grid: Grid | None = None, causes: Iterable[Cause] = ()) -> Judgement:
+def as_printed(
+    ours: Quantity, printed: str, grid: Grid | None = None, causes: Iterable[Cause] = ()
+) -> Judgement:
     """A printed number: holds to its digits, or within the paper's own grid, or not."""
     number = parse(printed)
     allowed = number.half + (ours.uncertainty or 0.0)
@@ -64,7 +68,11 @@ def as_printed(ours: Quantity, printed: str, grid: Grid | None = None, causes: I
     # A value that stands exactly on the border of rounding may lose an ulp on its way here.
     if error <= allowed * (1 + 1e-12):
         return Judgement(Verdict.HOLDS, rule, departure=departure)
-    on_grid = "" if grid is None else f", and {grid.value:.5g} at {grid.point:.5g}, the best on a grid of {grid.step}"
+    on_grid = (
+        ""
+        if grid is None
+        else f", and {grid.value:.5g} at {grid.point:.5g}, the best on a grid of {grid.step}"
+    )
     if grid and abs(grid.value - number.value) <= allowed * (1 + 1e-12):
         return Judgement(Verdict.WITHIN_GRID, rule, f"ours is {_format(ours)}{on_grid}", departure)
     fact = f"ours is {_format(ours)}, {_format(error, ours.unit, 3)} away{on_grid}"
@@ -94,18 +102,27 @@ def positive(margin: Quantity, what: str, causes: Iterable[Cause] = ()) -> Judge
     rule = f"{what} is positive, by more than its uncertainty"
     if margin.value > (margin.uncertainty or 0.0):
         return Judgement(Verdict.HOLDS, rule)
-    return Judgement(Verdict.FAILS, rule, _why(f"{what.rstrip(',')} is {_format(margin)}", causes), 1.0)
+    return Judgement(
+        Verdict.FAILS, rule, _why(f"{what.rstrip(',')} is {_format(margin)}", causes), 1.0
+    )
 
 
-def vanishes(ours: Quantity, allowed: float, reason: str, causes: Iterable[Cause] = ()) -> Judgement:
+def vanishes(
+    ours: Quantity, allowed: float, reason: str, causes: Iterable[Cause] = ()
+) -> Judgement:
     """A difference that should not be there: at most what is allowed, for a stated reason, and our uncertainty."""
-    rule = f"|ours| is at most {allowed:.3g} {ours.unit}".rstrip() + f" ({reason}) plus our uncertainty"
+    rule = (
+        f"|ours| is at most {allowed:.3g} {ours.unit}".rstrip()
+        + f" ({reason}) plus our uncertainty"
+    )
     if abs(ours.value) <= allowed + (ours.uncertainty or 0.0):
         return Judgement(Verdict.HOLDS, rule)
     return Judgement(Verdict.FAILS, rule, _why(f"ours is {_format(ours)}", causes), 1.0)
 
 
-def coincides(ours: Quantity, resolution: float, reason: str, causes: Iterable[Cause] = ()) -> Judgement:
+def coincides(
+    ours: Quantity, resolution: float, reason: str, causes: Iterable[Cause] = ()
+) -> Judgement:
     """Two things the paper finds in one place: they are, or they lie closer than its own sampling can tell.
 
     Args:
@@ -118,7 +135,11 @@ def coincides(ours: Quantity, resolution: float, reason: str, causes: Iterable[C
         return Judgement(Verdict.HOLDS, rule)
     if abs(ours.value) <= resolution:
         told = _format(resolution, ours.unit, 3)
-        return Judgement(Verdict.WITHIN_GRID, rule, f"they lie {_format(ours)} apart; up to {told} cannot be told")
+        return Judgement(
+            Verdict.WITHIN_GRID,
+            rule,
+            f"they lie {_format(ours)} apart; up to {told} cannot be told",
+        )
     return Judgement(Verdict.FAILS, rule, _why(f"they lie {_format(ours)} apart", causes), 1.0)
 
 
@@ -151,7 +172,10 @@ def distinguishable(
         reason: where that comes from.
     """
     number = parse(printed)
-    rule = f"ours and {number.digits} lie more than {resolution:.3g} {ours.unit}".rstrip() + f" ({reason}) apart"
+    rule = (
+        f"ours and {number.digits} lie more than {resolution:.3g} {ours.unit}".rstrip()
+        + f" ({reason}) apart"
+    )
     error = abs(ours.value - number.value)
     if error > resolution + number.half + (ours.uncertainty or 0.0):
         return Judgement(Verdict.HOLDS, rule)
@@ -221,15 +245,26 @@ class Evidence:
     @property
     def engines(self) -> list[str]:
         """Engines, in the order they were run in."""
-        return list(dict.fromkeys(each.engine for throw in self.throws.values() for each in throw.engines))
+        return list(
+            dict.fromkeys(each.engine for throw in self.throws.values() for each in throw.engines)
+        )
 
     def of_engine(self, engine: str) -> dict[str, EngineThrow]:
         """An engine's throws by machine."""
-        return {name: each for name, throw in self.throws.items() for each in throw.engines if each.engine == engine}
+        return {
+            name: each
+            for name, throw in self.throws.items()
+            for each in throw.engines
+            if each.engine == engine
+        }
 
 
 def _flat(values: Mapping[str, Readings]) -> Values:
-    return {(machine, quantity): value for machine, own in values.items() for quantity, value in own.items()}
+    return {
+        (machine, quantity): value
+        for machine, own in values.items()
+        for quantity, value in own.items()
+    }
 
 
 @dataclass(frozen=True)
@@ -258,13 +293,20 @@ class Row:
             value, width = spread(self.ours.value, evidence.ours, evidence.uncertainties)
         except KeyError as error:
             machine, quantity = error.args[0]
-            missing = undecided(f"the reference's throw of the {machine!r} machine has no {quantity}")
+            missing = undecided(
+                f"the reference's throw of the {machine!r} machine has no {quantity}"
+            )
             return self.judged(None, (), missing)
         ours = Quantity(value=value, uncertainty=width, unit=self.ours.unit)
-        return self.judged(ours, tuple(_by_engine(self.ours, evidence, name) for name in evidence.engines))
+        return self.judged(
+            ours, tuple(_by_engine(self.ours, evidence, name) for name in evidence.engines)
+        )
 
     def judged(
-        self, ours: Quantity | None, engines: tuple[EngineValue, ...] = (), judgement: Judgement | None = None
+        self,
+        ours: Quantity | None,
+        engines: tuple[EngineValue, ...] = (),
+        judgement: Judgement | None = None,
     ) -> Claim:
         """The claim of our value."""
         result = judgement or self.judge
@@ -301,7 +343,9 @@ class _Recorder(dict[_Key, float]):
 
 
 def spread(
-    of: Callable[[Mapping[_Key, float]], float], values: Mapping[_Key, float], widths: Mapping[_Key, float]
+    of: Callable[[Mapping[_Key, float]], float],
+    values: Mapping[_Key, float],
+    widths: Mapping[_Key, float],
 ) -> tuple[float, float | None]:
     """A function's value, and the sum of what each width changes in it; None where a width is not known.
 
@@ -314,7 +358,9 @@ def spread(
     value = of(recorder)
     if not recorder.used.keys() <= widths.keys():
         return value, None
-    return value, sum(abs(of({**values, key: values[key] + widths[key]}) - value) for key in recorder.used)
+    return value, sum(
+        abs(of({**values, key: values[key] + widths[key]}) - value) for key in recorder.used
+    )
 
 
 def _by_engine(formula: Formula, evidence: Evidence, engine: str) -> EngineValue:
@@ -324,7 +370,11 @@ def _by_engine(formula: Formula, evidence: Evidence, engine: str) -> EngineValue
     except KeyError as error:
         return EngineValue(engine=engine, value=None, note=_missing(throws, *error.args[0]))
     # The tolerance is what the engine's tolerances allow around *our* value.
-    _, allowed = spread(formula.value, evidence.ours, _flat({name: each.tolerances for name, each in throws.items()}))
+    _, allowed = spread(
+        formula.value,
+        evidence.ours,
+        _flat({name: each.tolerances for name, each in throws.items()}),
+    )
     return EngineValue(engine=engine, value=value, tolerance=allowed)
 
 

@@ -1,9 +1,10 @@
 """Start angles from printed figures: least squares, and the set of all that give every printed digit.
 
-A printed number is uniform over what rounds to it, of standard deviation half width / sqrt(3). Least squares with
-these gives a best point and a covariance. The set of compatible angles, those with no miss beyond one half width, is
-the likelihood's whole support; its ends along each angle are found by linear programs, repeated until the numbers
-themselves, not their linear pictures, stand at their bounds.
+A printed number is uniform over what rounds to it, of standard deviation half width / sqrt(3).
+Least squares with these gives a best point and a covariance. The set of compatible angles, those
+with no miss beyond one half width, is the likelihood's whole support; its ends along each angle are
+found by linear programs, repeated until the numbers themselves, not their linear pictures, stand at
+their bounds.
 """
 
 from __future__ import annotations
@@ -18,7 +19,17 @@ from scipy.stats import chi2, norm
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
-from .quantities import ANGLES, Angles, Conditioning, Extent, Fit, Headlines, Left, QuantityAt, Start
+from .quantities import (
+    ANGLES,
+    Angles,
+    Conditioning,
+    Extent,
+    Fit,
+    Headlines,
+    Left,
+    QuantityAt,
+    Start,
+)
 
 _PER_HALF = math.sqrt(3.0)  # standard deviations in a half width, for a uniform distribution
 _CONFIDENCE = 0.95
@@ -29,7 +40,14 @@ _BINDING = 1e-4  # half widths: by how much a number may be off its bound and st
 _HARDLY = 1e-6  # share of the largest singular value below which a direction is not determined: differences' noise
 
 
-def fit(headlines: Headlines, start: Start, free: Sequence[str] = ANGLES, *, name: str, because: str = "") -> Fit:
+def fit(
+    headlines: Headlines,
+    start: Start,
+    free: Sequence[str] = ANGLES,
+    *,
+    name: str,
+    because: str = "",
+) -> Fit:
     """Fit the free angles; the others stay as they are in `start` [rad].
 
     Raises:
@@ -50,7 +68,9 @@ def fit(headlines: Headlines, start: Start, free: Sequence[str] = ANGLES, *, nam
         angles=_angles(best),
         standard_errors=tuple(errors.tolist()),
         covariance=tuple(tuple(row) for row in covariance.tolist()),
-        confidence=tuple((float(v - w), float(v + w)) for v, w in zip(best[columns], width, strict=True)),
+        confidence=tuple(
+            (float(v - w), float(v + w)) for v, w in zip(best[columns], width, strict=True)
+        ),
         chi_square=chi_square,
         degrees_of_freedom=freedom,
         p_value=float(chi2.sf(chi_square, freedom)) if freedom else 1.0,
@@ -61,11 +81,15 @@ def fit(headlines: Headlines, start: Start, free: Sequence[str] = ANGLES, *, nam
     )
 
 
-def _least_squares(headlines: Headlines, start: FloatArray, columns: list[int]) -> tuple[FloatArray, FloatArray, float]:
+def _least_squares(
+    headlines: Headlines, start: FloatArray, columns: list[int]
+) -> tuple[FloatArray, FloatArray, float]:
     """Best angles (3,), the Jacobian there in standard deviations per radian, and chi square."""
     fitted = headlines.fitted
     if len(fitted) < len(columns):
-        raise InputError(f"{len(fitted)} fitted numbers are too few for {len(columns)} free angles.")
+        raise InputError(
+            f"{len(fitted)} fitted numbers are too few for {len(columns)} free angles."
+        )
 
     def angles(values: FloatArray) -> FloatArray:
         whole = start.copy()
@@ -78,15 +102,20 @@ def _least_squares(headlines: Headlines, start: FloatArray, columns: list[int]) 
     def jacobian(values: FloatArray) -> FloatArray:
         return headlines.jacobian(angles(values))[fitted][:, columns] * _PER_HALF
 
-    # Levenberg and Marquardt's method walks the curved valley, some 300 times as long as wide, in the fewest steps.
-    solution: Any = least_squares(residuals, start[columns], jacobian, method="lm", xtol=1e-9, ftol=1e-10, gtol=1e-9)
+    # Levenberg and Marquardt's method walks the curved valley, some 300 times as long as wide, in
+    # the fewest steps.
+    solution: Any = least_squares(
+        residuals, start[columns], jacobian, method="lm", xtol=1e-9, ftol=1e-10, gtol=1e-9
+    )
     return angles(solution.x), np.asarray(solution.jac, dtype=np.float64), 2 * float(solution.cost)
 
 
 def _covariance(slopes: FloatArray, free: Sequence[str]) -> FloatArray:
     values = np.linalg.svd(slopes, compute_uv=False)
     if values[-1] <= _HARDLY * values[0]:
-        raise InputError(f"the printed numbers leave a combination of {' and '.join(free)} open; others are needed.")
+        raise InputError(
+            f"the printed numbers leave a combination of {' and '.join(free)} open; others are needed."
+        )
     return np.asarray(np.linalg.inv(slopes.T @ slopes), dtype=np.float64)
 
 
@@ -104,7 +133,9 @@ def _angles(values: FloatArray) -> Angles:
     return (theta, phi, alpha)
 
 
-def _centre(headlines: Headlines, at: FloatArray, columns: list[int], slopes: FloatArray) -> tuple[float, FloatArray]:
+def _centre(
+    headlines: Headlines, at: FloatArray, columns: list[int], slopes: FloatArray
+) -> tuple[float, FloatArray]:
     """The point whose worst miss is least, and that miss: min s with |misses + slopes d| <= s."""
     best, worst = at, float(np.abs(headlines.misses(at)).max())
     cost = np.append(np.zeros(len(columns)), 1.0)
@@ -123,11 +154,14 @@ def _centre(headlines: Headlines, at: FloatArray, columns: list[int], slopes: Fl
     return worst, best
 
 
-def _extents(headlines: Headlines, centre: FloatArray, columns: list[int], slopes: FloatArray) -> tuple[Extent, ...]:
+def _extents(
+    headlines: Headlines, centre: FloatArray, columns: list[int], slopes: FloatArray
+) -> tuple[Extent, ...]:
     extents: list[Extent] = []
     for k, column in enumerate(columns):
         (low, ends_low), (high, ends_high) = (
-            _end(headlines, centre, columns, slopes, sign * np.eye(len(columns))[k]) for sign in (-1, 1)
+            _end(headlines, centre, columns, slopes, sign * np.eye(len(columns))[k])
+            for sign in (-1, 1)
         )
         extents.append(
             Extent(
@@ -142,11 +176,16 @@ def _extents(headlines: Headlines, centre: FloatArray, columns: list[int], slope
 
 
 def _end(
-    headlines: Headlines, centre: FloatArray, columns: list[int], slopes: FloatArray, towards: FloatArray
+    headlines: Headlines,
+    centre: FloatArray,
+    columns: list[int],
+    slopes: FloatArray,
+    towards: FloatArray,
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """Farthest compatible point in a direction, and the numbers that stand at their bounds there.
 
-    The slopes stay those of the fit: they only steer, and what the steps settle on solves the numbers' own bounds.
+    The slopes stay those of the fit: they only steer, and what the steps settle on solves the
+    numbers' own bounds.
     """
     at = centre.copy()
     for _ in range(_ROUNDS):
@@ -154,17 +193,25 @@ def _end(
         at[columns] += step
         if float(np.abs(step).max()) < _SETTLED:
             misses = np.abs(headlines.misses(at))
-            ends = [f.name for f, miss in zip(headlines.printed, misses, strict=True) if miss > 1 - _BINDING]
+            ends = [
+                f.name
+                for f, miss in zip(headlines.printed, misses, strict=True)
+                if miss > 1 - _BINDING
+            ]
             return at, tuple(ends)
     names = " and ".join(ANGLES[column] for column in columns)
-    raise InputError(f"the printed numbers do not bound {names}; more of them, or ones with more digits, are needed.")
+    raise InputError(
+        f"the printed numbers do not bound {names}; more of them, or ones with more digits, are needed."
+    )
 
 
 def _program(misses: FloatArray, slopes: FloatArray, towards: FloatArray) -> FloatArray:
     """The step that goes farthest and keeps |misses + slopes step| <= 1."""
     rows, room = np.vstack([slopes, -slopes]), np.concatenate([1 - misses, 1 + misses])
     solution: Any = linprog(-towards, rows, room, bounds=[(-_STEP, _STEP)] * len(towards))
-    return np.zeros(len(towards)) if solution.x is None else np.asarray(solution.x, dtype=np.float64)
+    return (
+        np.zeros(len(towards)) if solution.x is None else np.asarray(solution.x, dtype=np.float64)
+    )
 
 
 def conditioning(slopes: FloatArray, names: Sequence[str]) -> Conditioning:
@@ -192,7 +239,9 @@ def left_out(headlines: Headlines, at: FloatArray) -> tuple[Left, ...]:
     growths: list[Left] = []
     for i, quantity in enumerate(headlines.printed):
         without = _linear_widths(misses[every != i], slopes[every != i])
-        growth = [w / known if w and known else None for w, known in zip(without, whole, strict=True)]
+        growth = [
+            w / known if w and known else None for w, known in zip(without, whole, strict=True)
+        ]
         growths.append(Left(name=quantity.name, growth=tuple(growth)))
     return tuple(growths)
 
@@ -204,5 +253,7 @@ def _linear_widths(misses: FloatArray, slopes: FloatArray) -> list[float | None]
     widths: list[float | None] = []
     for axis in np.eye(slopes.shape[1]):
         ends: list[Any] = [linprog(sign * axis, rows, room, bounds=free) for sign in (1, -1)]
-        widths.append(None if any(end.x is None for end in ends) else -sum(float(end.fun) for end in ends))
+        widths.append(
+            None if any(end.x is None for end in ends) else -sum(float(end.fun) for end in ends)
+        )
     return widths

@@ -54,7 +54,9 @@ class PrintedQuantity(Spec):
     value: Real = Field(description="[unit]")
     half: Positive = Field(description="half width of what the print allows [unit]")
     because: str = Field(description="what the half width comes from")
-    fitted: bool = Field(description="False: it follows from others in print, and is only a bound of the set")
+    fitted: bool = Field(
+        description="False: it follows from others in print, and is only a bound of the set"
+    )
 
 
 class QuantityAt(Spec):
@@ -62,7 +64,9 @@ class QuantityAt(Spec):
 
     name: str
     computed: Real = Field(description="[its unit]")
-    miss: Real = Field(description="(computed - printed) in half widths: beyond 1 it does not round to the print")
+    miss: Real = Field(
+        description="(computed - printed) in half widths: beyond 1 it does not round to the print"
+    )
 
 
 class Sensitivity(Spec):
@@ -70,7 +74,9 @@ class Sensitivity(Spec):
 
     name: str
     per_radian: Angles = Field(description="[its unit per rad]")
-    information: Angles = Field(description="share of each angle's information, the other angles known, in [0, 1]")
+    information: Angles = Field(
+        description="share of each angle's information, the other angles known, in [0, 1]"
+    )
 
 
 class Extent(Spec):
@@ -92,14 +98,24 @@ class Fit(Spec):
     angles: Angles
     standard_errors: tuple[NonNegative, ...] = Field(description="of the free angles")
     covariance: tuple[tuple[Real, ...], ...] = Field(description="of the free angles [rad^2]")
-    confidence: tuple[tuple[Real, Real], ...] = Field(description="95 % intervals of the free angles, each by itself")
+    confidence: tuple[tuple[Real, Real], ...] = Field(
+        description="95 % intervals of the free angles, each by itself"
+    )
     chi_square: NonNegative
     degrees_of_freedom: int
-    p_value: Real = Field(description="chance of a larger chi square, were the print's rounding all there is")
+    p_value: Real = Field(
+        description="chance of a larger chi square, were the print's rounding all there is"
+    )
     figures: tuple[QuantityAt, ...]
-    least_worst: NonNegative = Field(description="least that the worst miss can be made, in half widths")
-    compatible: bool = Field(description="whether some angles give every printed figure: least_worst <= 1")
-    extents: tuple[Extent, ...] = Field(description="of the set of those angles; none where it is empty")
+    least_worst: NonNegative = Field(
+        description="least that the worst miss can be made, in half widths"
+    )
+    compatible: bool = Field(
+        description="whether some angles give every printed figure: least_worst <= 1"
+    )
+    extents: tuple[Extent, ...] = Field(
+        description="of the set of those angles; none where it is empty"
+    )
 
 
 class Conditioning(Spec):
@@ -107,10 +123,14 @@ class Conditioning(Spec):
 
     singular_values: tuple[Real, ...]
     directions: tuple[Angles, ...] = Field(description="unit vectors, best determined first")
-    decided_by: tuple[str, ...] = Field(description="the number that says most about each direction")
+    decided_by: tuple[str, ...] = Field(
+        description="the number that says most about each direction"
+    )
     rank: int = Field(description="number of directions that the print determines at all")
     condition_number: Positive
-    half_lengths: tuple[NonNegative, ...] = Field(description="of the joint 95 % region along the directions [rad]")
+    half_lengths: tuple[NonNegative, ...] = Field(
+        description="of the joint 95 % region along the directions [rad]"
+    )
 
 
 class Left(Spec):
@@ -150,7 +170,9 @@ class Search(Spec):
     )
     machines: int = Field(description="launches looked at on the grid")
     starts: int = Field(description="lowest minima of the grid, refined by least squares")
-    solutions: tuple[Minimum, ...] = Field(description="distinct minima, best first; phi0 within a turn")
+    solutions: tuple[Minimum, ...] = Field(
+        description="distinct minima, best first; phi0 within a turn"
+    )
 
 
 class Identification(Spec):
@@ -159,12 +181,16 @@ class Identification(Spec):
     parameters: TrebuchetParameters = Field(description="all but the start angles")
     printed: tuple[PrintedQuantity, ...]
     fit: Fit = Field(description="of all three angles")
-    nested: tuple[Fit, ...] = Field(description="with what the paper's equations fix; none where nothing fits")
+    nested: tuple[Fit, ...] = Field(
+        description="with what the paper's equations fix; none where nothing fits"
+    )
     sensitivities: tuple[Sensitivity, ...]
     conditioning: Conditioning
     left_out: tuple[Left, ...] = Field(description="none where nothing fits")
     round_angles: tuple[Round, ...] = Field(description="coarse grids first")
-    singled_out: Angles | None = Field(description="the one round start that is compatible; None: none or several")
+    singled_out: Angles | None = Field(
+        description="the one round start that is compatible; None: none or several"
+    )
     search: Search | None = Field(description="None: it needs heyoka, which is not installed here")
     findings: tuple[str, ...] = Field(description="in sentences")
     seconds: NonNegative = Field(description="processor time [s]")
@@ -174,13 +200,25 @@ Start = Sequence[float] | FloatArray
 """(theta0, phi0, alpha0) [rad]."""
 
 ANGLES = ("theta0", "phi0", "alpha0")
-RELEASE, PHI, SPEED, R_FIXED, R_ROLLING = "release time", "phi at release", "launch speed", "R fixed", "R rolling"
-PHI_RADIANS, ENERGY, FASTER = "phi at release, in radians", "kinetic energy, rolling / fixed", "rolling faster by"
+RELEASE, PHI, SPEED, R_FIXED, R_ROLLING = (
+    "release time",
+    "phi at release",
+    "launch speed",
+    "R fixed",
+    "R rolling",
+)
+PHI_RADIANS, ENERGY, FASTER = (
+    "phi at release, in radians",
+    "kinetic energy, rolling / fixed",
+    "rolling faster by",
+)
 SWING, TWICE_SWING = "counterweight swings out further by", "there and back"
 SHORTER = "launch speed with the shorter arm"
 """At the l1 of the largest launch speed, the whole arm's length unchanged (Sec. V)."""
 
-_BEYOND = 0.3  # [s] solved past the printed release, and once more as long where a machine launches later
+_BEYOND = (
+    0.3  # [s] solved past the printed release, and once more as long where a machine launches later
+)
 _SAMPLES = 200  # of the counterweight's swing, between which its turning point is found
 _ROUNDED = "half a unit of the last printed digit"
 
@@ -212,7 +250,14 @@ def _implied(name: str, where: str, number: Printed, unit: str = "") -> PrintedQ
 
 _SWEPT = f"{_ROUNDED}; l1 = {BEST_L1} is a point of its sweep"
 PRINTED = (
-    _fitted(RELEASE, "Sec. IV", RELEASE_TIME, "s", grid=TIME_STEP, because=f"half the paper's grid of {TIME_STEP} s"),
+    _fitted(
+        RELEASE,
+        "Sec. IV",
+        RELEASE_TIME,
+        "s",
+        grid=TIME_STEP,
+        because=f"half the paper's grid of {TIME_STEP} s",
+    ),
     _fitted(PHI, "Sec. IV", SLING_ANGLE, "deg"),
     _implied(PHI_RADIANS, "Sec. IV", SLING_RADIANS, "rad"),
     _fitted(SPEED, "Sec. V", LAUNCH_SPEED, "m/s"),
@@ -230,13 +275,18 @@ NEEDED = (RELEASE, PHI, SPEED, R_FIXED, R_ROLLING, SHORTER)
 """Without these there is no search and no bounded fit."""
 
 
-def machines(parameters: TrebuchetParameters, angles: Start) -> tuple[Mechanism, Mechanism, Mechanism]:
+def machines(
+    parameters: TrebuchetParameters, angles: Start
+) -> tuple[Mechanism, Mechanism, Mechanism]:
     """Fixed, rolling, and fixed with the shorter arm, started at (theta0, phi0, alpha0) [rad].
 
     Raises:
-        InputError: an angle is not in range, or the whole arm is not longer than the shorter arm's l1.
+        InputError: an angle is not in range, or the whole arm is not longer than the shorter arm's
+            l1.
     """
-    fields = parameters.model_dump() | dict(zip(ANGLES, (float(angle) for angle in angles), strict=True))
+    fields = parameters.model_dump() | dict(
+        zip(ANGLES, (float(angle) for angle in angles), strict=True)
+    )
     beam = fields["l1"] + fields.pop("l2")
     shorter = TrebuchetParameters.with_beam(**fields | {"l1": BEST_L1.value, "beam": beam})
     started = TrebuchetParameters(**fields, l2=parameters.l2)
@@ -252,7 +302,10 @@ class Headlines:
     _known: dict[Angles, FloatArray] = field(default_factory=dict[Angles, FloatArray])
 
     def __post_init__(self) -> None:
-        names, known = [quantity.name for quantity in self.printed], [quantity.name for quantity in PRINTED]
+        names, known = (
+            [quantity.name for quantity in self.printed],
+            [quantity.name for quantity in PRINTED],
+        )
         wrong = sorted(name for name in set(names) if name not in known or names.count(name) > 1)
         missing = [name for name in NEEDED if name not in names]
         if wrong or missing:
@@ -275,7 +328,9 @@ class Headlines:
     def jacobian(self, angles: Start, step: float = 1e-5) -> FloatArray:
         """Of the misses, [1/rad], shape (n, 3): central differences, good to step^2 and rounding / step."""
         at = np.asarray(angles, dtype=np.float64)
-        columns = [(self.misses(at + d) - self.misses(at - d)) / (2 * step) for d in np.eye(3) * step]
+        columns = [
+            (self.misses(at + d) - self.misses(at - d)) / (2 * step) for d in np.eye(3) * step
+        ]
         return np.stack(columns, axis=1)
 
     @property
@@ -289,17 +344,25 @@ class Headlines:
         return [i for i, quantity in enumerate(self.printed) if quantity.fitted]
 
 
-def computed(parameters: TrebuchetParameters, angles: Start, release_time: float) -> dict[str, float]:
+def computed(
+    parameters: TrebuchetParameters, angles: Start, release_time: float
+) -> dict[str, float]:
     """Every number of :data:`PRINTED` at a start, in its printed unit.
 
     Raises:
         InputError: a machine does not launch within about twice the printed release time.
     """
-    still, rolls, shorter = (_moved(m, release_time + _BEYOND) for m in machines(parameters, angles))
+    still, rolls, shorter = (
+        _moved(m, release_time + _BEYOND) for m in machines(parameters, angles)
+    )
     speeds = [_speed(solution) for solution in (still, rolls, shorter)]
     mass = parameters.m_b
     energy = float(still.trajectory(np.zeros(1)).total_energy[0])
-    phi = float(still.motion(np.array([release_time])).q[0, still.problem.mechanism.coordinates.index("phi")])
+    phi = float(
+        still.motion(np.array([release_time])).q[
+            0, still.problem.mechanism.coordinates.index("phi")
+        ]
+    )
     swing = _rightmost(still) - _rightmost(rolls)
     return {
         RELEASE: _best_release(still),
@@ -317,7 +380,9 @@ def computed(parameters: TrebuchetParameters, angles: Start, release_time: float
 
 
 def _moved(mechanism: Mechanism, duration: float) -> Solution:
-    reference = ReferenceEngine(integrator="auto")  # Taylor series where heyoka is: several times as fast
+    reference = ReferenceEngine(
+        integrator="auto"
+    )  # Taylor series where heyoka is: several times as fast
     solution = reference.solve(Problem(mechanism, duration))
     return solution if solution.launch else reference.solve(Problem(mechanism, 2 * duration))
 
@@ -338,7 +403,9 @@ def _best_release(solution: Solution) -> float:
     until = min(projectile.sweep()[1], solution.problem.duration)
     best = projectile.best_release(Surroundings(gravity=solution.problem.mechanism.gravity), until)
     if best is None:
-        raise InputError(f"the {solution.problem.mechanism.name!r} machine's throw never comes back to y = 0.")
+        raise InputError(
+            f"the {solution.problem.mechanism.name!r} machine's throw never comes back to y = 0."
+        )
     return best.time
 
 

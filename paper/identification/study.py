@@ -1,9 +1,10 @@
 """The start angles the paper does not print, identified from the numbers it does.
 
-Whether other starts would give the paper's numbers, too, is searched over all that the energy allows: launch speed and
-R in print give the total energy, E = m_b v^2 / (2 R) (Eq. 11), and that is a function of the start angles alone
-(Eqs. 3, 4): it leaves two values of alpha0 for any theta0 and phi0. So a grid in two angles covers all three. Its
-lowest minima are refined by least squares in all three.
+Whether other starts would give the paper's numbers, too, is searched over all that the energy
+allows: launch speed and R in print give the total energy, E = m_b v^2 / (2 R) (Eq. 11), and that is
+a function of the start angles alone (Eqs. 3, 4): it leaves two values of alpha0 for any theta0 and
+phi0. So a grid in two angles covers all three. Its lowest minima are refined by least squares in
+all three.
 """
 
 from __future__ import annotations
@@ -80,14 +81,19 @@ class _Search:
     def run(self) -> Search:
         step = math.pi / _CELLS
         thetas = np.linspace(*THETA, _CELLS + 1)
-        slings = step * np.arange(1.0, 2 * _CELLS)  # at 0 and 2 pi the sling would lie on the arm's far side
+        slings = step * np.arange(
+            1.0, 2 * _CELLS
+        )  # at 0 and 2 pi the sling would lie on the arm's far side
         starts = np.stack([self._branch(thetas, slings, lower) for lower in (False, True)])
         costs = self._costs(starts)
-        # Neighbours in theta0 and the sling's angle; the two values of alpha0 are branches of their own.
+        # Neighbours in theta0 and the sling's angle; the two values of alpha0 are branches of their
+        # own.
         lowest = (costs <= minimum_filter(costs, size=(1, 3, 3), mode="nearest")) & (costs < _LOST)
         chosen = starts[lowest][np.argsort(costs[lowest], kind="stable")][:_STARTS]
         if not len(chosen):
-            raise InputError("no start angles that have the printed energy launch in the printed time.")
+            raise InputError(
+                "no start angles that have the printed energy launch in the printed time."
+            )
         return Search(
             theta=THETA,
             sling=(float(slings[0]), float(slings[-1])),
@@ -109,8 +115,11 @@ class _Search:
         theta, sling = np.meshgrid(thetas, slings, indexing="ij")
         phi = theta + sling
         energy = 0.5 * p.m_b * self.printed[SPEED].value ** 2 / self.printed[R_FIXED].value
-        # Eqs. (3), (4): E / g = m_cw (l2 sin theta - h sin alpha) - m_b (l1 sin theta + r sin phi) - m_a d sin theta.
-        rest = p.m_b * (p.l1 * np.sin(theta) + p.r * np.sin(phi)) + p.m_a * (p.l1 - p.l2) / 2 * np.sin(theta)
+        # Eqs. (3), (4): E / g = m_cw (l2 sin theta - h sin alpha) - m_b (l1 sin theta + r sin phi)
+        # - m_a d sin theta.
+        rest = p.m_b * (p.l1 * np.sin(theta) + p.r * np.sin(phi)) + p.m_a * (
+            p.l1 - p.l2
+        ) / 2 * np.sin(theta)
         sine = (p.m_cw * p.l2 * np.sin(theta) - rest - energy / p.g) / (p.m_cw * p.h)
         alpha = np.arcsin(np.where(np.abs(sine) <= 1, sine, np.nan))
         return np.stack([theta, phi, -math.pi - alpha if lower else alpha], axis=-1)
@@ -128,12 +137,16 @@ class _Search:
         builds = [fixed(self._started(start)) for start in starts.tolist()]
         time, phi, speed = self._launches(builds, self.printed[RELEASE].value + _BEYOND)
         values = {RELEASE: time, PHI: phi, SPEED: speed, R_FIXED: self._ratio(starts, speed)}
-        return np.stack([self._miss(self.printed[name], value) for name, value in values.items()], axis=1)
+        return np.stack(
+            [self._miss(self.printed[name], value) for name, value in values.items()], axis=1
+        )
 
     def _started(self, angles: Sequence[float]) -> TrebuchetParameters:
         return self.parameters.model_copy(update=dict(zip(ANGLES, angles, strict=True)))
 
-    def _launches(self, builds: Sequence[Mechanism], until: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _launches(
+        self, builds: Sequence[Mechanism], until: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Time [s], phi at the printed release time [deg] and speed [m/s] of launches at 45 deg, each (n,)."""
         from ...reference.taylor.batch import launch_batch  # heyoka takes a second to import
 
@@ -172,7 +185,9 @@ class _Search:
         values = (
             time[:n], phi[:n], speed[:n], self._ratio(starts, speed[:n]), self._ratio(starts, rolling_speed), speed[n:],
         )  # fmt: skip
-        return np.stack([self._miss(self.printed[k], v) for k, v in zip(NEEDED, values, strict=True)], axis=1)
+        return np.stack(
+            [self._miss(self.printed[k], v) for k, v in zip(NEEDED, values, strict=True)], axis=1
+        )
 
     def _refined(self, start: FloatArray) -> FloatArray:
         def misses(x: FloatArray) -> FloatArray:
@@ -183,10 +198,21 @@ class _Search:
             both = self._quick(np.concatenate([x + h * np.eye(3), x - h * np.eye(3)]))
             return (both[:3] - both[3:]).T / (2 * h)
 
-        # Soft, so that a start far off is not led by the one figure that is printed with most digits.
+        # Soft, so that a start far off is not led by the one figure that is printed with most
+        # digits.
         solver: Callable[..., Any] = least_squares
         near = (start - _NEAR, start + _NEAR)
-        fitted = solver(misses, start, jacobian, near, x_scale="jac", loss="soft_l1", max_nfev=25, xtol=1e-6, ftol=1e-6)
+        fitted = solver(
+            misses,
+            start,
+            jacobian,
+            near,
+            x_scale="jac",
+            loss="soft_l1",
+            max_nfev=25,
+            xtol=1e-6,
+            ftol=1e-6,
+        )
         return np.asarray(fitted.x, dtype=np.float64)
 
     def _distinct(self, minima: Sequence[FloatArray]) -> tuple[Minimum, ...]:
@@ -198,14 +224,22 @@ class _Search:
             else:
                 kept.append((angles, 1))
         solutions = [self._solution(angles, n) for angles, n in kept]
-        # Where one of the three machines does not launch, there is no minimum, only an end of the search.
-        return tuple(sorted((s for s in solutions if s.miss < _LOST), key=lambda solution: solution.miss))
+        # Where one of the three machines does not launch, there is no minimum, only an end of the
+        # search.
+        return tuple(
+            sorted((s for s in solutions if s.miss < _LOST), key=lambda solution: solution.miss)
+        )
 
     def _solution(self, angles: FloatArray, starts: int) -> Minimum:
         misses = np.abs(self._quick(angles[None])[0])
         worst = int(np.argmax(misses))
         theta, phi, alpha = angles.tolist()
-        return Minimum(angles=(theta, phi, alpha), worst=NEEDED[worst], miss=float(misses[worst]), starts=starts)
+        return Minimum(
+            angles=(theta, phi, alpha),
+            worst=NEEDED[worst],
+            miss=float(misses[worst]),
+            starts=starts,
+        )
 
 
 _DIVISIONS = (1, 2, 3, 4, 6, 12, 36, 180, 360, 720)  # of pi: down to quarters of a degree
@@ -214,13 +248,16 @@ _GROWS = 1.05  # a set that grows by less than this without a figure does not ha
 
 
 def identify(
-    parameters: TrebuchetParameters | None = None, printed: Sequence[PrintedQuantity] = PRINTED, globally: bool = True
+    parameters: TrebuchetParameters | None = None,
+    printed: Sequence[PrintedQuantity] = PRINTED,
+    globally: bool = True,
 ) -> Identification:
     """Fit (theta0, phi0, alpha0) to printed figures, and say what they leave open.
 
-    The rests stand where the machine starts (the paper's Eqs. 6, 7), and a rest that would have to pull at the start
-    is gone then. With `globally`, and heyoka installed, the fit starts from the best point of a search over all starts
-    of the printed energy, and no use is made of the angles in `parameters`; else it starts from those.
+    The rests stand where the machine starts (the paper's Eqs. 6, 7), and a rest that would have to
+    pull at the start is gone then. With `globally`, and heyoka installed, the fit starts from the
+    best point of a search over all starts of the printed energy, and no use is made of the angles
+    in `parameters`; else it starts from those.
 
     Args:
         parameters: lengths, masses and gravity; Table I where left out.
@@ -228,7 +265,8 @@ def identify(
         globally: whether to search.
 
     Raises:
-        InputError: the figures are too few or too vague to bound the angles, or no machine with them launches.
+        InputError: the figures are too few or too vague to bound the angles, or no machine with
+        them launches.
         SimulationError: an integrator failed.
     """
     started = time.process_time()
@@ -236,7 +274,9 @@ def identify(
     searched = search(headlines) if globally else None
     free = fit(headlines, _start(headlines, searched), name="all three angles")
     slopes = headlines.jacobian(free.angles)
-    of_fitted = conditioning(slopes[headlines.fitted], [f.name for f in headlines.printed if f.fitted])
+    of_fitted = conditioning(
+        slopes[headlines.fitted], [f.name for f in headlines.printed if f.fitted]
+    )
     nested = tuple(_nested(headlines, free)) if free.compatible else ()
     rounds = tuple(_rounds(headlines, free))
     single = _single(rounds)
@@ -275,7 +315,9 @@ def _nested(headlines: Headlines, free: Fit) -> Iterator[Fit]:
     yield fit(headlines, (0.0, phi, alpha), ("phi0", "alpha0"), name="theta0 = 0", because=level)
     along = math.pi + 2 * math.pi * round((phi - math.pi) / (2 * math.pi))
     on_arm = f"{level}; and the sling rests on the arm itself, phi0 - theta0 = pi (Sec. II)"
-    yield fit(headlines, (0.0, along, alpha), ("alpha0",), name="theta0 = 0, phi0 = pi", because=on_arm)
+    yield fit(
+        headlines, (0.0, along, alpha), ("alpha0",), name="theta0 = 0, phi0 = pi", because=on_arm
+    )
 
 
 def _sensitivities(headlines: Headlines, slopes: FloatArray) -> tuple[Sensitivity, ...]:
@@ -285,7 +327,10 @@ def _sensitivities(headlines: Headlines, slopes: FloatArray) -> tuple[Sensitivit
     halves = np.array([quantity.half for quantity in headlines.printed])
     per_radian = (slopes * halves[:, None]).tolist()
     rows = zip(headlines.printed, per_radian, shares.tolist(), strict=True)
-    return tuple(Sensitivity(name=f.name, per_radian=tuple(row), information=tuple(share)) for f, row, share in rows)
+    return tuple(
+        Sensitivity(name=f.name, per_radian=tuple(row), information=tuple(share))
+        for f, row, share in rows
+    )
 
 
 def _rounds(headlines: Headlines, free: Fit) -> Iterator[Round]:
@@ -294,10 +339,14 @@ def _rounds(headlines: Headlines, free: Fit) -> Iterator[Round]:
         return
     for n in _DIVISIONS:
         unit = math.pi / n
-        spans = [range(math.ceil(e.low / unit), math.floor(e.high / unit) + 1) for e in free.extents]
+        spans = [
+            range(math.ceil(e.low / unit), math.floor(e.high / unit) + 1) for e in free.extents
+        ]
         if math.prod(len(span) for span in spans) > _AT_MOST:
             return
-        tried: list[Angles] = [(i * unit, j * unit, k * unit) for i in spans[0] for j in spans[1] for k in spans[2]]
+        tried: list[Angles] = [
+            (i * unit, j * unit, k * unit) for i in spans[0] for j in spans[1] for k in spans[2]
+        ]
         fitting = tuple(angles for angles in tried if _compatible(headlines, angles))
         yield Round(divisions=n, compatible=fitting, tried=len(tried))
 
@@ -336,16 +385,25 @@ def _findings(
         f"{of_fitted.condition_number:.3g} times less well than the best ({_direction(of_fitted.directions[0])})"
     )
     decided = zip(of_fitted.directions, of_fitted.decided_by, strict=True)
-    yield "; ".join(f"{_direction(direction)} is decided above all by the {name}" for direction, name in decided)
+    yield "; ".join(
+        f"{_direction(direction)} is decided above all by the {name}" for direction, name in decided
+    )
     yield from _bearing(left)
     yield from _round_findings(rounds, single)
     for each in nested:
-        ends = [f"{e.angle} from {math.degrees(e.low):.6g} to {math.degrees(e.high):.6g} deg" for e in each.extents]
+        ends = [
+            f"{e.angle} from {math.degrees(e.low):.6g} to {math.degrees(e.high):.6g} deg"
+            for e in each.extents
+        ]
         what = "; ".join(ends) if each.compatible else "nothing: a figure is then off"
         yield f"with {each.name} ({each.held_because}) there is left: {what}"
     if searched is not None:
         others = searched.solutions[1:]
-        following = f"; the next minimum misses {others[0].worst} by {others[0].miss:.3g} half widths" if others else ""
+        following = (
+            f"; the next minimum misses {others[0].worst} by {others[0].miss:.3g} half widths"
+            if others
+            else ""
+        )
         yield (
             f"{searched.machines} launches over all starts of the printed energy, theta0 within "
             f"{math.degrees(searched.theta[1]):.3g} deg of level, show no second set{following}"
@@ -357,9 +415,14 @@ def _findings(
 def _bearing(left: Sequence[Left]) -> Iterator[str]:
     """Which figures the set's ends hang on."""
     growths = {each.name: max(math.inf if g is None else g for g in each.growth) for each in left}
-    bearing = sorted((name for name, growth in growths.items() if growth >= _GROWS), key=lambda name: -growths[name])
+    bearing = sorted(
+        (name for name, growth in growths.items() if growth >= _GROWS),
+        key=lambda name: -growths[name],
+    )
     if bearing:
-        parts = ", ".join(f"{name} ({growths[name]:.3g} times as wide without it)" for name in bearing)
+        parts = ", ".join(
+            f"{name} ({growths[name]:.3g} times as wide without it)" for name in bearing
+        )
         yield f"the set is bounded by: {parts}; the other figures only agree"
 
 
@@ -377,11 +440,14 @@ def _round_findings(rounds: Sequence[Round], single: Angles | None) -> Iterator[
 
 
 def _listed(names: Sequence[str], degrees: Sequence[float]) -> str:
-    return ", ".join(f"{value:.3g} deg in {name}" for name, value in zip(names, degrees, strict=True))
+    return ", ".join(
+        f"{value:.3g} deg in {name}" for name, value in zip(names, degrees, strict=True)
+    )
 
 
 def _direction(vector: Angles) -> str:
     terms = [
-        f"{'+' if value >= 0 else '-'} {abs(value):.2f} {name}" for name, value in zip(ANGLES, vector, strict=True)
+        f"{'+' if value >= 0 else '-'} {abs(value):.2f} {name}"
+        for name, value in zip(ANGLES, vector, strict=True)
     ]
     return " ".join(terms).removeprefix("+ ")

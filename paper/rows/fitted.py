@@ -76,7 +76,9 @@ def drag_rows(study: DragStudy, evidence: Evidence) -> Iterator[Row]:
 def _reading(study: DragStudy) -> Reading:
     """As the table's words have it: the velocity's angle, g changed throughout; the first one if there is no such."""
     printed_reading = (AngleReading.VELOCITY, GravityReading.THROW_AND_FLIGHT)
-    return next((r for r in study.readings if (r.angle, r.gravity) == printed_reading), study.readings[0])
+    return next(
+        (r for r in study.readings if (r.angle, r.gravity) == printed_reading), study.readings[0]
+    )
 
 
 def _printed(study: DragStudy, world: str) -> PrintedAngle:
@@ -87,7 +89,11 @@ def _world(study: DragStudy, reading: Reading, fit: WorldFit) -> Row:
     printed = _printed(study, fit.world)
     nearest = printed.density > 0 and fit.drag_areas is None
     airless = printed.density == 0 or nearest
-    what = f"no drag{', which comes nearest to the print' if nearest else ''}" if airless else _area(reading)
+    what = (
+        f"no drag{', which comes nearest to the print' if nearest else ''}"
+        if airless
+        else _area(reading)
+    )
     return Row(
         f"best angle of release, {fit.world}",
         _TABLE,
@@ -114,22 +120,34 @@ def _judged(study: DragStudy, reading: Reading, fit: WorldFit, printed: PrintedA
             f"the drag area is not printed: C_d A from {_format(fit.drag_areas)} gives {printed.printed}°; that "
             f"which suits it best, {reading.common_drag_area:.3g} m², gives {math.degrees(fit.common_angle):.1f}°"
         )
-    pairs = [(r, f) for r in study.readings for f in r.worlds if f.world == fit.world and f.drag_areas is not None]
+    pairs = [
+        (r, f)
+        for r in study.readings
+        for f in r.worlds
+        if f.world == fit.world and f.drag_areas is not None
+    ]
     if pairs:
         others = "; ".join(
-            f"{math.degrees(f.vacuum_angle):.4g} deg {r.angle.value} with g changed {r.gravity.value}" for r, f in pairs
+            f"{math.degrees(f.vacuum_angle):.4g} deg {r.angle.value} with g changed {r.gravity.value}"
+            for r, f in pairs
         )
         plain = f"{math.degrees(fit.vacuum_angle):.4g} deg {reading.angle.value} with g changed {reading.gravity.value}"
         return undecided(
             "the table does not say whether its angle is that of the velocity or, as Sec. IV computes it, across the "
             f"sling, nor where g was changed: it is {plain}, which does not give the print; but {others}"
         )
-    causes = [Cause(printed.density > 0, "no drag area gives it: drag only ever lowers the best angle")]
+    causes = [
+        Cause(printed.density > 0, "no drag area gives it: drag only ever lowers the best angle")
+    ]
     return as_printed(_degrees(fit.vacuum_angle), printed.printed, _grid(reading, fit), causes)
 
 
 def _format(areas: DragInterval) -> str:
-    return f"{areas.low:.3g} m² on" if areas.high is None else f"{areas.low:.3g} to {areas.high:.3g} m²"
+    return (
+        f"{areas.low:.3g} m² on"
+        if areas.high is None
+        else f"{areas.low:.3g} to {areas.high:.3g} m²"
+    )
 
 
 def _grid(reading: Reading, fit: WorldFit) -> Grid | None:
@@ -162,16 +180,20 @@ def _one_area_judged(study: DragStudy, best: Reading) -> Judgement:
     grids = [(r, g) for r in study.readings for g in r.grids]
     for reading, grid in grids:
         if grid.shared and len(grid.agreeing) == len(study.printed):
-            why = (
-                f"on a grid of {grid.step:g} s, angles read as {reading.angle.value}, g changed {reading.gravity.value}"
-            )
+            why = f"on a grid of {grid.step:g} s, angles read as {reading.angle.value}, g changed {reading.gravity.value}"
             return Judgement(Verdict.WITHIN_GRID, rule, why)
-    miss, most = math.degrees(best.root_mean_square), max((len(grid.agreeing) for _, grid in grids), default=0)
+    miss, most = (
+        math.degrees(best.root_mean_square),
+        max((len(grid.agreeing) for _, grid in grids), default=0),
+    )
     why = (
         f"with the best common area, {best.common_drag_area:.3g} m², the angles miss by {miss:.2g} deg (root mean "
         f"square) under the reading that fits best; a grid gives at most {most} of the {len(study.printed)}"
     )
-    apart = all(common([f.drag_areas for f in r.worlds if f.drag_areas is not None]) is None for r in study.readings)
+    apart = all(
+        common([f.drag_areas for f in r.worlds if f.drag_areas is not None]) is None
+        for r in study.readings
+    )
     if apart:
         why += "; even without the worlds that no area suits, the others ask for different ones"
     return Judgement(Verdict.FAILS, rule, why, best.root_mean_square / (math.pi / 4))
@@ -190,7 +212,9 @@ def _trend(study: DragStudy, reading: Reading) -> Iterator[Row]:
         "falling",
         "largest rise of the best angle with the drag area",
         Quantity(value=rises, unit="deg"),
-        vanishes(Quantity(value=max(rises, 0.0), unit="deg"), 1e-4, "what a best angle is found to"),
+        vanishes(
+            Quantity(value=max(rises, 0.0), unit="deg"), 1e-4, "what a best angle is found to"
+        ),
         FIXED,
     )
     yield _exception(study, angles)
@@ -199,7 +223,10 @@ def _trend(study: DragStudy, reading: Reading) -> Iterator[Row]:
         _SEC,
         BEST_ANGLE,
         f"largest distance from 45 deg but on {dense.capitalize()}, {area}",
-        Quantity(value=max((abs(angles[name] - BEST_ANGLE.value) for name in others), default=0.0), unit="deg"),
+        Quantity(
+            value=max((abs(angles[name] - BEST_ANGLE.value) for name in others), default=0.0),
+            unit="deg",
+        ),
         lambda q, _: vanishes(q, _CLOSE, "'close' asks for five degrees"),
         FIXED,
     )
@@ -209,7 +236,9 @@ def _trend(study: DragStudy, reading: Reading) -> Iterator[Row]:
         f"{densest.printed}°",
         f"best angle of any other world less its own, {area}",
         Quantity(value=least, unit="deg"),
-        positive(Quantity(value=least - _CLOSE, unit="deg"), "the difference, beyond five degrees,"),
+        positive(
+            Quantity(value=least - _CLOSE, unit="deg"), "the difference, beyond five degrees,"
+        ),
         FIXED,
     )
 
@@ -219,9 +248,15 @@ def _exception(study: DragStudy, angles: dict[str, float]) -> Row:
     airless = next(each for each in study.printed if each.density == 0)
     above = max((each for each in study.printed if each.density > 0), key=lambda each: each.value)
     excess = Quantity(value=angles[above.world] - angles[airless.world], unit="deg")
-    gives = any(fit.drag_areas is not None for r in study.readings for fit in r.worlds if fit.world == above.world)
+    gives = any(
+        fit.drag_areas is not None
+        for r in study.readings
+        for fit in r.worlds
+        if fit.world == above.world
+    )
     never = Cause(
-        not gives, "drag only ever lowers the best angle, and no reading and no drag area gives the printed one"
+        not gives,
+        "drag only ever lowers the best angle, and no reading and no drag area gives the printed one",
     )
     some = Cause(gives, "another reading of the table gives it: see the section on drag")
     return Row(
@@ -239,8 +274,9 @@ def _exception(study: DragStudy, angles: dict[str, float]) -> Row:
 def _elsewhere(study: DragStudy, reading: Reading, evidence: Evidence) -> Iterator[Row]:
     """The largest speed comes at another angle than the best one, on every world of the table but ours.
 
-    Gravity only scales the time of a throw from rest: the angle of the largest speed is the same everywhere. In Sec. IV
-    the two angles pass as one on the Earth without air; so they do elsewhere unless they lie farther apart.
+    Gravity only scales the time of a throw from rest: the angle of the largest speed is the same
+    everywhere. In Sec. IV the two angles pass as one on the Earth without air; so they do elsewhere
+    unless they lie farther apart.
     """
     turned, values = _angle_per_step(evidence), evidence.throws[FIXED].values
     gap = math.degrees(values[of.BEST_ANGLE] - values[of.FASTEST_ANGLE])
@@ -254,7 +290,11 @@ def _elsewhere(study: DragStudy, reading: Reading, evidence: Evidence) -> Iterat
         if printed.gravity == evidence.parameters.g:
             continue
         fit = next(each for each in reading.worlds if each.world == printed.world)
-        best, drag = (fit.vacuum_angle, "no drag") if printed.density == 0 else (fit.common_angle, _area(reading))
+        best, drag = (
+            (fit.vacuum_angle, "no drag")
+            if printed.density == 0
+            else (fit.common_angle, _area(reading))
+        )
         angle = f"{math.degrees(best):.4f}"
         yield Row(
             f"largest speed at another angle, {printed.world}",

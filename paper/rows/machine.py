@@ -29,13 +29,27 @@ from ..evidence.claims import (
 )
 from ..evidence.quantities import LAUNCH_SPEED as SPEED
 from ..evidence.quantities import start_torque
-from ..evidence.verdicts import FIXED, ROLLING, Cause, Evidence, Row, as_printed, at_most, positive, undecided, vanishes
+from ..evidence.verdicts import (
+    FIXED,
+    ROLLING,
+    Cause,
+    Evidence,
+    Row,
+    as_printed,
+    at_most,
+    positive,
+    undecided,
+    vanishes,
+)
 
 _ROUNDING = 1e-12  # of sums of a few terms, relative: a thousand times what they can lose
 _ALMOST = 10.0  # [deg]: 'almost' is taken as within ten
 _MASS_SCALE, _LENGTH_SCALE = 10_000.0, 50.0  # Table I over the model that was measured
 _SCALED = 1e-9  # relative, of quantities of two integrations at a relative tolerance of 1e-13 over a throw
-_STATES, _SEED = 64, 1  # random states, with angles all round: energies that agree in all of them are taken as equal
+_STATES, _SEED = (
+    64,
+    1,
+)  # random states, with angles all round: energies that agree in all of them are taken as equal
 _SPEEDS = 3.0  # [rad/s, m/s] standard deviation of the random speeds
 
 Energies = Callable[[TrebuchetParameters, FloatArray, FloatArray], tuple[float, float]]
@@ -67,12 +81,30 @@ def _lengths(p: TrebuchetParameters) -> Iterator[Row]:
     shorter = _exact(l1 / (beam - l1))
     # Arithmetic of the print: part of the claims whose numbers it gives.
     quantity, fact = "9.91 / (l1 + l2 - 9.91)", "best lever ratio"
-    yield Row("lever ratio of l1 = 9.91", "Sec. V", BEST_RATIO, quantity, shorter, as_printed, fact=fact)
+    yield Row(
+        "lever ratio of l1 = 9.91", "Sec. V", BEST_RATIO, quantity, shorter, as_printed, fact=fact
+    )
     radians = _exact(math.radians(turned), "rad")
     fact = "sling's angle at the best release"
-    yield Row("585° in radians", "Sec. IV", SLING_RADIANS, "585 deg in radians", radians, as_printed, fact=fact)
+    yield Row(
+        "585° in radians",
+        "Sec. IV",
+        SLING_RADIANS,
+        "585 deg in radians",
+        radians,
+        as_printed,
+        fact=fact,
+    )
     quantity = "a quarter turn on from 585 deg, clockwise, above the horizontal"
-    yield Row("585° and 90°", "Sec. IV", BEST_ANGLE, quantity, above, as_printed, fact="best angle of release")
+    yield Row(
+        "585° and 90°",
+        "Sec. IV",
+        BEST_ANGLE,
+        quantity,
+        above,
+        as_printed,
+        fact="best angle of release",
+    )
 
 
 def _start(p: TrebuchetParameters) -> Iterator[Row]:
@@ -101,10 +133,15 @@ def _start(p: TrebuchetParameters) -> Iterator[Row]:
 def _upright(p: TrebuchetParameters) -> Row:
     """Of the hanger, or of the counterweight as the fulcrum sees it: whichever is nearer to the vertical."""
     x, y = _at_start(fixed(p), COUNTERWEIGHT)
-    hanger, seen = (abs(math.degrees(math.atan2(x, y))) for x, y in ((math.cos(p.alpha0), -math.sin(p.alpha0)), (x, y)))
+    hanger, seen = (
+        abs(math.degrees(math.atan2(x, y)))
+        for x, y in ((math.cos(p.alpha0), -math.sin(p.alpha0)), (x, y))
+    )
     off = _exact(min(hanger, seen), "deg")
     upright = solve_to_launch(fixed(p.model_copy(update={"alpha0": -math.pi / 2}))).launch
-    instead = "would not launch" if upright is None else f"would launch with {upright.speed:.4g} m/s"
+    instead = (
+        "would not launch" if upright is None else f"would launch with {upright.speed:.4g} m/s"
+    )
     steep = Cause(
         off.value > _ALMOST,
         f"the hanger starts {hanger:.3g} deg from the vertical, and the counterweight stands {seen:.3g} deg from it as "
@@ -124,7 +161,9 @@ def _at_start(mechanism: Mechanism, name: str) -> tuple[float, float]:
     """Where a marker is at the start [m]."""
     marker = next(each for each in mechanism.markers if each.name == name)
     kinematics = Kinematics(mechanism)
-    x, y = kinematics.position(kinematics.point(marker.body, marker.point), np.array(mechanism.start))
+    x, y = kinematics.position(
+        kinematics.point(marker.body, marker.point), np.array(mechanism.start)
+    )
     return float(x), float(y)
 
 
@@ -153,7 +192,9 @@ def _scaled(evidence: Evidence) -> Row:
         "Sec. II, Table I",
         "50, 10,000",
         "launch speed of the machine with its lengths over 50 and its masses over 10,000, times √50, relative",
-        Quantity(value=speed / evidence.throws[FIXED].values[SPEED] - 1, uncertainty=_SCALED, unit=""),
+        Quantity(
+            value=speed / evidence.throws[FIXED].values[SPEED] - 1, uncertainty=_SCALED, unit=""
+        ),
         lambda q, _: vanishes(q, 0.0, "the same motion, in two integrations"),
         FIXED,
     )
@@ -219,7 +260,10 @@ def largest_difference(mechanism: Mechanism, p: TrebuchetParameters, of: Energie
             float(equations.kinematics.potential_energy(q)),
         )
         # Relative to the sum of both: a potential energy may be zero by chance.
-        differences += [abs(a - b) / (abs(ours[0]) + abs(ours[1])) for a, b in zip(of(p, q, u), ours, strict=True)]
+        differences += [
+            abs(a - b) / (abs(ours[0]) + abs(ours[1]))
+            for a, b in zip(of(p, q, u), ours, strict=True)
+        ]
     return max(differences)
 
 
@@ -237,7 +281,9 @@ def rolling_energies(p: TrebuchetParameters, q: FloatArray, u: FloatArray) -> tu
     return kinetic + 0.5 * p.m_a * abs(v) ** 2 + 0.5 * _nine(p) * float(u[0]) ** 2, potential
 
 
-def _of_points(p: TrebuchetParameters, q: FloatArray, u: FloatArray, rolling: float) -> tuple[float, float]:
+def _of_points(
+    p: TrebuchetParameters, q: FloatArray, u: FloatArray, rolling: float
+) -> tuple[float, float]:
     """Projectile's and counterweight's kinetic energy, and all potential energy [J]."""
     theta, phi, alpha = (float(angle) for angle in q[:3])
     thrown = rolling + p.l1 * _turning(theta, u[0]) + p.r * _turning(phi, u[1])
@@ -255,12 +301,16 @@ def _turning(angle: float, rate: float) -> complex:
 
 
 def _freedom(evidence: Evidence) -> Iterator[Row]:
-    counted = partial(Row, quantity="generalized coordinates less loops, all rests open", judge=as_printed)
+    counted = partial(
+        Row, quantity="generalized coordinates less loops, all rests open", judge=as_printed
+    )
     for name, where, printed in ((FIXED, "Sec. II", "3"), (ROLLING, "Sec. VI", "4")):
         free = _count(_freedoms(evidence.throws[name].mechanism))
         yield counted(f"degrees of freedom, {name}", where, printed, ours=free, machine=name)
     free = _count(_freedoms(model("catapult")))
-    yield counted("a catapult turns as one rigid body", "Sec. I", "1", ours=free, machine="catapult")
+    yield counted(
+        "a catapult turns as one rigid body", "Sec. I", "1", ours=free, machine="catapult"
+    )
     yield _floating_arm()
 
 
@@ -272,11 +322,20 @@ def _floating_arm() -> Row:
     """Of another machine than ours, perhaps: the paper cites it without a drawing or a number but this one."""
     machine = model("floating-arm")
     count = _count(_freedoms(machine))
-    # Planar: an arm with nothing to hold it has three freedoms; a sling adds its angle, a counterweight its height.
+    # Planar: an arm with nothing to hold it has three freedoms; a sling adds its angle, a
+    # counterweight its height.
     unbound = 3 + (len(machine.bodies) - 1) + 1
     why = (
         f"the paper does not say how it is built; an arm on two tracks with its sling has {count.value:g} degrees of "
         f"freedom, and {unbound} coordinates before the tracks and the counterweight's pin bind them"
     )
     quantity = "generalized coordinates less loops, of the arm on two tracks"
-    return Row("degrees of freedom, floating arm", "Sec. VI", "5", quantity, count, undecided(why), "floating-arm")
+    return Row(
+        "degrees of freedom, floating arm",
+        "Sec. VI",
+        "5",
+        quantity,
+        count,
+        undecided(why),
+        "floating-arm",
+    )

@@ -1,9 +1,10 @@
 """Claims on other machines than the paper's two: which beats which (Secs. I and VI), and one designed (end of Sec. VI).
 
-Who wins may depend on lengths that the paper gives for its own machines only. So each comparison is made with the
-paper's sling, with each machine's fastest one, and with each kind's most efficient machine within the same bounds; it
-holds where all say so. It fails where not even the most efficient of the favoured kind beats the other as the paper
-built it; between the two it depends on lengths, and cannot be told.
+Who wins may depend on lengths that the paper gives for its own machines only. So each comparison is
+made with the paper's sling, with each machine's fastest one, and with each kind's most efficient
+machine within the same bounds; it holds where all say so. It fails where not even the most
+efficient of the favoured kind beats the other as the paper built it; between the two it depends on
+lengths, and cannot be told.
 """
 
 from __future__ import annotations
@@ -15,7 +16,16 @@ from functools import partial
 from ..design.efficiency import MachineEfficiency, Machines
 from ..design.first_forward_swing import CoincidingDesign, Design
 from ..evidence.claims import EngineValue, Quantity, Verdict
-from ..evidence.verdicts import ROLLING, Cause, Judgement, Row, at_least, positive, undecided, vanishes
+from ..evidence.verdicts import (
+    ROLLING,
+    Cause,
+    Judgement,
+    Row,
+    at_least,
+    positive,
+    undecided,
+    vanishes,
+)
 
 _MUCH = 2.0  # 'much more' is taken as twice
 _ALL = 0.99  # 'the full energy' is taken as 99 %
@@ -25,14 +35,21 @@ _LARGEST = "coinciding gives the largest range"
 
 def efficiency_rows(machines: Machines) -> Iterator[Row]:
     """On which machine beats which."""
-    rolling, fixed, floating, catapult = map(machines.named, ("rolling", "fixed", "floating-arm", "catapult"))
+    rolling, fixed, floating, catapult = map(
+        machines.named, ("rolling", "fixed", "floating-arm", "catapult")
+    )
     for name in ("hinged", "fixed"):
         claim = f"much more efficient than a catapult ({name})"
         fact = "much more efficient than a catapult (fixed)"
-        yield _beats(machines.named(name), catapult, "Sec. I", claim, machines, need=_MUCH, fact=fact)
+        yield _beats(
+            machines.named(name), catapult, "Sec. I", claim, machines, need=_MUCH, fact=fact
+        )
     yield _beats(rolling, fixed, "Sec. VI", "wheels make it more efficient", machines)
     for other in (fixed, rolling):
-        claim, fact = f"floating arm beats the {other.name} machine", "floating arm beats the rolling machine"
+        claim, fact = (
+            f"floating arm beats the {other.name} machine",
+            "floating arm beats the rolling machine",
+        )
         yield _beats(floating, other, "Sec. VI", claim, machines, fact=fact)
     yield _full_energy(floating, machines)
 
@@ -59,7 +76,9 @@ def _beats(
     )
 
 
-def _judged(better: MachineEfficiency, worse: MachineEfficiency, machines: Machines, need: float) -> Judgement:
+def _judged(
+    better: MachineEfficiency, worse: MachineEfficiency, machines: Machines, need: float
+) -> Judgement:
     rule = (
         f"the ratio of efficiencies is above {need:g} with the paper's sling, with each machine's fastest one and with "
         f"the most efficient of each kind, {_within(machines, better)}; it fails where not even the most efficient of "
@@ -69,28 +88,41 @@ def _judged(better: MachineEfficiency, worse: MachineEfficiency, machines: Machi
     if all(ratio > need for ratio in ratios):
         return Judgement(Verdict.HOLDS, rule)
     if better.most_efficient is None:
-        return Judgement(Verdict.OPEN, rule, f"other lengths were not looked at, which needs heyoka: {facts}")
+        return Judgement(
+            Verdict.OPEN, rule, f"other lengths were not looked at, which needs heyoka: {facts}"
+        )
     at_best = better.most_efficient.efficiency / worse.table_one.efficiency
-    last = (
-        f"the most efficient {_format_name(better)} against the {_format_name(worse)} machine as built, {at_best:.3g}"
-    )
+    last = f"the most efficient {_format_name(better)} against the {_format_name(worse)} machine as built, {at_best:.3g}"
     if at_best > need or any(ratio > need for ratio in ratios):
         why = f"it depends on lengths that the paper does not give: {facts}; {last} ({_within(machines, better)})"
         return Judgement(Verdict.OPEN, rule, why)
-    return Judgement(Verdict.FAILS, rule, f"{facts}; {last} ({_within(machines, better)})", need - at_best)
+    return Judgement(
+        Verdict.FAILS, rule, f"{facts}; {last} ({_within(machines, better)})", need - at_best
+    )
 
 
 def _ratios(better: MachineEfficiency, worse: MachineEfficiency) -> tuple[list[float], str]:
     """Of the comparisons that were made, and what they are."""
     pairs = {
         "with the paper's sling": (better.table_one, worse.table_one),
-        "with the fastest": (better.fastest_sling or better.table_one, worse.fastest_sling or worse.table_one),
+        "with the fastest": (
+            better.fastest_sling or better.table_one,
+            worse.fastest_sling or worse.table_one,
+        ),
     }
     if better.most_efficient and worse.most_efficient:
-        pairs["with the most efficient of each kind"] = (better.most_efficient, worse.most_efficient)
+        pairs["with the most efficient of each kind"] = (
+            better.most_efficient,
+            worse.most_efficient,
+        )
     ratios = {name: one.efficiency / other.efficiency for name, (one, other) in pairs.items()}
-    parts = [f"{ratios[name]:.3g} {name} ({a.efficiency:.3g} to {b.efficiency:.3g})" for name, (a, b) in pairs.items()]
-    return list(ratios.values()), f"{_format_name(better)} over {_format_name(worse)} is {', '.join(parts)}"
+    parts = [
+        f"{ratios[name]:.3g} {name} ({a.efficiency:.3g} to {b.efficiency:.3g})"
+        for name, (a, b) in pairs.items()
+    ]
+    return list(
+        ratios.values()
+    ), f"{_format_name(better)} over {_format_name(worse)} is {', '.join(parts)}"
 
 
 def _format_name(machine: MachineEfficiency) -> str:
@@ -103,7 +135,9 @@ def _within(machines: Machines, machine: MachineEfficiency) -> str:
     parts = [f"{name} {low:g} to {high:g} m" for name, (low, high) in bounds.items()]
     best = machine.most_efficient
     if start is not None and best is not None and start[0] <= best.theta0 <= start[1]:
-        parts.append(f"arm's start {math.degrees(start[0]):.0f} to {math.degrees(start[1]):.0f} deg")
+        parts.append(
+            f"arm's start {math.degrees(start[0]):.0f} to {math.degrees(start[1]):.0f} deg"
+        )
     return f"within {', '.join(parts)}, with the paper's masses and length of the arm"
 
 
@@ -119,8 +153,13 @@ def _full_energy(machine: MachineEfficiency, machines: Machines) -> Row:
         machine=machine.name,
     )
     if best is None:
-        return row(ours=None, judge=undecided("other lengths were not looked at, which needs heyoka"))
-    rest = Cause(best.efficiency < _ALL, f"the arm and the counterweight keep the rest, {_within(machines, machine)}")
+        return row(
+            ours=None, judge=undecided("other lengths were not looked at, which needs heyoka")
+        )
+    rest = Cause(
+        best.efficiency < _ALL,
+        f"the arm and the counterweight keep the rest, {_within(machines, machine)}",
+    )
     reason = "'the full energy' asks for all but a hundredth"
     ours = Quantity(value=best.efficiency, unit="")
     return row(ours=ours, judge=at_least(ours, _ALL, reason, [rest]))
@@ -142,7 +181,9 @@ def _ratio(above: EngineValue, below: EngineValue) -> EngineValue:
     value = above.value / below.value
     known = above.tolerance is not None and below.tolerance is not None
     relative = (above.tolerance or 0.0) / above.value + (below.tolerance or 0.0) / below.value
-    return EngineValue(engine=above.engine, value=value, tolerance=value * relative if known else None)
+    return EngineValue(
+        engine=above.engine, value=value, tolerance=value * relative if known else None
+    )
 
 
 def design_rows(design: Design) -> Iterator[Row]:
@@ -158,7 +199,11 @@ def design_rows(design: Design) -> Iterator[Row]:
         best.difference,
         lambda q, _: vanishes(q, _COINCIDING, "a microsecond"),
         ROLLING,
-        _combined(best.engines.get("largest_ratio_time", ()), best.engines.get("best_release_time", ()), _difference),
+        _combined(
+            best.engines.get("largest_ratio_time", ()),
+            best.engines.get("best_release_time", ()),
+            _difference,
+        ),
     )
     gain, size = best.throwing.range - paper.range, paper.range / best.throwing.range
     shorter = Cause(
@@ -176,7 +221,9 @@ def design_rows(design: Design) -> Iterator[Row]:
         lambda q, _: positive(q, "the gain within the bounds that are named", [shorter]),
         ROLLING,
         tuple(
-            each if each.value is None else each.model_copy(update={"value": each.value - paper.range})
+            each
+            if each.value is None
+            else each.model_copy(update={"value": each.value - paper.range})
             for each in best.engines.get("best_range", ())
         ),
         fact=_LARGEST,
@@ -188,7 +235,8 @@ def _bounds(design: Design) -> str:
     """Within which a verdict on all designs holds: ours, as the paper gives none; and whether they matter."""
     bounds, p = design.bounds, design.paper_rolling.parameters
     spans = [
-        f"{name} {low:g} to {high:g} m" for name, (low, high) in (("r", bounds.r), ("h", bounds.h), ("l1", bounds.l1))
+        f"{name} {low:g} to {high:g} m"
+        for name, (low, high) in (("r", bounds.r), ("h", bounds.h), ("l1", bounds.l1))
     ]
     active = design.designs[0].optimality.active
     stands = f"the best coinciding one stands on {', '.join(active) or 'none of these bounds'}"
@@ -197,7 +245,9 @@ def _bounds(design: Design) -> str:
 
 def _difference(first: EngineValue, second: EngineValue) -> EngineValue:
     if first.value is None or second.value is None:
-        return EngineValue(engine=first.engine, value=None, note=first.note or second.note or "a value is missing")
+        return EngineValue(
+            engine=first.engine, value=None, note=first.note or second.note or "a value is missing"
+        )
     widths = (first.tolerance, second.tolerance)
     allowed = None if None in widths else sum(width for width in widths if width is not None)
     return EngineValue(engine=first.engine, value=first.value - second.value, tolerance=allowed)
@@ -221,7 +271,10 @@ def _largest_range(design: Design, best: CoincidingDesign) -> Iterator[Row]:
         f"largest range of any rolling machine, {_bounds(design)}, less that of the best coinciding one",
         Quantity(value=lost, unit="m"),
         lambda q, _: vanishes(
-            q, 0.5e-3 * other.range, "a thousandth of the range, within the bounds that are named", [cause]
+            q,
+            0.5e-3 * other.range,
+            "a thousandth of the range, within the bounds that are named",
+            [cause],
         ),
         ROLLING,
     )

@@ -170,7 +170,9 @@ def _additional_way(evidence: Evidence) -> Row:
         WAY,
         "twice how much further it swings out",
         _loss(of.RIGHTMOST).times(2),
-        lambda q, text: by_reading({"there and back": q, "what it has travelled by the launch": up_to_launch}, text),
+        lambda q, text: by_reading(
+            {"there and back": q, "what it has travelled by the launch": up_to_launch}, text
+        ),
     )
 
 
@@ -206,7 +208,9 @@ def _peaks(evidence: Evidence) -> Iterator[Row]:
         "> 0",
         "time of the largest speed less that of 45 deg",
         of.FASTEST_TIME.of(ROLLING) - of.LAUNCH_TIME.of(ROLLING),
-        lambda q, _: at_least(q, TIME_STEP, "more than the step that passes as the same instant for the fixed one"),
+        lambda q, _: at_least(
+            q, TIME_STEP, "more than the step that passes as the same instant for the fixed one"
+        ),
         ROLLING,
         fact="R peaks after 45 deg, rolling",
     )

@@ -61,14 +61,20 @@ def rows(sweep: Sweep, evidence: Evidence) -> Iterator[Row]:
 def _rising(sweep: Sweep) -> Cause:
     peak, at_printed = sweep.peak, sweep.position(BEST_L1.value)
     return Cause(
-        at_printed is not None and at_printed.speed is not None and peak.speed.value > at_printed.speed.value,
+        at_printed is not None
+        and at_printed.speed is not None
+        and peak.speed.value > at_printed.speed.value,
         f"the speed goes on rising to {peak.speed.value:.2f} m/s at l1 = {peak.l1.value:.2f} m, "
         f"a lever ratio of {peak.lever_ratio:.2f}:1",
     )
 
 
 def _peak(sweep: Sweep, rising: Cause) -> Iterator[Row]:
-    peak, at_printed, judge = sweep.peak, sweep.position(BEST_L1.value), partial(as_printed, causes=[rising])
+    peak, at_printed, judge = (
+        sweep.peak,
+        sweep.position(BEST_L1.value),
+        partial(as_printed, causes=[rising]),
+    )
     if at_printed is not None and at_printed.speed is not None:
         yield Row(
             "launch speed at l1 = 9.91",
@@ -80,7 +86,10 @@ def _peak(sweep: Sweep, rising: Cause) -> Iterator[Row]:
             FIXED,
             at_printed.engines,
         )
-    quantity, swept = f"l1 of the largest launch speed, {_swept(sweep)}", f"over all places, {_swept(sweep)}"
+    quantity, swept = (
+        f"l1 of the largest launch speed, {_swept(sweep)}",
+        f"over all places, {_swept(sweep)}",
+    )
     peaks = partial(Row, judge=judge, machine=FIXED, fact=_BEST_RATIO)
     yield peaks("place of the largest launch speed", _FIG, BEST_L1, quantity, peak.l1)
     yield peaks("largest launch speed", _FIG, BEST_SPEED, swept, peak.speed)
@@ -93,7 +102,11 @@ def _swept(sweep: Sweep) -> str:
 
 def _ratios(sweep: Sweep, evidence: Evidence, rising: Cause) -> Iterator[Row]:
     # d(l1 / l2) = beam / l2^2 dl1, the beam being kept.
-    l1, p, quantity = sweep.peak.l1, evidence.parameters, f"l1 / l2 of the largest launch speed, {_swept(sweep)}"
+    l1, p, quantity = (
+        sweep.peak.l1,
+        evidence.parameters,
+        f"l1 / l2 of the largest launch speed, {_swept(sweep)}",
+    )
     width = sweep.beam / (sweep.beam - l1.value) ** 2 * (l1.uncertainty or 0.0)
     ratio = Quantity(value=sweep.peak.lever_ratio, uncertainty=width, unit="")
     judge = partial(as_printed, causes=[rising])
@@ -105,7 +118,9 @@ def _ratios(sweep: Sweep, evidence: Evidence, rising: Cause) -> Iterator[Row]:
         f"{BEST_RATIO.digits} < {LEVER_RATIO.digits}",
         "machine's l1 / l2 less that of the largest launch speed",
         Quantity(value=p.l1 / p.l2 - ratio.value, uncertainty=width, unit=""),
-        lambda q, _: at_most(q, just, "'just less': by no more than the two printed numbers are apart", [rising]),
+        lambda q, _: at_most(
+            q, just, "'just less': by no more than the two printed numbers are apart", [rising]
+        ),
         FIXED,
         fact=_BEST_RATIO,
     )
@@ -113,7 +128,9 @@ def _ratios(sweep: Sweep, evidence: Evidence, rising: Cause) -> Iterator[Row]:
         "the cited machine is another: its arm starts backward and its sling lies on a trough; its own dimensions are "
         "not in the paper"
     )
-    yield Row("best lever ratio of a similar system", _SEC, "3 to 5", quantity, ratio, undecided(why))
+    yield Row(
+        "best lever ratio of a similar system", _SEC, "3 to 5", quantity, ratio, undecided(why)
+    )
 
 
 def _optimised(sweep: Sweep, evidence: Evidence, rising: Cause) -> Row:
@@ -136,7 +153,9 @@ def _optimised(sweep: Sweep, evidence: Evidence, rising: Cause) -> Row:
 def _falls_backward(sweep: Sweep) -> Row:
     positions = [position for position in sweep.positions if position.l1 < BACKWARD_L1.value]
     back = min((position.furthest_back for position in positions), default=0.0)
-    turning = min((position.arm_torque for position in positions), default=sweep.backward.least_torque)
+    turning = min(
+        (position.arm_torque for position in positions), default=sweep.backward.least_torque
+    )
     falls = any(position.arm_torque < 0 or position.furthest_back < 0 for position in positions)
     never = Cause(
         not falls,
@@ -163,7 +182,10 @@ def _past_pivot(sweep: Sweep) -> Row:
     if past is None:
         never = Cause(True, "on no part of the beam does it start behind the fulcrum")
         return row(ours=None, judge=occurs(False, "such a place", [never]))
-    other = Cause(falls is not None, f"only below l1 = {falls or 0.0:.4g} m would gravity turn the arm backward")
+    other = Cause(
+        falls is not None,
+        f"only below l1 = {falls or 0.0:.4g} m would gravity turn the arm backward",
+    )
     position = Quantity(value=past, uncertainty=1e-12 * past, unit="m")
     return row(ours=position, judge=partial(as_printed, causes=[other]))
 
@@ -171,13 +193,20 @@ def _past_pivot(sweep: Sweep) -> Row:
 def _below(sweep: Sweep) -> Iterator[Row]:
     """The slope of our curve on both sides of a place; and whether a parabola through it shows a trend below."""
     limit = BACKWARD_L1.value
-    pairs = [(x, y) for x, y in zip(sweep.curve.l1, sweep.curve.release_once, strict=True) if y is not None]
+    pairs = [
+        (x, y)
+        for x, y in zip(sweep.curve.l1, sweep.curve.release_once, strict=True)
+        if y is not None
+    ]
     l1, speed = np.array(pairs).T
     slope = np.gradient(speed, l1)
     i = int(np.argmin(np.abs(l1 - limit)))
     before, after = float(slope[max(i - 3, 0)]), float(slope[min(i + 3, len(slope) - 1)])
     change = abs(before - after) / abs(after) if after else 0.0
-    smooth = Cause(change < _ABRUPT, f"the slope is {before:.3g} m/s per m just below and {after:.3g} just above")
+    smooth = Cause(
+        change < _ABRUPT,
+        f"the slope is {before:.3g} m/s per m just below and {after:.3g} just above",
+    )
     yield Row(
         "launch speed changes abruptly at 9.9",
         _FIG,
@@ -203,7 +232,9 @@ def _below(sweep: Sweep) -> Iterator[Row]:
         "no trend",
         "R² of a parabola through the curve there",
         Quantity(value=parabola.determination, unit=""),
-        lambda q, _: at_most(q, _TRENDLESS, "what accounts for nine tenths of the variance is a trend", [thrown]),
+        lambda q, _: at_most(
+            q, _TRENDLESS, "what accounts for nine tenths of the variance is a trend", [thrown]
+        ),
         FIXED,
         fact=_BACKWARD,
     )
@@ -221,7 +252,10 @@ def _suspect(sweep: Sweep) -> Row:
         NO_SPEED,
         "speed when the velocity is at 45 deg",
         ours,
-        occurs(miss <= LAUNCH_SPEED.half < ours.value, f"{smooth}, to half a unit of the last digit of the speeds"),
+        occurs(
+            miss <= LAUNCH_SPEED.half < ours.value,
+            f"{smooth}, to half a unit of the last digit of the speeds",
+        ),
         FIXED,
         position.engines if position else (),
     )
@@ -241,8 +275,12 @@ def _beyond(sweep: Sweep) -> Iterator[Row]:
     change, swing = sweep.regime.l1, sweep.regime.swing
     if change is None:
         return
-    with_engines = [position for position in sweep.positions if position.engines and position.l1 > change.value]
-    above: Position | None = min(with_engines, key=lambda position: position.l1, default=sweep.regime.above)
+    with_engines = [
+        position for position in sweep.positions if position.engines and position.l1 > change.value
+    ]
+    above: Position | None = min(
+        with_engines, key=lambda position: position.l1, default=sweep.regime.above
+    )
     if above is None or above.speed is None:
         return
     speed = above.bilateral_speed
@@ -283,6 +321,8 @@ def _trend(sweep: Sweep) -> Iterator[Row]:
         "linear",
         "R² of a line through the curve there",
         Quantity(value=sweep.trend.determination, unit=""),
-        lambda q, _: at_least(q, _LINEAR, "'linear-like' asks that a line accounts for 99 % of the variance"),
+        lambda q, _: at_least(
+            q, _LINEAR, "'linear-like' asks that a line accounts for 99 % of the variance"
+        ),
         FIXED,
     )

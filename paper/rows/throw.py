@@ -43,15 +43,22 @@ _ROUNDING = 64 * 2.2e-16 * 10  # of angles up to ten radians
 _DEGREE = 180 / math.pi
 
 
-_ACROSS = 1.0  # [deg] the paper finds the right angle between two angles that it rounds to a degree each
-_roughly = partial(at_least, need=0.99, reason="'roughly' asks that the curve accounts for 99 % of the variance")
+_ACROSS = (
+    1.0  # [deg] the paper finds the right angle between two angles that it rounds to a degree each
+)
+_roughly = partial(
+    at_least, need=0.99, reason="'roughly' asks that the curve accounts for 99 % of the variance"
+)
 
 
 def rows(evidence: Evidence) -> Iterator[Row]:
     """All of them."""
     for name, where in ((FIXED, "Sec. III"), (ROLLING, "Sec. VI")):
         yield _order(name, where)
-    for name, where, printed in ((FIXED, "Eqs. (1), (6), (7)", "λ with G1"), (ROLLING, "Sec. VI", "G2 kept")):
+    for name, where, printed in (
+        (FIXED, "Eqs. (1), (6), (7)", "λ with G1"),
+        (ROLLING, "Sec. VI", "G2 kept"),
+    ):
         yield _pairing(evidence, name, where, printed)
     yield from _shapes()
     for name in (FIXED, ROLLING):
@@ -85,7 +92,9 @@ def _order(name: str, where: str) -> Row:
 
 def _pairing(evidence: Evidence, name: str, where: str, printed: str) -> Row:
     """By Eq. (1) lambda is the multiplier of G1, by Eq. (6) that of the sling's angle: then it is the sling's."""
-    first, second = (evidence.throws[name].values[of.release_time(stop)] for stop in (HANGER_REST, SLING_REST))
+    first, second = (
+        evidence.throws[name].values[of.release_time(stop)] for stop in (HANGER_REST, SLING_REST)
+    )
     swapped = Cause(
         first < second,
         f"the hanger's multiplier, which Eqs. (1) and (7) call γ, is zero first, at {first:.4g} s; with the symbols "
@@ -97,7 +106,9 @@ def _pairing(evidence: Evidence, name: str, where: str, printed: str) -> Row:
         printed,
         "release of G2 (hanger) less that of G1 (sling)",
         _later(name, SLING_REST, HANGER_REST),
-        lambda q, _: positive(q, "the time from the release of G1 (λ's by Eq. (1)) to that of G2", [swapped]),
+        lambda q, _: positive(
+            q, "the time from the release of G1 (λ's by Eq. (1)) to that of G2", [swapped]
+        ),
         name,
         fact=f"which multiplier vanishes first, {FIXED}",
     )
@@ -136,8 +147,18 @@ def _shapes() -> Iterator[Row]:
         FIXED,
     )
     for claim, where, printed, reason in (
-        ("constraints depend on each other", "Secs. III, VII", "significantly", "'significantly' asks for a tenth"),
-        ("projectile freed sooner by the counterweight's swing", "Sec. III, Fig. 3", "> 1", "quicker by a tenth"),
+        (
+            "constraints depend on each other",
+            "Secs. III, VII",
+            "significantly",
+            "'significantly' asks for a tenth",
+        ),
+        (
+            "projectile freed sooner by the counterweight's swing",
+            "Sec. III, Fig. 3",
+            "> 1",
+            "quicker by a tenth",
+        ),
     ):
         yield Row(
             claim,
@@ -152,9 +173,10 @@ def _shapes() -> Iterator[Row]:
 
 
 def _signs(name: str) -> Iterator[Row]:
-    # Stops' torques here push their gaps open; in the paper's L = T - U + lambda G the hanger's multiplier, of
-    # theta - alpha, has the same sign, and the sling's, of theta - phi, the opposite one.
-    # Figs. 2 and 3 are of the fixed machine; of the rolling one the paper only says that both constraints act.
+    # Stops' torques here push their gaps open; in the paper's L = T - U + lambda G the hanger's
+    # multiplier, of theta - alpha, has the same sign, and the sling's, of theta - phi, the opposite
+    # one. Figs. 2 and 3 are of the fixed machine; of the rolling one the paper only says that both
+    # constraints act.
     fact, figures = f"constraints at first, {name}", ("Sec. III, Fig. 2", "Sec. III, Fig. 3")
     hanger, sling = figures if name == FIXED else ("Sec. VI", "Sec. VI")
     yield Row(
@@ -220,7 +242,10 @@ def _third_constraint(name: str) -> Iterator[Row]:
         name,
         fact=fact,
     )
-    speed, distance = ("launch", of.LAUNCH_SPEED, "launch speed"), ("range", of.RANGE, "range at 45 deg")
+    speed, distance = (
+        ("launch", of.LAUNCH_SPEED, "launch speed"),
+        ("range", of.RANGE, "range at 45 deg"),
+    )
     for what, quantity, compared in (speed, distance):
         yield Row(
             f"third constraint leaves the {what} alone, {name}",
@@ -256,7 +281,16 @@ def _best_release() -> Iterator[Row]:
         FIXED,
     )
     fact = "sling's angle at the best release"
-    yield Row("sling's angle in radians", "Sec. IV", SLING_RADIANS, quantity, phi, as_printed, FIXED, fact=fact)
+    yield Row(
+        "sling's angle in radians",
+        "Sec. IV",
+        SLING_RADIANS,
+        quantity,
+        phi,
+        as_printed,
+        FIXED,
+        fact=fact,
+    )
 
 
 def _grids(throw: MachineThrow) -> Iterator[Row]:
@@ -292,9 +326,15 @@ def _grids(throw: MachineThrow) -> Iterator[Row]:
 def _angles(evidence: Evidence, throw: MachineThrow) -> Iterator[Row]:
     best = throw.values[of.BEST_TIME]
     later = throw.values[of.FASTEST_TIME] - throw.launch_time
-    gaining = Cause(later > 0, f"the projectile still gains speed for {later:.3g} s after the velocity is at 45 deg")
+    gaining = Cause(
+        later > 0,
+        f"the projectile still gains speed for {later:.3g} s after the velocity is at 45 deg",
+    )
     across = math.remainder(-(throw.values[of.BEST_PHI] * _DEGREE + 90.0), 360.0)
-    added = Cause(True, f"the paper adds 90° to the sling's angle, which gives {across:.4g} deg, not the velocity's")
+    added = Cause(
+        True,
+        f"the paper adds 90° to the sling's angle, which gives {across:.4g} deg, not the velocity's",
+    )
     yield Row(
         "best angle of release",
         "Secs. IV, VII",
@@ -353,7 +393,9 @@ def _peak(throw: MachineThrow) -> Iterator[Row]:
         "same instant",
         "time of the largest speed less that of the best release",
         of.FASTEST_DELAY.of(FIXED),
-        lambda q, _: coincides(q, TIME_STEP, "two times, each known to half a step of the paper's release times"),
+        lambda q, _: coincides(
+            q, TIME_STEP, "two times, each known to half a step of the paper's release times"
+        ),
         FIXED,
     )
     yield Row(
@@ -368,7 +410,9 @@ def _peak(throw: MachineThrow) -> Iterator[Row]:
     )
 
 
-UNRESOLVED = f"what the range loses within half a step of the paper's {TIME_STEP:g} s about the best release"
+UNRESOLVED = (
+    f"what the range loses within half a step of the paper's {TIME_STEP:g} s about the best release"
+)
 
 
 def unresolved_range(throw: MachineThrow) -> float:

@@ -1,9 +1,10 @@
 """Launches along the beam under two laws of a stop, and under a faulty root search.
 
-Release-once: a rest whose torque would be negative at the start cannot push and is gone at t = 0. Bilateral, the
-paper's: a rest that touches at the start is held, pulling too, until its torque comes to zero. How the paper finds that
-zero it does not say. If by Newton's method from one guess for every position of the fulcrum, there is a position below
-which the search ends elsewhere: on the zero of the swing back, or on none at all.
+Release-once: a rest whose torque would be negative at the start cannot push and is gone at t = 0.
+Bilateral, the paper's: a rest that touches at the start is held, pulling too, until its torque
+comes to zero. How the paper finds that zero it does not say. If by Newton's method from one guess
+for every position of the fulcrum, there is a position below which the search ends elsewhere: on the
+zero of the swing back, or on none at all.
 """
 
 from __future__ import annotations
@@ -39,7 +40,9 @@ SPANS = 2.5
 """End of the search for a launch, in the machine's characteristic times: Table I launches after 1.5 of them."""
 _TORQUE_SAMPLES = 600  # over the motion: a spacing of some 7 ms on Table I
 _DOP853 = 1e-12  # local error where heyoka is not installed: its batch's own default
-_ITERATIONS = 50  # Newton's method doubles its digits in each: whatever has not ended by then wanders
+_ITERATIONS = (
+    50  # Newton's method doubles its digits in each: whatever has not ended by then wanders
+)
 _CONVERGED = 1e-9  # [s] largest last step of a search that converged
 _SAME = 1e-6  # [s] largest difference of one zero found twice; distinct zeros differ by seconds
 _BETWEEN = (0.1, 1.0)  # [s] interval of the search for a matching guess
@@ -51,7 +54,9 @@ class Curve(Spec):
     """Launch speed at 45 degrees against l1, under two laws of a stop (Fig. 5)."""
 
     l1: tuple[Real, ...] = Field(description="[m]")
-    release_once: tuple[Real | None, ...] = Field(description="a rest can only push [m/s]; None: no launch")
+    release_once: tuple[Real | None, ...] = Field(
+        description="a rest can only push [m/s]; None: no launch"
+    )
     bilateral: tuple[Real | None, ...] = Field(
         description="a rest is held, pulling too, until its torque comes to zero [m/s]; None: no launch"
     )
@@ -62,10 +67,16 @@ class RootSearch(Spec):
     """Newton's search for the zero of the hanger's torque, both rests held, from one guess for all places."""
 
     guess: Real = Field(description="[s]")
-    lowest: Real | None = Field(description="from here on up to the regime change it finds the first zero [m]")
+    lowest: Real | None = Field(
+        description="from here on up to the regime change it finds the first zero [m]"
+    )
     later_zero: int = Field(description="places below that where it ends on a later zero")
-    no_zero: int = Field(description="places below that where it ends on none, or on one before the start")
-    fails_at: tuple[Real, ...] = Field(description="of the places asked for, those where it misses the first zero [m]")
+    no_zero: int = Field(
+        description="places below that where it ends on none, or on one before the start"
+    )
+    fails_at: tuple[Real, ...] = Field(
+        description="of the places asked for, those where it misses the first zero [m]"
+    )
 
 
 class WrongZero(Spec):
@@ -95,7 +106,9 @@ class Artefact(Spec):
     threshold: Real = Field(description="printed [m]")
     step: Real = Field(description="between the places that are searched [m]")
     searches: tuple[RootSearch, ...]
-    matching_guess: Real | None = Field(description="guess from which the search first fails at the threshold [s]")
+    matching_guess: Real | None = Field(
+        description="guess from which the search first fails at the threshold [s]"
+    )
     matching_search: RootSearch | None
     wrong_zeros: tuple[WrongZero, ...]
     early_crossings: tuple[EarlyCrossing, ...]
@@ -107,7 +120,10 @@ def release_once(mechanisms: Sequence[Mechanism]) -> tuple[FloatArray, FloatArra
     if importlib.util.find_spec("heyoka") is not None:
         batch = launch_batch(mechanisms, duration)
         return batch.time, batch.speed
-    launches = [solve(Problem(mechanism, duration=duration), _DOP853, _DOP853).launch for mechanism in mechanisms]
+    launches = [
+        solve(Problem(mechanism, duration=duration), _DOP853, _DOP853).launch
+        for mechanism in mechanisms
+    ]
     times = np.array([np.nan if launch is None else launch.time for launch in launches])
     return times, np.array([np.nan if launch is None else launch.speed for launch in launches])
 
@@ -126,12 +142,16 @@ def bilateral(rigid: RigidSwing) -> Solution:
     mechanism = rigid.mechanism
     problem = Problem(mechanism, duration=SPANS * characteristic_time(mechanism))
     releases: dict[str, float | None] = {stop.name: None for stop in mechanism.stops if stop.closed}
-    zeros = ((time, name) for name in releases for time in rigid.zeros(name) if time < problem.duration)
+    zeros = (
+        (time, name) for name in releases for time in rigid.zeros(name) if time < problem.duration
+    )
     now, first = min(zeros, default=(0.0, None))
     if first is not None:
         releases[first] = now
     solution = solve_scheduled(problem, releases)
-    while event := first_zero(solution, [name for name, time in releases.items() if time is None], now):
+    while event := first_zero(
+        solution, [name for name, time in releases.items() if time is None], now
+    ):
         now, name = event
         releases[name] = now
         solution = solve_scheduled(problem, releases)
@@ -259,7 +279,8 @@ def early_crossings(rigid: RigidSwing) -> list[EarlyCrossing]:
     opened = solution.release_times[SLING_REST]
     end = solution.segments[-1].end if opened is None else opened
     return [
-        EarlyCrossing(l1=rigid.parameters.l1, time=time, speed=speed) for time, speed in crossings(solution, 0.0, end)
+        EarlyCrossing(l1=rigid.parameters.l1, time=time, speed=speed)
+        for time, speed in crossings(solution, 0.0, end)
     ]
 
 
@@ -272,7 +293,9 @@ def crossings(solution: Solution, start: float, end: float) -> list[tuple[float,
     return [(float(times[i]), float(along[i])) for i in changes]
 
 
-def artefact(rigid: Callable[[float], RigidSwing], start: float, end: float, change: float | None) -> Artefact:
+def artefact(
+    rigid: Callable[[float], RigidSwing], start: float, end: float, change: float | None
+) -> Artefact:
     """Faulty searches along the beam, and what follows from their wrong zeros.
 
     Args:

@@ -1,13 +1,13 @@
 r"""The fixed machine with both rests held: one rigid body about its fulcrum, in closed form.
 
-Turned by d from its start the body's points are z e^{-i d}. With S the first moment and I the inertia about the
-fulcrum, gravity gives
+Turned by d from its start the body's points are z e^{-i d}. With S the first moment and I the
+inertia about the fulcrum, gravity gives
 
     I d'' = g Re(S e^{-i d}),        I d'^2 / 2 = g (Im S - Im(S e^{-i d}))        from rest,
 
-so that the torque of a rest, which is affine in d'', d'^2 and the weight, is a + Re(w e^{-i d}): a function of the
-angle alone. From rest the motion is a pendulum's, in Jacobi's elliptic functions (Whittaker, Analytical Dynamics,
-Art. 44).
+so that the torque of a rest, which is affine in d'', d'^2 and the weight, is a + Re(w e^{-i d}): a
+function of the angle alone. From rest the motion is a pendulum's, in Jacobi's elliptic functions
+(Whittaker, Analytical Dynamics, Art. 44).
 """
 
 from __future__ import annotations
@@ -39,7 +39,9 @@ class Swing(Spec):
     largest_angle: Real = Field(description="of theta [rad]")
     period: Real = Field(description="of its swing [s]")
     largest_torque: Real = Field(description="of the hanger's rest, over the whole swing [N m]")
-    zeros: tuple[Real, ...] = Field(description="of that torque, within one period [s]; empty: it never comes to zero")
+    zeros: tuple[Real, ...] = Field(
+        description="of that torque, within one period [s]; empty: it never comes to zero"
+    )
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,9 @@ class RigidSwing:
     @cached_property
     def moment(self) -> complex:
         """S, sum of mass times place at the start [kg m]."""
-        return sum(body.mass * z for body, z in zip(self.mechanism.bodies, self._centres, strict=True))
+        return sum(
+            body.mass * z for body, z in zip(self.mechanism.bodies, self._centres, strict=True)
+        )
 
     @cached_property
     def inertia(self) -> float:
@@ -88,18 +92,25 @@ class RigidSwing:
 
     def rest_torque(self, stop: str) -> tuple[float, complex]:
         """A and w of a rest's torque a + Re(w e^{-i d}) [N m]; of a body that hangs on the arm and carries none."""
-        rest, g = next(each for each in self.mechanism.angle_stops if each.name == stop), self.parameters.g
+        rest, g = (
+            next(each for each in self.mechanism.angle_stops if each.name == stop),
+            self.parameters.g,
+        )
         index = [body.name for body in self.mechanism.bodies].index(rest.body)
         body, z = self.mechanism.bodies[index], self._centres[index]
-        # d z / d angle of the body alone, its own pin at rest; Newton's law along it: sense * torque = m Re(conj(along)
-        # (z'' + i g)) + inertia * d'', with z'' = (-i d'' - d'^2) z.
+        # d z / d angle of the body alone, its own pin at rest; Newton's law along it: sense *
+        # torque = m Re(conj(along) (z'' + i g)) + inertia * d'', with z'' = (-i d'' - d'^2) z.
         along = -1j * complex(*body.centre) * cmath.exp(-1j * self.mechanism.start[index])
         product = along.conjugate() * z
         tangential = body.mass * product.imag + body.inertia
         radial = 2 * body.mass * product.real
         pull = g / self.inertia
         constant = -radial * pull * self.moment.imag
-        wave = tangential * pull * self.moment - 1j * radial * pull * self.moment - 1j * body.mass * g * along
+        wave = (
+            tangential * pull * self.moment
+            - 1j * radial * pull * self.moment
+            - 1j * body.mass * g * along
+        )
         return rest.sense * constant, rest.sense * wave
 
     def start_torque(self, stop: str) -> float:
@@ -125,7 +136,9 @@ class RigidSwing:
     @property
     def sense(self) -> float:
         """+1 where gravity turns it clockwise at first."""
-        return math.copysign(1.0, math.remainder(cmath.phase(self.moment) + math.pi / 2, 2 * math.pi))
+        return math.copysign(
+            1.0, math.remainder(cmath.phase(self.moment) + math.pi / 2, 2 * math.pi)
+        )
 
     def turned(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """D [rad] and its rate [rad/s] at times t [s], also before the start."""
@@ -149,7 +162,11 @@ class RigidSwing:
         # Re(w e^{-i d}) = -a at d = arg w +- acos(-a/|w|).
         offset = math.acos(-constant / abs(wave))
         end = 2 * self.sense * self.amplitude
-        angles = {cmath.phase(wave) + sign * offset + 2 * math.pi * n for sign in (1, -1) for n in range(-2, 3)}
+        angles = {
+            cmath.phase(wave) + sign * offset + 2 * math.pi * n
+            for sign in (1, -1)
+            for n in range(-2, 3)
+        }
         within = [angle for angle in angles if min(0.0, end) <= angle <= max(0.0, end)]
         first = [self._time_of(angle) for angle in within]
         return tuple(sorted([*first, *(self.period - t for t in first)]))
@@ -163,7 +180,9 @@ class RigidSwing:
         return float((ellipk(k * k) - ellipkinc(math.asin(ratio), k * k)) / self.frequency)
 
 
-def pendulum(amplitude: FloatArray, frequency: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+def pendulum(
+    amplitude: FloatArray, frequency: FloatArray, t: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Angle from the start [rad] and its rate [rad/s] of pendulums let go at rest, arrays of one shape.
 
     Args:
@@ -181,8 +200,8 @@ def pendulum(amplitude: FloatArray, frequency: FloatArray, t: FloatArray) -> tup
 def hanger_torque_on_beam(parameters: TrebuchetParameters, beam: float) -> Polynomial:
     """Torque of the hanger's rest at the start, both rests held, times the inertia about the fulcrum, of l1.
 
-    From the paper's Eqs. (1)-(7), from rest, with t = theta(0), a = alpha(0), l2 = beam - l1, and T and I of
-    :func:`gravity_and_inertia`:
+    From the paper's Eqs. (1)-(7), from rest, with t = theta(0), a = alpha(0), l2 = beam - l1, and T
+    and I of :func:`gravity_and_inertia`:
 
         torque * I = m_cw h [g cos a I - T (h - l2 cos(t - a))],
 
@@ -197,11 +216,13 @@ def hanger_torque_on_beam(parameters: TrebuchetParameters, beam: float) -> Polyn
     return Polynomial(np.where(sizes > _ROUNDING * sizes.max(), product.coef, 0.0)).trim()
 
 
-def gravity_and_inertia(parameters: TrebuchetParameters, beam: float) -> tuple[Polynomial, Polynomial]:
+def gravity_and_inertia(
+    parameters: TrebuchetParameters, beam: float
+) -> tuple[Polynomial, Polynomial]:
     """Torque of gravity about the fulcrum at the start [N m], and inertia about it [kg m^2], of l1: exact.
 
-    T = g [m_a (l1 - l2)/2 cos t + m_b (l1 cos t + r cos p) + m_cw (h cos a - l2 cos t)],   p = phi(0)
-    I = m_a (l1^3 + l2^3) / (3 beam) + m_b |sling's end|^2 + m_cw |hanger's end|^2
+    T = g [m_a (l1 - l2)/2 cos t + m_b (l1 cos t + r cos p) + m_cw (h cos a - l2 cos t)],   p =
+    phi(0) I = m_a (l1^3 + l2^3) / (3 beam) + m_b |sling's end|^2 + m_cw |hanger's end|^2
     """
     p = parameters
     l1, l2 = Polynomial([0.0, 1.0]), Polynomial([beam, -1.0])

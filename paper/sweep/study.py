@@ -24,7 +24,14 @@ from ...reference.throw.release import Projectile
 from ..evidence.claims import BEST_L1, TABLE_L1, ZERO_L1, EngineValue, Quantity
 from ..evidence.engine_runs import furthest_back, launches
 from .laws import PAPER_GRID, Artefact, Curve, artefact, bilateral, pulls_at_start, release_once
-from .rigid_swing import RigidSwing, Swing, gravity_and_inertia, hanger_torque_on_beam, on_beam, zeros_within
+from .rigid_swing import (
+    RigidSwing,
+    Swing,
+    gravity_and_inertia,
+    hanger_torque_on_beam,
+    on_beam,
+    zeros_within,
+)
 
 ENGINES = ("mujoco", "pymunk", "exudyn")
 WITH_ENGINES = (8.6, 9.0, 9.5, 9.89, 10.3, 12.6, 12.72, 12.73, 12.9)
@@ -35,7 +42,10 @@ DENNY = (3.0, 5.0)
 HAIR = 1e-6
 """Either side of the regime change [m]: to this it is located."""
 _INTERVALS = 180  # of the curve: 25 mm each over the paper's range
-_HALF_WIDTH, _DEGREE = 0.25, 14  # of the interpolation around the peak [m]; its coefficients fall below rounding there
+_HALF_WIDTH, _DEGREE = (
+    0.25,
+    14,
+)  # of the interpolation around the peak [m]; its coefficients fall below rounding there
 _SAFETY = 4.0  # on the difference of two integrators, as where certificates are estimated
 
 
@@ -53,26 +63,46 @@ class Position(Spec):
 
     l1: Real = Field(description="[m]")
     lever_ratio: Real = Field(description="l1 / l2")
-    arm_torque: Real = Field(description="of gravity about the fulcrum at the start, positive clockwise [N m]")
+    arm_torque: Real = Field(
+        description="of gravity about the fulcrum at the start, positive clockwise [N m]"
+    )
     arm_acceleration: Real = Field(description="of theta at the start [rad/s^2]")
     counterweight_acceleration: Vector = Field(description="at the start, x and y [m/s^2]")
-    rest_torques: dict[str, Real] = Field(description="at the start, both held; negative: would have to pull [N m]")
-    release_times: dict[str, Real | None] = Field(description="of the rests, under release-once [s]")
-    furthest_back: Real = Field(description="least of theta - theta(0) up to the launch [rad]; 0: never backward")
+    rest_torques: dict[str, Real] = Field(
+        description="at the start, both held; negative: would have to pull [N m]"
+    )
+    release_times: dict[str, Real | None] = Field(
+        description="of the rests, under release-once [s]"
+    )
+    furthest_back: Real = Field(
+        description="least of theta - theta(0) up to the launch [rad]; 0: never backward"
+    )
     launch_time: Real | None = Field(description="[s]")
     speed: Quantity | None = Field(description="at the launch, under release-once [m/s]")
     bilateral_speed: Real | None = Field(description="at the launch, under the bilateral law [m/s]")
-    engines: tuple[EngineValue, ...] = Field(default=(), description="launch speed of each engine's tuned preset [m/s]")
-    engines_furthest_back: tuple[EngineValue, ...] = Field(default=(), description="as `furthest_back` [rad]")
+    engines: tuple[EngineValue, ...] = Field(
+        default=(), description="launch speed of each engine's tuned preset [m/s]"
+    )
+    engines_furthest_back: tuple[EngineValue, ...] = Field(
+        default=(), description="as `furthest_back` [rad]"
+    )
 
 
 class Backward(Spec):
     """Where on the beam the machine would start to fall backward: the zero of gravity's torque about the fulcrum."""
 
-    l1: Real | None = Field(description="below it the arm turns backward [m]; None: nowhere on the beam")
-    counterweight_past_pivot: Real | None = Field(description="below it the counterweight starts behind it [m]")
-    least_torque: Real = Field(description="of gravity about the fulcrum at the start, over the swept range [N m]")
-    furthest_back: Real = Field(description="least theta - theta(0) before the launch, over all positions [rad]")
+    l1: Real | None = Field(
+        description="below it the arm turns backward [m]; None: nowhere on the beam"
+    )
+    counterweight_past_pivot: Real | None = Field(
+        description="below it the counterweight starts behind it [m]"
+    )
+    least_torque: Real = Field(
+        description="of gravity about the fulcrum at the start, over the swept range [N m]"
+    )
+    furthest_back: Real = Field(
+        description="least theta - theta(0) before the launch, over all positions [rad]"
+    )
 
 
 class Neighbourhood(Spec):
@@ -82,17 +112,29 @@ class Neighbourhood(Spec):
     step: Real = Field(description="of the grid [m]")
     speed: Real = Field(description="[m/s]")
     from_neighbours: Real = Field(description="interpolated from the neighbours alone [m/s]")
-    second_difference: Real = Field(description="over one step, divided by its square [m/s per m^2]")
-    second_derivative: Real = Field(description="of the curve around it, the point itself left out [m/s per m^2]")
+    second_difference: Real = Field(
+        description="over one step, divided by its square [m/s per m^2]"
+    )
+    second_derivative: Real = Field(
+        description="of the curve around it, the point itself left out [m/s per m^2]"
+    )
 
 
 class Regime(Spec):
     """Where the hanger's rest would begin to have to pull at the start."""
 
-    l1: Quantity | None = Field(description="zero of the hanger's torque at the start, in closed form [m]; None: none")
-    root: Real | None = Field(default=None, description="the same by root finding on the equations of motion [m]")
-    needed: Real | None = Field(default=None, description="acceleration across the hanger that the arm imposes [m/s^2]")
-    available: Real | None = Field(default=None, description="gravity's component across the hanger [m/s^2]")
+    l1: Quantity | None = Field(
+        description="zero of the hanger's torque at the start, in closed form [m]; None: none"
+    )
+    root: Real | None = Field(
+        default=None, description="the same by root finding on the equations of motion [m]"
+    )
+    needed: Real | None = Field(
+        default=None, description="acceleration across the hanger that the arm imposes [m/s^2]"
+    )
+    available: Real | None = Field(
+        default=None, description="gravity's component across the hanger [m/s^2]"
+    )
     below: Position | None = Field(default=None, description="a hair below it")
     above: Position | None = Field(default=None, description="a hair above it")
     swing: Swing | None = Field(
@@ -155,7 +197,9 @@ class Beam:
     def bilateral_speed(self, rigid: RigidSwing, free: float) -> float:
         """Under the bilateral law, `free` being that under release-once [m/s]; NaN without a launch."""
         if not pulls_at_start(rigid):
-            return free  # the laws differ in nothing but a rest that would have to pull at the start
+            return (
+                free  # the laws differ in nothing but a rest that would have to pull at the start
+            )
         launch = bilateral(rigid).launch
         return np.nan if launch is None else launch.speed
 
@@ -169,8 +213,13 @@ class Beam:
         rigids = [self.rigid(float(x)) for x in l1]
         times, speeds = release_once([rigid.mechanism for rigid in rigids])
         if not np.isfinite(speeds).any():
-            raise InputError(f"the machine launches nowhere for l1 from {self.start!r} to {self.end!r} m.")
-        held = [self.bilateral_speed(rigid, float(speed)) for rigid, speed in zip(rigids, speeds, strict=True)]
+            raise InputError(
+                f"the machine launches nowhere for l1 from {self.start!r} to {self.end!r} m."
+            )
+        held = [
+            self.bilateral_speed(rigid, float(speed))
+            for rigid, speed in zip(rigids, speeds, strict=True)
+        ]
         return Curve(
             l1=tuple(l1.tolist()),
             release_once=_or_none(speeds),
@@ -180,10 +229,15 @@ class Beam:
 
     def peak(self, curve: Curve) -> Peak:
         """By the root of the derivative of an interpolant through Chebyshev's points, checked by another integrator."""
-        l1, speeds = np.array(curve.l1), np.array([np.nan if v is None else v for v in curve.release_once])
+        l1, speeds = (
+            np.array(curve.l1),
+            np.array([np.nan if v is None else v for v in curve.release_once]),
+        )
         highest = float(l1[np.nanargmax(speeds)])
         domain = (max(self.start, highest - _HALF_WIDTH), min(self.end, highest + _HALF_WIDTH))
-        fine, rough = (Chebyshev.interpolate(self.speeds, degree, domain) for degree in (_DEGREE, _DEGREE - 4))
+        fine, rough = (
+            Chebyshev.interpolate(self.speeds, degree, domain) for degree in (_DEGREE, _DEGREE - 4)
+        )
         maxima = [_stationary(fit, domain) for fit in (fine, rough)]
         at = highest if maxima[0] is None else maxima[0]
         solution = solve_to_launch(self.rigid(at).mechanism)
@@ -191,7 +245,11 @@ class Beam:
         error = _SAFETY * (abs(exact - float(fine(at))) + abs(float(fine(at) - rough(at))))
         # The error e of the speed gives an error x of the peak's position: e = v'' x^2 / 2.
         bend = abs(float(fine.deriv(2)(at)))
-        shift = abs(at - maxima[1]) if maxima[0] is not None and maxima[1] is not None else np.sqrt(2 * error / bend)
+        shift = (
+            abs(at - maxima[1])
+            if maxima[0] is not None and maxima[1] is not None
+            else np.sqrt(2 * error / bend)
+        )
         return Peak(
             l1=Quantity(value=at, uncertainty=float(_SAFETY * shift + np.spacing(at)), unit="m"),
             speed=Quantity(value=float(exact), uncertainty=error, unit="m/s"),
@@ -199,7 +257,9 @@ class Beam:
             interior=maxima[0] is not None,
         )
 
-    def position(self, l1: float, engines: Sequence[str] = (), worker: Worker | None = None) -> Position:
+    def position(
+        self, l1: float, engines: Sequence[str] = (), worker: Worker | None = None
+    ) -> Position:
         """All that is said of one place."""
         rigid = self.rigid(l1)
         solution = solve_to_launch(rigid.mechanism)
@@ -218,8 +278,12 @@ class Beam:
             arm_torque=rigid.torque,
             arm_acceleration=rigid.acceleration,
             counterweight_acceleration=rigid.point_acceleration("hanger"),
-            rest_torques={s.name: rigid.start_torque(s.name) for s in rigid.mechanism.stops if s.closed},
-            release_times={s.name: solution.release_times[s.name] for s in rigid.mechanism.stops if s.closed},
+            rest_torques={
+                s.name: rigid.start_torque(s.name) for s in rigid.mechanism.stops if s.closed
+            },
+            release_times={
+                s.name: solution.release_times[s.name] for s in rigid.mechanism.stops if s.closed
+            },
             furthest_back=furthest_back(trajectory, end),
             launch_time=None if launch is None else launch.time,
             speed=speed,
@@ -231,12 +295,16 @@ class Beam:
     def backward(self, positions: Sequence[Position]) -> Backward:
         """Where the machine would fall backward, and whether it does at the places looked at."""
         torque, _ = gravity_and_inertia(self.parameters, self.length)
-        pivot = self.length - self.parameters.h * np.cos(self.parameters.alpha0) / np.cos(self.parameters.theta0)
+        pivot = self.length - self.parameters.h * np.cos(self.parameters.alpha0) / np.cos(
+            self.parameters.theta0
+        )
         turning = zeros_within(torque, 0.0, self.length)
         return Backward(
             l1=turning[0] if turning else None,
             counterweight_past_pivot=float(pivot) if 0 < pivot < self.length else None,
-            least_torque=min(float(torque(self.start)), float(torque(self.end))),  # it is linear in l1
+            least_torque=min(
+                float(torque(self.start)), float(torque(self.end))
+            ),  # it is linear in l1
             furthest_back=min(position.furthest_back for position in positions),
         )
 
@@ -259,12 +327,16 @@ class Beam:
         mechanism = self.rigid(l1).mechanism
         q = np.array(mechanism.start)
         closed = [stop.name for stop in mechanism.stops if stop.closed]
-        return float(Equations(mechanism).solve(q, np.zeros_like(q), closed)[1][closed.index(HANGER_REST)])
+        return float(
+            Equations(mechanism).solve(q, np.zeros_like(q), closed)[1][closed.index(HANGER_REST)]
+        )
 
     @property
     def change(self) -> float | None:
         """Where the hanger's torque at the start changes sign [m]."""
-        zeros = zeros_within(hanger_torque_on_beam(self.parameters, self.length), self.start, self.end)
+        zeros = zeros_within(
+            hanger_torque_on_beam(self.parameters, self.length), self.start, self.end
+        )
         return zeros[-1] if zeros else None
 
     def regime(self) -> Regime:
@@ -280,7 +352,8 @@ class Beam:
         return Regime(
             l1=Quantity(value=l1, uncertainty=_SAFETY * abs(root - l1) + np.spacing(l1), unit="m"),
             root=root,
-            needed=rigid.acceleration * (p.h - (self.length - l1) * float(np.cos(p.theta0 - p.alpha0))),
+            needed=rigid.acceleration
+            * (p.h - (self.length - l1) * float(np.cos(p.theta0 - p.alpha0))),
             available=p.g * float(np.cos(p.alpha0)),
             below=beside[0],
             above=beside[1],
@@ -295,9 +368,13 @@ class Beam:
 
     def trend(self, curve: Curve, start: float, end: float) -> Trend:
         """A straight line through the curve between two places [m]."""
-        points = [(x, v) for x, v in zip(curve.l1, curve.release_once, strict=True) if v is not None]
+        points = [
+            (x, v) for x, v in zip(curve.l1, curve.release_once, strict=True) if v is not None
+        ]
         between = [point for point in points if start <= point[0] <= end]
-        l1, speeds = np.array(between if len(between) > 2 else points).T  # a sweep that ends before: all of it
+        l1, speeds = np.array(
+            between if len(between) > 2 else points
+        ).T  # a sweep that ends before: all of it
         fit = linregress(l1, speeds)
         slopes = np.diff(speeds) / np.diff(l1)
         return Trend(
@@ -315,7 +392,9 @@ class Beam:
 def _stationary(fit: Chebyshev, domain: tuple[float, float]) -> float | None:
     """Where an interpolant has its maximum inside its domain."""
     roots = fit.deriv().roots()
-    inside = [float(r.real) for r in roots if abs(r.imag) < 1e-12 and domain[0] < r.real < domain[1]]
+    inside = [
+        float(r.real) for r in roots if abs(r.imag) < 1e-12 and domain[0] < r.real < domain[1]
+    ]
     return max(inside, key=lambda x: float(fit(x)), default=None)
 
 
@@ -340,21 +419,29 @@ def fulcrum_sweep(
         start, end: of l1 [m].
         engines: names; one that fails or is absent becomes a note.
         worker: the process engines run in; None: this one.
-        with_engines: l1 of the positions that engines simulate [m]; those outside the sweep are left out.
+        with_engines: l1 of the positions that engines simulate [m]; those outside the sweep are
+            left out.
 
     Raises:
         InputError: the range is empty or not on the beam, or the machine launches nowhere in it.
         SimulationError: an integrator of the reference gave up.
     """
     if not 0 < start < end < beam:
-        raise InputError(f"start = {start!r} m and end = {end!r} m must satisfy 0 < start < end < beam = {beam!r} m.")
+        raise InputError(
+            f"start = {start!r} m and end = {end!r} m must satisfy 0 < start < end < beam = {beam!r} m."
+        )
     began = time.perf_counter()
     line = Beam(parameters or TrebuchetParameters(), beam, start, end)
     curve = line.curve()
     peak = line.peak(curve)
     regime = line.regime()
     with_runs = {x for x in with_engines if start <= x <= end}
-    others = {BEST_L1.value, TABLE_L1.value, ZERO_L1.value, *(beam * ratio / (1 + ratio) for ratio in DENNY)}
+    others = {
+        BEST_L1.value,
+        TABLE_L1.value,
+        ZERO_L1.value,
+        *(beam * ratio / (1 + ratio) for ratio in DENNY),
+    }
     all_l1 = sorted(with_runs | {x for x in others if start <= x <= end} | {peak.l1.value})
     positions = tuple(line.position(x, engines if x in with_runs else (), worker) for x in all_l1)
     return Sweep(

@@ -1,7 +1,7 @@
 """Of the plug-ins that are installed: orders of their steps, and their own limits. Agreement is `trebucheck conform`'s.
 
-Each plug-in has an environment of its own, so that mostly one of the cases runs; where none is installed, all are
-skipped.
+Each plug-in has an environment of its own, so that mostly one of the cases runs; where none is
+installed, all are skipped.
 """
 
 from __future__ import annotations
@@ -50,36 +50,55 @@ class Steps:
     def __str__(self) -> str:
         return f"{self.engine}-{self.preset}"
 
-    def run(self, problem: tb.Problem, step: float | None = None, **options: object) -> tb.Trajectory:
+    def run(
+        self, problem: tb.Problem, step: float | None = None, **options: object
+    ) -> tb.Trajectory:
         """The engine's motion."""
         if self.engine not in tb.engines():
             pytest.skip(f"{self.engine} is not installed")
-        return tb.engine(self.engine, self.preset, timestep=step or self.step, **options).simulate(problem)
+        return tb.engine(self.engine, self.preset, timestep=step or self.step, **options).simulate(
+            problem
+        )
 
 
 OWN = (
     Steps("dart", "stock", 4e-3, limits=Limits()),
-    # Its joint sensors are wrong in motion, its own solver of the limits ends too early; see its README.
-    Steps("pybullet", "stock", 4e-3, limits=Limits({"solver_iterations": 500, "solver_threshold": 0.0}), forces=False),
+    # Its joint sensors are wrong in motion, its own solver of the limits ends too early; see its
+    # README.
+    Steps(
+        "pybullet",
+        "stock",
+        4e-3,
+        limits=Limits({"solver_iterations": 500, "solver_threshold": 0.0}),
+        forces=False,
+    ),
     Steps("pinocchio", "stock", 2e-3),
     Steps("drake", "stock", 2e-3),
 )
 """Those of first order."""
 SINGLE = (
-    # Releases: two steps by the scheme and its end, and three in which the torque falls through what rounding leaves of
-    # it. Torques: a step's change of speed in single precision, 1e3 times by the matrix of pin and limit. Positions:
-    # first order, 1e-2 m at this step.
+    # Releases: two steps by the scheme and its end, and three in which the torque falls through
+    # what rounding leaves of it. Torques: a step's change of speed in single precision, 1e3 times
+    # by the matrix of pin and limit. Positions: first order, 1e-2 m at this step.
     Steps("box2d", "tuned", 8e-3, limits=Limits(release=5e-3, torque=2e-2, position=1e-2)),
-    # Releases: speeds of some 5e-3 rad/s are the rounding of a limit; the opening gap has that speed after 1e-2 s.
-    # Positions: 6e-3 m at 8 ms are 7e-4 m at 1 ms; and a thousandth of a mass in the slot, on 20 m of way.
-    Steps("rapier", "tuned", 16e-3, limits=Limits(release=1e-2, torque=None, position=5e-3), forces=False),
+    # Releases: speeds of some 5e-3 rad/s are the rounding of a limit; the opening gap has that
+    # speed after 1e-2 s. Positions: 6e-3 m at 8 ms are 7e-4 m at 1 ms; and a thousandth of a mass
+    # in the slot, on 20 m of way.
+    Steps(
+        "rapier",
+        "tuned",
+        16e-3,
+        limits=Limits(release=1e-2, torque=None, position=5e-3),
+        forces=False,
+    ),
     Steps("rapier", "stock", 16e-3, forces=False),
 )
 """Those of first order and single precision."""
 IMPULSES = (
     # Positions: up to 100 m/s times a step.
     Steps("planck", "tuned", 4e-3, limits=Limits(position=1e-1)),
-    # The forces of its first step, which begins without impulses of one before, are not there after 8 iterations.
+    # The forces of its first step, which begins without impulses of one before, are not there after
+    # 8 iterations.
     Steps("planck", "stock", 4e-3, forces=False),
 )
 """Those of first order by impulses in double precision."""
@@ -91,17 +110,25 @@ EXACT = (*MOVED, *(Steps(name, "tuned", 1e-3) for name in ("drake", "opensim")))
 def _errors(found: tb.Trajectory, problem: tb.Problem) -> tuple[float, float]:
     """Greatest distance of a marker from where it should be [m]; greatest error of a reaction [N]."""
     truth = solve(problem).trajectory(found.t)
-    points = [np.abs(m.position - truth.markers[name].position).max() for name, m in found.markers.items()]
-    forces = [np.abs(force - truth.joint_reactions[name]).max() for name, force in found.joint_reactions.items()]
+    points = [
+        np.abs(m.position - truth.markers[name].position).max() for name, m in found.markers.items()
+    ]
+    forces = [
+        np.abs(force - truth.joint_reactions[name]).max()
+        for name, force in found.joint_reactions.items()
+    ]
     return float(max(points)), float(max(forces, default=0.0))
 
 
 @pytest.mark.parametrize("steps", [*OWN, *SINGLE, *IMPULSES, *MOVED], ids=str)
 def test_the_order_is_the_one_that_is_claimed(steps: Steps) -> None:
-    coarse, fine = (_errors(steps.run(FREE_SWING, h), FREE_SWING) for h in (steps.step, steps.step / 2))
+    coarse, fine = (
+        _errors(steps.run(FREE_SWING, h), FREE_SWING) for h in (steps.step, steps.step / 2)
+    )
     claimed = tb.engine(steps.engine, steps.preset).study().step_orders[steps.preset].order  # type: ignore[attr-defined]
     assert np.log2(coarse[0] / fine[0]) == pytest.approx(claimed, abs=0.3)
-    # Forces of an RK4 are those of its states; some of them are better than they at the longer step.
+    # Forces of an RK4 are those of its states; some of them are better than they at the longer
+    # step.
     assert not steps.forces or np.log2(coarse[1] / fine[1]) > claimed - 0.5
 
 
@@ -121,7 +148,9 @@ def test_the_limit_of_its_steps_is_the_reference(steps: Steps) -> None:
 
 
 @pytest.mark.parametrize("model", ["fixed", "rolling"])
-@pytest.mark.parametrize("steps", [each for each in (*OWN, *SINGLE, *IMPULSES) if each.limits is not None], ids=str)
+@pytest.mark.parametrize(
+    "steps", [each for each in (*OWN, *SINGLE, *IMPULSES) if each.limits is not None], ids=str
+)
 def test_its_own_limits_hold(steps: Steps, model: str) -> None:
     problem, h, limits = tb.Problem(tb.model(model), duration=1.4), 1e-3, steps.limits or Limits()
     found = steps.run(problem, h, **limits.options)
@@ -133,10 +162,14 @@ def test_its_own_limits_hold(steps: Steps, model: str) -> None:
         assert (released is None) == (time is None)
         assert released is None or time is None or abs(released - time) <= limits.release
         if limits.torque is not None:
-            assert np.abs(found.stop_torques[name] - torques).max() <= limits.torque * max(torques.max(), 1.0)
+            assert np.abs(found.stop_torques[name] - torques).max() <= limits.torque * max(
+                torques.max(), 1.0
+            )
 
 
-@pytest.mark.parametrize(("problem", "word"), [("slider-crank", "loop"), ("bouncing", "restitution")])
+@pytest.mark.parametrize(
+    ("problem", "word"), [("slider-crank", "loop"), ("bouncing", "restitution")]
+)
 @pytest.mark.parametrize("steps", [each for each in OWN if each.engine != "pinocchio"], ids=str)
 def test_its_own_step_refuses_what_it_cannot(steps: Steps, problem: str, word: str) -> None:
     with pytest.raises(tb.UnsupportedProblemError, match=word):

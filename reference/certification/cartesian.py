@@ -1,13 +1,15 @@
 r"""Vectors between points of bodies, angles between bodies and forces on them, in three coordinates a body.
 
-A state is x = (centre x, centre y, angle) body by body and its rate v, each of shape (3 n_bodies,). With the arm r of a
-point from its body's centre, turned clockwise by the angle, the vector from a point to another one is
-d = c_1 + r_1 - c_0 - r_0, and a function e . d of it has the derivatives
+A state is x = (centre x, centre y, angle) body by body and its rate v, each of shape (3 n_bodies,).
+With the arm r of a point from its body's centre, turned clockwise by the angle, the vector from a
+point to another one is d = c_1 + r_1 - c_0 - r_0, and a function e . d of it has the derivatives
 
     d(e . d)/dt   = e . (v_1 + w_1 r_1' - v_0 - w_0 r_0')  [+ w_0 e' . d]
-    d2(e . d)/dt2 = the same of accelerations  - e . (w_1^2 r_1 - w_0^2 r_0)  [+ 2 w_0 e' . dd/dt - w_0^2 e . d],
+    d2(e . d)/dt2 = the same of accelerations  - e . (w_1^2 r_1 - w_0^2 r_0)  [+ 2 w_0 e' . dd/dt -
+    w_0^2 e . d],
 
-where r' is r turned by a right angle clockwise; what stands in brackets is there if e turns with the second body.
+where r' is r turned by a right angle clockwise; what stands in brackets is there if e turns with
+the second body.
 
 Nothing here uses :mod:`...models.kinematics` or :mod:`...models.applied_forces`, on purpose.
 """
@@ -20,7 +22,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.force_elements import ConstantForce, ConstantTorque, RotationalSpringDamper, SpringDamper
+from ...models.force_elements import (
+    ConstantForce,
+    ConstantTorque,
+    RotationalSpringDamper,
+    SpringDamper,
+)
 from ...models.joints import GROUND
 from ...models.mechanism import Mechanism
 from ...models.spec import Vector
@@ -80,9 +87,13 @@ class Vectors:
 
     def __init__(self, mechanism: Mechanism, ends: Sequence[tuple[BodyPoint, BodyPoint]]) -> None:
         self._n = 3 * len(mechanism.bodies)
-        indices = {body.name: i for i, body in enumerate(mechanism.bodies)} | {GROUND: len(mechanism.bodies)}
+        indices = {body.name: i for i, body in enumerate(mechanism.bodies)} | {
+            GROUND: len(mechanism.bodies)
+        }
         centres = {body.name: body.centre for body in mechanism.bodies} | {GROUND: (0.0, 0.0)}
-        bodies = np.array([[indices[body] for body, _ in pair] for pair in ends], dtype=int).reshape(-1, 2)
+        bodies = np.array(
+            [[indices[body] for body, _ in pair] for pair in ends], dtype=int
+        ).reshape(-1, 2)
         offsets = [[np.subtract(point, centres[body]) for body, point in pair] for pair in ends]
         self._offsets = np.array(offsets, dtype=np.float64).reshape(-1, 2, 2)
         self._columns = 3 * bodies[..., None] + np.arange(3)
@@ -96,15 +107,21 @@ class Vectors:
         states = np.zeros((2, self._n + 3))  # the ground is the last body
         states[0, : self._n], states[1, : self._n] = x, v
         at, moving = states[:, self._columns]
-        return _Ends(at[..., :2], turned(self._offsets, at[..., 2]), moving[..., :2], moving[..., 2])
+        return _Ends(
+            at[..., :2], turned(self._offsets, at[..., 2]), moving[..., :2], moving[..., 2]
+        )
 
     def rows(self, ends: _Ends, along: FloatArray, turning: FloatArray | None = None) -> FloatArray:
         """Gradients of components along directions (m, 2), shape (m, 3 n_bodies).
 
         Args:
-            turning: which of the directions turn with the second body, shape (m,); none if left out.
+            turning: which of the directions turn with the second body, shape (m,); none if left
+                out.
         """
-        rows, moments = np.zeros((len(self), self._n + 3)), _dot(along[:, None], right_angle(ends.arms))
+        rows, moments = (
+            np.zeros((len(self), self._n + 3)),
+            _dot(along[:, None], right_angle(ends.arms)),
+        )
         rows[self._number, self._columns[:, 0, :2]] = along
         rows[self._number[:, 0], self._columns[:, 0, 2]] = moments[:, 0]
         rows[self._number, self._columns[:, 1, :2]] -= along
@@ -125,7 +142,9 @@ class Components(Vectors):
         turning: Sequence[bool],
     ) -> None:
         super().__init__(mechanism, ends)
-        self._directions = np.array([(d.real, d.imag) for d in directions], dtype=np.float64).reshape(-1, 2)
+        self._directions = np.array(
+            [(d.real, d.imag) for d in directions], dtype=np.float64
+        ).reshape(-1, 2)
         self._turning = np.array(turning, dtype=bool) if any(turning) else None
 
     def along(self, x: FloatArray) -> FloatArray:
@@ -151,7 +170,9 @@ class Components(Vectors):
         inward = centripetal[:, 0] - centripetal[:, 1]
         if self._turning is not None:
             spin = np.where(self._turning, ends.spins[:, 1], 0.0)
-            inward += spin**2 * _dot(along, ends.vectors) - 2 * spin * _dot(right_angle(along), ends.rates)
+            inward += spin**2 * _dot(along, ends.vectors) - 2 * spin * _dot(
+                right_angle(along), ends.rates
+            )
         return self.rows(ends, along, self._turning), inward
 
 
@@ -171,20 +192,26 @@ class AppliedCartesian:
 
     def __init__(self, mechanism: Mechanism) -> None:
         elements = mechanism.force_elements
-        self._weight = np.ravel([(*np.multiply(body.mass, mechanism.gravity_vector), 0.0) for body in mechanism.bodies])
+        self._weight = np.ravel(
+            [(*np.multiply(body.mass, mechanism.gravity_vector), 0.0) for body in mechanism.bodies]
+        )
         springs = [e for e in elements if isinstance(e, SpringDamper)]
         twists = [e for e in elements if isinstance(e, RotationalSpringDamper)]
         motors = [e for e in elements if isinstance(e, ConstantTorque)]
         forces = [e for e in elements if isinstance(e, ConstantForce)]
         self._any = bool(elements)
-        self._springs = Vectors(mechanism, [((e.body, e.point), (e.relative_to, e.relative_point)) for e in springs])
+        self._springs = Vectors(
+            mechanism, [((e.body, e.point), (e.relative_to, e.relative_point)) for e in springs]
+        )
         self._spring_data = _columns([(e.stiffness, e.damping, e.rest_length) for e in springs])
         self._twists = angle_rows(mechanism, [(e.body, e.relative_to) for e in twists])
         self._twist_data = _columns([(e.stiffness, e.damping, e.rest_angle) for e in twists])
         self._torque = np.array([e.torque for e in motors]) @ angle_rows(
             mechanism, [(e.body, e.relative_to) for e in motors]
         )
-        self._pulled = Vectors(mechanism, [((e.body, e.point), (GROUND, (0.0, 0.0))) for e in forces])
+        self._pulled = Vectors(
+            mechanism, [((e.body, e.point), (GROUND, (0.0, 0.0))) for e in forces]
+        )
         self._pulls = np.array([e.force for e in forces], dtype=np.float64).reshape(-1, 2)
 
     def generalized(self, x: FloatArray, v: FloatArray) -> FloatArray:
@@ -193,7 +220,9 @@ class AppliedCartesian:
             return self._weight
         pulls = self._pulled.rows(self._pulled.ends(x, v), self._pulls).sum(axis=0)
         stiffness, damping, rest = self._twist_data
-        twisting = -(stiffness * (self._twists @ x - rest) + damping * (self._twists @ v)) @ self._twists
+        twisting = (
+            -(stiffness * (self._twists @ x - rest) + damping * (self._twists @ v)) @ self._twists
+        )
         return self._weight + pulls + self._torque + twisting + self._of_springs(x, v)
 
     def _of_springs(self, x: FloatArray, v: FloatArray) -> FloatArray:

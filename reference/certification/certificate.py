@@ -1,7 +1,8 @@
 """The uncertainty of each of the reference's quantities: the published certificates, and what follows from them.
 
-A certificate is committed for each named machine (`certificates/`, made by `trebucheck certify`); for any other an
-estimate costs one more, coarser, integration. Both decide which tolerances can be checked against the reference.
+A certificate is committed for each named machine (`certificates/`, made by `trebucheck certify`);
+for any other an estimate costs one more, coarser, integration. Both decide which tolerances can be
+checked against the reference.
 """
 
 from __future__ import annotations
@@ -31,12 +32,16 @@ REFUSED_BELOW = 10.0
 """A tolerance finer than this many times the reference's uncertainty is refused: the verdict would be a tenth, or
 more, the reference's own error."""
 
-_COARSE = 1e-12  # tolerance of the estimate's second integration: some thirty times the reference's own
+_COARSE = (
+    1e-12  # tolerance of the estimate's second integration: some thirty times the reference's own
+)
 _SAMPLES = 60
 _BEYOND = 1.02  # times the compared motion: so that the coarser one's events lie inside, too
 _SAFETY = 4.0
 _PROJECTILE = "projectile"
-_ROUNDING = 64 * float(np.finfo(np.float64).eps)  # of the sums behind a value, relative to the largest of its kind
+_ROUNDING = 64 * float(
+    np.finfo(np.float64).eps
+)  # of the sums behind a value, relative to the largest of its kind
 
 
 class Computation(Spec):
@@ -48,7 +53,9 @@ class Computation(Spec):
     tolerance: Real | None = Field(
         default=None, description="local error bound of the integrator; None: to the last digit"
     )
-    independent: bool = Field(description="whether it is the tightest of its kind, or a coarser rung of its ladder")
+    independent: bool = Field(
+        description="whether it is the tightest of its kind, or a coarser rung of its ladder"
+    )
 
 
 class Figure(Spec):
@@ -90,7 +97,9 @@ class Certificate(Reported, Spec):
     rule: str = Field(description="how uncertainties follow from the computations")
     versions: dict[str, str]
     computations: tuple[Computation, ...]
-    absent: tuple[str, ...] = Field(default=(), description="computations that could not be made here, and why")
+    absent: tuple[str, ...] = Field(
+        default=(), description="computations that could not be made here, and why"
+    )
     figures: tuple[Figure, ...]
 
     def document(self) -> Any:
@@ -110,7 +119,11 @@ class Certificate(Reported, Spec):
     def figure(self, name: str, subject: str | None = None, at: str | None = None) -> Figure | None:
         """The first figure of that name (and subject, and instant); None if there is none."""
         for figure in self.figures:
-            if figure.name == name and subject in (None, figure.subject) and at in (None, figure.at):
+            if (
+                figure.name == name
+                and subject in (None, figure.subject)
+                and at in (None, figure.at)
+            ):
                 return figure
         return None
 
@@ -175,7 +188,8 @@ def certified(certificate: Certificate) -> Uncertainties:
         value = figure.uncertainty / relative if relative else 0.0
         # x and y together: their uncertainties add at most as a sum does.
         value *= math.sqrt(2) if metric == "position_max" else 1.0
-        # Only the projectile's positions are certified; it is last in the chain, so they bound every marker's.
+        # Only the projectile's positions are certified; it is last in the chain, so they bound
+        # every marker's.
         keys = (metric,) if metric == "position_max" else (metric, f"{metric} ({figure.subject})")
         for key in keys:
             uncertainties[key] = max(uncertainties[key], value)
@@ -196,10 +210,11 @@ _METRICS = {
 def estimate_uncertainty(solution: Solution, end: float | None = None) -> Uncertainties:
     """An estimate for any machine, at the cost of one more integration with a coarser tolerance.
 
-    The difference of the two is about the error of the *coarser*, thirty times looser in tolerance, and so well above
-    that of the finer unless they agree by chance. Against that: four times the difference, for a time the largest of
-    all events, for a speed the largest along the motion, and sixty-four roundings of the largest value of the kind.
-    An event that only one of the two has is unknown: its uncertainty is as large as what it is of.
+    The difference of the two is about the error of the *coarser*, thirty times looser in tolerance,
+    and so well above that of the finer unless they agree by chance. Against that: four times the
+    difference, for a time the largest of all events, for a speed the largest along the motion, and
+    sixty-four roundings of the largest value of the kind. An event that only one of the two has is
+    unknown: its uncertainty is as large as what it is of.
 
     Args:
         solution: the reference's own.
@@ -208,13 +223,21 @@ def estimate_uncertainty(solution: Solution, end: float | None = None) -> Uncert
     problem, launch = solution.problem, solution.launch
     end = end if end is not None else (launch.time if launch else problem.duration)
     horizon = min(_BEYOND * max(end, launch.time if launch else 0.0), LONGEST)
-    other = solve(Problem(problem.mechanism, duration=horizon, stop_law=problem.stop_law), _COARSE, _COARSE)
+    other = solve(
+        Problem(problem.mechanism, duration=horizon, stop_law=problem.stop_law), _COARSE, _COARSE
+    )
     t = np.linspace(0.0, min(end, problem.duration), _SAMPLES)
     fine, coarse = solution.trajectory(t), other.trajectory(t)
     uncertainties = _along(fine, coarse) | _events(solution, other, end)
     if launch is not None and other.launch is not None:
         speed = np.linalg.norm(fine.marker(_PROJECTILE).velocity, axis=1)
-        _enter(uncertainties, "launch_speed", None, speed, np.linalg.norm(coarse.marker(_PROJECTILE).velocity, axis=1))
+        _enter(
+            uncertainties,
+            "launch_speed",
+            None,
+            speed,
+            np.linalg.norm(coarse.marker(_PROJECTILE).velocity, axis=1),
+        )
     elif launch is not None:
         uncertainties["launch_speed"] = launch.speed
     return Uncertainties(source="estimate", values=uncertainties)
@@ -235,7 +258,13 @@ def _along(fine: Trajectory, coarse: Trajectory) -> dict[str, float]:
     return uncertainties
 
 
-def _enter(entries: dict[str, float], metric: str, subject: str | None, fine: FloatArray, coarse: FloatArray) -> None:
+def _enter(
+    entries: dict[str, float],
+    metric: str,
+    subject: str | None,
+    fine: FloatArray,
+    coarse: FloatArray,
+) -> None:
     value = float(_SAFETY * np.abs(fine - coarse).max() + _ROUNDING * np.abs(fine).max())
     if subject is not None:
         entries[f"{metric} ({subject})"] = value
@@ -244,10 +273,18 @@ def _enter(entries: dict[str, float], metric: str, subject: str | None, fine: Fl
 
 def _events(fine: Solution, coarse: Solution, end: float) -> dict[str, float]:
     """Releases and the launch: one uncertainty for all that both have; all of the motion for one that only one has."""
-    pairs = {f"release_time ({name})": (t, coarse.release_times[name]) for name, t in fine.release_times.items()}
+    pairs = {
+        f"release_time ({name})": (t, coarse.release_times[name])
+        for name, t in fine.release_times.items()
+    }
     if fine.launch is not None or coarse.launch is not None:
-        pairs["launch_time"] = (fine.launch and fine.launch.time, coarse.launch and coarse.launch.time)
-    happen = {key: pair for key, pair in pairs.items() if any(t is not None and t <= end for t in pair)}
+        pairs["launch_time"] = (
+            fine.launch and fine.launch.time,
+            coarse.launch and coarse.launch.time,
+        )
+    happen = {
+        key: pair for key, pair in pairs.items() if any(t is not None and t <= end for t in pair)
+    }
     known = {key: abs(a - b) for key, (a, b) in happen.items() if a is not None and b is not None}
     values = dict.fromkeys(happen, end) | dict.fromkeys(
         known, _SAFETY * max(known.values(), default=0.0) + _ROUNDING * end
@@ -256,7 +293,9 @@ def _events(fine: Solution, coarse: Solution, end: float) -> dict[str, float]:
     return values | ({"release_time": max(releases)} if releases else {})
 
 
-def refusal(metric: str, subject: str | None, tolerance: float, uncertainty: float | None) -> str | None:
+def refusal(
+    metric: str, subject: str | None, tolerance: float, uncertainty: float | None
+) -> str | None:
     """Why a tolerance cannot be checked against this reference; None where it can.
 
     Args:

@@ -4,14 +4,16 @@ The uncertainty of a figure is
 
     3 max_i |v_i - v|  +  3 max_k |v_k - v| (tol / tol_k)^(7/8)  +  16 eps max |v|,
 
-with v the value: that of the extended-precision Taylor integrator where it is there, else the median of the v_i;
-v_i the independent computations at their tightest, tol; v_k all coarser rungs of the ladders of tolerances. The first
-term is what formulations and integrators differ by. The second is what the tolerance may still move, extrapolated
-from every rung (two formulations with the same coordinates take the same steps, and share their truncation) and
-taken as the largest over all figures of the kind: how large the error of an interpolant is at one instant is chance.
-Both are tripled, as a handful of values does not show the largest error there is. The third is rounding, a random walk
-over some 250 steps, of the largest figure of the kind. It is the uncertainty of *any* of the computations, the
-double-precision reference of the suite among them, not only of the best one.
+with v the value: that of the extended-precision Taylor integrator where it is there, else the
+median of the v_i; v_i the independent computations at their tightest, tol; v_k all coarser rungs of
+the ladders of tolerances. The first term is what formulations and integrators differ by. The second
+is what the tolerance may still move, extrapolated from every rung (two formulations with the same
+coordinates take the same steps, and share their truncation) and taken as the largest over all
+figures of the kind: how large the error of an interpolant is at one instant is chance. Both are
+tripled, as a handful of values does not show the largest error there is. The third is rounding, a
+random walk over some 250 steps, of the largest figure of the kind. It is the uncertainty of *any*
+of the computations, the double-precision reference of the suite among them, not only of the best
+one.
 """
 
 from __future__ import annotations
@@ -60,7 +62,9 @@ _NO_LAUNCH = 40  # steps of the grid: of a machine that does not launch, this mu
 _MARGINS = 5  # in a step: one of them lies past the last instant that is read
 _AT_REST = 4.0  # [s] the time scale of what nothing moves
 _SAFETY = 3.0
-_ORDER = 7 / 8  # DOP853: error per step ~ h^8 held at the tolerance, so the whole ~ h^7 goes with tolerance^(7/8)
+_ORDER = (
+    7 / 8
+)  # DOP853: error per step ~ h^8 held at the tolerance, so the whole ~ h^7 goes with tolerance^(7/8)
 _ROUNDINGS = 16  # a random walk over some 250 steps
 _EPS = float(np.finfo(np.float64).eps)
 
@@ -93,7 +97,9 @@ class MinimalMotion:
 
     def marker(self, name: str, t: float) -> PointState:
         """Position, velocity and acceleration of a marker, each (2,)."""
-        marker = next(marker for marker in self.solution.problem.mechanism.markers if marker.name == name)
+        marker = next(
+            marker for marker in self.solution.problem.mechanism.markers if marker.name == name
+        )
         motion = self.solution.motion(np.array([t]))
         return self.kinematics.point_motion(marker, motion.q[0], motion.u[0], motion.a[0])
 
@@ -105,7 +111,9 @@ class MinimalMotion:
     def energy(self, t: float) -> float:
         """Total energy [J]."""
         q, u = self.state(t)
-        return float(self.kinematics.kinetic_energy(q, u) + self.solution.equations.potential_energy(q))
+        return float(
+            self.kinematics.kinetic_energy(q, u) + self.solution.equations.potential_energy(q)
+        )
 
 
 @dataclass(frozen=True)
@@ -133,10 +141,10 @@ def certify(
 
     Args:
         mechanism: any.
-        parameters: those it was built from, if it is a named machine: the paper's own equations are then solved,
-            too. Left out, Table I is tried.
-        duration: of the certified motion [s]; if left out, to the launch, or forty steps of the grid of instants, which
-            is a power of ten below a fifth of the characteristic time.
+        parameters: those it was built from, if it is a named machine: the paper's own equations are
+            then solved, too. Left out, Table I is tried.
+        duration: of the certified motion [s]; if left out, to the launch, or forty steps of the
+            grid of instants, which is a power of ten below a fifth of the characteristic time.
         stop_law: of its stops.
         command: what made this certificate, to be written into it.
         ladder: tolerances of DOP853, the tightest last.
@@ -170,7 +178,10 @@ def certify(
 
 
 def _make(
-    task: _Task, call: Callable[[Callable[[], Values]], Values], results: dict[str, Values], absent: list[str]
+    task: _Task,
+    call: Callable[[Callable[[], Values]], Values],
+    results: dict[str, Values],
+    absent: list[str],
 ) -> None:
     try:
         results[task.computation.name] = call(task.compute)
@@ -192,11 +203,19 @@ def judge(
     independent = [c.name for c in computations if c.independent]
     rungs = [c for c in computations if not c.independent]
     tightest = min((c.tolerance for c in computations if c.tolerance), default=0.0)
-    # A computation without a launch, say, says that nothing is known of it, not that the others know it better.
+    # A computation without a launch, say, says that nothing is known of it, not that the others
+    # know it better.
     names = {c.name for c in computations}
-    kept = {key: values for key, values in values_by_key.items() if len(independent) > 1 and names <= values.keys()}
+    kept = {
+        key: values
+        for key, values in values_by_key.items()
+        if len(independent) > 1 and names <= values.keys()
+    }
     best = {key: _best(values, independent) for key, values in kept.items()}
-    moved, scale = defaultdict[tuple[str, str], float](float), defaultdict[tuple[str, str], float](float)
+    moved, scale = (
+        defaultdict[tuple[str, str], float](float),
+        defaultdict[tuple[str, str], float](float),
+    )
     for key, values in kept.items():
         kind = _kind(key)
         scale[kind] = max(scale[kind], abs(best[key]))
@@ -232,10 +251,15 @@ def _judged(results: Mapping[str, Values], computations: Sequence[Computation]) 
         yield Figure(**key._asdict(), value=value, uncertainty=uncertainty, values=by_key[key])
 
 
-def _problem(mechanism: Mechanism, duration: float | None, stop_law: StopLaw) -> tuple[Problem, Plan]:
+def _problem(
+    mechanism: Mechanism, duration: float | None, stop_law: StopLaw
+) -> tuple[Problem, Plan]:
     """To just past the launch; or the given duration or some steps, for a machine that does not launch."""
     if duration is not None:
-        problem, step = Problem(mechanism, duration=duration, stop_law=stop_law), grid_step(duration / 2)
+        problem, step = (
+            Problem(mechanism, duration=duration, stop_law=stop_law),
+            grid_step(duration / 2),
+        )
         motion = MinimalMotion(solve(problem))
         return problem, replace(plan(mechanism, motion, duration, step), launches=False)
     scale = _time_scale(mechanism)
@@ -245,9 +269,13 @@ def _problem(mechanism: Mechanism, duration: float | None, stop_law: StopLaw) ->
     solution = solve_until(mechanism, spans, lambda solution: solution.launch is not None, stop_law)
     motion, launch = MinimalMotion(solution), solution.launch
     if launch is None:
-        return Problem(mechanism, duration=longest, stop_law=stop_law), plan(mechanism, motion, longest, step)
+        return Problem(mechanism, duration=longest, stop_law=stop_law), plan(
+            mechanism, motion, longest, step
+        )
     end = launch.time + step + step / _MARGINS
-    return Problem(mechanism, duration=end, stop_law=stop_law), plan(mechanism, motion, launch.time, step)
+    return Problem(mechanism, duration=end, stop_law=stop_law), plan(
+        mechanism, motion, launch.time, step
+    )
 
 
 def _time_scale(mechanism: Mechanism) -> float:
@@ -272,11 +300,16 @@ def _tasks(
     formulations = [("minimal", "absolute angles, stops and loops by KKT", minimal)]
     absent: list[str] = []
     if problem.stop_law is StopLaw.RELEASE_ONCE:
-        formulations.append(("redundant", "three coordinates a body, joints and stops by KKT", redundant))
+        formulations.append(
+            ("redundant", "three coordinates a body, joints and stops by KKT", redundant)
+        )
     else:
         absent.append("redundant: it follows the release-once law of a stop only")
     tasks = [
-        _Task(_by_dop853(name, text, tolerance, tolerance == ladder[-1]), partial(_read_at, run, tolerance, plan))
+        _Task(
+            _by_dop853(name, text, tolerance, tolerance == ladder[-1]),
+            partial(_read_at, run, tolerance, plan),
+        )
         for name, text, run in formulations
         for tolerance in ladder
     ]
@@ -302,19 +335,25 @@ def _by_dop853(name: str, formulation: str, tolerance: float, independent: bool)
     )
 
 
-def _paper_task(problem: Problem, plan: Plan, parameters: TrebuchetParameters | None, tolerance: float) -> _Task | str:
+def _paper_task(
+    problem: Problem, plan: Plan, parameters: TrebuchetParameters | None, tolerance: float
+) -> _Task | str:
     mechanism = problem.mechanism
     if importlib.util.find_spec("sympy") is None:
         return "the paper's equations: SymPy is not installed"
     chosen = parameters or TrebuchetParameters()
     if mechanism.name not in PAPER_MACHINES or model(mechanism.name, chosen) != mechanism:
         return "the paper's equations: not one of its machines"
-    computation = _by_dop853("paper", "the paper's Lagrangian, Eqs. (1)-(10), by SymPy", tolerance, independent=True)
+    computation = _by_dop853(
+        "paper", "the paper's Lagrangian, Eqs. (1)-(10), by SymPy", tolerance, independent=True
+    )
 
     def compute() -> Values:
         from .paper import solve_paper  # SymPy takes most of a second to import
 
-        return read_quantities(solve_paper(chosen, mechanism.name == "rolling", problem.duration, tolerance), plan)
+        return read_quantities(
+            solve_paper(chosen, mechanism.name == "rolling", problem.duration, tolerance), plan
+        )
 
     return _Task(computation, compute, optional=True)
 
@@ -340,7 +379,9 @@ def _taylor_values(problem: Problem, plan: Plan, precision: Precision) -> Values
     from ..taylor.solve import solve_taylor, taylor_quantities  # heyoka takes a second to import
 
     read = read_quantities(MinimalMotion(solve_taylor(problem, precision=precision)), plan)
-    own = taylor_quantities(problem, precision)  # located and evaluated on the series itself, in its own precision
+    own = taylor_quantities(
+        problem, precision
+    )  # located and evaluated on the series itself, in its own precision
     direct: dict[tuple[str, str | None, str], Any] = {
         ("launch_time", None, ""): own.launch_time,
         ("launch_speed", None, ""): own.launch_speed,
@@ -349,8 +390,13 @@ def _taylor_values(problem: Problem, plan: Plan, precision: Precision) -> Values
     direct |= {("stop_torque", name, "start"): torque for name, torque in own.start_torques.items()}
     if own.launch_q is not None:
         names = problem.mechanism.coordinates
-        direct |= {("coordinate", name, "launch"): q for name, q in zip(names, own.launch_q, strict=True)}
-    return {key: value if (new := direct.get(key[:3])) is None else float(new) for key, value in read.items()}
+        direct |= {
+            ("coordinate", name, "launch"): q for name, q in zip(names, own.launch_q, strict=True)
+        }
+    return {
+        key: value if (new := direct.get(key[:3])) is None else float(new)
+        for key, value in read.items()
+    }
 
 
 def _versions() -> dict[str, str]:

@@ -1,7 +1,8 @@
 """Integration under active contacts, for the independent formulations: a stop is active until its torque is zero.
 
-Independent of :mod:`..solver`, its event location and its contact problem, on purpose; the system that is integrated
-gives only its rates and the torques of its stops (:class:`ConstrainedSystem`). Release-once law.
+Independent of :mod:`..solver`, its event location and its contact problem, on purpose; the system
+that is integrated gives only its rates and the torques of its stops (:class:`ConstrainedSystem`).
+Release-once law.
 """
 
 from __future__ import annotations
@@ -23,9 +24,12 @@ from ...models.errors import InputError, SimulationError
 from ...models.launch import LAUNCH_ANGLE, Launch
 from ..integrator import Integrator
 
-# Where inside a step torques are sampled: Chebyshev's points crowd at the ends, where a fall is missed most easily.
+# Where inside a step torques are sampled: Chebyshev's points crowd at the ends, where a fall is
+# missed most easily.
 _SAMPLES = 0.5 * (1.0 - np.cos(np.pi * np.arange(1, 8) / 7))
-_LEAST_STEPS = 150  # DOP853's interpolant is one order short of its steps: inside long ones it is what limits
+_LEAST_STEPS = (
+    150  # DOP853's interpolant is one order short of its steps: inside long ones it is what limits
+)
 _FIT = 14  # degree of the polynomial on which the launch is looked for, step by step
 _AT_REST = 1e-8  # of the speed at a step's end: a start from rest is no launch
 _MOST_STOPS = 10  # all subsets are tried: 1024 of them
@@ -52,7 +56,9 @@ class ConstrainedSystem(Protocol):
         """Torques of the active stops [N m]."""
         ...
 
-    def gap_accelerations(self, y: FloatArray, active: tuple[str, ...], of: tuple[str, ...]) -> FloatArray:
+    def gap_accelerations(
+        self, y: FloatArray, active: tuple[str, ...], of: tuple[str, ...]
+    ) -> FloatArray:
         """Second derivatives of gaps [rad/s^2] under these active stops."""
         ...
 
@@ -94,7 +100,9 @@ class ConstrainedMotion:
         active = self.active(t)
         return dict(zip(active, self.system.torques(self.state(t), active).tolist(), strict=True))
 
-    def first_launch(self, velocity: Callable[[FloatArray], FloatArray], after: float | None) -> Launch | None:
+    def first_launch(
+        self, velocity: Callable[[FloatArray], FloatArray], after: float | None
+    ) -> Launch | None:
         """The launch at 45 degrees of a point whose velocity(y) [m/s] is given, later than `after` [s] (None: never).
 
         Its candidates are the real roots of a polynomial through Chebyshev's points of each step.
@@ -116,7 +124,9 @@ class ConstrainedMotion:
 
     def _step(self, t: float) -> _Step:
         if not 0.0 <= t <= self.steps[-1].end:
-            raise InputError(f"the motion covers 0 to {self.steps[-1].end:.6g} s; {t:.6g} s was asked for.")
+            raise InputError(
+                f"the motion covers 0 to {self.steps[-1].end:.6g} s; {t:.6g} s was asked for."
+            )
         ends = [step.end for step in self.steps[:-1]]
         return self.steps[bisect_right(ends, t)]
 
@@ -128,7 +138,9 @@ def integrate(system: ConstrainedSystem, duration: float, tolerance: float) -> C
         SimulationError: the integrator's step size collapsed, or too many stops touch at the start.
     """
     if len(system.stops) > _MOST_STOPS:
-        raise SimulationError(f"{len(system.stops)} stops touch at the start; at most {_MOST_STOPS} are followed here.")
+        raise SimulationError(
+            f"{len(system.stops)} stops touch at the start; at most {_MOST_STOPS} are followed here."
+        )
     t, y = 0.0, system.start
     releases: dict[str, float | None] = dict.fromkeys(system.stops)
     active, steps = _active_contacts(system, y, system.stops), list[_Step]()
@@ -147,22 +159,38 @@ def integrate(system: ConstrainedSystem, duration: float, tolerance: float) -> C
 
 
 def _until_release(
-    system: ConstrainedSystem, active: tuple[str, ...], t: float, y: FloatArray, duration: float, tolerance: float
+    system: ConstrainedSystem,
+    active: tuple[str, ...],
+    t: float,
+    y: FloatArray,
+    duration: float,
+    tolerance: float,
 ) -> list[_Step]:
     """Steps to the first release, the last of them cut there, or to the end."""
     longest = duration / _LEAST_STEPS
-    stepper = Integrator(lambda _, y: system.rates(y, active), t, y, duration, (tolerance, tolerance), longest=longest)
+    stepper = Integrator(
+        lambda _, y: system.rates(y, active),
+        t,
+        y,
+        duration,
+        (tolerance, tolerance),
+        longest=longest,
+    )
     steps: list[_Step] = []
     while stepper.status == "running":
         started = stepper.t
         stepper.step()
         step = _Step(started, stepper.t, active, stepper.dense_output())
-        crossings = [_downward_zero_crossing(step, started, _torque_of(system, i)) for i in range(len(active))]
+        crossings = [
+            _downward_zero_crossing(step, started, _torque_of(system, i))
+            for i in range(len(active))
+        ]
         first = min((time for time in crossings if time is not None), default=None)
         if first is not None:
             return [*steps, _Step(started, first, active, step.dense)]
         steps.append(step)
-        # A one-step method may go on from any nearby state, as long as its stored rate goes with it.
+        # A one-step method may go on from any nearby state, as long as its stored rate goes with
+        # it.
         stepper.y = system.projected(stepper.y, active)
         stepper.f = system.rates(stepper.y, active)
     return steps
@@ -178,7 +206,8 @@ def _falls(function: Callable[[float], float], start: float, end: float) -> list
     if np.abs(fit.coef[0]) > 1.001 * np.abs(fit.coef[1:]).sum():
         return []
     inside = sorted(float(root) for root in fit.roots().real if start < root < end)
-    # Between two roots the sign is that of their middle; beside the first and the last, that of the ends.
+    # Between two roots the sign is that of their middle; beside the first and the last, that of the
+    # ends.
     looks = [start, *(0.5 * (a + b) for a, b in pairwise(inside)), end]
     signs = [function(time) for time in looks]
     return [
@@ -205,17 +234,21 @@ def _downward_zero_crossing(
     return None
 
 
-def _active_contacts(system: ConstrainedSystem, y: FloatArray, touching: tuple[str, ...]) -> tuple[str, ...]:
+def _active_contacts(
+    system: ConstrainedSystem, y: FloatArray, touching: tuple[str, ...]
+) -> tuple[str, ...]:
     """The subset that is active while the rest opens, found by trying all of them, the largest first.
 
-    Torques of the active and gap accelerations of the others must not be negative; by uniqueness of the
-    complementarity problem's accelerations at most one motion fulfils that. Where rounding leaves none, the subset
-    that violates it least.
+    Torques of the active and gap accelerations of the others must not be negative; by uniqueness of
+    the complementarity problem's accelerations at most one motion fulfils that. Where rounding
+    leaves none, the subset that violates it least.
     """
     best, least = touching, np.inf
     for size in range(len(touching), -1, -1):
         for active in combinations(touching, size):
-            violation = _violation(system, y, active, tuple(name for name in touching if name not in active))
+            violation = _violation(
+                system, y, active, tuple(name for name in touching if name not in active)
+            )
             if violation == 0:
                 return active
             if violation < least:
@@ -223,8 +256,14 @@ def _active_contacts(system: ConstrainedSystem, y: FloatArray, touching: tuple[s
     return best
 
 
-def _violation(system: ConstrainedSystem, y: FloatArray, active: tuple[str, ...], opened: tuple[str, ...]) -> float:
+def _violation(
+    system: ConstrainedSystem, y: FloatArray, active: tuple[str, ...], opened: tuple[str, ...]
+) -> float:
     torques = system.torques(y, active)
     accelerations = system.gap_accelerations(y, active, opened)
-    scaled = [values / np.abs(values).max() for values in (torques, accelerations) if np.abs(values).max(initial=0) > 0]
+    scaled = [
+        values / np.abs(values).max()
+        for values in (torques, accelerations)
+        if np.abs(values).max(initial=0) > 0
+    ]
     return max((float(-values.min()) for values in scaled if values.min() < 0), default=0.0)

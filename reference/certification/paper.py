@@ -1,9 +1,9 @@
 """The paper's own Lagrangian, Eqs. (1) to (10): derived once more, and integrated as a third formulation.
 
-Nothing here knows of `Mechanism`. SymPy (a test dependency) differentiates the Lagrangian as printed; the result
-must agree with :mod:`..equations` at any state. The paper's angles are ours; its multipliers relate to our stop
-torques by lambda_(G1) = -torque(sling rest) and lambda_(G2) = +torque(hanger rest), because it writes
-G1 = theta - phi + phi_0, which is minus the sling's gap.
+Nothing here knows of `Mechanism`. SymPy (a test dependency) differentiates the Lagrangian as
+printed; the result must agree with :mod:`..equations` at any state. The paper's angles are ours;
+its multipliers relate to our stop torques by lambda_(G1) = -torque(sling rest) and lambda_(G2) =
++torque(hanger rest), because it writes G1 = theta - phi + phi_0, which is minus the sling's gap.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from ...models.machines.trebuchet import ARM_STOP, HANGER_REST, SLING_REST
 from .constrained import ConstrainedMotion, integrate
 from .quantities import COUNTERWEIGHT, PROJECTILE, PointState
 
-# Signs by which the paper's multipliers become torques, and its constraints gaps: G1 is minus the sling's gap.
+# Signs by which the paper's multipliers become torques, and its constraints gaps: G1 is minus the
+# sling's gap.
 _SIGNS = {SLING_REST: -1.0, HANGER_REST: 1.0}
 _GAPS = {SLING_REST: (-1.0, 1.0, 0.0), HANGER_REST: (1.0, 0.0, -1.0)}
 _PARAMETERS = ("l1", "l2", "m_b", "m_cw", "m_a", "h", "r", "g")
@@ -81,7 +82,10 @@ class PaperEquations:
         plain_a = sp.symbols(f"a0:{len(q)}")
         swap: dict[Any, Any] = dict(zip([sp.diff(v, t) for v in u], plain_a, strict=True))
         swap |= dict(zip(u, plain_u, strict=True)) | dict(zip(q, plain_q, strict=True))
-        left = [sp.diff(sp.diff(lagrangian, v), t) - sp.diff(lagrangian, c) for c, v in zip(q, u, strict=True)]
+        left = [
+            sp.diff(sp.diff(lagrangian, v), t) - sp.diff(lagrangian, c)
+            for c, v in zip(q, u, strict=True)
+        ]
         residual = sp.Matrix([sp.sympify(expression).subs(swap) for expression in left])
         mass = residual.jacobian(list(plain_a))
         forces = -residual.subs(dict.fromkeys(plain_a, 0))
@@ -89,11 +93,18 @@ class PaperEquations:
         return sp.lambdify(arguments, mass, "numpy"), sp.lambdify(arguments, forces, "numpy")
 
     def solve(
-        self, parameters: TrebuchetParameters, q: FloatArray, u: FloatArray, sling_active: bool, hanger_active: bool
+        self,
+        parameters: TrebuchetParameters,
+        q: FloatArray,
+        u: FloatArray,
+        sling_active: bool,
+        hanger_active: bool,
     ) -> tuple[FloatArray, FloatArray]:
         """Accelerations (n_q,), and the multipliers of the active constraints, G1 (sling) before G2 (hanger)."""
         values = [getattr(parameters, name) for name in _PARAMETERS]
-        mass, forces = (np.array(function(values, q, u), dtype=np.float64) for function in self._functions)
+        mass, forces = (
+            np.array(function(values, q, u), dtype=np.float64) for function in self._functions
+        )
         g1, g2 = np.zeros(len(q)), np.zeros(len(q))
         g1[:2] = 1.0, -1.0  # (6): G1 = theta - phi + phi_0
         g2[[0, 2]] = 1.0, -1.0  # (7): G2 = theta - alpha + alpha_0
@@ -134,9 +145,14 @@ class PaperSystem:
         torques = dict(zip(in_order, self._solve(y, active)[1], strict=True))
         return np.array([_SIGNS[name] * torques[name] for name in active])
 
-    def gap_accelerations(self, y: FloatArray, active: tuple[str, ...], of: tuple[str, ...]) -> FloatArray:
+    def gap_accelerations(
+        self, y: FloatArray, active: tuple[str, ...], of: tuple[str, ...]
+    ) -> FloatArray:
         """Second derivatives of gaps [rad/s^2]."""
-        return np.array([_GAPS[name] for name in of]).reshape(len(of), 3) @ self._solve(y, active)[0][:3]
+        return (
+            np.array([_GAPS[name] for name in of]).reshape(len(of), 3)
+            @ self._solve(y, active)[0][:3]
+        )
 
     def projected(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
         """The state itself: its constraints are linear, and the integrator keeps them to rounding."""
@@ -144,7 +160,9 @@ class PaperSystem:
 
     def _solve(self, y: FloatArray, active: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
         q, u = np.split(y, 2)
-        return self.equations.solve(self.parameters, q, u, SLING_REST in active, HANGER_REST in active)
+        return self.equations.solve(
+            self.parameters, q, u, SLING_REST in active, HANGER_REST in active
+        )
 
 
 @dataclass(frozen=True)
@@ -217,7 +235,9 @@ class PaperMotion:
         return position, velocity, acceleration
 
 
-def solve_paper(parameters: TrebuchetParameters, rolling: bool, duration: float, tolerance: float) -> PaperMotion:
+def solve_paper(
+    parameters: TrebuchetParameters, rolling: bool, duration: float, tolerance: float
+) -> PaperMotion:
     """Integrate the paper's equations with DOP853, release-once.
 
     Raises:

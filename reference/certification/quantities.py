@@ -88,11 +88,19 @@ def plan(mechanism: Mechanism, motion: Motion, end: float, step: float) -> Plan:
         end: of the certified motion, the launch or the duration [s].
         step: of the grid of instants, a power of ten [s].
     """
-    times = {name: time for name, time in motion.release_times.items() if time is not None and time <= end}
+    times = {
+        name: time
+        for name, time in motion.release_times.items()
+        if time is not None and time <= end
+    }
     # Rounded to a hundredth of the step: all computations must use the same number.
     decimals = -round(math.log10(step))
     least = 10.0 ** -(decimals + 2)
-    halfway = {name: max(round(time / 2, decimals + 2), least) for name, time in times.items() if time > 4 * least}
+    halfway = {
+        name: max(round(time / 2, decimals + 2), least)
+        for name, time in times.items()
+        if time > 4 * least
+    }
     grid = tuple(round(i * step, decimals) for i in range(1, int(end / step) + 1))
     return Plan(mechanism, tuple(times), halfway, grid, motion.launch is not None, step)
 
@@ -126,10 +134,15 @@ def _releases(motion: Motion, plan: Plan) -> _KeyedValues:
         yield from _coordinates(motion, plan, time, f"release of {name}")
 
 
-def _coordinates(motion: Motion, plan: Plan, time: float, at: str, instant: float | None = None) -> _KeyedValues:
+def _coordinates(
+    motion: Motion, plan: Plan, time: float, at: str, instant: float | None = None
+) -> _KeyedValues:
     q, _ = motion.state(time)
     for i, name in enumerate(plan.mechanism.coordinates):
-        yield Key("coordinate", name, at, "rad" if i < len(plan.mechanism.angles) else "m", instant), q[i]
+        yield (
+            Key("coordinate", name, at, "rad" if i < len(plan.mechanism.angles) else "m", instant),
+            q[i],
+        )
 
 
 def _torques(motion: Motion, plan: Plan) -> _KeyedValues:
@@ -148,7 +161,9 @@ def _grid(motion: Motion, plan: Plan) -> _KeyedValues:
             yield from _position(motion, name, time, f"{time:g} s", time)
 
 
-def _position(motion: Motion, name: str, time: float, at: str, instant: float | None = None) -> _KeyedValues:
+def _position(
+    motion: Motion, name: str, time: float, at: str, instant: float | None = None
+) -> _KeyedValues:
     x, y = motion.marker(name, time)[0]
     yield Key("position_x", name, at, "m", instant), x
     yield Key("position_y", name, at, "m", instant), y
@@ -162,8 +177,14 @@ def _launch(motion: Motion, plan: Plan) -> _KeyedValues:
     yield Key("launch_speed", None, "", "m/s"), launch.speed
     yield from _coordinates(motion, plan, launch.time, "launch")
     yield from _position(motion, PROJECTILE, launch.time, "launch")
-    yield Key("range", None, "launch", "m"), vacuum_range(motion, plan.mechanism.gravity, launch.time)
-    yield Key("energy_ratio", None, "launch", "1"), _energy_ratio(motion, plan.mechanism)(launch.time)
+    yield (
+        Key("range", None, "launch", "m"),
+        vacuum_range(motion, plan.mechanism.gravity, launch.time),
+    )
+    yield (
+        Key("energy_ratio", None, "launch", "1"),
+        _energy_ratio(motion, plan.mechanism)(launch.time),
+    )
 
 
 def _rightmost(motion: Motion, plan: Plan) -> _KeyedValues:
@@ -177,7 +198,10 @@ def _rightmost(motion: Motion, plan: Plan) -> _KeyedValues:
 
     time = _maximum(x, lambda t: x(t, 1), 0.0, launch.time, plan.step / 10)
     if time is not None:
-        yield Key("position_x_max", COUNTERWEIGHT, "before launch", "m"), motion.marker(COUNTERWEIGHT, time)[0][0]
+        yield (
+            Key("position_x_max", COUNTERWEIGHT, "before launch", "m"),
+            motion.marker(COUNTERWEIGHT, time)[0][0],
+        )
 
 
 def _best_release(motion: Motion, plan: Plan) -> _KeyedValues:
@@ -185,11 +209,20 @@ def _best_release(motion: Motion, plan: Plan) -> _KeyedValues:
     launch, g = motion.launch, plan.mechanism.gravity
     if launch is None or g == 0:
         return
-    time = _near(motion, launch, plan.step, lambda t: vacuum_range(motion, g, t), lambda t: _range_rate(motion, g, t))
+    time = _near(
+        motion,
+        launch,
+        plan.step,
+        lambda t: vacuum_range(motion, g, t),
+        lambda t: _range_rate(motion, g, t),
+    )
     if time is not None:
         _, velocity, _ = motion.marker(PROJECTILE, time)
         yield Key("best_release_time", None, "longest range", "s"), time
-        yield Key("best_release_angle", None, "longest range", "rad"), math.atan2(velocity[1], velocity[0])
+        yield (
+            Key("best_release_angle", None, "longest range", "rad"),
+            math.atan2(velocity[1], velocity[0]),
+        )
         yield Key("best_release_speed", None, "longest range", "m/s"), math.hypot(*velocity)
         yield Key("best_range", None, "longest range", "m"), vacuum_range(motion, g, time)
 
@@ -199,22 +232,38 @@ def _largest_ratio(motion: Motion, plan: Plan) -> _KeyedValues:
     if launch is None or not motion.energy(0.0):
         return
     ratio = _energy_ratio(motion, plan.mechanism)
-    time = _near(motion, launch, plan.step, lambda t: _speed_rate(motion, t)[0], lambda t: _speed_rate(motion, t)[1])
+    time = _near(
+        motion,
+        launch,
+        plan.step,
+        lambda t: _speed_rate(motion, t)[0],
+        lambda t: _speed_rate(motion, t)[1],
+    )
     if time is not None:
         yield Key("largest_ratio_time", None, "fastest", "s"), time
         yield Key("largest_ratio", None, "fastest", "1"), ratio(time)
 
 
 def _near(
-    motion: Motion, launch: Launch, step: float, value: Callable[[float], float], rate: Callable[[float], float]
+    motion: Motion,
+    launch: Launch,
+    step: float,
+    value: Callable[[float], float],
+    rate: Callable[[float], float],
 ) -> float | None:
-    opened = [time for time in motion.release_times.values() if time is not None and time < launch.time]
+    opened = [
+        time for time in motion.release_times.values() if time is not None and time < launch.time
+    ]
     before = max(max(opened, default=0.0), launch.time - step)
     return _maximum(value, rate, before, launch.time + step, step / 100)
 
 
 def _maximum(
-    value: Callable[[float], float], rate: Callable[[float], float], start: float, end: float, step: float
+    value: Callable[[float], float],
+    rate: Callable[[float], float],
+    start: float,
+    end: float,
+    step: float,
 ) -> float | None:
     """Where a smooth function is largest [s], by the root of its derivative; None at an end of the interval."""
     times = np.linspace(start, end, max(3, math.ceil((end - start) / step) + 1))
@@ -254,6 +303,8 @@ def _speed_rate(motion: Motion, t: float) -> tuple[float, float]:
 
 def _energy_ratio(motion: Motion, mechanism: Mechanism) -> Callable[[float], float]:
     """The paper's R: kinetic energy of the projectile over the total energy at the start."""
-    mass = mechanism.thrown_mass(next(marker for marker in mechanism.markers if marker.name == PROJECTILE))
+    mass = mechanism.thrown_mass(
+        next(marker for marker in mechanism.markers if marker.name == PROJECTILE)
+    )
     energy = motion.energy(0.0)
     return lambda t: mass * _speed_rate(motion, t)[0] / energy if mass and energy else math.nan

@@ -1,16 +1,19 @@
 r"""The motion once more, in redundant coordinates: the independent formulation.
 
-Every body has three coordinates of its own, its centre's x and y [m] and its angle [rad, positive clockwise]; joints,
-tree or loop, and closed stops are constraints g(x) = 0 alike, solved in the index-1 form
+Every body has three coordinates of its own, its centre's x and y [m] and its angle [rad, positive
+clockwise]; joints, tree or loop, and closed stops are constraints g(x) = 0 alike, solved in the
+index-1 form
 
     M a - G^T lam = Q,      G a = -gamma,      gamma = (dG/dt) v,
 
-(Haug, *Computer Aided Kinematics and Dynamics of Mechanical Systems*, ch. 11). The multipliers *are* the joints'
-forces on their children and the stops' torques. After each step the state is put back on g = 0 and G v = 0 by the
-smallest move in the mass metric (coordinate projection, Eich 1993), so nothing drifts and no Baumgarte term acts.
+(Haug, *Computer Aided Kinematics and Dynamics of Mechanical Systems*, ch. 11). The multipliers
+*are* the joints' forces on their children and the stops' torques. After each step the state is put
+back on g = 0 and G v = 0 by the smallest move in the mass metric (coordinate projection, Eich
+1993), so nothing drifts and no Baumgarte term acts.
 
-Nothing here uses :mod:`...models.kinematics`, :mod:`...models.applied_forces`, :mod:`..equations` or :mod:`..solver`:
-what the two formulations agree on is not a shared mistake. Stops follow the release-once law.
+Nothing here uses :mod:`...models.kinematics`, :mod:`...models.applied_forces`, :mod:`..equations`
+or :mod:`..solver`: what the two formulations agree on is not a shared mistake. Stops follow the
+release-once law.
 """
 
 from __future__ import annotations
@@ -34,15 +37,18 @@ from .cartesian import AppliedCartesian, BodyPoint, Components, angle_rows, righ
 from .constrained import ConstrainedMotion, integrate
 from .quantities import PointState
 
-_DEPENDENT = 1e-6  # of the largest singular value: constraints more nearly dependent follow from each other
+_DEPENDENT = (
+    1e-6  # of the largest singular value: constraints more nearly dependent follow from each other
+)
 _PROJECTIONS = 3  # Newton converges in one from the rounding of a step; the start may need another
 
 
 class RedundantSystem:
     """A mechanism with three coordinates a body; states are y = (x, v), shape (6 n_bodies,).
 
-    `x` runs body by body: centre x, centre y, angle. Constraint rows: held directions of the joints, in the
-    mechanism's order (two for a pin, one for a slot), then the angles that joints hold, then the active stops.
+    `x` runs body by body: centre x, centre y, angle. Constraint rows: held directions of the
+    joints, in the mechanism's order (two for a pin, one for a slot), then the angles that joints
+    hold, then the active stops.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -52,11 +58,15 @@ class RedundantSystem:
         masses = [(body.mass, body.mass, body.inertia) for body in mechanism.bodies]
         self._mass = np.diag(np.ravel(masses))
         self._applied = AppliedCartesian(mechanism)
-        held = [(joint, direction) for joint in mechanism.joints for direction in joint.held_directions]
+        held = [
+            (joint, direction) for joint in mechanism.joints for direction in joint.held_directions
+        ]
         self._held = _components(mechanism, held)
         rigid = [joint for joint in mechanism.joints if joint.turned_by is not None]
         self._rigid = angle_rows(mechanism, [(joint.child, joint.parent) for joint in rigid])
-        self._free = _components(mechanism, [(slide.joint, slide.direction) for slide in mechanism.slides])
+        self._free = _components(
+            mechanism, [(slide.joint, slide.direction) for slide in mechanism.slides]
+        )
         self._turning = np.array([body.angle is not None for body in mechanism.bodies])
         self._walls = {stop.name: _distance(mechanism, stop) for stop in mechanism.point_stops}
         self._angle_rows = {stop.name: self._angle_row(stop) for stop in mechanism.angle_stops}
@@ -66,7 +76,8 @@ class RedundantSystem:
         angles = (self._rigid @ self._start[: self.n]).tolist()
         # Of a joint that closes a loop the angle may be full turns apart.
         apart = [
-            math.remainder(a - (joint.turned_by or 0.0), 2 * math.pi) for a, joint in zip(angles, rigid, strict=True)
+            math.remainder(a - (joint.turned_by or 0.0), 2 * math.pi)
+            for a, joint in zip(angles, rigid, strict=True)
         ]
         self._turned_by = np.array(angles) - np.array(apart)
 
@@ -103,7 +114,9 @@ class RedundantSystem:
         """Torques of the active stops [N m], in their order."""
         return self._solve(y, active)[self.n + len(self._held) + len(self._rigid) :]
 
-    def gap_accelerations(self, y: FloatArray, active: tuple[str, ...], of: tuple[str, ...]) -> FloatArray:
+    def gap_accelerations(
+        self, y: FloatArray, active: tuple[str, ...], of: tuple[str, ...]
+    ) -> FloatArray:
         """Second derivatives of gaps [rad/s^2 or m/s^2] while `active` are active."""
         x, v, a = y[: self.n], y[self.n :], self._solve(y, active)[: self.n]
         gaps = (self._gap_derivatives(x, v, name) for name in of)
@@ -119,7 +132,9 @@ class RedundantSystem:
             if np.abs(error).max(initial=0.0) < 1e-12:
                 break
         jacobian = self._constraints(x, v, active)[0]
-        return np.concatenate([x, v + self._kkt(active, jacobian, nothing, -jacobian @ v)[: self.n]])
+        return np.concatenate(
+            [x, v + self._kkt(active, jacobian, nothing, -jacobian @ v)[: self.n]]
+        )
 
     def joint_errors(self, x: FloatArray) -> FloatArray:
         """By how much each joint's rows are broken [m, rad]."""
@@ -174,7 +189,10 @@ class RedundantSystem:
         rows = multipliers[: len(self._held), None] * self._held.along(y[: self.n])
         ends = np.cumsum([len(joint.held_directions) for joint in self.mechanism.joints])
         parts = np.split(rows, ends[:-1])
-        return {joint.name: part.sum(axis=0) for joint, part in zip(self.mechanism.joints, parts, strict=True)}
+        return {
+            joint.name: part.sum(axis=0)
+            for joint, part in zip(self.mechanism.joints, parts, strict=True)
+        }
 
     def _angle_row(self, stop: Stop) -> FloatArray:
         row = np.zeros(self.n)
@@ -183,7 +201,9 @@ class RedundantSystem:
                 row[3 * self._index[body] + 2] += sign
         return row
 
-    def _gap_derivatives(self, x: FloatArray, v: FloatArray, name: str) -> tuple[FloatArray, FloatArray]:
+    def _gap_derivatives(
+        self, x: FloatArray, v: FloatArray, name: str
+    ) -> tuple[FloatArray, FloatArray]:
         """Gradient of a stop's gap (1, 3 n_bodies), and minus its gamma (1,)."""
         if name in self._angle_rows:
             return self._angle_rows[name][None], np.zeros(1)
@@ -198,21 +218,29 @@ class RedundantSystem:
         arm = turned(np.subtract(point, self.mechanism.bodies[self._index[body]].centre), angle)
         return arm, right_angle(arm)
 
-    def _point(self, x: FloatArray, v: FloatArray, body: str, point: Vector) -> tuple[FloatArray, FloatArray]:
+    def _point(
+        self, x: FloatArray, v: FloatArray, body: str, point: Vector
+    ) -> tuple[FloatArray, FloatArray]:
         if body == GROUND:
             return np.array(point), np.zeros(2)
         i = 3 * self._index[body]
         arm, turn = self._arm(x[i + 2], body, point)
         return x[i : i + 2] + arm, v[i : i + 2] + v[i + 2] * turn
 
-    def _constraints(self, x: FloatArray, v: FloatArray, active: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
+    def _constraints(
+        self, x: FloatArray, v: FloatArray, active: tuple[str, ...]
+    ) -> tuple[FloatArray, FloatArray]:
         """G, and minus gamma."""
         held, inward = self._held.derivatives(x, v)
         stops = [self._gap_derivatives(x, v, name) for name in active]
         rows = np.vstack([held, self._rigid, *(row for row, _ in stops)])
-        return rows, np.concatenate([inward, np.zeros(len(self._rigid)), *(gamma for _, gamma in stops)])
+        return rows, np.concatenate(
+            [inward, np.zeros(len(self._rigid)), *(gamma for _, gamma in stops)]
+        )
 
-    def _kkt(self, active: tuple[str, ...], jacobian: FloatArray, forces: FloatArray, right: FloatArray) -> FloatArray:
+    def _kkt(
+        self, active: tuple[str, ...], jacobian: FloatArray, forces: FloatArray, right: FloatArray
+    ) -> FloatArray:
         """Accelerations and multipliers; of dependent constraints the multipliers of least norm."""
         if active not in self._ranks:
             self._ranks[active] = int(np.linalg.matrix_rank(jacobian, rtol=_DEPENDENT))
@@ -228,10 +256,14 @@ class RedundantSystem:
         matrix = np.zeros((n + m, n + m))
         matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = self._mass, -jacobian.T, jacobian
         try:
-            return np.asarray(np.linalg.solve(matrix, np.concatenate([forces, right])), dtype=np.float64)
+            return np.asarray(
+                np.linalg.solve(matrix, np.concatenate([forces, right])), dtype=np.float64
+            )
         except np.linalg.LinAlgError:
             name = self.mechanism.name
-            raise SimulationError(f"{name!r} has no unique accelerations in a state it comes to.") from None
+            raise SimulationError(
+                f"{name!r} has no unique accelerations in a state it comes to."
+            ) from None
 
     def _solve(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
         """Accelerations, then multipliers."""
@@ -242,7 +274,9 @@ class RedundantSystem:
 
 def _components(mechanism: Mechanism, of: list[tuple[AnyJoint, complex]]) -> Components:
     """Of the vectors from the parents' points to the children's; where all are held, in the world's directions."""
-    ends = [((joint.child, joint.child_point), (joint.parent, joint.parent_point)) for joint, _ in of]
+    ends = [
+        ((joint.child, joint.child_point), (joint.parent, joint.parent_point)) for joint, _ in of
+    ]
     turning = [bool(joint.free_directions) and joint.parent != GROUND for joint, _ in of]
     return Components(mechanism, ends, [direction for _, direction in of], turning)
 
@@ -280,8 +314,12 @@ class RedundantMotion:
 
     def marker(self, name: str, t: float) -> PointState:
         """Position [m], velocity [m/s] and acceleration [m/s^2] of a marker, each (2,)."""
-        marker_model = next(marker for marker in self.system.mechanism.markers if marker.name == name)
-        return self.system.point(self.motion.state(t), self.accelerations(t), marker_model.body, marker_model.point)
+        marker_model = next(
+            marker for marker in self.system.mechanism.markers if marker.name == name
+        )
+        return self.system.point(
+            self.motion.state(t), self.accelerations(t), marker_model.body, marker_model.point
+        )
 
     def stop_torques(self, t: float) -> dict[str, float]:
         """Torque of every stop [N m]; 0 where it is open."""
@@ -332,9 +370,13 @@ def solve_redundant(problem: Problem, tolerance: float = 3e-14) -> RedundantMoti
         SimulationError: the integrator's step size collapsed, as it does at a singular position.
     """
     if problem.stop_law is not StopLaw.RELEASE_ONCE:
-        raise UnsupportedProblemError("the redundant formulation follows the release-once law of a stop only.")
+        raise UnsupportedProblemError(
+            "the redundant formulation follows the release-once law of a stop only."
+        )
     system = RedundantSystem(problem.mechanism)
     try:
         return RedundantMotion(system, integrate(system, problem.duration, tolerance))
     except SimulationError as error:
-        raise SimulationError(f"in redundant coordinates, which pass no singular position, {error}") from None
+        raise SimulationError(
+            f"in redundant coordinates, which pass no singular position, {error}"
+        ) from None

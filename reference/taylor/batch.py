@@ -1,7 +1,7 @@
 """Launches of many machines at once, each in a lane of the processor's vectors.
 
-One compiled batch integrator serves all active sets (:mod:`.compiled`), so a lane changes its stops without
-regard to the others; a lane whose machine has launched takes the next one.
+One compiled batch integrator serves all active sets (:mod:`.compiled`), so a lane changes its stops
+without regard to the others; a lane whose machine has launched takes the next one.
 """
 
 from __future__ import annotations
@@ -24,7 +24,15 @@ from ..contact import ActiveSet, starts_at_rest
 from ..equations import Equations
 from ..reactions import refuse_dependent
 from .compiled import batch_pool, torque_function
-from .machine import PROJECTILE, Structure, numbers_of, projectile_row, relevant_stops, rests_of, structure_of
+from .machine import (
+    PROJECTILE,
+    Structure,
+    numbers_of,
+    projectile_row,
+    relevant_stops,
+    rests_of,
+    structure_of,
+)
 from .rank import RankGuard
 from .solve import taylor_quantities
 from .system import heyoka
@@ -66,18 +74,19 @@ def launch_batch(
 ) -> BatchLaunches:
     """Launches of machines of one kind under the release-once law.
 
-    A machine that comes near a singular position is solved alone, as by :func:`.solve.taylor_quantities`.
+    A machine that comes near a singular position is solved alone, as by
+    :func:`.solve.taylor_quantities`.
 
     Args:
-        mechanisms: alike but for their numbers: same coordinates, stops and projectile. Of an iterator that makes them
-            one by one no more than some thousands are held at a time.
+        mechanisms: alike but for their numbers: same coordinates, stops and projectile. Of an
+            iterator that makes them one by one no more than some thousands are held at a time.
         duration: the launch is searched up to here [s].
         tolerance: relative local error.
 
     Raises:
         EngineNotInstalledError: heyoka is not here.
-        InputError: the machines are not alike, throw nothing, or the duration or the tolerance is not usable; or the
-            loops of one do not close at the start.
+        InputError: the machines are not alike, throw nothing, or the duration or the tolerance is
+            not usable; or the loops of one do not close at the start.
         UnsupportedProblemError: constraints of a machine depend on each other.
     """
     if not 2.3e-16 <= tolerance <= 1e-2:
@@ -99,8 +108,13 @@ def _joined(parts: Sequence[BatchLaunches]) -> BatchLaunches:
     def joined(name: str) -> Any:
         return np.concatenate([getattr(part, name) for part in parts])
 
-    releases = {name: np.concatenate([part.release_times[name] for part in parts]) for name in parts[0].release_times}
-    failures = {k * _CHUNK + i: text for k, part in enumerate(parts) for i, text in part.failures.items()}
+    releases = {
+        name: np.concatenate([part.release_times[name] for part in parts])
+        for name in parts[0].release_times
+    }
+    failures = {
+        k * _CHUNK + i: text for k, part in enumerate(parts) for i, text in part.failures.items()
+    }
     columns = {name: joined(name) for name in ("launched", "time", "velocity", "q", "u")}
     return BatchLaunches(release_times=releases, failures=failures, **columns)
 
@@ -111,7 +125,9 @@ class _Kind:
     def __init__(self, first: Mechanism, duration: float) -> None:
         self.name, self.problem, self._what = first.name, Problem(first, duration), self._of(first)
         if first.marker(PROJECTILE) is None:
-            raise InputError(f"mechanism {first.name!r} has no marker 'projectile' that could be launched.")
+            raise InputError(
+                f"mechanism {first.name!r} has no marker 'projectile' that could be launched."
+            )
 
     def problem_of(self, mechanism: Mechanism) -> Problem:
         """Of a valid mechanism, or of stacked ones: not validated again, which takes as long as to integrate it."""
@@ -131,16 +147,25 @@ class _Kind:
 
     @staticmethod
     def _of(mechanism: Mechanism) -> tuple[object, ...]:
-        stops: list[object] = [(s.name, s.body, s.relative_to, s.sense, s.closed) for s in mechanism.angle_stops]
+        stops: list[object] = [
+            (s.name, s.body, s.relative_to, s.sense, s.closed) for s in mechanism.angle_stops
+        ]
         stops += [(s.name, s.body, s.closed) for s in mechanism.point_stops]
         thrown = [marker.body for marker in mechanism.markers if marker.name == PROJECTILE]
-        return (mechanism.coordinates, stops, thrown, [(j.name, j.kind) for j in mechanism.loop_joints])
+        return (
+            mechanism.coordinates,
+            stops,
+            thrown,
+            [(j.name, j.kind) for j in mechanism.loop_joints],
+        )
 
 
 class _Machines:
     """The machines' parameters and starts as arrays, one column for each."""
 
-    def __init__(self, mechanisms: Sequence[Mechanism], kind: _Kind, first: int, before: Structure | None) -> None:
+    def __init__(
+        self, mechanisms: Sequence[Mechanism], kind: _Kind, first: int, before: Structure | None
+    ) -> None:
         self.mechanisms, self.kind = mechanisms, kind
         self.guard: RankGuard | None = None
         self.names = tuple(stop.name for stop in mechanisms[0].stops)
@@ -154,7 +179,10 @@ class _Machines:
         self.parameters = np.zeros((self.structure.n_parameters, n))
         self.parameters[: self.structure.n_numbers] = numbers[:, np.array(self.structure.present)].T
         self.states, self.speed_scales = np.empty((2 * n_q, n)), np.empty(n)
-        self.projectiles, self.plain = np.empty((n, n_q), dtype=np.complex128), np.empty(n, dtype=bool)
+        self.projectiles, self.plain = (
+            np.empty((n, n_q), dtype=np.complex128),
+            np.empty(n, dtype=bool),
+        )
         for indices, problem, kinematics in groups:
             projectile = projectile_row(problem.mechanism, kinematics)
             self.states[:, indices] = np.concatenate(initial_state(problem.mechanism), axis=-1).T
@@ -166,14 +194,20 @@ class _Machines:
         self.rests = np.array([name in rests_of(mechanisms[0]) for name in self.stops], dtype=bool)
 
     def _take_structure(
-        self, groups: Sequence[tuple[IndexArray, Problem, Kinematics]], first: int, before: Structure | None
+        self,
+        groups: Sequence[tuple[IndexArray, Problem, Kinematics]],
+        first: int,
+        before: Structure | None,
     ) -> FloatArray:
         """All numbers, shape (n, n_numbers); the structure has those that any machine has, or had before."""
         none = np.zeros(0, dtype=bool)
         structures = [structure_of(problem, kinematics, none) for _, problem, kinematics in groups]
         if before is not None:
             structures.append(replace(before, present=()))
-        springs = tuple(any(flags) for flags in zip(*(structure.springs for structure in structures), strict=False))
+        springs = tuple(
+            any(flags)
+            for flags in zip(*(structure.springs for structure in structures), strict=False)
+        )
         for (indices, _, _), structure in zip(groups, structures, strict=False):
             if replace(structure, springs=springs) != replace(structures[0], springs=springs):
                 raise self.kind.refusal(self.mechanisms[indices[0]], first + int(indices[0]))
@@ -192,14 +226,17 @@ class _Machines:
         active = self.structure.active
         self.parameters[active] = 1.0
         if self.stops:
-            # Where one stop alone would have to pull, its gap opens without it, for the Delassus matrix is definite.
+            # Where one stop alone would have to pull, its gap opens without it, for the Delassus
+            # matrix is definite.
             pulls = ~(self._torques() >= 0)
             self.parameters[active] = ~(pulls & (pulls.sum(axis=0) == 1))
             self.plain &= np.all(self._torques() >= 0, axis=0)
         self.released_at_start = self.parameters[active].T == 0
         self.alone = np.zeros(len(self.mechanisms), dtype=bool)
         if self.structure.n_loops:
-            self.guard = RankGuard(self.structure, self.parameters, self.states[: self.structure.n_q])
+            self.guard = RankGuard(
+                self.structure, self.parameters, self.states[: self.structure.n_q]
+            )
             self.alone = self.guard.near_at_start
         for i in np.flatnonzero(~self.plain & ~self.alone).tolist():
             equations = Equations(self.mechanisms[i])
@@ -226,7 +263,9 @@ class _Machines:
 class _Lanes:
     """Steps all lanes together; each has a machine, or none when there are no more."""
 
-    def __init__(self, integrator: Any, machines: _Machines, duration: float, tolerance: float) -> None:
+    def __init__(
+        self, integrator: Any, machines: _Machines, duration: float, tolerance: float
+    ) -> None:
         self.integrator = integrator
         self.machines = machines
         self.structure = machines.structure
@@ -255,7 +294,11 @@ class _Lanes:
         while max(self.machine) >= 0:
             self.integrator.step(write_tc=guard is not None)
             late = (self.integrator.time > self.duration).tolist()
-            near = None if guard is None else guard.after_step(self.integrator, np.array(self.machine)).tolist()
+            near = (
+                None
+                if guard is None
+                else guard.after_step(self.integrator, np.array(self.machine)).tolist()
+            )
             for lane, (outcome, _) in enumerate(self.integrator.step_res):
                 if self.machine[lane] < 0:
                     if outcome == not_finite:
@@ -332,7 +375,11 @@ class _Lanes:
 
     def _is_launch(self, lane: int) -> bool:
         """Record a launch, if it is one: not the opposite direction, nor a start from rest."""
-        i, time, state = self.machine[lane], float(self.integrator.time[lane]), self.state[:-1, lane].copy()
+        i, time, state = (
+            self.machine[lane],
+            float(self.integrator.time[lane]),
+            self.state[:-1, lane].copy(),
+        )
         velocity = self.machines.velocity(i, state)
         if not is_launch(velocity, scale=self.machines.speed_scales[i]):
             return False

@@ -21,7 +21,10 @@ def why_not_taylor(problem: Problem) -> str | None:
     """Why "auto" integrates a problem with DOP853, half a sentence; None where it takes Taylor series."""
     if importlib.util.find_spec("heyoka") is None:
         return "heyoka is not installed"
-    mechanism, closed = problem.mechanism, [stop.name for stop in problem.mechanism.stops if stop.closed]
+    mechanism, closed = (
+        problem.mechanism,
+        [stop.name for stop in problem.mechanism.stops if stop.closed],
+    )
     if Equations(mechanism).basis(np.array(mechanism.start), closed) is not None:
         return "its constraints depend on each other"
     kinematics = Kinematics(mechanism)

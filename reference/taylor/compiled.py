@@ -14,7 +14,9 @@ from .machine import RealType, Structure
 from .system import TaylorSystem, heyoka
 
 _KEPT = 32  # compiled systems; one takes about a megabyte and a second
-_UNROLLED = 90  # products of one evaluation; compiling more without loops takes longer than it saves
+_UNROLLED = (
+    90  # products of one evaluation; compiling more without loops takes longer than it saves
+)
 
 
 def _is_compact(system: TaylorSystem) -> bool:
@@ -47,7 +49,8 @@ def scalar_pool(structure: Structure, tolerance: float, real: RealType) -> _Pool
         falls = hy.event_direction.negative
         events = [hy.t_event(function, direction=falls, fp_type=real) for function in system.events]
         state = np.zeros(structure.n_states, dtype=real)
-        # Parameters are left out: heyoka has as many as it uses, which are less where the last numbers move nothing.
+        # Parameters are left out: heyoka has as many as it uses, which are less where the last
+        # numbers move nothing.
         integrator = hy.taylor_adaptive(
             system.rates,
             state,
@@ -70,7 +73,10 @@ def batch_pool(structure: Structure, tolerance: float, lanes: int) -> _Pool:
         hy, system = heyoka(), TaylorSystem(structure)
         falls = hy.event_direction.negative
         events = [hy.t_event_batch(function, direction=falls) for function in system.events]
-        state, pars = np.zeros((structure.n_states, lanes)), np.ones((structure.n_parameters, lanes))
+        state, pars = (
+            np.zeros((structure.n_states, lanes)),
+            np.ones((structure.n_parameters, lanes)),
+        )
         compact = _is_compact(system)
         return hy.taylor_adaptive_batch(
             system.rates, state, pars=pars, t_events=events, tol=tolerance, compact_mode=compact
@@ -90,4 +96,6 @@ def jacobian_function(structure: Structure) -> Any:
 def torque_function(structure: Structure, real: RealType) -> Any:
     """Stop torques: f(state, pars=...), shapes (2 n_q,) or (2 n_q, n); the parameters end with the active switches."""
     hy, system = heyoka(), TaylorSystem(structure)
-    return hy.cfunc(system.torques, [*system.q, *system.u], fp_type=real, compact_mode=_is_compact(system))
+    return hy.cfunc(
+        system.torques, [*system.q, *system.u], fp_type=real, compact_mode=_is_compact(system)
+    )

@@ -1,7 +1,7 @@
 """Singular positions on the Taylor integrator's way: it stops beside them, and goes on behind (:mod:`..singular`).
 
-Its series have poles in such a position, so its steps shrink before it and rounding decides on the branch. The motion
-across it is the one that the DOP853 solver takes, in doubles.
+Its series have poles in such a position, so its steps shrink before it and rounding decides on the
+branch. The motion across it is the one that the DOP853 solver takes, in doubles.
 """
 
 from __future__ import annotations
@@ -54,13 +54,16 @@ class Crossing:
             launched: the point whose launch is looked for, if it is.
 
         Raises:
-            SimulationError: the speed does not tell the branch, a stop opens in the singular position, or the point is
-                launched beside it, which is looked for on Taylor's polynomials alone.
+            SimulationError: the speed does not tell the branch, a stop opens in the singular
+                position, or the point is launched beside it, which is looked for on Taylor's
+                polynomials alone.
         """
         window = self._watch.window_from(float(integrator.time), *self._state(integrator))
         if window is None:
             return None
-        end, events = first_events(self._locate, window.dense_output(), window.start, min(window.end, until))
+        end, events = first_events(
+            self._locate, window.dense_output(), window.start, min(window.end, until)
+        )
         window = window.until(end, releases(events))
         if launched is not None and self._passes_launch(window, launched):
             raise SimulationError(
@@ -73,7 +76,9 @@ class Crossing:
         return window, events
 
     def _passes_launch(self, window: Window, point: PointCoefficients) -> bool:
-        states = window.dense_output()(np.linspace(window.start, window.end, _SAMPLES)).reshape(2, self.n_q, -1)
+        states = window.dense_output()(np.linspace(window.start, window.end, _SAMPLES)).reshape(
+            2, self.n_q, -1
+        )
         leads = lead(self._kinematics.velocity(point, states[0].T, states[1].T))
         return bool(np.any((leads[1:] < 0) & (leads[:-1] >= 0)))
 
@@ -93,7 +98,9 @@ class Crossings:
         if not self._equations.n_loops:
             return None
         if self._last is None or self._last[0] is not initial:
-            finder = EventFinder(self._equations, initial, self._active_set.event_functions(initial))
+            finder = EventFinder(
+                self._equations, initial, self._active_set.event_functions(initial)
+            )
             self._last = initial, Crossing(self._equations, initial, finder)
         return self._last[1]
 

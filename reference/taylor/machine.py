@@ -1,16 +1,17 @@
 r"""A machine for the Taylor integrator: a vector of numbers, and the structure that says which of them are zero.
 
-All that :mod:`..equations` computes with complex rates is a sum of real waves Re(z e^{i phase}) with constant z:
+All that :mod:`..equations` computes with complex rates is a sum of real waves Re(z e^{i phase})
+with constant z:
 
-    M_ij = Re(z e^{i(q_i - q_j)})                           z = K_ij (and the inertias on the diagonal)
-    b_i  = sum_j Im(z e^{i(q_i - q_j)}) u_j^2
-    Q_i  = Re(z e^{i q_i})                                  z = i W_i
-    G_kj = Re(z e^{i q_j}),  gamma_k = -sum_j Im(z e^{i q_j}) u_j^2   z = i conj(L_kj)
-    gap_k = sum_j Im(z e^{i q_j}) - limit                   of a stop on a point: the same z as its gradient's
+    M_ij = Re(z e^{i(q_i - q_j)})                           z = K_ij (and the inertias on the
+    diagonal) b_i  = sum_j Im(z e^{i(q_i - q_j)}) u_j^2 Q_i  = Re(z e^{i q_i})
+    z = i W_i G_kj = Re(z e^{i q_j}),  gamma_k = -sum_j Im(z e^{i q_j}) u_j^2   z = i conj(L_kj)
+    gap_k = sum_j Im(z e^{i q_j}) - limit                   of a stop on a point: the same z as its
+    gradient's
 
-and the same without the phase and the i of a coordinate that is a slide. A slide along a line that turns with the angle
-q_c has the phase of that angle, and, since its w is q_k e^{-i q_c}, a derivative by q_c as well: q_k times its wave,
-turned by a right angle.
+and the same without the phase and the i of a coordinate that is a slide. A slide along a line that
+turns with the angle q_c has the phase of that angle, and, since its w is q_k e^{-i q_c}, a
+derivative by q_c as well: q_k times its wave, turned by a right angle.
 """
 
 from __future__ import annotations
@@ -151,7 +152,10 @@ def structure_of(problem: Problem, kinematics: Kinematics, present: NDArray[np.b
         carried=kinematics.carried,
         loop_rows=tuple(_row(closure) for closure in kinematics.loop_closures),
         gap_rows=tuple(_row(kinematics.gaps[name]) for name in relevant_stops(problem)),
-        springs=tuple(bool(np.any(spring.rest_length) or np.any(spring.damping)) for spring, _ in applied.springs),
+        springs=tuple(
+            bool(np.any(spring.rest_length) or np.any(spring.damping))
+            for spring, _ in applied.springs
+        ),
         twists=tuple(_senses(angle) for _, angle in applied.rotational),
         closes=problem.stop_law is StopLaw.UNILATERAL,
         present=tuple(bool(flag) for flag in present),
@@ -183,16 +187,23 @@ def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real
     lines = [function for function in constraints if isinstance(function, LineFunction)]
 
     def waves(rows: Sequence[ComplexArray], vectors: bool = False) -> Complex:
-        return _waves(_wide(_stacked(rows, (*machines, n_q)).swapaxes(-1, -2), real), kinematics, vectors)
+        return _waves(
+            _wide(_stacked(rows, (*machines, n_q)).swapaxes(-1, -2), real), kinematics, vectors
+        )
 
     # The component across the launch direction is Im(e^{-i angle} v) = Re(-i e^{-i angle} v).
-    lead = _wide(projectile_row(mechanism, kinematics).coefficients, real) * (np.exp(-1j * real(LAUNCH_ANGLE)) * -1j)
+    lead = _wide(projectile_row(mechanism, kinematics).coefficients, real) * (
+        np.exp(-1j * real(LAUNCH_ANGLE)) * -1j
+    )
     springs = [vector for _, vector in applied.springs]
     sections = (
         _products(centres, masses, kinematics, real),
         _waves(_pulls(centres, masses, applied, real), kinematics),
-        # Rows L with Re(L w' u) the rates of the loops' constraints, and the gap speeds of the stops on points.
-        waves([row.coefficients for row in kinematics.loop_closures if isinstance(row, PointFunction)]),
+        # Rows L with Re(L w' u) the rates of the loops' constraints, and the gap speeds of the
+        # stops on points.
+        waves(
+            [row.coefficients for row in kinematics.loop_closures if isinstance(row, PointFunction)]
+        ),
         waves([row.coefficients for row in gaps if isinstance(row, PointFunction)]),
         _waves(lead, kinematics),
     )
@@ -205,9 +216,16 @@ def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real
     )
     # What is taken off the waves (or angles) of a gap.
     limits = [-gap.constant * (problem.stop_law is StopLaw.UNILATERAL) for gap in gaps]
-    spring_data = [(spring.stiffness, spring.damping, spring.rest_length) for spring, _ in applied.springs]
+    spring_data = [
+        (spring.stiffness, spring.damping, spring.rest_length) for spring, _ in applied.springs
+    ]
     twist_data = [_twist(element, angle) for element, angle in applied.rotational]
-    data = [number for each in (spring_data, twist_data) for row in zip(*each, strict=True) for number in row]
+    data = [
+        number
+        for each in (spring_data, twist_data)
+        for row in zip(*each, strict=True)
+        for number in row
+    ]
     parts = [_parts(section, machines) for section in sections] + [_stacked(limits, machines).real]
     parts += [_parts(section, machines) for section in vectors] + [_stacked(data, machines).real]
     return cast("Real", np.concatenate(parts, axis=-1).astype(real))
@@ -239,11 +257,17 @@ def _pulls(centres: Complex, masses: Real, applied: AppliedForces, real: RealTyp
     return cast("Complex", pulls)
 
 
-def _twist(element: RotationalSpringDamper | ConstantTorque, angle: AngleFunction) -> tuple[float, float, float]:
+def _twist(
+    element: RotationalSpringDamper | ConstantTorque, angle: AngleFunction
+) -> tuple[float, float, float]:
     """Stiffness, damping, and torque where the coordinates and speeds are zero."""
     if isinstance(element, ConstantTorque):
         return 0.0, 0.0, element.torque
-    return element.stiffness, element.damping, element.stiffness * (element.rest_angle - angle.constant)
+    return (
+        element.stiffness,
+        element.damping,
+        element.stiffness * (element.rest_angle - angle.constant),
+    )
 
 
 def _wide(values: NDArray[np.complex128], real: RealType) -> Complex:
@@ -254,7 +278,8 @@ def _waves(rows: Complex, kinematics: Kinematics, vectors: bool = False) -> Comp
     """Waves z with Re(row w') = Re(z e^{iq}) for an angle, w' = -i e^{-iq}, and Re(z) for a slide, w' = 1.
 
     Args:
-        vectors: whether both parts of row w' are needed; of a slide on a line that turns they always are.
+        vectors: whether both parts of row w' are needed; of a slide on a line that turns they
+            always are.
     """
     slides = rows.conj() if vectors else rows.real.astype(rows.dtype)
     for k, _ in kinematics.carried:

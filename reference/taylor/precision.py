@@ -26,7 +26,9 @@ def real_of(precision: str) -> RealType:
         raise InputError(f"precision = {precision!r} is not one of 'double', 'extended'.")
     real = _REALS[precision]
     if precision == "extended" and np.finfo(real).eps >= np.finfo(np.float64).eps:
-        raise InputError("precision = 'extended' needs a machine whose long double is longer than a double.")
+        raise InputError(
+            "precision = 'extended' needs a machine whose long double is longer than a double."
+        )
     return real
 
 
@@ -40,5 +42,7 @@ def checked_tolerance(tolerance: float | None, real: RealType) -> float:
     if tolerance is None:
         return least
     if not least <= tolerance <= _COARSEST:
-        raise InputError(f"tolerance = {tolerance!r} is not between {least:.3g} (the precision's) and {_COARSEST}.")
+        raise InputError(
+            f"tolerance = {tolerance!r} is not between {least:.3g} (the precision's) and {_COARSEST}."
+        )
     return float(tolerance)

@@ -1,7 +1,8 @@
 """Lanes of a batch that come near a singular position, in which their constraints lose rank (:mod:`..singular`).
 
-The singular values of the constraints' Jacobian are taken at both ends of each step. They change no faster than the
-Jacobian does; where they may have been small in between, the step's Taylor polynomials are sampled.
+The singular values of the constraints' Jacobian are taken at both ends of each step. They change no
+faster than the Jacobian does; where they may have been small in between, the step's Taylor
+polynomials are sampled.
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ from ..dependence import scales_of
 from .compiled import jacobian_function
 from .machine import Structure
 
-_NEAR = 0.15  # singular value below which a lane is near; below that the other integrators try a window
+_NEAR = (
+    0.15  # singular value below which a lane is near; below that the other integrators try a window
+)
 _POSITIONS = 32  # random ones, for the largest arms
 _SAMPLES = np.linspace(0.0, 1.0, 17)  # of a step
 
@@ -50,7 +53,9 @@ class RankGuard:
             machines: index of each lane's machine, shape (lanes,).
         """
         q, parameters = self._positions(integrator), integrator.pars
-        variation = np.sum(np.abs(np.diff(q, axis=1)).sum(axis=1) * self._slopes[machines].T, axis=0)
+        variation = np.sum(
+            np.abs(np.diff(q, axis=1)).sum(axis=1) * self._slopes[machines].T, axis=0
+        )
         at_ends = self._least(q[:, [0, -1]], parameters, machines).sum(axis=0)
         near = ~(0.5 * (at_ends - variation) > _NEAR)
         if np.any(near):
@@ -76,8 +81,12 @@ class RankGuard:
         """Least singular value of the active constraints, without units, at q (n_q, samples, n): (samples, n)."""
         jacobian = self._jacobian(q.reshape(len(q), -1), np.tile(parameters, q.shape[1]))
         stops = parameters[self._structure.active].T > 0
-        active = np.concatenate([np.ones((len(stops), self._structure.n_loops), dtype=bool), stops], axis=1)
-        scaled = jacobian.reshape(*q.shape[1:], *jacobian.shape[1:]) * (self._scales[machines] * active[..., None])
+        active = np.concatenate(
+            [np.ones((len(stops), self._structure.n_loops), dtype=bool), stops], axis=1
+        )
+        scaled = jacobian.reshape(*q.shape[1:], *jacobian.shape[1:]) * (
+            self._scales[machines] * active[..., None]
+        )
         values, rank = np.linalg.svd(scaled, compute_uv=False), active.sum(axis=1)
         least = values[..., np.arange(len(rank)), np.minimum(rank, values.shape[-1]) - 1]
         return np.where(rank > values.shape[-1], 0.0, least)

@@ -1,8 +1,9 @@
 """The reference motion by an adaptive Taylor integrator: an integrator and an event finder of their own.
 
-heyoka (Biscani and Izzo, MNRAS 504 (2021) 2614) expands the motion into its Taylor series at every step and finds
-releases, closings and the launch as roots of polynomials. What happens *at* an event is decided by :mod:`..contact`, as
-for the DOP853 solver. heyoka is optional; it is imported, and a structure of machine compiled, when first needed.
+heyoka (Biscani and Izzo, MNRAS 504 (2021) 2614) expands the motion into its Taylor series at every
+step and finds releases, closings and the launch as roots of polynomials. What happens *at* an event
+is decided by :mod:`..contact`, as for the DOP853 solver. heyoka is optional; it is imported, and a
+structure of machine compiled, when first needed.
 """
 
 from __future__ import annotations
@@ -38,14 +39,17 @@ _DRIFT = 1e-10  # [rad] how far below zero a gap may be: an active stop, or a re
 _OPENING = 1e-4  # [s] by then a gap that opens with the cube of time is some 1e-12 rad wide
 
 
-def solve_taylor(problem: Problem, tolerance: float | None = None, precision: Precision = "double") -> Solution:
+def solve_taylor(
+    problem: Problem, tolerance: float | None = None, precision: Precision = "double"
+) -> Solution:
     """Integrate a problem with heyoka's adaptive Taylor integrator.
 
     Args:
         problem: any that :func:`..solver.solve` takes.
-        tolerance: relative (or, for small states, absolute) local error; the precision's epsilon if left out, at
-            which rounding is all that is left.
-        precision: "extended" computes, and locates events, in 80-bit floats; the solution is read in doubles.
+        tolerance: relative (or, for small states, absolute) local error; the precision's epsilon if
+            left out, at which rounding is all that is left.
+        precision: "extended" computes, and locates events, in 80-bit floats; the solution is read
+            in doubles.
 
     Returns:
         A continuous solution; its `evaluations` are Taylor steps.
@@ -53,10 +57,13 @@ def solve_taylor(problem: Problem, tolerance: float | None = None, precision: Pr
     Raises:
         EngineNotInstalledError: heyoka is not here.
         InputError: the tolerance or the precision is not usable.
-        SimulationError: the motion left the finite numbers, or there are more than ten thousand events.
+        SimulationError: the motion left the finite numbers, or there are more than ten thousand
+            events.
     """
     started = time.perf_counter()
-    with numerical("from the start"):  # heyoka refuses a system that has no parameters: nothing moves the mechanism
+    with numerical(
+        "from the start"
+    ):  # heyoka refuses a system that has no parameters: nothing moves the mechanism
         run = _Integration(problem, tolerance, precision)
         run.integrate(record=True)
     return Solution(
@@ -99,7 +106,8 @@ def taylor_quantities(
     """From the start to the launch, both releases and the launch located on the Taylor polynomials.
 
     Args:
-        problem: its duration bounds the search for the launch; where there is none, the motion runs to its end.
+        problem: its duration bounds the search for the launch; where there is none, the motion runs
+        to its end.
         precision: of everything, parameters' products included ("extended": 80-bit floats).
         tolerance: local error; the precision's epsilon if left out.
 
@@ -163,7 +171,9 @@ class _Integration:
         self.projectile = projectile_row(problem.mechanism, self.kinematics)
         self.speed_scale = self.kinematics.speed_scale(self.projectile)
         self.rests = rests_of(problem.mechanism)
-        self.release_times: dict[str, np.floating[Any] | None] = dict.fromkeys(self.active_set.releases)
+        self.release_times: dict[str, np.floating[Any] | None] = dict.fromkeys(
+            self.active_set.releases
+        )
         self.segments: list[Segment] = []
         self.launched: _State | None = None
         self.steps = self.order = 0
@@ -186,11 +196,15 @@ class _Integration:
                     break
                 n_events += 1
                 if n_events > _MAX_EVENTS:
-                    raise SimulationError(f"the reference met more than {_MAX_EVENTS} events by t = {initial.t:.6g} s.")
+                    raise SimulationError(
+                        f"the reference met more than {_MAX_EVENTS} events by t = {initial.t:.6g} s."
+                    )
 
     def start_torques(self) -> dict[str, np.floating[Any]]:
         """Torque of every stop at the start [N m]."""
-        torques: dict[str, np.floating[Any]] = {name: self.real(0) for name in self.active_set.releases}
+        torques: dict[str, np.floating[Any]] = {
+            name: self.real(0) for name in self.active_set.releases
+        }
         if self.stops:
             state = np.concatenate([self.begun.q, self.begun.u]).astype(self.real)
             parameters = self._parameters(self.begun)[: self.structure.active.stop]
@@ -200,14 +214,21 @@ class _Integration:
 
     def projectile_velocity(self, q: Real, u: Real) -> Real:
         """[m/s], shape (2,), in the precision of the state."""
-        return cast("Real", self.kinematics.velocity(self.projectile, cast("FloatArray", q), cast("FloatArray", u)))
+        return cast(
+            "Real",
+            self.kinematics.velocity(self.projectile, cast("FloatArray", q), cast("FloatArray", u)),
+        )
 
     def _parameters(self, initial: PostEventState) -> Real:
         structure = self.structure
         parameters = np.zeros(structure.n_parameters, dtype=self.real)
         parameters[: structure.n_numbers] = self.numbers
         parameters[structure.active] = [name in initial.closed for name in self.stops]
-        watched = {function.stop for function in self.active_set.event_functions(initial) if function.closes}
+        watched = {
+            function.stop
+            for function in self.active_set.event_functions(initial)
+            if function.closes
+        }
         if structure.closes:
             parameters[structure.watched] = [name in watched for name in self.stops]
         return parameters
@@ -230,20 +251,30 @@ class _Integration:
         opened = all(self.active_set.releases[name] is not None for name in self.rests)
         return opened and not self.rests.intersection(initial.closed)
 
-    def _segment(self, integrator: Any, initial: PostEventState, record: bool) -> EventFunction | None:
+    def _segment(
+        self, integrator: Any, initial: PostEventState, record: bool
+    ) -> EventFunction | None:
         """Integrate under one active set, to its first event; None at the end or the launch."""
         if (standing := self._closes_at_once(initial)) is not None:
             return standing
         index = self._while_opening(integrator, initial, record)
         if index is None:
             index = self._step_to_event(integrator, initial, self.problem.duration, record)
-        return None if index is None or index == len(self.stops) else self._event_function(initial, index)
+        return (
+            None
+            if index is None or index == len(self.stops)
+            else self._event_function(initial, index)
+        )
 
-    def _step_to_event(self, integrator: Any, initial: PostEventState, until: float, record: bool) -> int | None:
+    def _step_to_event(
+        self, integrator: Any, initial: PostEventState, until: float, record: bool
+    ) -> int | None:
         """Integrate to the first stop's event or the launch, and say which; None if there is none until then."""
         while True:
             start, crossing = float(integrator.time), self.crossings.of(initial)
-            result = integrator.propagate_until(self.real(until), c_output=record, callback=crossing)
+            result = integrator.propagate_until(
+                self.real(until), c_output=record, callback=crossing
+            )
             self.steps += int(result[3])
             stopped = int(result[0]) == int(heyoka().taylor_outcome.cb_stop)
             index = None if stopped else self._event(integrator, int(result[0]))
@@ -258,7 +289,12 @@ class _Integration:
                 return index
 
     def _cross(
-        self, integrator: Any, crossing: Crossing, initial: PostEventState, until: float, record: bool
+        self,
+        integrator: Any,
+        crossing: Crossing,
+        initial: PostEventState,
+        until: float,
+        record: bool,
     ) -> int | None:
         """Cross a singular position, to a stop's event there, and say which; None if there is none."""
         launches = self.structure.throws and integrator.pars[self.structure.launch]
@@ -268,7 +304,9 @@ class _Integration:
         window, events = crossed
         if record:
             self._record(initial, window.start, window.end, WindowOutput(window))
-            self.segments[-1] = replace(self.segments[-1], windows=(*self.segments[-1].windows, window))
+            self.segments[-1] = replace(
+                self.segments[-1], windows=(*self.segments[-1].windows, window)
+            )
         return self.stops.index(events[0].function.stop) if events else None
 
     def _record(self, initial: PostEventState, start: float, end: float, output: Any) -> None:
@@ -283,19 +321,25 @@ class _Integration:
     def _while_opening(self, integrator: Any, initial: PostEventState, record: bool) -> int | None:
         """Integrate intervals at whose ends alone gaps that open from zero are checked.
 
-        Such a gap begins with a root (a triple one after a release) amid rounding, which no root finder resolves. One
-        that stands still at zero is checked after ever longer intervals.
+        Such a gap begins with a root (a triple one after a release) amid rounding, which no root
+        finder resolves. One that stands still at zero is checked after ever longer intervals.
         """
         waiting = self._opening(initial)
         watched = integrator.pars[self.structure.watched]
         watched[list(waiting)] = 0.0
         while waiting and initial.t < self.problem.duration:
             k = min(waiting, key=lambda stop: waiting[stop])
-            index = self._step_to_event(integrator, initial, min(initial.t + waiting[k], self.problem.duration), record)
+            index = self._step_to_event(
+                integrator, initial, min(initial.t + waiting[k], self.problem.duration), record
+            )
             if index is not None:
                 return index
             gap, speed = self._gap(self.stops[k], np.array(integrator.state, dtype=np.float64))
-            if abs(gap) <= _ROUNDING and abs(speed) <= _STANDING and float(integrator.time) < self.problem.duration:
+            if (
+                abs(gap) <= _ROUNDING
+                and abs(speed) <= _STANDING
+                and float(integrator.time) < self.problem.duration
+            ):
                 waiting[k] *= 4
                 continue
             del waiting[k]
@@ -307,7 +351,11 @@ class _Integration:
     def _opening(self, initial: PostEventState) -> dict[int, float]:
         """Open stops whose gap is zero within rounding, and how long each takes to be clearly open, or shut [s]."""
         state = np.concatenate([initial.q, initial.u])
-        gaps = {w.stop: self._gap(w.stop, state) for w in self.active_set.event_functions(initial) if w.closes}
+        gaps = {
+            w.stop: self._gap(w.stop, state)
+            for w in self.active_set.event_functions(initial)
+            if w.closes
+        }
         opening = {stop: (gap, v) for stop, (gap, v) in gaps.items() if -_DRIFT <= gap <= _ROUNDING}
         if not opening:
             return {}
@@ -315,9 +363,12 @@ class _Integration:
         clearing_times: dict[int, float] = {}
         for stop, (gap, speed) in opening.items():
             acceleration = float(
-                self.kinematics.gap_jacobian(stop, initial.q) @ a + self.kinematics.gap_bias(stop, initial.q, initial.u)
+                self.kinematics.gap_jacobian(stop, initial.q) @ a
+                + self.kinematics.gap_bias(stop, initial.q, initial.u)
             )
-            clearing_times[self.stops.index(stop)] = _time_to_clear(_CLEAR + max(-gap, 0.0), speed, acceleration)
+            clearing_times[self.stops.index(stop)] = _time_to_clear(
+                _CLEAR + max(-gap, 0.0), speed, acceleration
+            )
         return clearing_times
 
     def _gap(self, stop: str, state: FloatArray) -> tuple[float, float]:
@@ -329,7 +380,9 @@ class _Integration:
         """Which event function fell through zero; None at the time limit."""
         limit = int(heyoka().taylor_outcome.time_limit)
         if outcome < limit or not np.all(np.isfinite(integrator.state)):
-            raise SimulationError(f"the reference's motion is not finite after t = {float(integrator.time):.6g} s.")
+            raise SimulationError(
+                f"the reference's motion is not finite after t = {float(integrator.time):.6g} s."
+            )
         return None if outcome == limit else -outcome - 1
 
     def _event_function(self, initial: PostEventState, index: int) -> EventFunction:
@@ -351,12 +404,16 @@ class _Integration:
 
     def _launches(self, integrator: Any, q: Real, u: Real) -> bool:
         """Whether a state on the launch direction is a launch, which is then noted."""
-        if not is_launch(cast("FloatArray", self.projectile_velocity(q, u)), scale=self.speed_scale):
+        if not is_launch(
+            cast("FloatArray", self.projectile_velocity(q, u)), scale=self.speed_scale
+        ):
             return False
         self.launched = _State(self.real(integrator.time), q, u)
         return True
 
-    def _after(self, integrator: Any, before: PostEventState, function: EventFunction) -> PostEventState:
+    def _after(
+        self, integrator: Any, before: PostEventState, function: EventFunction
+    ) -> PostEventState:
         """Let the active set decide, in doubles; the integrator keeps its own precision but for an impact's jump."""
         state = np.array(integrator.state, dtype=np.float64)
         q, u = state[: self.n_q], state[self.n_q : 2 * self.n_q]
@@ -371,8 +428,12 @@ class _Integration:
         """Note a launch where an impact, not of the projectile's own rest, turns its velocity through the direction."""
         state = integrator.state.copy()
         q, u = state[: self.n_q], state[self.n_q : 2 * self.n_q]
-        before, after = (lead(cast("FloatArray", self.projectile_velocity(q, v))) for v in (u, u + jump))
-        if before > 0 > after and not any(self.active_set.impacts[-1][1].get(name, 0.0) > 0 for name in self.rests):
+        before, after = (
+            lead(cast("FloatArray", self.projectile_velocity(q, v))) for v in (u, u + jump)
+        )
+        if before > 0 > after and not any(
+            self.active_set.impacts[-1][1].get(name, 0.0) > 0 for name in self.rests
+        ):
             self._launches(integrator, q, u + jump * (before / (before - after)))
 
     def _note_releases(self, integrator: Any) -> None:
@@ -385,6 +446,8 @@ def _time_to_clear(height: float, speed: float, acceleration: float) -> float:
     """How long a gap takes to `height` [rad]; or to shut again, if the rebound does not get as high [s]."""
     if speed <= _STANDING:
         return _OPENING
-    if acceleration < 0 and speed**2 < -4 * acceleration * height:  # its top is lower than twice that
+    if (
+        acceleration < 0 and speed**2 < -4 * acceleration * height
+    ):  # its top is lower than twice that
         return -2 * speed / acceleration
     return min(height / speed, _OPENING)

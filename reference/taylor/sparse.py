@@ -1,8 +1,9 @@
 r"""Sparse linear algebra of expressions: None stands for what is zero by structure.
 
-The matrix is that of :mod:`.system`: positive definite among the accelerations, and after their elimination negative
-definite among the multipliers. So accelerations may be eliminated in any order, and a multiplier as soon as all
-accelerations of its constraint are: what is left on its diagonal is -G M^-1 G^T of those, which is not zero.
+The matrix is that of :mod:`.system`: positive definite among the accelerations, and after their
+elimination negative definite among the multipliers. So accelerations may be eliminated in any
+order, and a multiplier as soon as all accelerations of its constraint are: what is left on its
+diagonal is -G M^-1 G^T of those, which is not zero.
 """
 
 from __future__ import annotations
@@ -51,10 +52,14 @@ def multiplied(x: Pair, y: Pair) -> Pair:
 def combined(terms: Iterable[tuple[Any, Pair]]) -> Pair:
     """The sum of complex expressions times real factors."""
     kept = list(terms)
-    return total(times(f, pair[0]) for f, pair in kept), total(times(f, pair[1]) for f, pair in kept)
+    return total(times(f, pair[0]) for f, pair in kept), total(
+        times(f, pair[1]) for f, pair in kept
+    )
 
 
-def elimination(keys: Iterable[tuple[int, int]], n_free: int, usual: Sequence[int]) -> tuple[list[int], int]:
+def elimination(
+    keys: Iterable[tuple[int, int]], n_free: int, usual: Sequence[int]
+) -> tuple[list[int], int]:
     """An order of elimination with little fill-in, and the number of products that it takes.
 
     Least degree first, of what may be eliminated; the usual order where that is not clearly better.
@@ -74,7 +79,9 @@ def elimination(keys: Iterable[tuple[int, int]], n_free: int, usual: Sequence[in
     return (least, least_cost) if least_cost < _WORTH * usual_cost else (list(usual), usual_cost)
 
 
-def _least_degree(neighbours: Mapping[int, set[int]], waits: Mapping[int, set[int]], usual: Sequence[int]) -> list[int]:
+def _least_degree(
+    neighbours: Mapping[int, set[int]], waits: Mapping[int, set[int]], usual: Sequence[int]
+) -> list[int]:
     left, order = {i: set(found) for i, found in neighbours.items()}, list[int]()
     while left:
         ready = [i for i in usual if i in left and not waits.get(i, set()) & left.keys()]

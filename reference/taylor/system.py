@@ -1,14 +1,16 @@
 r"""The equations of motion and the events as heyoka expressions.
 
-One compiled integrator serves every machine of a structure and every active set: the numbers are runtime
-parameters, and a stop is switched by a parameter h, 1 active and 0 free, in the symmetric system
+One compiled integrator serves every machine of a structure and every active set: the numbers are
+runtime parameters, and a stop is switched by a parameter h, 1 active and 0 free, in the symmetric
+system
 
     [ M      (hG)^T    ] [   a  ]   [    f   ]
     [ hG   -diag(1-h)  ] [ -lam ] = [ -gamma ],      f = Q - b,
 
-whose row of a free stop reads lam = 0 (loops of joints are always active; gamma of a stop on angles is 0). M is
-positive definite and what elimination leaves of the constraints is negative definite, so that L D L^T needs no pivoting
-(symmetric quasidefinite matrices: Vanderbei, SIAM J. Optim. 5 (1995) 100).
+whose row of a free stop reads lam = 0 (loops of joints are always active; gamma of a stop on angles
+is 0). M is positive definite and what elimination leaves of the constraints is negative definite,
+so that L D L^T needs no pivoting (symmetric quasidefinite matrices: Vanderbei, SIAM J. Optim. 5
+(1995) 100).
 """
 
 from __future__ import annotations
@@ -24,7 +26,18 @@ import numpy as np
 
 from ...models.errors import EngineNotInstalledError
 from .machine import Row, Structure
-from .sparse import Matrix, Pair, combined, elimination, minus, multiplied, put, solve_ldl, times, total
+from .sparse import (
+    Matrix,
+    Pair,
+    combined,
+    elimination,
+    minus,
+    multiplied,
+    put,
+    solve_ldl,
+    times,
+    total,
+)
 
 
 def heyoka() -> Any:
@@ -57,9 +70,10 @@ class TaylorSystem:
     def rates(self) -> list[tuple[Any, Any]]:
         """The differential equations, variable and its time derivative; the observer comes last.
 
-        The step is chosen from the last two Taylor coefficients (Jorba and Zou, Exp. Math. 14 (2005) 99). A symmetry
-        may make both vanish: a pendulum let go from level has only every fourth power of time in its angle, and steps
-        then become far too long. The observer s' = sum_i (cos q_i + sin q_i) - s has no such symmetry, and is bounded.
+        The step is chosen from the last two Taylor coefficients (Jorba and Zou, Exp. Math. 14
+        (2005) 99). A symmetry may make both vanish: a pendulum let go from level has only every
+        fourth power of time in its angle, and steps then become far too long. The observer s' =
+        sum_i (cos q_i + sin q_i) - s has no such symmetry, and is bounded.
         """
         a = self.solved[: self.structure.n_q]
         waves = [wave for i in range(self.structure.n_angles) for wave in self._phase(i, None)]
@@ -147,7 +161,9 @@ class TaylorSystem:
     def _curvature(self) -> list[Pair]:
         """Minus the second derivatives of w without accelerations, over its own rates."""
         s = self.structure
-        found: list[Pair] = [(None, square) for square in self._squares] + [(None, None)] * s.n_slides
+        found: list[Pair] = [(None, square) for square in self._squares] + [
+            (None, None)
+        ] * s.n_slides
         for k, c in s.carried:
             found[k] = (self.q[k] * self._squares[c], 2.0 * self.u[k] * self.u[c])
         return found
@@ -170,7 +186,9 @@ class TaylorSystem:
         waves = [self._wave(section, (at, j), j) for j in range(s.n_q)]
         gradient: list[Pair] = [(real, minus(imaginary)) for real, imaginary in waves]
         constant: Pair = (self._numbers[offsets][0, at], self._numbers[offsets][1, at])
-        angles: list[tuple[Any, Pair]] = [(1.0, (imaginary, real)) for real, imaginary in waves[: s.n_angles]]
+        angles: list[tuple[Any, Pair]] = [
+            (1.0, (imaginary, real)) for real, imaginary in waves[: s.n_angles]
+        ]
         slides = list(zip(self.q[s.n_angles :], gradient[s.n_angles :], strict=True))
         inward = [multiplied(mu, part) for mu, part in zip(self._curvature, gradient, strict=True)]
         for k, c in s.carried:
@@ -210,7 +228,9 @@ class TaylorSystem:
     @cached_property
     def _lead(self) -> Any:
         """The projectile's velocity across the launch direction (:func:`...models.launch.lead`)."""
-        return total(times(slope, u) for slope, u in zip(self._component("lead")[0], self.u, strict=True))
+        return total(
+            times(slope, u) for slope, u in zip(self._component("lead")[0], self.u, strict=True)
+        )
 
     def _line(self, number: int, body: int) -> tuple[list[Any], Any, Any]:
         """Gradient of a component in a direction that turns, minus its second derivative, and the component itself."""
@@ -255,8 +275,11 @@ class TaylorSystem:
         """Accelerations, then minus the multipliers of loops and stops."""
         matrix, right = self._kkt
         solved = solve_ldl(matrix, right, self._order[0])
-        # A coordinate that nothing accelerates has a plain zero, of which heyoka makes no expression by itself.
-        return [self._hy.expression(value) if isinstance(value, float) else value for value in solved]
+        # A coordinate that nothing accelerates has a plain zero, of which heyoka makes no
+        # expression by itself.
+        return [
+            self._hy.expression(value) if isinstance(value, float) else value for value in solved
+        ]
 
     @cached_property
     def operations(self) -> int:
@@ -285,7 +308,8 @@ class TaylorSystem:
         """Order of elimination and what it costs."""
         matrix, right = self._kkt
         n_angles = self.structure.n_angles
-        # Outer bodies first: a tree then fills in nothing. Slides couple all bodies and come after them.
+        # Outer bodies first: a tree then fills in nothing. Slides couple all bodies and come after
+        # them.
         usual = [*reversed(range(n_angles)), *range(n_angles, len(right))]
         return elimination(matrix, self.structure.n_q, usual)
 
@@ -336,7 +360,9 @@ class TaylorSystem:
             factor = minus(stiffness)
             if needs_length:
                 square = total(times(part, part) for part in vector.value)
-                stretching = total(times(part, rate) for part, rate in zip(vector.value, vector.rate, strict=True))
+                stretching = total(
+                    times(part, rate) for part, rate in zip(vector.value, vector.rate, strict=True)
+                )
                 of_rest, of_rate = times(stiffness, rest), minus(times(damping, stretching))
                 over_length = None if of_rest is None else of_rest / self._hy.sqrt(square)
                 factor = total([factor, over_length, None if of_rate is None else of_rate / square])
@@ -350,7 +376,9 @@ class TaylorSystem:
             stiffness, damping, constant = self._numbers["twist_data"][:, k]
             turned = total(q * float(sense) for q, sense in zip(self.q, row, strict=True) if sense)
             turning = total(u * float(sense) for u, sense in zip(self.u, row, strict=True) if sense)
-            torque = total([constant, minus(times(stiffness, turned)), minus(times(damping, turning))])
+            torque = total(
+                [constant, minus(times(stiffness, turned)), minus(times(damping, turning))]
+            )
             for j, sense in enumerate(row):
                 yield j, times(torque, float(sense) if sense else None)
 

@@ -32,9 +32,15 @@ class LaunchFigures(Spec):
     angle: Real = Field(description="of the velocity above the horizontal [rad]")
     x: Real = Field(description="[m]")
     y: Real = Field(description="upwards [m]")
-    sling_angle: Real | None = Field(description="from the arm, phi - theta [rad]; None where there is no sling")
-    kinetic_energy: Real | None = Field(description="of the projectile [J]; None where its mass is not its own")
-    energy_ratio: Real | None = Field(description="the paper's R: kinetic over total energy; None without a positive E")
+    sling_angle: Real | None = Field(
+        description="from the arm, phi - theta [rad]; None where there is no sling"
+    )
+    kinetic_energy: Real | None = Field(
+        description="of the projectile [J]; None where its mass is not its own"
+    )
+    energy_ratio: Real | None = Field(
+        description="the paper's R: kinetic over total energy; None without a positive E"
+    )
 
 
 class FlightFigures(Spec):
@@ -52,13 +58,16 @@ class RestFigures(Spec):
 
     name: str
     start_torque: Real = Field(description="[N m], or the force of a stop on a point [N]")
-    release_time: Real | None = Field(description="when it opens [s]; None if not before the release")
+    release_time: Real | None = Field(
+        description="when it opens [s]; None if not before the release"
+    )
 
 
 class Sensitivity(Spec):
     """Derivatives of the release, flying through vacuum, by one number of the machine.
 
-    With the number what chose the release is held: an angle of the velocity or of the sling, or else its time.
+    With the number what chose the release is held: an angle of the velocity or of the sling, or
+    else its time.
     """
 
     name: str
@@ -66,7 +75,9 @@ class Sensitivity(Spec):
     unit: str
     launch_time: Real = Field(description="[s per unit]")
     launch_speed: Real = Field(description="[m/s per unit]")
-    launch_angle: Real = Field(default=0.0, description="of the velocity above the horizontal [rad per unit]")
+    launch_angle: Real = Field(
+        default=0.0, description="of the velocity above the horizontal [rad per unit]"
+    )
     range: Real | None = Field(description="[m per unit]; None where it does not land")
 
 
@@ -84,7 +95,9 @@ class Throw(Reported, Spec):
     total_energy: Real = Field(description="at the start, zero of potential at y = 0 [J]")
     launch: LaunchFigures
     flight: FlightFigures
-    best_launch: LaunchFigures | None = Field(description="the release of the first sweep that flies farthest")
+    best_launch: LaunchFigures | None = Field(
+        description="the release of the first sweep that flies farthest"
+    )
     best_flight: FlightFigures | None
     rests: tuple[RestFigures, ...]
     members: tuple[MemberForce, ...] = Field(description="up to the release")
@@ -99,12 +112,17 @@ class Throw(Reported, Spec):
         Raises:
             InputError: the throw was read from a file, which holds only figures.
         """
-        raise InputError("this throw was read from a file and has no motion to show; tb.throw makes it again.")
+        raise InputError(
+            "this throw was read from a file and has no motion to show; tb.throw makes it again."
+        )
 
     def __getstate__(self) -> dict[Any, Any]:
         """Without the motion, whose parts are functions."""
         state = super().__getstate__()
-        return {**state, "__dict__": {k: v for k, v in state["__dict__"].items() if k != "performance"}}
+        return {
+            **state,
+            "__dict__": {k: v for k, v in state["__dict__"].items() if k != "performance"},
+        }
 
     def document(self) -> Any:
         """The report, of the motion behind the figures, too."""
@@ -121,7 +139,11 @@ class Throw(Reported, Spec):
         ):  # fmt: skip
             if launch is not None and flight is not None:
                 launched = {f"launch_{key}": value for key, value in launch}
-                yield {"release": name, **launched, **{f"flight_{key}": value for key, value in flight}}
+                yield {
+                    "release": name,
+                    **launched,
+                    **{f"flight_{key}": value for key, value in flight},
+                }
 
     @property
     def gain(self) -> float | None:

@@ -30,7 +30,9 @@ class Air(Spec):
     """
 
     density: NonNegative = Field(default=0.0, description="[kg/m^3]")
-    drag_area: NonNegative = Field(default=0.0, description="drag coefficient times cross-section, C_d A [m^2]")
+    drag_area: NonNegative = Field(
+        default=0.0, description="drag coefficient times cross-section, C_d A [m^2]"
+    )
 
     @classmethod
     def around(cls, density: float, drag_coefficient: float, area: float) -> Self:
@@ -40,7 +42,9 @@ class Air(Spec):
             InputError: a value is negative or not finite.
         """
         if drag_coefficient < 0 or area < 0:
-            raise InputError(f"drag_coefficient = {drag_coefficient!r} and area = {area!r} must not be negative.")
+            raise InputError(
+                f"drag_coefficient = {drag_coefficient!r} and area = {area!r} must not be negative."
+            )
         return cls(density=density, drag_area=drag_coefficient * area)
 
     def drag(self, mass: float) -> float:
@@ -86,7 +90,9 @@ class Surroundings(Spec):
     """
 
     gravity: Positive = Field(description="downwards [m/s^2]; without it nothing lands")
-    drag: NonNegative = Field(default=0.0, description="k of the deceleration k |v| v [1/m], see Air.drag")
+    drag: NonNegative = Field(
+        default=0.0, description="k of the deceleration k |v| v [1/m], see Air.drag"
+    )
     ground: Real = Field(default=0.0, description="world y at which it lands [m]")
     origin: Real = Field(default=0.0, description="world x from which the range is measured [m]")
 
@@ -166,7 +172,11 @@ def fly(release: Release, surroundings: Surroundings) -> Flight:
     Raises:
         InputError: the projectile never comes up to the ground's height.
     """
-    flight = _vacuum_flight(release, surroundings) if surroundings.drag == 0 else drag_flight(release, surroundings)
+    flight = (
+        _vacuum_flight(release, surroundings)
+        if surroundings.drag == 0
+        else drag_flight(release, surroundings)
+    )
     if flight is None:
         raise InputError(
             f"a projectile released at y = {release.position[1]:.6g} m with {release.velocity[1]:.6g} m/s upwards "
@@ -191,10 +201,14 @@ def _vacuum_flight(release: Release, surroundings: Surroundings) -> Flight | Non
         return None
 
     def state(t: FloatArray) -> FloatArray:
-        return np.stack([x + vx * t, y + vy * t - 0.5 * g * t * t, np.full_like(t, vx), vy - g * t], axis=-1)
+        return np.stack(
+            [x + vx * t, y + vy * t - 0.5 * g * t * t, np.full_like(t, vx), vy - g * t], axis=-1
+        )
 
     apex = y + max(vy, 0.0) ** 2 / (2 * g)
-    return Flight(release, x + vx * time - surroundings.origin, apex, time, (vx, vy - g * time), state)
+    return Flight(
+        release, x + vx * time - surroundings.origin, apex, time, (vx, vy - g * time), state
+    )
 
 
 @dataclass(frozen=True)
@@ -236,7 +250,9 @@ class _Fall:
         return [*rise, self.leg(top, lambda _, y: y[1] - self.surroundings.ground)]
 
 
-def drag_flight(release: Release, surroundings: Surroundings, tolerance: float = FINE) -> Flight | None:
+def drag_flight(
+    release: Release, surroundings: Surroundings, tolerance: float = FINE
+) -> Flight | None:
     """The flight through air, to a relative local error; None where it never comes up to the ground's height."""
     legs = _Fall(surroundings, tolerance).legs(np.array([*release.position, *release.velocity]))
     if legs is None:
@@ -247,17 +263,23 @@ def drag_flight(release: Release, surroundings: Surroundings, tolerance: float =
     def state(t: FloatArray) -> FloatArray:
         falling = len(legs) > 1
         last = np.asarray(legs[-1].sol(np.maximum(t - (ends[0] if falling else 0.0), 0.0))).T
-        return np.where((t < ends[0])[:, None], np.asarray(legs[0].sol(t)).T, last) if falling else last
+        return (
+            np.where((t < ends[0])[:, None], np.asarray(legs[0].sol(t)).T, last)
+            if falling
+            else last
+        )
 
     impact = (float(landing[2]), float(landing[3]))
-    return Flight(release, float(landing[0]) - surroundings.origin, apex, float(ends[-1]), impact, state)
+    return Flight(
+        release, float(landing[0]) - surroundings.origin, apex, float(ends[-1]), impact, state
+    )
 
 
 def range_rate(release: Release, surroundings: Surroundings) -> float:
     """Change of the range per second of later release [m/s], by the variation of the flight.
 
-    With d the variation at the unchanged time of landing, dR = dx - (vx/vy) dy. NaN of a flight that only touches the
-    ground's height, level, where there is no such rate.
+    With d the variation at the unchanged time of landing, dR = dx - (vx/vy) dy. NaN of a flight
+    that only touches the ground's height, level, where there is no such rate.
 
     Raises:
         InputError: the projectile never comes up to the ground's height.

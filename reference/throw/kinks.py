@@ -2,10 +2,12 @@
 
 A stop that touches without a force divides the changes of a mechanism's numbers into two kinds:
 
-- It touches at the start, and opens there, because it would have to pull. A change that opens the gap leaves the motion
-  smooth; one towards the stop strikes it. Derivatives are those of the motion without the stop.
-- It is active without force for some time (a body at rest beside a wall, with nothing that presses it). A change that
-  presses it on leaves it active; one the other way opens it. Derivatives are those of the motion with the stop active.
+- It touches at the start, and opens there, because it would have to pull. A change that opens the
+  gap leaves the motion smooth; one towards the stop strikes it. Derivatives are those of the motion
+  without the stop.
+- It is active without force for some time (a body at rest beside a wall, with nothing that presses
+  it). A change that presses it on leaves it active; one the other way opens it. Derivatives are
+  those of the motion with the stop active.
 """
 
 from __future__ import annotations
@@ -22,7 +24,9 @@ from ..solution import Segment
 from .variational import VariationalEquations, movable
 
 _TOUCHES = 1e-9  # [m], [rad] and their rates: of gaps and gap speeds at the start that are zero
-_MOVES = 1e-9  # of the largest derivative: gaps, gap speeds and forces that change by less do not change
+_MOVES = (
+    1e-9  # of the largest derivative: gaps, gap speeds and forces that change by less do not change
+)
 _NO_FORCE = 1e-12  # of what the stop would carry if it took all forces on the mechanism
 
 
@@ -39,7 +43,9 @@ class Kink:
     """What steps to the other side do, such as "strikes floor, which ..."."""
 
 
-def kinks_at_start(equations: VariationalEquations, q: Dual, u: Dual, taking_part: Sequence[str]) -> list[Kink]:
+def kinks_at_start(
+    equations: VariationalEquations, q: Dual, u: Dual, taking_part: Sequence[str]
+) -> list[Kink]:
     """Of the stops that touch at the start and are left there.
 
     Args:
@@ -49,17 +55,29 @@ def kinks_at_start(equations: VariationalEquations, q: Dual, u: Dual, taking_par
     """
     found: list[Kink] = []
     for stop in equations.mechanism.stops:
-        if stop.name in taking_part or abs(float(equations.kinematics.gap(stop.name, q.value))) > _TOUCHES:
+        if (
+            stop.name in taking_part
+            or abs(float(equations.kinematics.gap(stop.name, q.value))) > _TOUCHES
+        ):
             continue
         gap, speed, speed_now = equations.gap_tangents(q, u, stop.name)
         sides = _signs(gap, q.tangents)
         if abs(speed_now) <= _TOUCHES:
             sides = np.where(sides == 0, _signs(speed, u.tangents), sides)
-        found.append(Kink(stop.name, 0.0, sides, f"strikes {stop.name}, which touches at the start without a force"))
+        found.append(
+            Kink(
+                stop.name,
+                0.0,
+                sides,
+                f"strikes {stop.name}, which touches at the start without a force",
+            )
+        )
     return [kink for kink in found if kink.sides.any()]
 
 
-def kinks_of_kicks(equations: VariationalEquations, q: Dual, u: Dual, active: Sequence[str]) -> list[Kink]:
+def kinks_of_kicks(
+    equations: VariationalEquations, q: Dual, u: Dual, active: Sequence[str]
+) -> list[Kink]:
     """Of active stops that throw back all that strikes them: a step towards them never comes to rest.
 
     Args:
@@ -70,19 +88,27 @@ def kinks_of_kicks(equations: VariationalEquations, q: Dual, u: Dual, active: Se
     found: list[Kink] = []
     for name in active:
         if equations.mechanism.stop(name).restitution == 1:
-            sides = np.where(_signs(equations.gap_tangents(q, u, name)[1], u.tangents) == 0, 0.0, np.nan)
-            found.append(Kink(name, 0.0, sides, f"bounces on {name} for ever, because its restitution is 1"))
+            sides = np.where(
+                _signs(equations.gap_tangents(q, u, name)[1], u.tangents) == 0, 0.0, np.nan
+            )
+            found.append(
+                Kink(name, 0.0, sides, f"bounces on {name} for ever, because its restitution is 1")
+            )
     return [kink for kink in found if kink.sides.any()]
 
 
-def kinks_along(equations: VariationalEquations, segment: Segment, ends: Sequence[tuple[Dual, Dual]]) -> list[Kink]:
+def kinks_along(
+    equations: VariationalEquations, segment: Segment, ends: Sequence[tuple[Dual, Dual]]
+) -> list[Kink]:
     """Of the stops that are active without force over a whole segment.
 
     Args:
         segment: of the motion.
         ends: the states at its two ends, with their derivatives.
     """
-    idle = [name for name in movable(equations, segment.closed) if _is_idle(equations, segment, name)]
+    idle = [
+        name for name in movable(equations, segment.closed) if _is_idle(equations, segment, name)
+    ]
     if not idle:
         return []
     forces = [equations.accelerations(q, u, segment.closed)[1] for q, u in ends]
@@ -90,7 +116,9 @@ def kinks_along(equations: VariationalEquations, segment: Segment, ends: Sequenc
     for name in idle:
         k = equations.n_loops + segment.closed.index(name)
         signs = np.array([_signs(force.tangents[k], force.tangents) for force in forces])
-        sides = np.where(signs[0] * signs[-1] < 0, np.nan, np.where(signs[0] == 0, signs[-1], signs[0]))
+        sides = np.where(
+            signs[0] * signs[-1] < 0, np.nan, np.where(signs[0] == 0, signs[-1], signs[0])
+        )
         otherwise = f"opens {name}, which carries no force from t = {segment.start:.6g} s on"
         kinks.append(Kink(name, segment.start, sides, otherwise))
     return [kink for kink in kinks if kink.sides.any()]
@@ -100,7 +128,11 @@ def _is_idle(equations: VariationalEquations, segment: Segment, name: str) -> bo
     k, angles = equations.n_loops + segment.closed.index(name), equations.kinematics.is_angle > 0
     for t in np.linspace(segment.start, segment.end, 3):
         q, u = np.asarray(segment.interpolant(t), dtype=np.float64).reshape(2, -1)
-        row, mass, forces = gap_jacobian(equations, q, (name,))[0], equations.mass_matrix(q), equations.forces(q, u)
+        row, mass, forces = (
+            gap_jacobian(equations, q, (name,))[0],
+            equations.mass_matrix(q),
+            equations.forces(q, u),
+        )
         mobility = float(row @ np.linalg.solve(mass, row))
         turning = float(u @ mass @ u) * np.abs(u[angles]).max(initial=0.0) ** 2
         size = np.sqrt((float(forces @ np.linalg.solve(mass, forces)) + turning) / mobility)
@@ -131,13 +163,23 @@ def one_sided(kinks: Sequence[Kink], names: Sequence[str]) -> list[str]:
     """
     held, met = sides(kinks, len(names)), dict[str, list[int]]()
     for j in np.flatnonzero(held).tolist():
-        met.setdefault(" and ".join(dict.fromkeys(kink.otherwise for kink in kinks if kink.sides[j])), []).append(j)
+        met.setdefault(
+            " and ".join(dict.fromkeys(kink.otherwise for kink in kinks if kink.sides[j])), []
+        ).append(j)
     found: list[str] = []
     for stops, these in met.items():
-        up, down, none = ([names[j] for j in these if test(held[j])] for test in (_rises, _falls, np.isnan))
-        ways = [f"{way} of {_listed(of)}" for way, of in (("an increase", up), ("a decrease", down)) if of]
+        up, down, none = (
+            [names[j] for j in these if test(held[j])] for test in (_rises, _falls, np.isnan)
+        )
+        ways = [
+            f"{way} of {_listed(of)}"
+            for way, of in (("an increase", up), ("a decrease", down))
+            if of
+        ]
         if ways:
-            found.append(f"derivatives hold one way only for {' and '.join(ways)}: the other way {stops}")
+            found.append(
+                f"derivatives hold one way only for {' and '.join(ways)}: the other way {stops}"
+            )
         if none:
             found.append(f"there is no derivative by {_listed(none)}: either way {stops}")
     return found

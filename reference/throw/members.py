@@ -1,7 +1,8 @@
 """Forces in the members and at the ground: tension, compression, and wheels that would lift off.
 
-A massless rod between a pin and a point mass (the sling, the hanger) is a two-force member: the pin's force on it,
-taken along the rod, is its axial force. A rope in its place would be slack wherever that is a compression.
+A massless rod between a pin and a point mass (the sling, the hanger) is a two-force member: the
+pin's force on it, taken along the rod, is its axial force. A rope in its place would be slack
+wherever that is a compression.
 """
 
 from __future__ import annotations
@@ -35,7 +36,9 @@ class MemberForce(Spec):
     """Axial force of a body over a motion; tension is positive, compression negative."""
 
     name: str
-    joint: str = Field(description="the joint whose force is taken along the line from it to the centre of mass")
+    joint: str = Field(
+        description="the joint whose force is taken along the line from it to the centre of mass"
+    )
     two_force: bool = Field(
         description="a massless rod with nothing hung on it but at its ends; otherwise the force is its end's only"
     )
@@ -50,7 +53,9 @@ class SupportForce(Spec):
     """Force of the ground on the machine over a motion."""
 
     joint: str
-    rolls: bool = Field(description="a slot that carries the machine: wheels without mass that can only push")
+    rolls: bool = Field(
+        description="a slot that carries the machine: wheels without mass that can only push"
+    )
     peak: Real = Field(description="largest magnitude [N]")
     peak_time: Real = Field(description="[s]")
     peak_direction: Real = Field(description="of the largest, from +x, above the horizontal [rad]")
@@ -59,7 +64,9 @@ class SupportForce(Spec):
         "slot, which guides and carries nothing"
     )
     least_time: Real | None = Field(description="[s]")
-    pulls_down: tuple[Interval, ...] = Field(description="when wheels would lift off, or a frame must be anchored [s]")
+    pulls_down: tuple[Interval, ...] = Field(
+        description="when wheels would lift off, or a frame must be anchored [s]"
+    )
 
 
 @dataclass(frozen=True)
@@ -83,8 +90,12 @@ def members(mechanism: Mechanism) -> tuple[Member, ...]:
 
 def _is_two_force(mechanism: Mechanism, body: Body, own: AnyJoint) -> bool:
     others = [j.parent_point for j in mechanism.joints if j.parent == body.name]
-    others += [j.child_point for j in mechanism.joints if j.child == body.name and j.name != own.name]
-    held = any(joint.holds_angle for joint in mechanism.joints if body.name in (joint.parent, joint.child))
+    others += [
+        j.child_point for j in mechanism.joints if j.child == body.name and j.name != own.name
+    ]
+    held = any(
+        joint.holds_angle for joint in mechanism.joints if body.name in (joint.parent, joint.child)
+    )
     pulled = any(body.name in element.bodies for element in mechanism.force_elements)
     ends = own.child_point, body.centre
     return body.inertia == 0 and not held and not pulled and all(point in ends for point in others)
@@ -107,7 +118,9 @@ def member_forces(solution: Solution, until: float) -> tuple[MemberForce, ...]:
         InputError: the time lies outside the motion.
     """
     times = _times(solution, until)
-    return tuple(_member_force(solution, member, times) for member in members(solution.problem.mechanism))
+    return tuple(
+        _member_force(solution, member, times) for member in members(solution.problem.mechanism)
+    )
 
 
 def _member_force(solution: Solution, member: Member, times: FloatArray) -> MemberForce:
@@ -130,7 +143,9 @@ def _member_force(solution: Solution, member: Member, times: FloatArray) -> Memb
 
 def supports(mechanism: Mechanism) -> tuple[AnyJoint, ...]:
     """Joints on the ground that hold something there: not those of free bodies."""
-    return tuple(joint for joint in mechanism.joints if joint.parent == GROUND and joint.held_directions)
+    return tuple(
+        joint for joint in mechanism.joints if joint.parent == GROUND and joint.held_directions
+    )
 
 
 def carries(joint: AnyJoint) -> bool:
@@ -146,7 +161,11 @@ def upward_force(solution: Solution, joint: AnyJoint, t: FloatArray) -> FloatArr
     """
     up = (0.0, 1.0)
     if isinstance(joint, SlotJoint):
-        up = (-joint.axis[1], joint.axis[0]) if joint.axis[0] > 0 else (joint.axis[1], -joint.axis[0])
+        up = (
+            (-joint.axis[1], joint.axis[0])
+            if joint.axis[0] > 0
+            else (joint.axis[1], -joint.axis[0])
+        )
     return solution.joint_reactions(solution.motion(t))[joint.name] @ np.array(up)
 
 
@@ -157,7 +176,9 @@ def support_forces(solution: Solution, until: float) -> tuple[SupportForce, ...]
         InputError: the time lies outside the motion.
     """
     times = _times(solution, until)
-    return tuple(_support_force(solution, joint, times) for joint in supports(solution.problem.mechanism))
+    return tuple(
+        _support_force(solution, joint, times) for joint in supports(solution.problem.mechanism)
+    )
 
 
 def _support_force(solution: Solution, joint: AnyJoint, times: FloatArray) -> SupportForce:
@@ -198,9 +219,16 @@ def _largest(value: Callable[[FloatArray], FloatArray], times: FloatArray) -> tu
     if low == high:
         return float(times[i]), float(samples[i])
     optimum: Any = minimize_scalar(
-        lambda t: -float(value(np.array([t]))[0]), bounds=(low, high), method="bounded", options={"xatol": 1e-10}
+        lambda t: -float(value(np.array([t]))[0]),
+        bounds=(low, high),
+        method="bounded",
+        options={"xatol": 1e-10},
     )
-    return max((float(times[i]), float(samples[i])), (float(optimum.x), -float(optimum.fun)), key=lambda pair: pair[1])
+    return max(
+        (float(times[i]), float(samples[i])),
+        (float(optimum.x), -float(optimum.fun)),
+        key=lambda pair: pair[1],
+    )
 
 
 def negative_intervals(
@@ -232,4 +260,6 @@ def negative_intervals(
 
 
 def _root(value: Callable[[FloatArray], FloatArray], low: float, high: float) -> float:
-    return float(brentq(lambda t: float(value(np.array([t]))[0]), low, high, xtol=1e-14, rtol=1e-14))
+    return float(
+        brentq(lambda t: float(value(np.array([t]))[0]), low, high, xtol=1e-14, rtol=1e-14)
+    )

@@ -20,7 +20,8 @@ from .variational import Direction, VariationalEquations, consistent_directions,
 
 _HELD = 1e-9  # a coordinate of which less is free than this cannot be chosen
 
-# What a field is called; fields that are not here are no physical numbers, or do not change a motion.
+# What a field is called; fields that are not here are no physical numbers, or do not change a
+# motion.
 _FIELDS = {
     "mass": "mass of {name}",
     "centre": "centre of mass of {name}",
@@ -59,16 +60,23 @@ class PhysicalNumber:
 def physical_numbers(mechanism: Mechanism, thrown: str) -> tuple[list[PhysicalNumber], list[str]]:
     """All numbers that change how a mechanism throws, and sentences on those along which no motion is possible.
 
-    With a number the start changes by the least that keeps loops closed and closed stops touching. With a coordinate
-    of the start the closed stops move along, and the others of a loop follow. Unit vectors turn, anticlockwise.
+    With a number the start changes by the least that keeps loops closed and closed stops touching.
+    With a coordinate of the start the closed stops move along, and the others of a loop follow.
+    Unit vectors turn, anticlockwise.
 
     Args:
         mechanism: that throws.
         thrown: the marker that is thrown.
     """
-    found = [*_of_elements(mechanism, thrown), PhysicalNumber("gravity", "m/s^2", mechanism.gravity, {"gravity": 1.0})]
+    found = [
+        *_of_elements(mechanism, thrown),
+        PhysicalNumber("gravity", "m/s^2", mechanism.gravity, {"gravity": 1.0}),
+    ]
     follow = consistent_directions(mechanism, [number.direction for number in found])
-    found = [replace(number, direction=direction) for number, direction in zip(found, follow, strict=True)]
+    found = [
+        replace(number, direction=direction)
+        for number, direction in zip(found, follow, strict=True)
+    ]
     found += [*_starts(mechanism), *_start_speeds(mechanism)]
     return _possible(mechanism, found)
 
@@ -94,11 +102,15 @@ def _of_fields(item: Spec, path: str, names: Sequence[str]) -> Iterator[Physical
         unit = re.search(r"\[(.+)\]", description.description or "")
         if field in _UNIT_VECTORS:
             x, y = value
-            yield PhysicalNumber(name, "rad", math.atan2(y, x), {f"{path}.{field}.0": -y, f"{path}.{field}.1": x})
+            yield PhysicalNumber(
+                name, "rad", math.atan2(y, x), {f"{path}.{field}.0": -y, f"{path}.{field}.1": x}
+            )
         elif isinstance(value, tuple):
             for i, component in enumerate("xy"):
                 direction = {f"{path}.{field}.{i}": 1.0}
-                yield PhysicalNumber(f"{name}, {component}", unit[1] if unit else "", value[i], direction)
+                yield PhysicalNumber(
+                    f"{name}, {component}", unit[1] if unit else "", value[i], direction
+                )
         else:
             yield PhysicalNumber(name, unit[1] if unit else "", value, {f"{path}.{field}": 1.0})
 
@@ -106,7 +118,10 @@ def _of_fields(item: Spec, path: str, names: Sequence[str]) -> Iterator[Physical
 def _called(item: Spec) -> dict[str, str]:
     """Names that a field's phrase needs; a spring is called one."""
     names = {name: value for name, value in item if isinstance(value, str)}
-    if isinstance(item, SpringDamper | RotationalSpringDamper) and "spring" not in item.name.lower():
+    if (
+        isinstance(item, SpringDamper | RotationalSpringDamper)
+        and "spring" not in item.name.lower()
+    ):
         names["name"] += " spring"
     return names
 
@@ -125,23 +140,37 @@ def _starts(mechanism: Mechanism) -> Iterator[PhysicalNumber]:
             continue
         dq = dq / dq[i]
         angle = i < len(mechanism.angles)
-        along = {f"stops.{s.name}.{s.position_field}": float(g @ dq) for s, g in zip(closed, gaps, strict=True)}
+        along = {
+            f"stops.{s.name}.{s.position_field}": float(g @ dq)
+            for s, g in zip(closed, gaps, strict=True)
+        }
         direction = {f"start.{k}": float(value) for k, value in enumerate(dq)} | along
         what = f"start {'angle' if angle else 'position'} {name}"
         yield PhysicalNumber(what, "rad" if angle else "m", float(q[i]), direction)
 
 
 def _start_speeds(mechanism: Mechanism) -> Iterator[PhysicalNumber]:
-    for i, (name, value) in enumerate(zip(mechanism.coordinates, initial_state(mechanism)[1], strict=True)):
+    for i, (name, value) in enumerate(
+        zip(mechanism.coordinates, initial_state(mechanism)[1], strict=True)
+    ):
         unit = "rad/s" if i < len(mechanism.angles) else "m/s"
-        yield PhysicalNumber(f"start speed of {name}", unit, float(value), {f"start_speeds.{i}": 1.0})
+        yield PhysicalNumber(
+            f"start speed of {name}", unit, float(value), {f"start_speeds.{i}": 1.0}
+        )
 
 
-def _possible(mechanism: Mechanism, found: list[PhysicalNumber]) -> tuple[list[PhysicalNumber], list[str]]:
+def _possible(
+    mechanism: Mechanism, found: list[PhysicalNumber]
+) -> tuple[list[PhysicalNumber], list[str]]:
     """Without those that tear loops apart, whatever the start does."""
-    equations, q = VariationalEquations(mechanism, [number.direction for number in found]), mechanism.start
+    equations, q = (
+        VariationalEquations(mechanism, [number.direction for number in found]),
+        mechanism.start,
+    )
     start = Dual(np.array(q), equations.along_each("start", len(q)))
-    torn = equations.misfits(start, movable(equations, [stop.name for stop in mechanism.stops if stop.closed]))
+    torn = equations.misfits(
+        start, movable(equations, [stop.name for stop in mechanism.stops if stop.closed])
+    )
     sentences = [
         f"there is no derivative by the {found[j].name}: a change of it alone would lock the mechanism or open a loop"
         for j in torn

@@ -20,7 +20,11 @@ from ..solution import Solution
 from ..solver import characteristic_time, solve_until
 from .flight import COARSE, Release, Surroundings, drag_flight, fall_time, fly, range_rate
 
-_SPANS = (3.0, 6.0, 12.0)  # durations of the motions, in characteristic times; Table I's sweep ends at 2.5
+_SPANS = (
+    3.0,
+    6.0,
+    12.0,
+)  # durations of the motions, in characteristic times; Table I's sweep ends at 2.5
 _SCAN = 400  # releases tried over a sweep: some 3 ms apart on Table I, where the range's peak is tens of ms wide
 _CANDIDATES = 3  # highest peaks of the scan that are refined
 _DOWN = -math.pi / 2
@@ -40,7 +44,9 @@ class Projectile:
     def __post_init__(self) -> None:
         names = [marker.name for marker in self.mechanism.markers]
         if self.name not in names:
-            raise InputError(f"the mechanism has no marker {self.name!r} to throw; it has: {names or 'none'}.")
+            raise InputError(
+                f"the mechanism has no marker {self.name!r} to throw; it has: {names or 'none'}."
+            )
 
     @property
     def mechanism(self) -> Mechanism:
@@ -66,7 +72,10 @@ class Projectile:
     def opened(self) -> float:
         """When the last stop of its own body opened [s]; 0 where none did."""
         stops = [stop.name for stop in self.mechanism.stops if stop.body == self.body.name]
-        return max((time for name in stops if (time := self.solution.release_times[name]) is not None), default=0.0)
+        return max(
+            (time for name in stops if (time := self.solution.release_times[name]) is not None),
+            default=0.0,
+        )
 
     @property
     def end(self) -> float:
@@ -84,7 +93,9 @@ class Projectile:
     def states(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Position [m], velocity [m/s] and acceleration [m/s^2] at times t [s], each (n, 2)."""
         motion = self.solution.motion(t)
-        return self.solution.equations.kinematics.point_motion(self.marker, motion.q, motion.u, motion.a)
+        return self.solution.equations.kinematics.point_motion(
+            self.marker, motion.q, motion.u, motion.a
+        )
 
     @property
     def arm(self) -> str | None:
@@ -103,7 +114,9 @@ class Projectile:
                 f"there is no sling angle: the {self.name} is part of the {self.body.name!r}, which hangs on no other "
                 "body; a release angle or a release time is needed."
             )
-        return self.solution.equations.kinematics.angle(self.body.name, self.arm).value(self.solution.motion(t).q)
+        return self.solution.equations.kinematics.angle(self.body.name, self.arm).value(
+            self.solution.motion(t).q
+        )
 
     def release_at(self, time: float) -> Release:
         """Release at a time [s].
@@ -112,7 +125,9 @@ class Projectile:
             InputError: the time lies outside the motion.
         """
         if not 0 <= time <= self.end:
-            raise InputError(f"release time = {time!r} s must lie within the motion, from 0 to {self.end:.6g} s.")
+            raise InputError(
+                f"release time = {time!r} s must lie within the motion, from 0 to {self.end:.6g} s."
+            )
         position, velocity, acceleration = (part[0] for part in self.states(np.array([time])))
         pairs = [(float(v[0]), float(v[1])) for v in (position, velocity, acceleration)]
         return Release(float(time), *pairs)
@@ -135,8 +150,8 @@ class Projectile:
         """Release when :meth:`sling_angle` first comes to a value [rad], its rest having opened.
 
         Raises:
-            InputError: it never does, and the sentence gives the angles it takes in its first sweep; or there is no
-                sling.
+            InputError: it never does, and the sentence gives the angles it takes in its first
+                sweep; or there is no sling.
         """
         start, end = self.sweep()
         times = np.linspace(start, end, 4 * _SCAN)
@@ -149,13 +164,21 @@ class Projectile:
                 f"{low:.6g} to {high:.6g} deg from its arm in the first sweep."
             )
         near = times[beyond[0] : beyond[0] + 2]
-        time = brentq(lambda t: float(self.sling_angle(np.array([t]))[0]) - angle, *near, xtol=1e-15, rtol=1e-15)
+        time = brentq(
+            lambda t: float(self.sling_angle(np.array([t]))[0]) - angle,
+            *near,
+            xtol=1e-15,
+            rtol=1e-15,
+        )
         return self.release_at(float(time))
 
-    def best_release(self, surroundings: Surroundings, until: float | None = None) -> Release | None:
+    def best_release(
+        self, surroundings: Surroundings, until: float | None = None
+    ) -> Release | None:
         """The release of the first sweep whose range is largest; None where no release reaches the ground's height.
 
-        All the sweep is scanned, and the highest peaks are refined by the root of :func:`range_rate`.
+        All the sweep is scanned, and the highest peaks are refined by the root of
+        :func:`range_rate`.
 
         Args:
             until: end of the search [s]; of the first sweep if left out.
@@ -167,7 +190,9 @@ class Projectile:
         times = np.union1d(np.linspace(start, last, _SCAN), sides)
         ranges = self._scan(times, surroundings)
         outside = np.concatenate([[-np.inf], ranges, [-np.inf]])
-        peaks = np.flatnonzero((ranges >= outside[:-2]) & (ranges >= outside[2:]) & np.isfinite(ranges))
+        peaks = np.flatnonzero(
+            (ranges >= outside[:-2]) & (ranges >= outside[2:]) & np.isfinite(ranges)
+        )
         highest = peaks[np.argsort(-ranges[peaks], kind="stable")][:_CANDIDATES]
         candidates = [self._refined(times, int(i), surroundings) for i in highest]
         return max(candidates, key=lambda release: fly(release, surroundings).range, default=None)
@@ -175,20 +200,27 @@ class Projectile:
     def _scan(self, times: FloatArray, surroundings: Surroundings) -> FloatArray:
         """Ranges [m], shape (n,); -inf where nothing lands, or where drag cannot but leave less than the best.
 
-        Drag turns no velocity, so y'' = -g / vx^2 along x: with drag vx falls and the path lies below the parabola
-        (above none of it), so the range in vacuum bounds it, as the release's own x does for a throw backwards.
+        Drag turns no velocity, so y'' = -g / vx^2 along x: with drag vx falls and the path lies
+        below the parabola (above none of it), so the range in vacuum bounds it, as the release's
+        own x does for a throw backwards.
         """
         position, velocity, _ = self.states(times)
         fall = fall_time(position[:, 1], velocity[:, 1], surroundings)
-        vacuum = np.nan_to_num(position[:, 0] + velocity[:, 0] * fall - surroundings.origin, nan=-np.inf)
+        vacuum = np.nan_to_num(
+            position[:, 0] + velocity[:, 0] * fall - surroundings.origin, nan=-np.inf
+        )
         if surroundings.drag == 0:
             return vacuum
         ranges, best = np.full(len(times), -np.inf), -np.inf
-        bounds = np.where(np.isfinite(vacuum), np.maximum(vacuum, position[:, 0] - surroundings.origin), -np.inf)
+        bounds = np.where(
+            np.isfinite(vacuum), np.maximum(vacuum, position[:, 0] - surroundings.origin), -np.inf
+        )
         for i in np.argsort(-bounds, kind="stable"):
             if bounds[i] <= best:
                 break
-            release = Release(float(times[i]), tuple(position[i].tolist()), tuple(velocity[i].tolist()))
+            release = Release(
+                float(times[i]), tuple(position[i].tolist()), tuple(velocity[i].tolist())
+            )
             flight = drag_flight(release, surroundings, COARSE)
             ranges[i] = -np.inf if flight is None else flight.range
             best = max(best, float(ranges[i]))
@@ -207,7 +239,9 @@ class Projectile:
         try:
             if rate(low) > 0 > rate(high):
                 return self.release_at(float(brentq(rate, low, high, xtol=1e-13, rtol=1e-15)))
-            peak: Any = minimize_scalar(loss, bounds=(low, high), method="bounded", options={"xatol": 1e-12})
+            peak: Any = minimize_scalar(
+                loss, bounds=(low, high), method="bounded", options={"xatol": 1e-12}
+            )
             return self.release_at(float(min((float(peak.x), float(times[i])), key=loss)))
         except InputError:  # beside the peak nothing lands: the scanned time is the last that does
             return self.release_at(float(times[i]))

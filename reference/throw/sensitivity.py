@@ -1,8 +1,9 @@
 """Exact derivatives of a release with respect to every parameter and start value, event times included.
 
-The state's derivatives are those of :mod:`.tangent`, of any mechanism; here the release's time follows by the implicit
-function theorem, the flight in closed form, and the whipper's numbers from its parameters by a complex step. Of other
-machines the derivatives are by all their physical numbers (:mod:`.physical`).
+The state's derivatives are those of :mod:`.tangent`, of any mechanism; here the release's time
+follows by the implicit function theorem, the flight in closed form, and the whipper's numbers from
+its parameters by a complex step. Of other machines the derivatives are by all their physical
+numbers (:mod:`.physical`).
 """
 
 from __future__ import annotations
@@ -67,7 +68,8 @@ class Sensitivities:
     """[m/s]."""
     range: float
     """Where the projectile let go at the launch comes back to y = 0, or to the ground asked for, in vacuum: its x in
-    the world [m]; NaN where it never does (let go below it, too slow to rise to it) or gravity is not downwards."""
+    the world [m]; NaN where it never does (let go below it, too slow to rise to it) or gravity is
+    not downwards."""
     d_launch_time: FloatArray
     d_launch_speed: FloatArray
     d_launch_angle: FloatArray
@@ -87,23 +89,30 @@ def sensitivities(
 ) -> Sensitivities:
     """Differentiate the launch of a whipper, fixed or rolling, with respect to all it is made of.
 
-    A start angle takes its rest along (the rests stand where the machine starts). A start speed is a kick of which
-    only the part counts that the closed rests let through; see `VariationalEquations.start`. From a rest gone at
-    t = 0, because it would have to pull, the kick leads away; one towards it would strike it, which `one_sided` says.
+    A start angle takes its rest along (the rests stand where the machine starts). A start speed is
+    a kick of which only the part counts that the closed rests let through; see
+    `VariationalEquations.start`. From a rest gone at t = 0, because it would have to pull, the kick
+    leads away; one towards it would strike it, which `one_sided` says.
 
     Args:
         build: `fixed` or `rolling`, or a function that makes the same machines.
         parameters: Table I where left out.
-        duration: how long the machine has to launch [s]; some five of its characteristic times if left out.
+        duration: how long the machine has to launch [s]; some five of its characteristic times if
+            left out.
 
     Raises:
-        InputError: the machine does not launch within the duration, or `build` makes another machine.
+        InputError: the machine does not launch within the duration, or `build` makes another
+        machine.
         SimulationError: an integrator's step size collapsed.
     """
     p = parameters or TrebuchetParameters()
     mechanism = build(p)
     directions = parameter_directions(build, p) | _start_directions(mechanism)
-    solution = solve_to_launch(mechanism) if duration is None else solve(Problem(mechanism, duration=duration))
+    solution = (
+        solve_to_launch(mechanism)
+        if duration is None
+        else solve(Problem(mechanism, duration=duration))
+    )
     if solution.launch is None:
         spent = solution.problem.duration
         raise InputError(
@@ -112,13 +121,19 @@ def sensitivities(
         )
     values = np.array([_value(mechanism, p, name) for name in directions])
     return _of_the_release(
-        solution, tuple(directions), values, tuple(directions.values()), Moment(solution.launch.time)
+        solution,
+        tuple(directions),
+        values,
+        tuple(directions.values()),
+        Moment(solution.launch.time),
     )
 
 
 def _start_directions(mechanism: Mechanism) -> dict[str, Direction]:
     names, n_angles = mechanism.coordinates, len(mechanism.angles)
-    speeds: dict[str, Direction] = {f"u_{name}": {f"start_speeds.{i}": 1.0} for i, name in enumerate(names)}
+    speeds: dict[str, Direction] = {
+        f"u_{name}": {f"start_speeds.{i}": 1.0} for i, name in enumerate(names)
+    }
     slides: dict[str, Direction] = {
         f"{name}0": {f"start.{n_angles + i}": 1.0} for i, name in enumerate(names[n_angles:])
     }
@@ -129,7 +144,9 @@ def _value(mechanism: Mechanism, parameters: TrebuchetParameters, name: str) -> 
     if name in TrebuchetParameters.model_fields:
         return float(getattr(parameters, name))
     if name.startswith("u_"):
-        return float(initial_state(mechanism)[1][mechanism.coordinates.index(name.removeprefix("u_"))])
+        return float(
+            initial_state(mechanism)[1][mechanism.coordinates.index(name.removeprefix("u_"))]
+        )
     return mechanism.start[mechanism.coordinates.index(name.removesuffix("0"))]
 
 
@@ -149,12 +166,14 @@ def _of_the_release(
         names, values, directions: of what it is differentiated by.
         moment: the release.
         ground: where the projectile lands [m].
-        measured_from: with whose place at the start the ground and the origin of the range move; the world's if None.
+        measured_from: with whose place at the start the ground and the origin of the range move;
+            the world's if None.
 
     Raises:
         UnsupportedProblemError: the motion or the release does not depend smoothly on the numbers.
     """
-    # Large values per relative change, so that the integrator's one absolute tolerance suits all directions.
+    # Large values per relative change, so that the integrator's one absolute tolerance suits all
+    # directions.
     scale = np.maximum(1.0, np.abs(values))
     scaled = [{k: v * s for k, v in d.items()} for d, s in zip(directions, scale, strict=True)]
     mechanism = solution.problem.mechanism
@@ -162,7 +181,11 @@ def _of_the_release(
         mechanism, scaled = _with_origin(mechanism, measured_from, scaled)
     equations = VariationalEquations(mechanism, scaled, names)
     state = state_tangent(solution, equations, moment.time)
-    d_origin = _d_origin(equations, len(state.q)) if measured_from is not None else np.zeros((len(scaled), 2))
+    d_origin = (
+        _d_origin(equations, len(state.q))
+        if measured_from is not None
+        else np.zeros((len(scaled), 2))
+    )
     point = marker_tangent(equations, state)
     # What is held at the release's time t(p) fixes t; what is read there moves with p and with t.
     d_time = _d_time(solution, equations, state, point, moment)
@@ -173,7 +196,9 @@ def _of_the_release(
     (vx, vy), (sideways, upwards) = point.velocity, equations.mechanism.gravity_vector
     gravity = -upwards if abs(sideways) <= LEVEL * abs(upwards) else 0.0  # tilted: no landing
     above = d_position - [0.0, 1.0] * d_origin
-    landing, d_landing = _landing(point, above, d_velocity, gravity, equations.along("gravity"), ground)
+    landing, d_landing = _landing(
+        point, above, d_velocity, gravity, equations.along("gravity"), ground
+    )
     return Sensitivities(
         names=names,
         values=values,
@@ -194,7 +219,9 @@ def _with_origin(
 ) -> tuple[Mechanism, list[dict[str, float]]]:
     """The mechanism with a marker where a joint holds its child, which moves with the joint's numbers."""
     marker, known = f"markers.{_ORIGIN}.point", f"joints.{joint.name}.child_point"
-    moving = [dict(d) | {f"{marker}.{i}": d.get(f"{known}.{i}", 0.0) for i in (0, 1)} for d in directions]
+    moving = [
+        dict(d) | {f"{marker}.{i}": d.get(f"{known}.{i}", 0.0) for i in (0, 1)} for d in directions
+    ]
     markers = (*mechanism.markers, Marker(name=_ORIGIN, body=joint.child, point=joint.child_point))
     return mechanism.model_copy(update={"markers": markers}), moving
 
@@ -207,7 +234,11 @@ def _d_origin(equations: VariationalEquations, n_q: int) -> FloatArray:
 
 
 def _d_time(
-    solution: Solution, equations: VariationalEquations, state: StateTangent, point: PointTangent, moment: Moment
+    solution: Solution,
+    equations: VariationalEquations,
+    state: StateTangent,
+    point: PointTangent,
+    moment: Moment,
 ) -> FloatArray:
     """Derivatives of the release's time, by the implicit function theorem, shape (m,)."""
     if moment.held == "time":
@@ -225,7 +256,9 @@ def _d_time(
     return -changes / rate
 
 
-def _sling(projectile: Projectile, equations: VariationalEquations, state: StateTangent) -> tuple[float, FloatArray]:
+def _sling(
+    projectile: Projectile, equations: VariationalEquations, state: StateTangent
+) -> tuple[float, FloatArray]:
     """The sling angle's rate [rad/s], and its derivatives at a fixed time, shape (m,); it is linear in all numbers."""
     names = projectile.body.name, projectile.arm or projectile.body.name
     angle = equations.kinematics.angle(*names)
@@ -238,7 +271,9 @@ def _sling(projectile: Projectile, equations: VariationalEquations, state: State
 
 
 def _not_smooth(moment: Moment, why: str) -> UnsupportedProblemError:
-    return UnsupportedProblemError(f"the release at t = {moment.time:.6g} s has no derivatives: {why}.")
+    return UnsupportedProblemError(
+        f"the release at t = {moment.time:.6g} s has no derivatives: {why}."
+    )
 
 
 def _landing(
@@ -264,8 +299,8 @@ def _landing(
 def whipper_numbers(p: Mapping[str, Any]) -> dict[str, Any]:
     """The numbers of the whipper that depend on its parameters, as `models/trebuchet.py` has them.
 
-    Plain arithmetic, so that it can be followed by a complex step, which validated descriptions cannot. Checked
-    against the machine itself on each use, and in the tests.
+    Plain arithmetic, so that it can be followed by a complex step, which validated descriptions
+    cannot. Checked against the machine itself on each use, and in the tests.
 
     Args:
         p: values of the fields of `TrebuchetParameters`, real or complex.
@@ -297,11 +332,12 @@ def parameter_directions(
 ) -> dict[str, Direction]:
     """How the machine's numbers change with each field of the parameters: exact, by a complex step.
 
-    f(p + i h) = f(p) + i h f'(p) + O(h^2) (Squire and Trapp, SIAM Review 40 (1998) 110-112): no difference is taken,
-    so h can be so small that only rounding is left.
+    f(p + i h) = f(p) + i h f'(p) + O(h^2) (Squire and Trapp, SIAM Review 40 (1998) 110-112): no
+    difference is taken, so h can be so small that only rounding is left.
 
     Raises:
-        InputError: `build` does not make a whipper, or makes its numbers otherwise than `models/trebuchet.py`.
+        InputError: `build` does not make a whipper, or makes its numbers otherwise than
+            `models/trebuchet.py`.
     """
     values = {name: float(getattr(parameters, name)) for name in TrebuchetParameters.model_fields}
     _refuse_another_machine(build, parameters)
@@ -312,7 +348,9 @@ def parameter_directions(
     return directions
 
 
-def _refuse_another_machine(build: Callable[[TrebuchetParameters], Mechanism], parameters: TrebuchetParameters) -> None:
+def _refuse_another_machine(
+    build: Callable[[TrebuchetParameters], Mechanism], parameters: TrebuchetParameters
+) -> None:
     """Compare all numbers at these and at a second set of parameters, which shows what depends on them."""
     values = {name: float(getattr(parameters, name)) for name in TrebuchetParameters.model_fields}
     other = {name: value * 1.01 + 0.001 * (i + 1) for i, (name, value) in enumerate(values.items())}
@@ -334,7 +372,8 @@ def sensitivities_of(
 ) -> tuple[tuple[Sensitivity, ...], tuple[str, ...]]:
     """Derivatives of a throw's release, flying through vacuum: of a whipper by its parameters and start values.
 
-    Of any other mechanism by all its physical numbers, those first of which one per cent moves the landing most.
+    Of any other mechanism by all its physical numbers, those first of which one per cent moves the
+    landing most.
 
     Args:
         performance: the throw.
@@ -353,17 +392,27 @@ def sensitivities_of(
         joint = origin(mechanism)
         known, sentences = physical_numbers(mechanism, performance.projectile.name)
         units = {each.name: each.unit for each in known}
-        values, directions = np.array([each.value for each in known]), {each.name: each.direction for each in known}
+        values, directions = (
+            np.array([each.value for each in known]),
+            {each.name: each.direction for each in known},
+        )
     else:
         p = parameters or TrebuchetParameters()
-        directions = parameter_directions(lambda p: model(name, p), p) | _start_directions(mechanism)
+        directions = parameter_directions(lambda p: model(name, p), p) | _start_directions(
+            mechanism
+        )
         values = np.array([_value(mechanism, p, each) for each in directions])
     try:
-        found = _of_the_release(solution, tuple(directions), values, tuple(directions.values()), moment, ground, joint)
+        found = _of_the_release(
+            solution, tuple(directions), values, tuple(directions.values()), moment, ground, joint
+        )
     except UnsupportedProblemError as error:
         return (), (f"there are no sensitivities: {str(error).removesuffix('.')}",)
     listed = _listed(found, units)
-    return (tuple(sorted(listed, key=_effect)) if name is None else listed), (*sentences, *found.one_sided)
+    return (tuple(sorted(listed, key=_effect)) if name is None else listed), (
+        *sentences,
+        *found.one_sided,
+    )
 
 
 def _listed(found: Sensitivities, units: Mapping[str, str]) -> tuple[Sensitivity, ...]:

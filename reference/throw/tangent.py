@@ -1,12 +1,14 @@
 """Derivatives of a motion's state and events along directions of the mechanism's numbers, through releases and impacts.
 
-Forward variational equations (Hairer, Norsett and Wanner, Solving ODEs I, Sec. I.14) are integrated with the motion,
-from one event to the next. Nothing is differenced: see :mod:`.variational`. At an event at t(p) the state's derivative
-at a fixed time jumps (Aizerman and Gantmakher 1958): with the derivative on the event's side,
+Forward variational equations (Hairer, Norsett and Wanner, Solving ODEs I, Sec. I.14) are integrated
+with the motion, from one event to the next. Nothing is differenced: see :mod:`.variational`. At an
+event at t(p) the state's derivative at a fixed time jumps (Aizerman and Gantmakher 1958): with the
+derivative on the event's side,
 
     s_event = s- + f- dt,    s+ = dR s_event + dR/dp - f+ dt,
 
-where f is the state's rate and R the impact law. At a release neither the state nor its rate jumps, and nor does s.
+where f is the state's rate and R the impact law. At a release neither the state nor its rate jumps,
+and nor does s.
 """
 
 from __future__ import annotations
@@ -51,8 +53,9 @@ class StateTangent:
     d_impact_times: tuple[tuple[float, FloatArray], ...] = ()
     """Time [s] of every impact between the start and t, and its derivatives, shape (m,).
 
-    They are known to the rounding of the gap and of its derivative over the gap speed: of the last impacts before a
-    stop ceases to bounce, to some 1e-7 of themselves, while the state's keep their digits.
+    They are known to the rounding of the gap and of its derivative over the gap speed: of the last
+    impacts before a stop ceases to bounce, to some 1e-7 of themselves, while the state's keep their
+    digits.
     """
     kinks: tuple[Kink, ...] = ()
     """Stops for which the derivatives along some directions hold to one side only."""
@@ -83,13 +86,16 @@ def state_tangent(
         tol: local error bound of the integrator, relative and absolute.
 
     Raises:
-        InputError: t lies outside the solution, or a direction moves the start off a closed stop or a loop.
-        UnsupportedProblemError: the motion passes a singular position before t, or comes to an event after which it
-            does not depend smoothly on the directions.
+        InputError: t lies outside the solution, or a direction moves the start off a closed stop or
+        a loop.
+        UnsupportedProblemError: the motion passes a singular position before t, or comes to an
+            event after which it does not depend smoothly on the directions.
         SimulationError: the integrator's step size collapsed.
     """
     if not 0 <= t <= solution.segments[-1].end:
-        raise InputError(f"t = {t:g} s lies outside the solution, which covers 0 to {solution.segments[-1].end:.6g} s.")
+        raise InputError(
+            f"t = {t:g} s lies outside the solution, which covers 0 to {solution.segments[-1].end:.6g} s."
+        )
     _refuse_singular(solution, t)
     with one_thread():
         return _Along(solution, equations, tol).until(t)
@@ -113,12 +119,15 @@ class _Along:
         self.releases = {stop.name: np.full(m, np.nan) for stop in solution.problem.mechanism.stops}
         self.impacts: list[tuple[float, FloatArray]] = []
         self.kinks: list[Kink] = []
-        # Stops whose gaps the loops fix have no part in the motion, and their forces are not unique.
+        # Stops whose gaps the loops fix have no part in the motion, and their forces are not
+        # unique.
         self.movable = movable(equations, [stop.name for stop in solution.problem.mechanism.stops])
 
     def until(self, t: float) -> StateTangent:
         """Through all events before t [s]."""
-        segments = [segment for segment in self.solution.segments if segment.start < t or segment.start == 0]
+        segments = [
+            segment for segment in self.solution.segments if segment.start < t or segment.start == 0
+        ]
         q, u = self._start(segments[0])
         for segment in segments:
             first = q, u
@@ -130,7 +139,9 @@ class _Along:
                 following = self.solution.segments[self.solution.segments.index(segment) + 1]
                 q, u = self._after(segment, following, q, u)
         closed = segments[-1].closed
-        self.equations.refuse_misfits(q, self._active(segments[-1]), f"the motion at t = {t:.6g} s", _SAME)
+        self.equations.refuse_misfits(
+            q, self._active(segments[-1]), f"the motion at t = {t:.6g} s", _SAME
+        )
         tangents = q.tangents.T, u.tangents.T
         events = self.releases, tuple(self.impacts), tuple(self.kinks)
         return StateTangent(t, q.value, u.value, *tangents, closed, *events)
@@ -140,8 +151,12 @@ class _Along:
         q, u = initial_state(self.solution.problem.mechanism)
         q_after, u_after = self._state(first)
         struck = self._impulses(0.0)
-        taking_part = tuple(dict.fromkeys((*self._active(first), *(name for name, p in struck.items() if p > 0))))
-        start = self.equations.start(q, u, taking_part, self._rebounds(q, u, u_after, taking_part, first.closed))
+        taking_part = tuple(
+            dict.fromkeys((*self._active(first), *(name for name, p in struck.items() if p > 0)))
+        )
+        start = self.equations.start(
+            q, u, taking_part, self._rebounds(q, u, u_after, taking_part, first.closed)
+        )
         q_start, u_start = Dual(q_after, start[0].tangents), Dual(u_after, start[1].tangents)
         self.kinks += kinks_at_start(self.equations, q_start, u_start, taking_part)
         unspent = Dual(u_after, self.equations.along_each("start_speeds", self.n_q))
@@ -192,11 +207,15 @@ class _Along:
     def _note_releases(self, segment: Segment, q: Dual, u: Dual) -> None:
         """Implicit function theorem on torque(t, p) = 0: dt = -(d torque) / (torque's rate)."""
         for k, name in enumerate(segment.closed, start=self.equations.n_loops):
-            if self.solution.release_times[name] == segment.end and name not in self._impulses(segment.end):
+            if self.solution.release_times[name] == segment.end and name not in self._impulses(
+                segment.end
+            ):
                 if name in undetermined_forces(self.equations, q.value, segment.closed)[1]:
                     raise _not_smooth(segment.end, f"{name} opens, and its force is not unique")
                 torques = self.equations.accelerations(q, u, segment.closed)[1].tangents[k]
-                self.releases[name] = -torques / self.equations.rates(q.value, u.value, segment.closed)[1][k]
+                self.releases[name] = (
+                    -torques / self.equations.rates(q.value, u.value, segment.closed)[1][k]
+                )
 
     def _after(self, before: Segment, after: Segment, q: Dual, u: Dual) -> tuple[Dual, Dual]:
         """The state behind the event between two segments, as it is at a fixed time."""
@@ -211,9 +230,13 @@ class _Along:
         u_after, t = self._state(after)[1], before.end
         shift = self._impact_time(before, tuple(impulses), q, u)
         self.impacts.append((t, shift))
-        self.releases |= {name: shift for name in before.closed if self.solution.release_times[name] == t}
+        self.releases |= {
+            name: shift for name in before.closed if self.solution.release_times[name] == t
+        }
         taking_part = tuple(
-            name for name, p in impulses.items() if p > 0 or (name in self._active(before) and name in after.closed)
+            name
+            for name, p in impulses.items()
+            if p > 0 or (name in self._active(before) and name in after.closed)
         )
         rebounds = self._rebounds(q.value, u.value, u_after, taking_part, after.closed)
         q = Dual(q.value, q.tangents + np.outer(u.value, shift))
@@ -230,7 +253,9 @@ class _Along:
     def _gap_speeds(self, names: Sequence[str], q: FloatArray, u: FloatArray) -> FloatArray:
         return self.equations.constraint_jacobian(q, names)[self.equations.n_loops :] @ u
 
-    def _impact_time(self, before: Segment, touching: tuple[str, ...], q: Dual, u: Dual) -> FloatArray:
+    def _impact_time(
+        self, before: Segment, touching: tuple[str, ...], q: Dual, u: Dual
+    ) -> FloatArray:
         """Derivatives of the time at which a gap falls through zero, shape (m,)."""
         open_stops = tuple(name for name in touching if name not in before.closed)
         speeds = self._gap_speeds(open_stops, q.value, u.value)
@@ -239,11 +264,19 @@ class _Along:
         if not len(shifts):
             raise _not_smooth(before.end, f"it grazes {' and '.join(touching)}")
         if np.abs(shifts - shifts[0]).max() > _SAME * np.abs(shifts).max():
-            raise _not_smooth(before.end, f"it meets {' and '.join(open_stops)} at one instant, one or the other first")
+            raise _not_smooth(
+                before.end,
+                f"it meets {' and '.join(open_stops)} at one instant, one or the other first",
+            )
         return shifts[0]
 
     def _rebounds(
-        self, q: FloatArray, u: FloatArray, u_after: FloatArray, names: Sequence[str], closed: Sequence[str]
+        self,
+        q: FloatArray,
+        u: FloatArray,
+        u_after: FloatArray,
+        names: Sequence[str],
+        closed: Sequence[str],
     ) -> dict[str, object]:
         """Restitution of the stops that rebound; one met too slowly does not."""
         speeds, after = (self._gap_speeds(names, q, values) for values in (u, u_after))
@@ -262,13 +295,19 @@ def _not_smooth(t: float, why: str) -> UnsupportedProblemError:
     )
 
 
-def marker_tangent(equations: VariationalEquations, state: StateTangent, marker: str = "projectile") -> PointTangent:
+def marker_tangent(
+    equations: VariationalEquations, state: StateTangent, marker: str = "projectile"
+) -> PointTangent:
     """A marker at a state, and its derivatives along the directions at that fixed time."""
     q: Any = Dual(state.q, state.dq.T)
     u: Any = Dual(state.u, state.du.T)
     kinematics, row = equations.kinematics, equations.data.markers[marker]
-    position, velocity = (cast("Dual", v) for v in (kinematics.position(row, q), kinematics.velocity(row, q, u)))
-    still = kinematics.point(*next((m.body, m.point) for m in equations.mechanism.markers if m.name == marker))
+    position, velocity = (
+        cast("Dual", v) for v in (kinematics.position(row, q), kinematics.velocity(row, q, u))
+    )
+    still = kinematics.point(
+        *next((m.body, m.point) for m in equations.mechanism.markers if m.name == marker)
+    )
     a = equations.solve(state.q, state.u, state.closed)[0]
     return PointTangent(
         position=position.value,

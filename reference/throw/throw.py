@@ -15,7 +15,15 @@ from ...models.spec import NonNegative
 from ..solution import Solution
 from .figures import FlightFigures, Held, LaunchFigures, Performance, RestFigures, Throw
 from .flight import Air, Flight, Surroundings, downwards, fly, world
-from .members import Interval, MemberForce, SupportForce, carries, member_forces, support_forces, supports
+from .members import (
+    Interval,
+    MemberForce,
+    SupportForce,
+    carries,
+    member_forces,
+    support_forces,
+    supports,
+)
 from .release import Projectile, swing
 
 _THROUGH = -1e-9  # [rad] a gap below this is no rounding
@@ -48,15 +56,23 @@ def throw(
         best: release for the longest range.
         density: of the air [kg/m^3]; with `drag_area`.
         drag_area: C_d A [m^2]; with `density` or `body`.
-        body: moon, mars, earth or venus: its gravity takes the mechanism's place, its air is met with `drag_area`.
+        body: moon, mars, earth or venus: its gravity takes the mechanism's place, its air is met
+        with `drag_area`.
         height: of the landing above the fulcrum at the start [m].
 
     Raises:
-        InputError: a value is not valid, gravity is not downwards, or the motion never comes to the one release given.
+        InputError: a value is not valid, gravity is not downwards, or the motion never comes to the
+        one release given.
         SimulationError: the integrator's step size collapsed.
     """
-    chosen = {"release_angle": release_angle, "release_time": release_time, "sling_angle": sling_angle}
-    performance = perform(mechanism, chosen, best=best, density=density, drag_area=drag_area, body=body, height=height)
+    chosen = {
+        "release_angle": release_angle,
+        "release_time": release_time,
+        "sling_angle": sling_angle,
+    }
+    performance = perform(
+        mechanism, chosen, best=best, density=density, drag_area=drag_area, body=body, height=height
+    )
     vars(performance.throw)["performance"] = performance
     return performance.throw
 
@@ -79,17 +95,25 @@ def perform(
     farthest = projectile.best_release(surroundings)
     if "best" in chosen:
         if farthest is None:
-            raise InputError(f"no release of the first sweep comes up to the landing height = {height!r} m.")
+            raise InputError(
+                f"no release of the first sweep comes up to the landing height = {height!r} m."
+            )
         released, description = farthest, "for the longest range"
     elif "release_time" in chosen:
-        released, description = projectile.release_at(chosen["release_time"]), f"at {chosen['release_time']:.9g} s"
+        released, description = (
+            projectile.release_at(chosen["release_time"]),
+            f"at {chosen['release_time']:.9g} s",
+        )
     elif "sling_angle" in chosen:
         angle = chosen["sling_angle"]
         description = f"sling at {math.degrees(angle):.6g} deg to arm"
         released = projectile.release_at_sling_angle(angle)
     else:
         angle = chosen.get("release_angle", LAUNCH_ANGLE)
-        released, description = projectile.release_at_angle(angle), f"velocity at {math.degrees(angle):.6g} deg"
+        released, description = (
+            projectile.release_at_angle(angle),
+            f"velocity at {math.degrees(angle):.6g} deg",
+        )
     flight = fly(released, surroundings)
     best_flight = None if farthest is None else fly(farthest, surroundings)
     figures = _figures(projectile, air, height, description, flight, best_flight)
@@ -123,15 +147,23 @@ def _placed(
     """The mechanism under the gravity of the named celestial body, if any, and the air."""
     if body is not None:
         if density is not None:
-            raise InputError(f"body = {body!r} brings its own density; leave out density = {density!r}, or the body.")
+            raise InputError(
+                f"body = {body!r} brings its own density; leave out density = {density!r}, or the body."
+            )
         location = world(body)
         adapted = mechanism.model_copy(update={"gravity": location.gravity})
-        return adapted, Air(density=location.density if drag_area is not None else 0.0, drag_area=drag_area or 0.0)
+        return adapted, Air(
+            density=location.density if drag_area is not None else 0.0, drag_area=drag_area or 0.0
+        )
     given = {"density": density, "drag_area": drag_area}
     air = Air(**{name: value for name, value in given.items() if value is not None})
     if (density is None) != (drag_area is None):
-        have, lacks = ("density", "drag_area") if drag_area is None else ("drag_area", "density (or a body)")
-        raise InputError(f"{have} = {given[have]!r} needs a {lacks} as well: drag is 1/2 rho C_d A v^2.")
+        have, lacks = (
+            ("density", "drag_area") if drag_area is None else ("drag_area", "density (or a body)")
+        )
+        raise InputError(
+            f"{have} = {given[have]!r} needs a {lacks} as well: drag is 1/2 rho C_d A v^2."
+        )
     return mechanism, air
 
 
@@ -139,7 +171,8 @@ def surroundings_of(projectile: Projectile, air: Air, height: float) -> Surround
     """What acts on it in flight, and where it lands, `height` [m] above the machine's :func:`origin` at the start.
 
     Raises:
-        InputError: the height is not finite, gravity is not downwards, or drag lacks the projectile's mass.
+        InputError: the height is not finite, gravity is not downwards, or drag lacks the
+            projectile's mass.
     """
     if not math.isfinite(height):
         raise InputError(f"height = {height!r} m must be finite.")
@@ -165,20 +198,30 @@ def origin(mechanism: Mechanism) -> AnyJoint:
 def _fulcrum(solution: Solution) -> tuple[float, float]:
     """Where the machine's :func:`origin` stands at the start [m]."""
     joint, kinematics = origin(solution.problem.mechanism), solution.equations.kinematics
-    row, start = kinematics.point(joint.child, joint.child_point), np.array(solution.problem.mechanism.start)
+    row, start = (
+        kinematics.point(joint.child, joint.child_point),
+        np.array(solution.problem.mechanism.start),
+    )
     x, y = kinematics.position(row, start)
     return float(x), float(y)
 
 
 def _figures(
-    projectile: Projectile, air: Air, height: float, description: str, flight: Flight, best: Flight | None
+    projectile: Projectile,
+    air: Air,
+    height: float,
+    description: str,
+    flight: Flight,
+    best: Flight | None,
 ) -> Throw:
     solution, until = projectile.solution, flight.release.time
     of_members, of_supports = member_forces(solution, until), support_forces(solution, until)
     start = solution.trajectory(np.zeros(1))
     energy = float(start.total_energy[0])
     launch, after = _launch_and_flight(projectile, flight, energy)
-    best_launch, best_flight = (None, None) if best is None else _launch_and_flight(projectile, best, energy)
+    best_launch, best_flight = (
+        (None, None) if best is None else _launch_and_flight(projectile, best, energy)
+    )
     return Throw(
         mechanism=solution.problem.mechanism,
         released=description,
@@ -198,7 +241,9 @@ def _figures(
     )  # fmt: skip
 
 
-def _launch_and_flight(projectile: Projectile, flight: Flight, energy: float) -> tuple[LaunchFigures, FlightFigures]:
+def _launch_and_flight(
+    projectile: Projectile, flight: Flight, energy: float
+) -> tuple[LaunchFigures, FlightFigures]:
     release, (x, y) = flight.release, _fulcrum(projectile.solution)
     kinetic = None if projectile.mass is None else 0.5 * projectile.mass * release.speed**2
     launch = LaunchFigures(
@@ -207,7 +252,9 @@ def _launch_and_flight(projectile: Projectile, flight: Flight, energy: float) ->
         angle=release.angle,
         x=release.position[0] - x,
         y=release.position[1] - y,
-        sling_angle=None if projectile.arm is None else float(projectile.sling_angle(np.array([release.time]))[0]),
+        sling_angle=None
+        if projectile.arm is None
+        else float(projectile.sling_angle(np.array([release.time]))[0]),
         kinetic_energy=kinetic,
         energy_ratio=None if kinetic is None or energy <= 0 else kinetic / energy,
     )
@@ -222,7 +269,9 @@ def _launch_and_flight(projectile: Projectile, flight: Flight, energy: float) ->
 
 def _rest(solution: Solution, name: str, torque: float, until: float) -> RestFigures:
     time = solution.release_times[name]
-    return RestFigures(name=name, start_torque=torque, release_time=None if time is None or time > until else time)
+    return RestFigures(
+        name=name, start_torque=torque, release_time=None if time is None or time > until else time
+    )
 
 
 def _warnings(of_members: Iterable[MemberForce], of_supports: Iterable[SupportForce]) -> list[str]:

@@ -48,7 +48,9 @@ def fresh_machines(model: str) -> tuple[Trials, ...]:
     random, found = np.random.default_rng(2026), list[Trials]()
     longest = SWING * Trials(BUILDERS[model]()).end
     while len(found) < FRESH:
-        own = tb.TrebuchetParameters(**{name: float(random.uniform(*ends)) for name, ends in RANGES.items()})
+        own = tb.TrebuchetParameters(
+            **{name: float(random.uniform(*ends)) for name, ends in RANGES.items()}
+        )
         try:
             trials = Trials(BUILDERS[model](own), until=Until())
         except tb.InputError:
@@ -59,7 +61,9 @@ def fresh_machines(model: str) -> tuple[Trials, ...]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "model"), [("mujoco", "fixed"), ("pymunk", "rolling"), ("exudyn", "rolling")])
+@pytest.mark.parametrize(
+    ("name", "model"), [("mujoco", "fixed"), ("pymunk", "rolling"), ("exudyn", "rolling")]
+)
 def test_recommended_settings_hold_on_other_machines(name: str, model: str) -> None:
     """The bar of the issue: run afresh on another machine of the kind, within a factor of two of what is asked."""
     choice = advice(model, name).engine(name).choice
@@ -72,7 +76,11 @@ def test_recommended_settings_hold_on_other_machines(name: str, model: str) -> N
 def test_what_is_recommended_was_measured_and_reaches_it() -> None:
     found = advice("fixed", "mujoco")
     choice = found.engine("mujoco").choice
-    assert choice is not None and choice.here.position is not None and choice.worst_neighbour is not None
+    assert (
+        choice is not None
+        and choice.here.position is not None
+        and choice.worst_neighbour is not None
+    )
     assert choice.here.position <= 0.1 and (choice.worst_neighbour.position or math.inf) <= 0.1
     own = Trials(tb.fixed())
     again = own.trial(tb.engine("mujoco", choice.preset, **choice.changes))
@@ -83,7 +91,9 @@ def test_what_is_recommended_was_measured_and_reaches_it() -> None:
 
 def test_a_mechanism_of_ones_own_gets_advice() -> None:
     mechanism = tb.fixed().model_copy(update={"name": "own"})
-    found = recommend(Study([mechanism], ["mujoco"], isolate=False), Asked(position=0.1), neighbours=3)
+    found = recommend(
+        Study([mechanism], ["mujoco"], isolate=False), Asked(position=0.1), neighbours=3
+    )
     assert found.engine("mujoco").choice is not None
     assert "geometry was not varied" in found.rule
     assert "--model own.json" in found.engine("mujoco").snippets["trebucheck on the command line"]
@@ -92,7 +102,9 @@ def test_a_mechanism_of_ones_own_gets_advice() -> None:
 @pytest.mark.slow
 def test_what_stands_in_the_way_of_pymunk_is_rounding() -> None:
     """Its impulses are divided by the step: 1e-6 N m of a torque of 8e4 is beyond it, however short the step."""
-    found = recommend(Study(["fixed"], ["pymunk"], isolate=False), Asked(torque=1e-6), neighbours=0).engine("pymunk")
+    found = recommend(
+        Study(["fixed"], ["pymunk"], isolate=False), Asked(torque=1e-6), neighbours=0
+    ).engine("pymunk")
     assert found.choice is None and found.obstacle == "rounding", found.message
 
 
@@ -114,7 +126,9 @@ def test_the_mjcf_loads_and_says_what_the_engine_does(label: str) -> None:
     from trebucheck.engines.mujoco.build import load
 
     text = mjcf(tb.rolling(), 1e-2)  # of another step, and so of other softness
-    pasted = text.replace("</mujoco>", _texts("mujoco", label, tb.rolling(), 2e-3)[MJCF] + "\n</mujoco>")
+    pasted = text.replace(
+        "</mujoco>", _texts("mujoco", label, tb.rolling(), 2e-3)[MJCF] + "\n</mujoco>"
+    )
     model = mujoco.MjModel.from_xml_string(pasted)
     expected = load(tb.rolling(), configured("mujoco", _options("mujoco", label), 2e-3))
     for name in ("timestep", "integrator", "solver", "tolerance", "iterations"):
@@ -128,19 +142,25 @@ def test_the_mujoco_lines_move_the_machine_as_the_engine_does(label: str) -> Non
     mujoco: Any = pytest.importorskip("mujoco")
     step, mechanism = 5e-3, tb.rolling()
     texts = _texts("mujoco", label, mechanism, step)
-    model = mujoco.MjModel.from_xml_string(mjcf(mechanism).replace("</mujoco>", texts[MJCF] + "\n</mujoco>"))
+    model = mujoco.MjModel.from_xml_string(
+        mjcf(mechanism).replace("</mujoco>", texts[MJCF] + "\n</mujoco>")
+    )
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     scope: dict[str, Any] = {}
     exec(texts[MUJOCO_PYTHON], scope)
     names = mjcf_names(mechanism)
-    held = {names[torque_sensor(f"{part} rest")]: names[f"{part} pin"] for part in ("hanger", "sling")}
+    held = {
+        names[torque_sensor(f"{part} rest")]: names[f"{part} pin"] for part in ("hanger", "sling")
+    }
     if "preload" in scope:
         scope["preload"](model, data)
     for _ in range(400):
         scope["step"](model, data, held)
     assert not held
-    own = configured("mujoco", _options("mujoco", label), step).simulate(tb.Problem(mechanism, duration=2.0))
+    own = configured("mujoco", _options("mujoco", label), step).simulate(
+        tb.Problem(mechanism, duration=2.0)
+    )
     place = data.site("projectile").xpos[[0, 2]]
     # The same steps: only the bisection's last bits differ, and the motion is not yet chaotic.
     assert place == pytest.approx(own.marker("projectile").position[-1], abs=1e-9)
@@ -160,7 +180,9 @@ def test_the_pymunk_lines_move_the_machine_as_the_engine_does(label: str) -> Non
         scope["step"]()
     own = engine.simulate(tb.Problem(mechanism, duration=1.0))
     part = machine.parts["sling"]
-    assert tuple(part.body.position) == pytest.approx(tuple(own.marker("projectile").position[-1]), abs=1e-8)
+    assert tuple(part.body.position) == pytest.approx(
+        tuple(own.marker("projectile").position[-1]), abs=1e-8
+    )
 
 
 @pytest.mark.parametrize("label", [options.name for options in option_sets("exudyn")])
@@ -198,14 +220,19 @@ def test_the_exudyn_lines_release_the_stops(label: str) -> None:
         system = build(mechanism)
         time = scope["settings"].timeIntegration
         time.endTime, time.numberOfSteps = 2.0, 1000
-        scope["held"] = {system.stops[name]: float(mechanism.stop(name).sense) for name in system.stops}
+        scope["held"] = {
+            system.stops[name]: float(mechanism.stop(name).sense) for name in system.stops
+        }
         system.main.SetPostStepUserFunction(scope["release"])
         assert system.main.SolveDynamic(scope["settings"])
     assert not scope["held"]
     exact = tb.engine("reference").simulate(tb.Problem(mechanism, duration=2.0))
-    own = configured("exudyn", _options("exudyn", label), step).simulate(tb.Problem(mechanism, duration=2.0))
+    own = configured("exudyn", _options("exudyn", label), step).simulate(
+        tb.Problem(mechanism, duration=2.0)
+    )
     position = scope["exu"].OutputVariableType.Position
     pasted = np.array(system.main.GetNodeOutput(system.nodes["sling"], position))[:2]
     expected, found = (motion.marker("projectile").position[-1] for motion in (exact, own))
-    # The same rule and step, the accelerations at the start found another way: as good as the engine, to the bar's two.
+    # The same rule and step, the accelerations at the start found another way: as good as the
+    # engine, to the bar's two.
     assert np.linalg.norm(pasted - expected) <= 2 * np.linalg.norm(found - expected)

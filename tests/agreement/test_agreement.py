@@ -23,7 +23,8 @@ PRESETS = ("tuned", "stock")
 MODELS = ("fixed", "rolling")
 ALL_MODELS = tuple(models())
 PAGE = Path(__file__).parents[2] / "docs" / "agreement.md"
-# Two printed digits, and figures near rounding (MuJoCo's, Exudyn's torques) move with the build of the engine.
+# Two printed digits, and figures near rounding (MuJoCo's, Exudyn's torques) move with the build of
+# the engine.
 FACTOR, ROUNDING = 1.3, 3.0
 
 
@@ -69,8 +70,12 @@ def test_the_table_of_the_page(engine_name: str) -> None:
         return
     results = table_one(engine_name).results
     rows = [(model, row) for model, row in _rows() if row["engine"].split()[0] == engine_name]
-    shown = [run for run in results.runs if run.model in ("fixed", "rolling") or run.preset == "tuned"]
-    assert [(model, row["engine"]) for model, row in rows] == [(run.model, run.label) for run in shown]
+    shown = [
+        run for run in results.runs if run.model in ("fixed", "rolling") or run.preset == "tuned"
+    ]
+    assert [(model, row["engine"]) for model, row in rows] == [
+        (run.model, run.label) for run in shown
+    ]
     for model, row in rows:
         machine = next(machine for machine in results.machines if machine.model == model)
         run = next(run for run in results.runs if (run.model, run.label) == (model, row["engine"]))
@@ -80,7 +85,11 @@ def test_the_table_of_the_page(engine_name: str) -> None:
             assert (found is None) == (printed == ""), (model, row["engine"], quantity.title)
             if found is not None:
                 factor = ROUNDING if found < 1e-7 or quantity.unit == "N m" else FACTOR
-                assert float(printed.split()[0]) == pytest.approx(found, rel=factor - 1), (model, row, quantity.title)
+                assert float(printed.split()[0]) == pytest.approx(found, rel=factor - 1), (
+                    model,
+                    row,
+                    quantity.title,
+                )
 
 
 STOCK_POSITIONS = {"reference": 1e-6, "mujoco": 1e-2, "pymunk": 0.5, "exudyn": 5e-3}
@@ -101,7 +110,13 @@ def test_no_stated_need_is_idle(engine_name: str) -> None:
     """Every tolerance names a metric the engine's runs have: one that matches nothing would only look like a check."""
     runs = table_one(engine_name).results.runs
     for stated in engine_study(engine_name).tolerances:
-        metrics = [m for run in runs if run.preset == stated.preset for m in run.metrics if m.name == stated.metric]
+        metrics = [
+            m
+            for run in runs
+            if run.preset == stated.preset
+            for m in run.metrics
+            if m.name == stated.metric
+        ]
         assert any(metric.holds is not None for metric in metrics), stated
 
 
@@ -127,7 +142,11 @@ def test_a_trajectory_is_whole(engine_name: str, model: str, preset: str) -> Non
     assert trajectory.q[0] == pytest.approx(mechanism.start, abs=1e-12)
     assert trajectory.u[0] == pytest.approx(0.0, abs=1e-12)
     assert set(trajectory.markers) == {marker.name for marker in mechanism.markers}
-    assert set(trajectory.stop_torques) == set(trajectory.release_times) == {stop.name for stop in mechanism.stops}
+    assert (
+        set(trajectory.stop_torques)
+        == set(trajectory.release_times)
+        == {stop.name for stop in mechanism.stops}
+    )
     for motion in trajectory.markers.values():
         assert motion.position.shape == motion.velocity.shape == (n, 2)
         assert np.isfinite(motion.position).all() and np.isfinite(motion.velocity).all()
@@ -166,7 +185,9 @@ def test_joint_forces_are_near(engine_name: str, model: str) -> None:
 
 @settings(max_examples=5)
 @given(parameters=machine_parameters(), model=st.sampled_from(MODELS))
-def test_random_machines_agree(engine_name: str, parameters: tb.TrebuchetParameters, model: str) -> None:
+def test_random_machines_agree(
+    engine_name: str, parameters: tb.TrebuchetParameters, model: str
+) -> None:
     comparison = tb.compare([model], [engine_name], ["tuned"], parameters=parameters, isolate=False)
     (run,) = comparison.results.runs
     assert run.outcome is Outcome.AGREES, "\n".join([run.message or "", *complaints(run)])

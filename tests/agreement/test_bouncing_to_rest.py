@@ -29,7 +29,9 @@ def exact(restitution: float, height: float) -> Solution:
     return solve(Problem(bouncing(restitution, height), end, stop_law=StopLaw.UNILATERAL))
 
 
-def impact_error(engine: str, restitution: float, followed: float, height: float, part: float) -> float | None:
+def impact_error(
+    engine: str, restitution: float, followed: float, height: float, part: float
+) -> float | None:
     """Of the engine with one restitution against the reference with another [s]; None: impacts are missing."""
     end = duration(followed, height)
     own = Problem(bouncing(restitution, height), end, stop_law=StopLaw.UNILATERAL)
@@ -41,7 +43,9 @@ def impact_error(engine: str, restitution: float, followed: float, height: float
 @pytest.mark.parametrize("engine", ["mujoco", "exudyn", "pymunk"])
 @pytest.mark.parametrize("restitution", [0.1, 0.5])
 @pytest.mark.parametrize("height", [1.0, 1e-4])
-def test_engines_come_to_rest_with_the_reference(engine: str, restitution: float, height: float) -> None:
+def test_engines_come_to_rest_with_the_reference(
+    engine: str, restitution: float, height: float
+) -> None:
     """Whatever the size: an absolute least speed let an engine rebound where the reference had ceased to."""
     pytest.importorskip(engine)
     error = impact_error(engine, restitution, restitution, height, 4e-3)

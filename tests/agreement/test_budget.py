@@ -24,13 +24,32 @@ from trebucheck.models.problem import Problem
 EXPLAINED = 0.9  # the stated need
 _STEPS = {"mujoco": 4e-3, "pymunk": 4e-3, "exudyn": 4e-3}
 
-# Away from Table I in every length, mass and start angle, one of each kind: all stops push at the start.
+# Away from Table I in every length, mass and start angle, one of each kind: all stops push at the
+# start.
 OTHERS = {
     "fixed": TrebuchetParameters(
-        l1=8.6, l2=4.9, r=7.2, h=8.4, m_b=57.0, m_cw=3700.0, m_a=850.0, theta0=0.09, phi0=3.21, alpha0=-0.51
+        l1=8.6,
+        l2=4.9,
+        r=7.2,
+        h=8.4,
+        m_b=57.0,
+        m_cw=3700.0,
+        m_a=850.0,
+        theta0=0.09,
+        phi0=3.21,
+        alpha0=-0.51,
     ),
     "rolling": TrebuchetParameters(
-        l1=11.1, l2=4.0, r=6.5, h=11.9, m_b=120.0, m_cw=3570.0, m_a=1860.0, theta0=0.01, phi0=3.23, alpha0=-0.49
+        l1=11.1,
+        l2=4.0,
+        r=6.5,
+        h=11.9,
+        m_b=120.0,
+        m_cw=3570.0,
+        m_a=1860.0,
+        theta0=0.01,
+        phi0=3.23,
+        alpha0=-0.49,
     ),
 }
 
@@ -63,7 +82,9 @@ def _check(found: Budget) -> None:
         assert quantity is not None and quantity.explained is not None
         assert quantity.explained >= EXPLAINED, (name, quantity.explained)
         fractions = [share.fraction or 0.0 for share in (*quantity.shares, quantity.rest)]
-        assert math.fsum(fractions) == pytest.approx(1.0, abs=1e-9)  # rounding of sums over a thousand times
+        assert math.fsum(fractions) == pytest.approx(
+            1.0, abs=1e-9
+        )  # rounding of sums over a thousand times
 
 
 @pytest.mark.slow
@@ -85,7 +106,9 @@ def test_nine_tenths_of_each_error_are_explained(
         ("other rolling", "exudyn", "tuned"),
     ],
 )
-def test_on_another_machine_too(machines: dict[str, Trials], machine: str, name: str, preset: str) -> None:
+def test_on_another_machine_too(
+    machines: dict[str, Trials], machine: str, name: str, preset: str
+) -> None:
     _check(_budget(machines[machine], name, preset))
 
 
@@ -95,12 +118,18 @@ def test_the_causes_are_the_ones_that_are_known(machines: dict[str, Trials]) -> 
     trials = machines["fixed"]
     softness = _share(_budget(trials, "mujoco", "tuned"), "position", "constraint softness")
     assert (softness.fraction or 0.0) > 0.9
-    # Linear in 1 - d: doubling it tells the same share as a true removal, but for the 1/64 that this one leaves.
+    # Linear in 1 - d: doubling it tells the same share as a true removal, but for the 1/64 that
+    # this one leaves.
     assert softness.second == pytest.approx((softness.fraction or 0.0) * 64 / 63, rel=0.01)
-    assert (_share(_budget(trials, "pymunk", "tuned"), "position", "time step").fraction or 0.0) > 0.9
+    assert (
+        _share(_budget(trials, "pymunk", "tuned"), "position", "time step").fraction or 0.0
+    ) > 0.9
     start = _share(_budget(trials, "pymunk", "stock"), f"{HANGER_REST} torque", "solver passes")
-    # Stops that hold their lengths get the passes that they need, too: either removal is enough, and each has half.
-    assert (start.first or 0.0) > 0.9 and start.fraction == pytest.approx((start.first or 0.0) / 2, rel=0.01)
+    # Stops that hold their lengths get the passes that they need, too: either removal is enough,
+    # and each has half.
+    assert (start.first or 0.0) > 0.9 and start.fraction == pytest.approx(
+        (start.first or 0.0) / 2, rel=0.01
+    )
     located = _share(_budget(trials, "exudyn", "stock"), f"{HANGER_REST} release", "event location")
     assert (located.fraction or 0.0) > 0.9
 
@@ -125,5 +154,7 @@ def test_exudyns_multipliers_alternate_and_the_filter_finds_it() -> None:
     raw = (run.stop_torque(HANGER_REST) - exact)[3:-3]
     filtered = (with_filtered_torques(run).stop_torque(HANGER_REST) - exact)[3:-3]
     rough, smooth = (np.abs(np.diff(values)).mean() for values in (raw, filtered))
-    assert smooth < 0.1 * rough  # an alternating error jumps by twice itself at each step, a smooth one by order h
+    assert (
+        smooth < 0.1 * rough
+    )  # an alternating error jumps by twice itself at each step, a smooth one by order h
     assert np.sqrt(np.mean(filtered**2)) < np.sqrt(np.mean(raw**2))

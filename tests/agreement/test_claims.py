@@ -14,7 +14,14 @@ from trebucheck.engines.registry import engine_class, engine_names
 from trebucheck.models.arrays import FloatArray
 from trebucheck.paper.curves import series
 from trebucheck.paper.drag.motion import AngleReading, DragInterval
-from trebucheck.paper.drag.study import PRINTED, AngleCurve, DragStudy, GravityReading, Reading, WorldFit
+from trebucheck.paper.drag.study import (
+    PRINTED,
+    AngleCurve,
+    DragStudy,
+    GravityReading,
+    Reading,
+    WorldFit,
+)
 from trebucheck.paper.evidence.claims import Claim, Verdict
 from trebucheck.paper.evidence.engine_runs import SampledMotion
 from trebucheck.paper.evidence.quantities import (
@@ -40,7 +47,9 @@ from trebucheck.reference.certification.quantities import Key
 from trebucheck.reference.solver import solve
 
 pytestmark = pytest.mark.slow  # both machines by every engine, once for all of these tests
-INSTALLED = tuple(name for name in engine_names() if name != "reference" and engine_class(name).is_installed())
+INSTALLED = tuple(
+    name for name in engine_names() if name != "reference" and engine_class(name).is_installed()
+)
 
 
 @functools.cache
@@ -113,7 +122,11 @@ def test_every_engine_follows_the_arm_stop(name: str) -> None:
 
 def test_rows_of_one_fact_name_a_row_of_the_throws_or_of_another_study() -> None:
     """A fact is named after one of its rows, so that a wrong name cannot split it."""
-    elsewhere = {"wheels make it more efficient", "Eqs. (6), (7) hold at the start", "best lever ratio"}
+    elsewhere = {
+        "wheels make it more efficient",
+        "Eqs. (6), (7) hold at the start",
+        "best lever ratio",
+    }
     assert {claim.fact for claim in claims().values() if claim.fact} <= claims().keys() | elsewhere
 
 
@@ -135,7 +148,9 @@ def test_the_kink_of_a_torque_is_that_of_the_dense_output() -> None:
     assert found.ours is not None and found.ours.uncertainty is not None
     assert abs(found.ours.value - ratio) < found.ours.uncertainty < 1e-4
     for each in found.engines:
-        assert each.value == pytest.approx(ratio, rel=0.02), each.engine  # noise of the torque over the fit's span
+        assert each.value == pytest.approx(ratio, rel=0.02), (
+            each.engine
+        )  # noise of the torque over the fit's span
 
 
 def table_two() -> DragStudy:
@@ -154,7 +169,9 @@ def table_two() -> DragStudy:
             )
             for world, (vacuum, common, given) in angles.items()
         )
-        curve = AngleCurve(world="venus", drag_areas=(0.0, 0.1), angles=(0.77, 0.2), times=(2.7, 2.8))
+        curve = AngleCurve(
+            world="venus", drag_areas=(0.0, 0.1), angles=(0.77, 0.2), times=(2.7, 2.8)
+        )
         return Reading(
             angle=kind,
             gravity=GravityReading.THROW_AND_FLIGHT,
@@ -166,13 +183,24 @@ def table_two() -> DragStudy:
             grids=(),
         )
 
-    velocity = {"moon": (44.10, 44.10, False), "mars": (44.10, 44.02, False), "venus": (44.10, 15.08, True)}
-    across = {"moon": (45.23, 45.23, True), "mars": (45.23, 45.16, False), "venus": (45.23, 14.79, True)}
+    velocity = {
+        "moon": (44.10, 44.10, False),
+        "mars": (44.10, 44.02, False),
+        "venus": (44.10, 15.08, True),
+    }
+    across = {
+        "moon": (45.23, 45.23, True),
+        "mars": (45.23, 45.16, False),
+        "venus": (45.23, 14.79, True),
+    }
     return DragStudy(
         mechanism=tb.fixed(),
         projectile_mass=60.0,
         printed=tuple(row for row in PRINTED if row.world != "earth"),
-        readings=(reading(AngleReading.VELOCITY, velocity), reading(AngleReading.ACROSS_SLING, across)),
+        readings=(
+            reading(AngleReading.VELOCITY, velocity),
+            reading(AngleReading.ACROSS_SLING, across),
+        ),
         findings=(),
         seconds=0.0,
     )
@@ -182,12 +210,21 @@ def test_table_two_is_judged_by_what_its_readings_and_drag_areas_give() -> None:
     study = table_two()
     found = {row.name: row.claim(evidence()) for row in drag_rows(study, evidence())}
     verdicts = {name: claim.verdict for name, claim in found.items()}
-    assert verdicts["best angle of release, moon"] is Verdict.OPEN  # across the sling it is 45 deg, of the velocity 44
-    assert verdicts["best angle of release, mars"] is verdicts["Mars is the exception"] is Verdict.FAILS
-    # Without air only the time scale differs: what passes as one angle on the Earth does so on the Moon.
+    assert (
+        verdicts["best angle of release, moon"] is Verdict.OPEN
+    )  # across the sling it is 45 deg, of the velocity 44
+    assert (
+        verdicts["best angle of release, mars"]
+        is verdicts["Mars is the exception"]
+        is Verdict.FAILS
+    )
+    # Without air only the time scale differs: what passes as one angle on the Earth does so on the
+    # Moon.
     elsewhere = [f"largest speed at another angle, {world}" for world in ("moon", "mars", "venus")]
     assert [verdicts[name] for name in elsewhere] == [Verdict.FAILS, Verdict.FAILS, Verdict.HOLDS]
-    assert [claim.name for claim in facts(list(found.values())) if claim.name in elsewhere] == elsewhere[:1]
+    assert [
+        claim.name for claim in facts(list(found.values())) if claim.name in elsewhere
+    ] == elsewhere[:1]
 
 
 def test_the_counterweights_way_is_the_paths() -> None:
@@ -195,8 +232,12 @@ def test_the_counterweights_way_is_the_paths() -> None:
     for throw in evidence().throws.values():
         t = np.linspace(0.0, throw.launch_time, 1001)
         x = throw.at(t).marker("counterweight").position[:, 0]
-        turn = float(np.abs(np.diff(x, 2)).max())  # at most this much is cut off at each of the few turns
-        assert throw.values[SIDEWAYS] == pytest.approx(float(np.abs(np.diff(x)).sum()), abs=4 * turn)
+        turn = float(
+            np.abs(np.diff(x, 2)).max()
+        )  # at most this much is cut off at each of the few turns
+        assert throw.values[SIDEWAYS] == pytest.approx(
+            float(np.abs(np.diff(x)).sum()), abs=4 * turn
+        )
 
 
 @pytest.mark.parametrize("name", ["launch speed at l1 = 10", "R, rolling", "counterweight swings out further",
@@ -237,7 +278,10 @@ def test_our_figures_are_the_certificates(name: str) -> None:
     throw = evidence().throws[name]
     certificate = load_certificate(throw.mechanism)
     assert certificate is not None
-    figures = {certified(Key(each.name, each.subject, each.at, each.unit)): each for each in certificate.figures}
+    figures = {
+        certified(Key(each.name, each.subject, each.at, each.unit)): each
+        for each in certificate.figures
+    }
     shared = {quantity: figure for quantity, figure in figures.items() if quantity in throw.values}
     assert len(shared) > 20
     for quantity, figure in shared.items():
@@ -259,7 +303,9 @@ def test_an_absent_engine_is_a_note() -> None:
 
     throw = evidence().throws["fixed"]
     fields = {name: getattr(throw, name) for name in MachineThrow.__dataclass_fields__}
-    gone = MachineThrow(**fields | {"engines": (EngineThrow("chrono", note="engine 'chrono' crashed"),)})
+    gone = MachineThrow(
+        **fields | {"engines": (EngineThrow("chrono", note="engine 'chrono' crashed"),)}
+    )
     row = Row("speed", "Sec. V", "99.4", "speed", LAUNCH_SPEED.of("fixed"), as_printed)
     claim = row.claim(Evidence(tb.TrebuchetParameters(), {"fixed": gone}))
     assert claim.verdict is Verdict.HOLDS
@@ -268,9 +314,21 @@ def test_an_absent_engine_is_a_note() -> None:
 
 def test_the_figures_hold_what_they_show() -> None:
     found = series(evidence())
-    assert {each.figure for each in found} == {"Fig. 2", "Fig. 3", "Fig. 4", "Fig. 6a", "Fig. 6b", "Fig. 7a", "Fig. 7b"}
+    assert {each.figure for each in found} == {
+        "Fig. 2",
+        "Fig. 3",
+        "Fig. 4",
+        "Fig. 6a",
+        "Fig. 6b",
+        "Fig. 7a",
+        "Fig. 7b",
+    }
     second = next(each for each in found if each.figure == "Fig. 2")
     third = next(each for each in found if each.figure == "Fig. 3")
     assert second.y[0] > 0 > third.y[0]  # the paper's signs
-    paths = [max(each.x) for each in found if each.figure.startswith("Fig. 6") and each.kind == "line"]
-    assert paths[0] - paths[1] == pytest.approx(3.303, abs=5e-3)  # of 400 points, a few centimetres apart
+    paths = [
+        max(each.x) for each in found if each.figure.startswith("Fig. 6") and each.kind == "line"
+    ]
+    assert paths[0] - paths[1] == pytest.approx(
+        3.303, abs=5e-3
+    )  # of 400 points, a few centimetres apart

@@ -25,8 +25,8 @@ LIMIT = {"mujoco": 1e-9, "pymunk": 2e-6, "exudyn": 1e-9}
 PAIRWISE = 3e-6
 """Of the issue: all formulations over the whole throw [m]."""
 ORDER, WITHIN = 2.0, 0.1
-# Laws hold as their knob tends to its end; over a range the next term adds to the slope, for which the rule of the fit
-# allows a tenth.
+# Laws hold as their knob tends to its end; over a range the next term adds to the slope, for which
+# the rule of the fit allows a tenth.
 LAWS = {
     ("mujoco", "solref"): 2.0,
     ("mujoco", "solimp"): 1.0,
@@ -38,7 +38,9 @@ LAWS = {
 
 @cache
 def _machine(name: str, asked: tuple[str, ...]) -> MachineStudies:
-    return converge(runs.Study([BUILD[name]()], list(ENGINES), isolate=False), list(asked)).machines[0]
+    return converge(
+        runs.Study([BUILD[name]()], list(ENGINES), isolate=False), list(asked)
+    ).machines[0]
 
 
 @pytest.fixture(autouse=True)
@@ -85,7 +87,11 @@ def test_limits_come_to_the_reference(name: str, engine: str) -> None:
 @pytest.mark.parametrize("name", BUILD)
 def test_all_formulations_agree_pairwise(name: str) -> None:
     machine, _ = _steps(name, "mujoco")
-    tuned = [pair for pair in machine.pairs if pair.first.endswith("tuned") and pair.second.endswith("tuned")]
+    tuned = [
+        pair
+        for pair in machine.pairs
+        if pair.first.endswith("tuned") and pair.second.endswith("tuned")
+    ]
     assert len(tuned) == 3
     assert max(pair.position for pair in tuned) <= PAIRWISE
 
@@ -104,10 +110,15 @@ def test_laws_of_the_other_knobs(engine: str, knob: str) -> None:
 
 @pytest.mark.parametrize(
     "mechanism",
-    [hanging_bob(start=1.2, markers=(Marker(name="tip", body="bob", point=(2.0, 0)),)), chain(gravity=0.0, markers=())],
+    [
+        hanging_bob(start=1.2, markers=(Marker(name="tip", body="bob", point=(2.0, 0)),)),
+        chain(gravity=0.0, markers=()),
+    ],
     ids=["tip", "no gravity, no marker"],
 )
-def test_the_order_is_found_of_any_mechanism(mechanism: tb.Mechanism, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_order_is_found_of_any_mechanism(
+    mechanism: tb.Mechanism, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Without a launch, without stops."""
     monkeypatch.setattr(studying, "_STEPS", tuple(8e-3 / 2**k for k in range(5)))
     study = runs.Study([mechanism], ["pymunk", "exudyn"], until=1.0, isolate=False)

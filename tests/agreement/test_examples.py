@@ -21,10 +21,16 @@ LIBRARIES = ("mujoco", "pymunk", "exudyn", "gymnasium")
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_an_example_runs(path: Path, tmp_path: Path) -> None:
     text = path.read_text()
-    absent = [name for name in LIBRARIES if re.search(rf'"{name}"|import {name}', text) and find_spec(name) is None]
+    absent = [
+        name
+        for name in LIBRARIES
+        if re.search(rf'"{name}"|import {name}', text) and find_spec(name) is None
+    ]
     if absent:
         pytest.skip(f"{', '.join(absent)} is not installed here")
-    done = subprocess.run([sys.executable, str(path)], cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, str(path)], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()
     assert not list(tmp_path.iterdir())  # an example leaves nothing behind
@@ -39,7 +45,9 @@ def test_the_notebook_shows_what_its_cells_give(monkeypatch: pytest.MonkeyPatch)
     for cell in json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]:
         if cell["cell_type"] == "code":
             found = list(outputs("".join(cell["source"]), names))
-            assert [set(each.get("data", ())) for each in found] == [set(e.get("data", ())) for e in cell["outputs"]]
+            assert [set(each.get("data", ())) for each in found] == [
+                set(e.get("data", ())) for e in cell["outputs"]
+            ]
             assert_same_words(*(" ".join(map(_text, each)) for each in (found, cell["outputs"])))
 
 

@@ -8,7 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mechanisms import TABLE_ONE, four_bar, hanging_bob, position_error, rods_on_a_slot, table_one_motion
+from mechanisms import (
+    TABLE_ONE,
+    four_bar,
+    hanging_bob,
+    position_error,
+    rods_on_a_slot,
+    table_one_motion,
+)
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
 from trebucheck.models.machines.parameters import TrebuchetParameters
@@ -48,7 +55,9 @@ def test_tuned_at_its_own_step_stays_within_the_bars(reference: Solution) -> Non
     assert np.abs(run.total_energy - energy).max() <= 1e-6 * abs(energy)
     for name, force in run.joint_reactions.items():
         scale = np.abs(exact.joint_reactions[name]).max()
-        assert np.abs(force - exact.joint_reactions[name]).max() <= 3e-6 * scale  # found 1.3e-6 = 130 h^2
+        assert (
+            np.abs(force - exact.joint_reactions[name]).max() <= 3e-6 * scale
+        )  # found 1.3e-6 = 130 h^2
 
 
 def test_the_order_is_two(reference: Solution) -> None:
@@ -61,7 +70,9 @@ def test_the_order_is_two(reference: Solution) -> None:
 
 
 def test_release_times_are_of_order_two_too(reference: Solution) -> None:
-    coarse, fine = (ExudynEngine(timestep=step).simulate(reference.problem) for step in (4e-3, 1e-3))
+    coarse, fine = (
+        ExudynEngine(timestep=step).simulate(reference.problem) for step in (4e-3, 1e-3)
+    )
     for name in (HANGER_REST, SLING_REST):
         exact = reference.release_times[name]
         assert exact is not None
@@ -108,15 +119,22 @@ def test_stock_opens_stops_at_the_end_of_a_step() -> None:
     for name in (HANGER_REST, SLING_REST):
         release = run.release_time(name)
         assert release is not None
-        assert release / engine.timestep == pytest.approx(round(release / engine.timestep), abs=1e-6)
+        assert release / engine.timestep == pytest.approx(
+            round(release / engine.timestep), abs=1e-6
+        )
     exact = {HANGER_REST: 1.194940568904336, SLING_REST: 1.437345284636296}  # PHYSICS.md
-    assert all(abs((run.release_time(name) or 0) - time) <= 2 * engine.timestep for name, time in exact.items())
-    # Index 3 holds the joints' positions, to Newton's tolerance, where index 2 lets them drift by 1e-5 m.
+    assert all(
+        abs((run.release_time(name) or 0) - time) <= 2 * engine.timestep
+        for name, time in exact.items()
+    )
+    # Index 3 holds the joints' positions, to Newton's tolerance, where index 2 lets them drift by
+    # 1e-5 m.
     assert max(gap.max() for gap in run.joint_gaps.values()) <= 1e-9
 
 
 def test_a_stop_that_would_have_to_pull_is_gone_at_the_start() -> None:
-    # Beyond l1 = 12.7255 m the hanger's rest would have to pull (PHYSICS.md); the sling's then pushes by itself.
+    # Beyond l1 = 12.7255 m the hanger's rest would have to pull (PHYSICS.md); the sling's then
+    # pushes by itself.
     problem = Problem(fixed(TrebuchetParameters.with_beam(12.8)), 0.5)
     run, exact = ExudynEngine(timestep=1e-3).simulate(problem), solve(problem)
     assert run.release_time(HANGER_REST) == 0.0
@@ -134,7 +152,12 @@ def test_all_stops_are_decided_at_once(seed: int) -> None:
     stops = (
         Stop(name="one", body="upper", sense=int(senses[0]), limit=senses[0] * a, closed=True),
         Stop(
-            name="two", body="lower", relative_to="upper", sense=int(senses[1]), limit=senses[1] * (b - a), closed=True
+            name="two",
+            body="lower",
+            relative_to="upper",
+            sense=int(senses[1]),
+            limit=senses[1] * (b - a),
+            closed=True,
         ),
     )
     problem = Problem(double_pendulum(*stops, start=(a, b, 0.6)), 0.01)
@@ -142,7 +165,9 @@ def test_all_stops_are_decided_at_once(seed: int) -> None:
     assert run.release_times == exact.release_times
     start = exact.trajectory(np.zeros(1))
     for stop in stops:
-        assert run.stop_torque(stop.name)[0] == pytest.approx(start.stop_torque(stop.name)[0], rel=1e-8, abs=1e-9)
+        assert run.stop_torque(stop.name)[0] == pytest.approx(
+            start.stop_torque(stop.name)[0], rel=1e-8, abs=1e-9
+        )
 
 
 def test_a_tilted_slot_does_not_turn_with_its_body_and_speeds_may_start_anywhere() -> None:
@@ -151,11 +176,17 @@ def test_a_tilted_slot_does_not_turn_with_its_body_and_speeds_may_start_anywhere
     errors: list[list[float]] = []
     for run in runs:
         exact = solve(problem).trajectory(run.t)
-        reactions = [np.abs(run.joint_reactions[n] - exact.joint_reactions[n]).max() for n in ("slot", "pin")]
+        reactions = [
+            np.abs(run.joint_reactions[n] - exact.joint_reactions[n]).max() for n in ("slot", "pin")
+        ]
         speeds = np.abs(run.marker("tip").velocity - exact.marker("tip").velocity).max()
-        errors.append([*reactions, speeds, np.abs(run.q - exact.q).max(), np.abs(run.u - exact.u).max()])
+        errors.append(
+            [*reactions, speeds, np.abs(run.q - exact.q).max(), np.abs(run.u - exact.u).max()]
+        )
     assert max(errors[1]) <= 1e-2  # of forces up to 1e2 N at h = 1e-3
-    assert np.divide(*errors) == pytest.approx(4.0, rel=0.1)  # order two, so nothing is merely nearly right
+    assert np.divide(*errors) == pytest.approx(
+        4.0, rel=0.1
+    )  # order two, so nothing is merely nearly right
 
 
 def test_loops_are_joints_like_any_other() -> None:
@@ -165,7 +196,10 @@ def test_loops_are_joints_like_any_other() -> None:
         run = ExudynEngine(timestep=step).simulate(problem)
         exact = solve(problem).trajectory(run.t)
         errors.append(
-            [np.abs(run.q - exact.q).max(), np.abs(run.joint_reactions["C"] - exact.joint_reactions["C"]).max()]
+            [
+                np.abs(run.q - exact.q).max(),
+                np.abs(run.joint_reactions["C"] - exact.joint_reactions["C"]).max(),
+            ]
         )
         assert set(run.joint_gaps) == {"A", "B", "C", "D"}
     assert np.divide(*errors) == pytest.approx(4.0, rel=0.1)
@@ -192,13 +226,16 @@ def _hopeless() -> ExudynEngine:
 
 def test_a_failed_step_is_one_sentence() -> None:
     with pytest.raises(
-        SimulationError, match=r"^exudyn's trapezoidal-index-2 solver gave up after t = 0 s of 0\.1 s; .*\.$"
+        SimulationError,
+        match=r"^exudyn's trapezoidal-index-2 solver gave up after t = 0 s of 0\.1 s; .*\.$",
     ):
         _hopeless().simulate(Problem(fixed(), 0.1))
 
 
 def test_a_second_run_gives_the_same_bits() -> None:
-    first, second = (ExudynEngine(timestep=1e-2).simulate(Problem(rolling(), 2.0)) for _ in range(2))
+    first, second = (
+        ExudynEngine(timestep=1e-2).simulate(Problem(rolling(), 2.0)) for _ in range(2)
+    )
     assert np.array_equal(first.q, second.q)
     assert np.array_equal(first.stop_torque(SLING_REST), second.stop_torque(SLING_REST))
 
@@ -217,7 +254,9 @@ def test_a_closed_stop_whose_gap_moves_is_refused() -> None:
 
 
 def test_the_laws_agree_until_a_stop_is_met() -> None:
-    once, again = (ExudynEngine(timestep=1e-3).simulate(Problem(fixed(), 2.0, stop_law=law)) for law in StopLaw)
+    once, again = (
+        ExudynEngine(timestep=1e-3).simulate(Problem(fixed(), 2.0, stop_law=law)) for law in StopLaw
+    )
     assert again.impacts == ()
     assert again.release_times == pytest.approx(once.release_times, abs=1e-9)
     assert np.abs(again.q - once.q).max() <= 1e-9  # of rounding, amplified by the throw
@@ -240,4 +279,6 @@ def test_a_wrong_option_is_named(option: str, value: object) -> None:
 
 def test_the_class_does_not_load_exudyn() -> None:
     code = "import sys, trebucheck.engines.exudyn.engine as m; E = m.ExudynEngine; E.version(); E.is_installed(); E()"
-    subprocess.run([sys.executable, "-c", f"{code}; assert 'exudyn' not in sys.modules"], check=True, cwd="/")
+    subprocess.run(
+        [sys.executable, "-c", f"{code}; assert 'exudyn' not in sys.modules"], check=True, cwd="/"
+    )

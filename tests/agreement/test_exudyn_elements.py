@@ -27,17 +27,29 @@ pytest.importorskip("exudyn")
 def test_the_built_system_is_the_described_one(name: str) -> None:
     found = check_model(ExudynEngine(), ELEMENTS[name])
     assert found.exposed
-    assert {check.name for check in found.checks} >= {"mass matrix", "force", "acceleration", "centre of mass"}
+    assert {check.name for check in found.checks} >= {
+        "mass matrix",
+        "force",
+        "acceleration",
+        "centre of mass",
+    }
     assert found.holds
 
 
-def off(mechanism: Mechanism, step: float, duration: float, law: StopLaw = StopLaw.RELEASE_ONCE) -> list[float]:
+def off(
+    mechanism: Mechanism, step: float, duration: float, law: StopLaw = StopLaw.RELEASE_ONCE
+) -> list[float]:
     """Largest errors of coordinates, speeds, energy, forces of joints and stops, times and impulses of events."""
     exact = solve(Problem(mechanism, duration, stop_law=law))
     run = ExudynEngine(timestep=step).simulate(exact.problem)
-    there, events = exact.trajectory(run.t), np.array([*exact.release_times.values()], dtype=np.float64)
+    there, events = (
+        exact.trajectory(run.t),
+        np.array([*exact.release_times.values()], dtype=np.float64),
+    )
     events = np.append(events[np.isfinite(events)], [time for time, _ in exact.impacts])
-    smooth = np.all(np.abs(run.t[:, None] - events) > 2 * step, axis=1)  # there forces and speeds jump
+    smooth = np.all(
+        np.abs(run.t[:, None] - events) > 2 * step, axis=1
+    )  # there forces and speeds jump
     pairs = [(run.q, there.q), (run.u, there.u), (run.potential_energy, there.potential_energy)]
     assert set(run.joint_reactions) == set(run.joint_gaps) == set(there.joint_reactions)
     pairs += [(force, there.joint_reactions[joint]) for joint, force in run.joint_reactions.items()]
@@ -49,11 +61,16 @@ def off(mechanism: Mechanism, step: float, duration: float, law: StopLaw = StopL
         assert (found is None) == (time is None)
         errors.append(0.0 if found is None or time is None else abs(found - time))
     for (mine, impulses), (theirs, exact_impulses) in zip(run.impacts, exact.impacts, strict=True):
-        errors += [abs(mine - theirs), *(abs(impulses[stop] - exact_impulses[stop]) for stop in exact_impulses)]
+        errors += [
+            abs(mine - theirs),
+            *(abs(impulses[stop] - exact_impulses[stop]) for stop in exact_impulses),
+        ]
     return errors
 
 
-def assert_order_two(mechanism: Mechanism, step: float, duration: float, law: StopLaw = StopLaw.RELEASE_ONCE) -> None:
+def assert_order_two(
+    mechanism: Mechanism, step: float, duration: float, law: StopLaw = StopLaw.RELEASE_ONCE
+) -> None:
     """A half of the step leaves a quarter of each error that is more than rounding."""
     pairs = zip(*(off(mechanism, h, duration, law) for h in (step, step / 2)), strict=True)
     for coarse, fine in pairs:
@@ -85,7 +102,8 @@ def test_tuned_stays_within_its_bar() -> None:
 def test_a_spring_turns_many_times_and_its_points_pass_each_other() -> None:
     """A torsion pendulum of several turns, and a mass on a spring of no length that passes through its end.
 
-    The trapezoidal rule moves a harmonic oscillator exactly, but with the frequency (2 / h) atan(w h / 2).
+    The trapezoidal rule moves a harmonic oscillator exactly, but with the frequency (2 / h) atan(w
+    h / 2).
     """
     k, turns, step = 3.0, 20.0, 2e-3
     disc = body_of("hull", "a", 2.0, (0.0, 0.0), 0.4)
@@ -99,24 +117,33 @@ def test_a_spring_turns_many_times_and_its_points_pass_each_other() -> None:
         return np.cos(2 / step * np.arctan(np.sqrt(k / inertia) * step / 2) * t)
 
     run = ExudynEngine(timestep=step).simulate(Problem(wheel, 2.0))
-    assert run.q[:, 0] - 1.0 == pytest.approx(turns * oscillation(disc.inertia, run.t), abs=1e-9 * turns)
+    assert run.q[:, 0] - 1.0 == pytest.approx(
+        turns * oscillation(disc.inertia, run.t), abs=1e-9 * turns
+    )
     assert run.total_energy == pytest.approx(np.full(len(run.t), 0.5 * k * turns**2), rel=1e-9)
     run = ExudynEngine(timestep=step).simulate(Problem(mass, 2.0))
-    expected = np.stack([np.zeros(len(run.t)), 0.5 * oscillation(disc.mass, run.t), np.zeros(len(run.t))], axis=1)
+    expected = np.stack(
+        [np.zeros(len(run.t)), 0.5 * oscillation(disc.mass, run.t), np.zeros(len(run.t))], axis=1
+    )
     assert run.q == pytest.approx(expected, abs=1e-9)
 
 
 def test_what_exudyn_has_no_item_for_is_refused() -> None:
     problem = Problem(lever(UP, True, 0.0), 0.1)
     with pytest.raises(
-        UnsupportedProblemError, match=r"'wall' as a spring: .* this wall stands on 'hull'; leave stop_"
+        UnsupportedProblemError,
+        match=r"'wall' as a spring: .* this wall stands on 'hull'; leave stop_",
     ):
         ExudynEngine(stop_stiffness=1e6).simulate(problem)
     with pytest.raises(UnsupportedProblemError, match=r"'wall' as a spring"):
         ExudynEngine(stop_stiffness=1e6).inspect(problem.mechanism, ())
-    itself = PointStop(name="wall", body="bob", point=(1, 0), relative_to="bob", normal=UP, offset=-1, closed=False)
+    itself = PointStop(
+        name="wall", body="bob", point=(1, 0), relative_to="bob", normal=UP, offset=-1, closed=False
+    )
     alone = Mechanism(**(dict(problem.mechanism) | {"stops": (itself,)}))
-    with pytest.raises(UnsupportedProblemError, match="a point of 'bob', on which its wall stands as well"):
+    with pytest.raises(
+        UnsupportedProblemError, match="a point of 'bob', on which its wall stands as well"
+    ):
         ExudynEngine().simulate(Problem(alone, 0.1))
 
 
@@ -152,7 +179,9 @@ def _swapped(system: Any) -> None:
 def _weld(system: Any) -> None:
     """The weld lets its bodies turn."""
     numbers = range(system.main.systemData.NumberOfObjects())
-    weld = next(n for n in numbers if system.main.GetObject(n)["objectType"] == "ConnectorCoordinate")
+    weld = next(
+        n for n in numbers if system.main.GetObject(n)["objectType"] == "ConnectorCoordinate"
+    )
     system.main.SetObjectParameter(weld, "activeConnector", False)
 
 
@@ -190,7 +219,8 @@ def test_a_fault_in_an_element_shows(fault: str, monkeypatch: pytest.MonkeyPatch
 def test_loops_pass_singular_positions(steps: int) -> None:
     """The four-bar mechanism of equal links lies flat twice a turn: another branch is off by a radian within 0.2 s.
 
-    Of 566 steps one ends so near to the second flat position that Newton's iteration does not converge.
+    Of 566 steps one ends so near to the second flat position that Newton's iteration does not
+    converge.
     """
     problem = Problem(benchmark("n-four-bar").problem().mechanism, 2.0)
     run = ExudynEngine(timestep=2.0 / steps).simulate(problem)

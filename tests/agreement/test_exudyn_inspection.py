@@ -30,7 +30,14 @@ def closed_loop() -> Mechanism:
         name="trammel",
         bodies=(Body(name="bar", angle="a", mass=2, centre=(0.4, 0.1), inertia=0.3),),
         joints=(
-            SlotJoint(name="x", child="bar", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0), coordinate="s"),
+            SlotJoint(
+                name="x",
+                child="bar",
+                parent_point=(0, 0),
+                child_point=(0, 0),
+                axis=(1, 0),
+                coordinate="s",
+            ),
             SlotJoint(name="y", child="bar", parent_point=(0, 0), child_point=(1, 0), axis=(0, 1)),
         ),
         stops=(Stop(name="rest", body="bar", sense=-1, limit=-0.5, closed=True),),
@@ -42,15 +49,26 @@ def closed_loop() -> Mechanism:
 def off(found: Inspection, mechanism: Mechanism, states: tuple[State, ...]) -> dict[str, float]:
     """Largest difference from the equations by quantity, relative to the quantity's largest value."""
     equations = Equations(mechanism)
-    pairs: dict[str, list[tuple[object, object]]] = {"mass": [], "forces": [], "accelerations": [], "torques": []}
+    pairs: dict[str, list[tuple[object, object]]] = {
+        "mass": [],
+        "forces": [],
+        "accelerations": [],
+        "torques": [],
+    }
     for state, mine in zip(states, found.dynamics, strict=True):
         accelerations, multipliers = equations.solve(state.q, state.u, state.closed)
         forces = equations.gravity_forces(state.q) - equations.bias(state.q, state.u)
         pairs["mass"].append((mine.mass_matrix, equations.mass_matrix(state.q)))
         pairs["forces"].append((mine.forces, forces))
         pairs["accelerations"].append((mine.accelerations, accelerations))
-        pairs["torques"] += zip(mine.stop_torques.values(), multipliers[equations.n_loops :], strict=True)
-    return {name: _relative(*map(np.array, zip(*rows, strict=True))) for name, rows in pairs.items() if rows}
+        pairs["torques"] += zip(
+            mine.stop_torques.values(), multipliers[equations.n_loops :], strict=True
+        )
+    return {
+        name: _relative(*map(np.array, zip(*rows, strict=True)))
+        for name, rows in pairs.items()
+        if rows
+    }
 
 
 def _relative(mine: FloatArray, theirs: FloatArray) -> float:
@@ -58,12 +76,18 @@ def _relative(mine: FloatArray, theirs: FloatArray) -> float:
 
 
 @pytest.mark.parametrize("stiffness", [None, 1e9])
-@pytest.mark.parametrize("mechanism", [*TABLE_ONE.values(), closed_loop()], ids=lambda mechanism: mechanism.name)
-def test_springs_and_constraints_are_the_same_machine(mechanism: Mechanism, stiffness: float | None) -> None:
+@pytest.mark.parametrize(
+    "mechanism", [*TABLE_ONE.values(), closed_loop()], ids=lambda mechanism: mechanism.name
+)
+def test_springs_and_constraints_are_the_same_machine(
+    mechanism: Mechanism, stiffness: float | None
+) -> None:
     states = random_states(mechanism)
     found = ExudynEngine(stop_stiffness=stiffness).inspect(mechanism, states)
     assert max(off(found, mechanism, states).values()) <= EXACT
-    assert max(abs(gap) for dynamics in found.dynamics for gap in dynamics.stop_gaps.values()) <= EXACT
+    assert (
+        max(abs(gap) for dynamics in found.dynamics for gap in dynamics.stop_gaps.values()) <= EXACT
+    )
     assert any(state.closed for state in states)
 
 
@@ -72,18 +96,26 @@ def test_accelerations_are_right_at_any_speed() -> None:
     mechanism = TABLE_ONE["rolling"]
     for speed in (0.0, 1e-6, 30.0, 1e4):
         states = (State(np.array([0.4, 4.0, 0.2, -0.3]), speed * np.array([1.0, -0.7, 0.4, 2.0])),)
-        assert off(ExudynEngine().inspect(mechanism, states), mechanism, states)["accelerations"] <= EXACT
+        assert (
+            off(ExudynEngine().inspect(mechanism, states), mechanism, states)["accelerations"]
+            <= EXACT
+        )
 
 
 def test_a_state_may_close_only_what_is_closed_at_the_start() -> None:
     state = State(np.array(fixed().start), np.zeros(3), ("arm stop",))
-    with pytest.raises(InputError, match="'arm stop' is no stop that is closed at the start; those are: hanger rest, "):
+    with pytest.raises(
+        InputError,
+        match="'arm stop' is no stop that is closed at the start; those are: hanger rest, ",
+    ):
         ExudynEngine().inspect(fixed(), (state,))
 
 
 def test_redundant_joints_give_the_same_machine() -> None:
     joints = fixed().joints
-    twice = fixed().model_copy(update={"joints": (*joints, joints[1].model_copy(update={"name": "again"}))})
+    twice = fixed().model_copy(
+        update={"joints": (*joints, joints[1].model_copy(update={"name": "again"}))}
+    )
     states = random_states(fixed())
     assert max(off(ExudynEngine().inspect(twice, states), fixed(), states).values()) <= EXACT
 
@@ -115,7 +147,9 @@ FAULTS: dict[str, Callable[[Any], None]] = {
 
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("name", TABLE_ONE)
-def test_a_fault_in_the_system_shows(name: str, fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_in_the_system_shows(
+    name: str, fault: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from trebucheck.engines.exudyn import inspect as module
 
     rightly = module.build

@@ -22,7 +22,9 @@ def test_rebounds_are_followed_until_the_rule_ends_them() -> None:
     problem = Problem(random_mechanism(295), duration=0.52, stop_law=StopLaw.UNILATERAL)
     run, reference = _moved(problem, 5e-4), solve(problem)
     assert len(run.impacts) == len(reference.impacts) > 20
-    times, expected = (np.array([time for time, _ in motion.impacts]) for motion in (run, reference))
+    times, expected = (
+        np.array([time for time, _ in motion.impacts]) for motion in (run, reference)
+    )
     # The first impact is late by the motion's error; those after it keep their distances from it.
     assert np.diff(times)[-3:] == pytest.approx(np.diff(expected)[-3:], rel=1e-2)
 
@@ -37,7 +39,10 @@ def test_redundant_joints_leave_the_forces_of_second_order(seed: int) -> None:
         run = _moved(problem, timestep)
         expected = reference.trajectory(run.t)
         unique = run.joint_reactions.keys() - set(reference.undetermined_joints)
-        return max(float(np.abs(run.joint_reactions[name] - expected.joint_reaction(name)).max()) for name in unique)
+        return max(
+            float(np.abs(run.joint_reactions[name] - expected.joint_reaction(name)).max())
+            for name in unique
+        )
 
     # A quarter at second order; the steps beside an impact leave some of it.
     assert error(5e-4) < 0.3 * error(1e-3)

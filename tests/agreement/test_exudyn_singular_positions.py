@@ -22,7 +22,13 @@ def turning(slot_height: float) -> Mechanism:
     """A slider-crank whose crank and rod stand above each other as its slider passes: there the loop is singular."""
     length = 1.0 + slot_height
     rod = -math.asin(slot_height / length)
-    slot = SlotJoint(name="slot", child="rod", parent_point=(0, slot_height), child_point=(length, 0), axis=(1, 0))
+    slot = SlotJoint(
+        name="slot",
+        child="rod",
+        parent_point=(0, slot_height),
+        child_point=(length, 0),
+        axis=(1, 0),
+    )
     return slider_crank(
         length,
         joints=(pin("pivot", GROUND, "crank"), pin("elbow", "crank", "rod", (1, 0)), slot),
@@ -39,8 +45,16 @@ def test_errors_behind_a_singular_position_are_of_second_order(slot_height: floa
     for step in (2e-4, 1e-4):
         run = ExudynEngine(timestep=step).simulate(exact.problem)
         there, behind = exact.trajectory(run.t), run.t > passage.time + 0.03
-        forces = [np.linalg.norm(run.joint_reaction(j) - there.joint_reaction(j), axis=1) for j in ("pivot", "slot")]
-        errors.append((float(np.abs(run.q - there.q).max()), max(float(force[behind].max()) for force in forces)))
+        forces = [
+            np.linalg.norm(run.joint_reaction(j) - there.joint_reaction(j), axis=1)
+            for j in ("pivot", "slot")
+        ]
+        errors.append(
+            (
+                float(np.abs(run.q - there.q).max()),
+                max(float(force[behind].max()) for force in forces),
+            )
+        )
     (position, force), (shorter_position, shorter_force) = errors
     assert position / shorter_position > 3
     assert force / shorter_force > 3

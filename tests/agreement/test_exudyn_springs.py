@@ -39,13 +39,17 @@ def errors(exact: Solution, stiffnesses: list[float]) -> list[float]:
 def test_the_error_falls_with_the_stiffness(name: str) -> None:
     """A preloaded spring lets go at a gap of torque / stiffness, so the error's exponent is -1."""
     stiffnesses = np.geomspace(SOFTEST, STIFFEST, 5)
-    fit = stats.linregress(np.log(stiffnesses), np.log(errors(table_one_motion(name), stiffnesses.tolist())))
+    fit = stats.linregress(
+        np.log(stiffnesses), np.log(errors(table_one_motion(name), stiffnesses.tolist()))
+    )
     assert fit.slope == pytest.approx(-1.0, abs=0.1)
     assert stats.t.ppf(0.975, df=3) * fit.stderr <= 0.1  # one line through all of them, not a bend
 
 
 OTHERS = {
-    "other lengths and masses": rolling(TrebuchetParameters(l1=9, l2=3, r=5, h=8, m_b=100, m_cw=4000, m_a=500)),
+    "other lengths and masses": rolling(
+        TrebuchetParameters(l1=9, l2=3, r=5, h=8, m_b=100, m_cw=4000, m_a=500)
+    ),
     "on the move": fixed().model_copy(update={"start_speeds": (0.3, 0.3, 0.3)}),
 }
 
@@ -64,12 +68,16 @@ def test_springs_start_in_balance_and_let_go_where_nothing_is_left(name: str) ->
     for rest in RESTS:
         torque, release = run.stop_torque(rest), run.release_time(rest)
         assert release is not None
-        assert torque[0] == pytest.approx(there.stop_torque(rest)[0], rel=1e-9)  # two extrapolated solves
+        assert torque[0] == pytest.approx(
+            there.stop_torque(rest)[0], rel=1e-9
+        )  # two extrapolated solves
         assert (torque[run.t < release] > 0).all()
         assert (torque[run.t >= release] == 0).all()
-        # Nothing rings from the start, where a spring without its preload would swing from zero to twice its torque.
+        # Nothing rings from the start, where a spring without its preload would swing from zero to
+        # twice its torque.
         assert np.abs(torque - there.stop_torque(rest)).max() <= 1e-2 * torque[0]
-    # The damper lags by 2 * 0.1 / w, with w = sqrt(k / I) near 100 rad/s: milliseconds in a throw of seconds.
+    # The damper lags by 2 * 0.1 / w, with w = sqrt(k / I) near 100 rad/s: milliseconds in a throw
+    # of seconds.
     gap = np.interp(run.release_time(HANGER_REST) or np.nan, run.t, run.stop_gap(HANGER_REST))
     assert gap == pytest.approx(run.stop_torque(HANGER_REST)[0] / stiffness, rel=0.02)
 
@@ -95,7 +103,8 @@ def test_undamped_springs_ring_and_let_go_at_the_wrong_time() -> None:
 
 
 def test_a_spring_that_would_have_to_pull_is_gone_at_the_start() -> None:
-    # Beyond l1 = 12.7255 m the hanger's rest would have to pull (PHYSICS.md); the sling's then pushes by itself.
+    # Beyond l1 = 12.7255 m the hanger's rest would have to pull (PHYSICS.md); the sling's then
+    # pushes by itself.
     problem = Problem(fixed(TrebuchetParameters.with_beam(12.8)), 0.5)
     run, exact = ExudynEngine(timestep=1e-3, stop_stiffness=1e9).simulate(problem), solve(problem)
     assert run.release_time(HANGER_REST) == 0.0
@@ -105,7 +114,10 @@ def test_a_spring_that_would_have_to_pull_is_gone_at_the_start() -> None:
 
 
 def test_without_a_stiffness_stops_are_constraints() -> None:
-    runs = [ExudynEngine(timestep=1e-2, **o).simulate(Problem(fixed(), 2.0)) for o in ({}, {"stop_damping_ratio": 3.0})]
+    runs = [
+        ExudynEngine(timestep=1e-2, **o).simulate(Problem(fixed(), 2.0))
+        for o in ({}, {"stop_damping_ratio": 3.0})
+    ]
     assert ExudynEngine.tuned().stop_stiffness is None
     assert ExudynEngine.stock().stop_stiffness is None
     assert np.array_equal(runs[0].q, runs[1].q)
@@ -114,7 +126,12 @@ def test_without_a_stiffness_stops_are_constraints() -> None:
 
 @pytest.mark.parametrize(
     ("option", "value"),
-    [("stop_stiffness", 0.0), ("stop_stiffness", -1e9), ("stop_stiffness", np.inf), ("stop_damping_ratio", -0.1)],
+    [
+        ("stop_stiffness", 0.0),
+        ("stop_stiffness", -1e9),
+        ("stop_stiffness", np.inf),
+        ("stop_damping_ratio", -0.1),
+    ],
 )
 def test_a_wrong_option_is_named(option: str, value: float) -> None:
     with pytest.raises(InputError, match=option):
@@ -122,8 +139,6 @@ def test_a_wrong_option_is_named(option: str, value: float) -> None:
 
 
 def test_a_stiffness_beyond_rounding_is_refused() -> None:
-    message = (
-        r"^stop_stiffness = 1e\+20 N m/rad would turn the rounding .* of 7\.96e\+04 N m in the stops; at most .*\.$"
-    )
+    message = r"^stop_stiffness = 1e\+20 N m/rad would turn the rounding .* of 7\.96e\+04 N m in the stops; at most .*\.$"
     with pytest.raises(InputError, match=message):
         ExudynEngine(stop_stiffness=1e20).simulate(Problem(fixed(), 0.5))

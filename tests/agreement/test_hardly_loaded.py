@@ -52,10 +52,16 @@ def test_a_fault_is_seen_where_no_force_acts() -> None:
     for wrong, right in ((pulled, _on_a_pin(ROD, 0.0)), (off_axle, _on_a_pin(ROTOR, G))):
 
         class Wrong(type(tb.engine("mujoco"))):  # type: ignore[misc]
-            def inspect(self, mechanism: Mechanism, states: object, built: Mechanism = wrong) -> object:
+            def inspect(
+                self, mechanism: Mechanism, states: object, built: Mechanism = wrong
+            ) -> object:
                 return super().inspect(built, states)
 
-        broken = [check.name for check in check_model(Wrong(), right).checks if (check.value or 0.0) > EXACT]
+        broken = [
+            check.name
+            for check in check_model(Wrong(), right).checks
+            if (check.value or 0.0) > EXACT
+        ]
         assert {"force", "acceleration"} <= set(broken)
 
 
@@ -63,7 +69,9 @@ def test_a_fault_is_seen_where_no_force_acts() -> None:
 @pytest.mark.parametrize("engine", ENGINES[1:])
 def test_a_balanced_rotor_turns_at_its_speed(engine: str, preset: str) -> None:
     trajectory = tb.engine(engine, preset, timestep=1e-3).simulate(Problem(IDLE["rotor"], 1.0))
-    assert np.abs(trajectory.q[:, 0] - (0.3 + 2.0 * trajectory.t)).max() < 1e-11  # a thousand roundings of a radian
+    assert (
+        np.abs(trajectory.q[:, 0] - (0.3 + 2.0 * trajectory.t)).max() < 1e-11
+    )  # a thousand roundings of a radian
 
 
 def held_beside_its_rail(by: float, turned: float = 0.0) -> Mechanism:
@@ -79,7 +87,9 @@ def held_beside_its_rail(by: float, turned: float = 0.0) -> Mechanism:
         axis=(along.real, along.imag),
     )  # fmt: skip
     block = ROD.model_copy(update={"angle": None})
-    return Mechanism(name="held", bodies=(block,), joints=(rail,), stops=(wall,), gravity=0.1, start=(0.3,))
+    return Mechanism(
+        name="held", bodies=(block,), joints=(rail,), stops=(wall,), gravity=0.1, start=(0.3,)
+    )
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "exudyn"])
@@ -89,7 +99,9 @@ def test_a_wall_nearly_along_the_motion_is_checked_to_its_condition(by: float, e
     right = held_beside_its_rail(by)
     found = check_model(tb.engine(engine), right)
     assert found.holds
-    assert [c.tolerance for c in found.checks if c.name == "stop torque"] == pytest.approx([max(EXACT, 1e-14 / by)])
+    assert [c.tolerance for c in found.checks if c.name == "stop torque"] == pytest.approx(
+        [max(EXACT, 1e-14 / by)]
+    )
 
 
 def test_a_fault_shows_where_a_wall_is_nearly_along_the_motion() -> None:
@@ -106,6 +118,11 @@ def test_a_fault_shows_where_a_wall_is_nearly_along_the_motion() -> None:
 @pytest.mark.parametrize("engine", ["mujoco", "exudyn"])
 def test_what_a_wall_nearly_along_its_motion_holds_is_not_found_to_move(engine: str) -> None:
     compared = tb.compare(
-        [held_beside_its_rail(1e-3)], engines=[engine], presets=["tuned"], timestep=4e-4, duration=0.2, isolate=False
+        [held_beside_its_rail(1e-3)],
+        engines=[engine],
+        presets=["tuned"],
+        timestep=4e-4,
+        duration=0.2,
+        isolate=False,
     )
     assert [str(run.outcome) for run in compared.results.runs] == ["agrees"]

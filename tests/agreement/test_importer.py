@@ -182,11 +182,18 @@ def loaders(tmp_path: Path) -> Path:
 
 
 def _checked(loaders: Path, function: str, *models: str, timeout: float = 60.0) -> ImporterResults:
-    return check_importer(f"{loaders}:{function}", python=Path(sys.executable), models=models, timeout=timeout)
+    return check_importer(
+        f"{loaders}:{function}", python=Path(sys.executable), models=models, timeout=timeout
+    )
 
 
 def _wrong(results: ImporterResults) -> set[str]:
-    return {check.quantity for model in results.models for check in model.checks if check.verdict == Verdict.WRONG}
+    return {
+        check.quantity
+        for model in results.models
+        for check in model.checks
+        if check.verdict == Verdict.WRONG
+    }
 
 
 def test_a_right_importer_is_right(loaders: Path) -> None:
@@ -202,14 +209,20 @@ def test_a_right_importer_is_right(loaders: Path) -> None:
     [
         ("no_inertia", "hinge", {"mass matrix", "accelerations", "free motion"}),
         ("other_sense", "negative-axis", {"accelerations", "free motion"}),
-        ("no_limit", "hinge-limit", {"ranges", "limits kept", "motion with events", "force at rest"}),
+        (
+            "no_limit",
+            "hinge-limit",
+            {"ranges", "limits kept", "motion with events", "force at rest"},
+        ),
         ("soft_limit", "hinge-limit", {"limits kept", "motion with events", "force at rest"}),
         ("no_damping", "damper", {"accelerations", "free motion"}),
         ("more_gravity", "chain", {"accelerations", "free motion"}),
         ("renamed", "hinge", {"joints"}),
     ],
 )
-def test_a_wrong_importer_is_wrong_where_it_is(loaders: Path, function: str, model: str, wrong: set[str]) -> None:
+def test_a_wrong_importer_is_wrong_where_it_is(
+    loaders: Path, function: str, model: str, wrong: set[str]
+) -> None:
     assert _wrong(_checked(loaders, function, model)) == wrong
 
 
@@ -239,8 +252,13 @@ def test_what_is_not_offered_is_never_right(loaders: Path) -> None:
 def test_a_verdict_that_the_step_leaves_open_is_sought_with_smaller_ones(loaders: Path) -> None:
     check = _checked(loaders, "rough", "hinge").models[0].check("free motion")
     assert check is not None and check.verdict == Verdict.RIGHT and check.error is not None
-    # Ten steps at the speed of the fall: at half a millisecond an error of more than a hundredth of the motion.
-    assert check.error > 1e-3 and "step 0.0005 s" not in check.text and "step 0.001 s" not in check.text
+    # Ten steps at the speed of the fall: at half a millisecond an error of more than a hundredth of
+    # the motion.
+    assert (
+        check.error > 1e-3
+        and "step 0.0005 s" not in check.text
+        and "step 0.001 s" not in check.text
+    )
 
 
 @pytest.mark.parametrize(
@@ -264,9 +282,15 @@ def test_who_cannot_read_a_machine_gets_its_variants(
 
 @pytest.mark.parametrize(
     ("function", "verdict"),
-    [("rounded", Verdict.UNDECIDED), ("rounded_in_double", Verdict.WRONG), ("coarse", Verdict.WRONG)],
+    [
+        ("rounded", Verdict.UNDECIDED),
+        ("rounded_in_double", Verdict.WRONG),
+        ("coarse", Verdict.WRONG),
+    ],
 )
-def test_a_stiff_loop_magnifies_what_single_precision_rounds(loaders: Path, function: str, verdict: Verdict) -> None:
+def test_a_stiff_loop_magnifies_what_single_precision_rounds(
+    loaders: Path, function: str, verdict: Verdict
+) -> None:
     """A last digit of a position in single precision opens a loop, which its file closes within 2 ms."""
     check = _checked(loaders, function, "connect").models[0].check("accelerations")
     assert check is not None and check.verdict == verdict
@@ -280,30 +304,62 @@ def test_who_reads_the_file_gets_no_variant_and_the_zoo_has_none(loaders: Path) 
 
 def test_finished_models_are_taken_from_the_folder(loaders: Path, tmp_path: Path) -> None:
     out, loaded = str(tmp_path / "out"), Path(f"{loaders}.loaded")
-    assert main(["importer", f"{loaders}:counted", "--models", "hinge,chain", "--out", out, "-q"]) == 0
+    assert (
+        main(["importer", f"{loaders}:counted", "--models", "hinge,chain", "--out", out, "-q"]) == 0
+    )
     first = (tmp_path / "out" / "importer.json").read_text()
     assert (
-        main(["importer", f"{loaders}:counted", "--models", "hinge,slide,chain", "--out", out, "-q", "--resume"]) == 0
+        main(
+            [
+                "importer",
+                f"{loaders}:counted",
+                "--models",
+                "hinge,slide,chain",
+                "--out",
+                out,
+                "-q",
+                "--resume",
+            ]
+        )
+        == 0
     )
-    assert [Path(line).stem for line in loaded.read_text().splitlines()] == ["hinge", "chain", "slide"]
+    assert [Path(line).stem for line in loaded.read_text().splitlines()] == [
+        "hinge",
+        "chain",
+        "slide",
+    ]
     again = ImporterResults.from_json((tmp_path / "out" / "importer.json").read_text())
     assert again.versions and [model.model for model in again.models] == ["hinge", "slide", "chain"]
     assert [again.models[0], again.models[2]] == [*ImporterResults.from_json(first).models]
     loaders.write_text(f"{LOADERS}\n# changed\n")
-    assert main(["importer", f"{loaders}:counted", "--models", "hinge", "--out", out, "-q", "--resume"]) == 0
+    assert (
+        main(
+            ["importer", f"{loaders}:counted", "--models", "hinge", "--out", out, "-q", "--resume"]
+        )
+        == 0
+    )
     assert len(loaded.read_text().splitlines()) == 4
 
 
-def test_on_the_command_line(loaders: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_on_the_command_line(
+    loaders: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "out"
     assert main(["importer", f"{loaders}:right", "--models", "hinge", "-q"]) == 0
-    assert main(["importer", f"{loaders}:no_inertia", "--models", "hinge,chain", "--out", str(out)]) == 1
+    assert (
+        main(["importer", f"{loaders}:no_inertia", "--models", "hinge,chain", "--out", str(out)])
+        == 1
+    )
     assert "mass matrix" in capsys.readouterr().out
     results = ImporterResults.from_json((out / "importer.json").read_text())
     text = (out / "importer.md").read_text()
     assert text == markdown.text(report.page(results, f"{loaders}:no_inertia"))
     # One report of one cause, with the smallest file.
-    assert text.count("### ") == 1 and '<mujoco model="hinge">' in text and "chain" in text.partition("### ")[2]
+    assert (
+        text.count("### ") == 1
+        and '<mujoco model="hinge">' in text
+        and "chain" in text.partition("### ")[2]
+    )
     assert main(["importer", f"{loaders}:right", "--models", "hinge", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["format"] == "trebucheck-importer-1"
 
@@ -339,5 +395,8 @@ def test_a_process_that_ended_is_started_again(loaders: Path) -> None:
         with pytest.raises(SimulationError, match="SIGABRT"):
             process.call("mass_matrix", [0.0])
         assert process.call("load", "any")["joints"] == ["pivot"]
-    with pytest.raises(InputError, match="must be a module"), ImporterProcess("load", Path(sys.executable)):
+    with (
+        pytest.raises(InputError, match="must be a module"),
+        ImporterProcess("load", Path(sys.executable)),
+    ):
         pass

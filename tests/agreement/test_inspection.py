@@ -67,18 +67,24 @@ def apart(found: Inspection, mechanism: Mechanism, states: Sequence[State]) -> A
     """An inspection in some states beside the equations of a mechanism."""
     equations, kinematics = Equations(mechanism), Equations(mechanism).kinematics
     rows = {body.name: kinematics.point(body.name, body.centre) for body in mechanism.bodies}
-    pairs: dict[str, list[tuple[object, object]]] = {key: [] for key in ("mass", "forces", "centres", "a", "torques")}
+    pairs: dict[str, list[tuple[object, object]]] = {
+        key: [] for key in ("mass", "forces", "centres", "a", "torques")
+    }
     for state, dynamics in zip(states, found.dynamics, strict=True):
         a, lam = equations.solve(state.q, state.u, state.closed)
         pairs["a"].append((dynamics.accelerations, a))
         assert tuple(dynamics.stop_torques) == state.closed
-        pairs["torques"] += zip(dynamics.stop_torques.values(), lam[equations.n_loops :], strict=True)
+        pairs["torques"] += zip(
+            dynamics.stop_torques.values(), lam[equations.n_loops :], strict=True
+        )
         if dynamics.mass_matrix is not None:
             pairs["mass"].append((dynamics.mass_matrix, equations.mass_matrix(state.q)))
         if dynamics.forces is not None:
             forces = equations.gravity_forces(state.q) - equations.bias(state.q, state.u)
             pairs["forces"].append((dynamics.forces, forces))
-        pairs["centres"] += [(place, kinematics.position(rows[n], state.q)) for n, place in dynamics.centres.items()]
+        pairs["centres"] += [
+            (place, kinematics.position(rows[n], state.q)) for n, place in dynamics.centres.items()
+        ]
     gaps = [
         abs(gap - float(kinematics.gap(name, state.q)))
         for state, dynamics in zip(states, found.dynamics, strict=True)
@@ -106,11 +112,14 @@ def _worst(pairs: Sequence[tuple[object, object]]) -> float | None:
     return float((np.abs(mine - theirs) / np.where(size > 0, size, 1.0)).max())
 
 
-# --- The same machine -------------------------------------------------------------------------------------------
+# --- The same machine
+# -------------------------------------------------------------------------------------------
 
 
 @given(parameters=machine_parameters())
-def test_random_machines_in_random_states(parameters: P, build: Callable[..., Mechanism], engine_name: str) -> None:
+def test_random_machines_in_random_states(
+    parameters: P, build: Callable[..., Mechanism], engine_name: str
+) -> None:
     mechanism = build(parameters)
     states = random_states(mechanism, n=9)
     for preset in PRESETS:  # numerical options are no part of the model
@@ -122,7 +131,12 @@ def test_random_machines_in_random_states(parameters: P, build: Callable[..., Me
 def test_states_reach_every_active_set(build: Callable[..., Mechanism]) -> None:
     """What the tests above stand on: both rests, each alone, and neither; and that something moves."""
     states = random_states(build(), n=9)
-    assert {state.closed for state in states} == {(HANGER_REST, SLING_REST), (HANGER_REST,), (SLING_REST,), ()}
+    assert {state.closed for state in states} == {
+        (HANGER_REST, SLING_REST),
+        (HANGER_REST,),
+        (SLING_REST,),
+        (),
+    }
     assert max(float(np.abs(state.u).max()) for state in states) > 0.5
 
 
@@ -140,15 +154,21 @@ UNUSUAL = {
 }
 
 
-def test_unusual_options_show_the_same_model(build: Callable[..., Mechanism], engine_name: str) -> None:
+def test_unusual_options_show_the_same_model(
+    build: Callable[..., Mechanism], engine_name: str
+) -> None:
     mechanism = build()
     states = random_states(mechanism)
     for options in UNUSUAL.get(engine_name, ({"timestep": 0.2},)):
-        difference = apart(_inspectable(engine_name, **options).inspect(mechanism, states), mechanism, states)
+        difference = apart(
+            _inspectable(engine_name, **options).inspect(mechanism, states), mechanism, states
+        )
         assert difference.holds(), (options, difference)
 
 
-def test_states_do_not_depend_on_each_other(build: Callable[..., Mechanism], engine_name: str) -> None:
+def test_states_do_not_depend_on_each_other(
+    build: Callable[..., Mechanism], engine_name: str
+) -> None:
     """Nothing of a state is left in the model for the next one."""
     engine, mechanism = _inspectable(engine_name), build()
     states = random_states(mechanism, n=9)
@@ -159,7 +179,8 @@ def test_states_do_not_depend_on_each_other(build: Callable[..., Mechanism], eng
         assert other.stop_torques == pytest.approx(one.stop_torques, rel=EXACT)
 
 
-# --- Machines of other kinds ------------------------------------------------------------------------------------
+# --- Machines of other kinds
+# ------------------------------------------------------------------------------------
 
 
 def two_bodies(*stops: Stop, **changes: Any) -> Mechanism:
@@ -168,16 +189,24 @@ def two_bodies(*stops: Stop, **changes: Any) -> Mechanism:
 
 
 THIRD = Body(name="third", angle="c", mass=1, centre=(0.2, 0), inertia=0.02)
-LAST = PinJoint(name="last", parent="lower", child="third", parent_point=(0.9, -0.1), child_point=(0, 0))
+LAST = PinJoint(
+    name="last", parent="lower", child="third", parent_point=(0.9, -0.1), child_point=(0, 0)
+)
 BOB = Body(name="bob", angle="a", mass=2, centre=(0.3, 0.4), inertia=0)
-STRING = PinJoint(name="string", parent=GROUND, child="bob", parent_point=(0.3, 2), child_point=(0, 0))
-BETWEEN = Stop(name="between", body="upper", relative_to="lower", sense=-1, limit=0.2 - 0.3, closed=True)
+STRING = PinJoint(
+    name="string", parent=GROUND, child="bob", parent_point=(0.3, 2), child_point=(0, 0)
+)
+BETWEEN = Stop(
+    name="between", body="upper", relative_to="lower", sense=-1, limit=0.2 - 0.3, closed=True
+)
 LEVEL = Stop(name="level", body="lower", sense=1, limit=0.2, closed=True)
 
 OTHERS = {
     "two bodies": two_bodies(),
     "an oblique slot": two_bodies(
-        joints=(OBLIQUE_SLOT, two_bodies().joints[1]), start=(0.3, 0.2, 0.4), start_speeds=(1.0, -2.0, 0.7)
+        joints=(OBLIQUE_SLOT, two_bodies().joints[1]),
+        start=(0.3, 0.2, 0.4),
+        start_speeds=(1.0, -2.0, 0.7),
     ),
     "three bodies": two_bodies(
         bodies=(*two_bodies().bodies, THIRD),
@@ -208,12 +237,15 @@ def test_other_machines(name: str, engine_name: str) -> None:
         pytest.skip(str(error))
     difference = apart(found, mechanism, states)
     assert difference.holds(), difference
-    assert found.start_speeds == pytest.approx(mechanism.start_speeds or [0.0] * len(mechanism.start), abs=EXACT)
+    assert found.start_speeds == pytest.approx(
+        mechanism.start_speeds or [0.0] * len(mechanism.start), abs=EXACT
+    )
     if mechanism.stops:
         assert any(state.closed for state in states)
 
 
-# --- Another machine shows --------------------------------------------------------------------------------------
+# --- Another machine shows
+# --------------------------------------------------------------------------------------
 
 
 def _heavier(mechanism: Mechanism, factor: float) -> Mechanism:
@@ -237,8 +269,11 @@ WRONG: dict[str, Callable[[Callable[..., Mechanism]], Mechanism]] = {
 @pytest.mark.parametrize("fault", WRONG)
 def test_a_thousandth_shows(fault: str, build: Callable[..., Mechanism], engine_name: str) -> None:
     states = random_states(build())
-    difference = apart(_inspectable(engine_name).inspect(WRONG[fault](build), states), build(), states)
-    # In accelerations by themselves, by well more than their tolerance (an inertia of 1/60 of the whole shows least).
+    difference = apart(
+        _inspectable(engine_name).inspect(WRONG[fault](build), states), build(), states
+    )
+    # In accelerations by themselves, by well more than their tolerance (an inertia of 1/60 of the
+    # whole shows least).
     assert difference.accelerations > 1e-6 > EXACT
     assert not difference.holds()
 
@@ -262,7 +297,8 @@ def test_a_stop_a_thousandth_off_shows_by_how_much(
     assert difference.start == pytest.approx(abs(getattr(TABLE_ONE, angle)) * 1e-3, rel=1e-6)
 
 
-# --- A wrong build of the right machine shows --------------------------------------------------------------------
+# --- A wrong build of the right machine shows
+# --------------------------------------------------------------------
 
 MJCF_FAULTS: dict[str, Callable[[str], str]] = {
     "a mass": lambda text: text.replace('mass="60"', 'mass="60.06"'),
@@ -287,7 +323,9 @@ def test_a_fault_in_the_mjcf_shows(
 
     right = mjcf(build())
     assert MJCF_FAULTS[fault](right) != right
-    monkeypatch.setattr(module, "mjcf", lambda mechanism, timestep: MJCF_FAULTS[fault](mjcf(mechanism, timestep)))
+    monkeypatch.setattr(
+        module, "mjcf", lambda mechanism, timestep: MJCF_FAULTS[fault](mjcf(mechanism, timestep))
+    )
     states = random_states(build())
     assert not apart(_inspectable("mujoco").inspect(build(), states), build(), states).holds()
 
@@ -318,7 +356,9 @@ SPACE_FAULTS: dict[str, Callable[[Any], None]] = {
     "gravity": lambda machine: setattr(machine.space, "gravity", (0, -9.80665)),
     "a rod's length": _longer_rod,
     "a rod's end": _shifted_end,
-    "where a body is": lambda machine: setattr(machine.parts["hanger"].body, "position", (3.08, 7.08)),
+    "where a body is": lambda machine: setattr(
+        machine.parts["hanger"].body, "position", (3.08, 7.08)
+    ),
 }
 
 
@@ -341,12 +381,15 @@ def test_a_fault_in_the_space_shows(
     assert not apart(_inspectable("pymunk").inspect(build(), states), build(), states).holds()
 
 
-# --- As built ---------------------------------------------------------------------------------------------------
+# --- As built
+# ---------------------------------------------------------------------------------------------------
 
 
 def test_start_comes_from_the_bodies_with_the_turns_of_the_mechanism(engine_name: str) -> None:
     parameters = P(theta0=TABLE_ONE.theta0 - 2 * math.pi, phi0=TABLE_ONE.phi0 - 2 * math.pi)
-    mechanism = tb.rolling(parameters).model_copy(update={"start": (*tb.rolling(parameters).start[:3], 3.5)})
+    mechanism = tb.rolling(parameters).model_copy(
+        update={"start": (*tb.rolling(parameters).start[:3], 3.5)}
+    )
     states = random_states(mechanism, n=3)
     difference = apart(_inspectable(engine_name).inspect(mechanism, states), mechanism, states)
     assert difference.holds(), difference

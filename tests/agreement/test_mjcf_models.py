@@ -39,7 +39,9 @@ def published(name: str, tmp_path: Any) -> dict[str, float]:
     (tmp_path / "motion.nc").write_bytes(content(name))
     with xr.open_dataset(tmp_path / "motion.nc") as data:
         times = {"launch": float(data.launch_time)}
-        for stop, time in zip(data.stop.values, data.release_time.values, strict=True) if "stop" in data else ():
+        for stop, time in (
+            zip(data.stop.values, data.release_time.values, strict=True) if "stop" in data else ()
+        ):
             times[event_names([(str(stop), "release")])[0]] = float(time)
     return {event: time for event, time in times.items() if np.isfinite(time)}
 
@@ -68,11 +70,20 @@ def test_the_events_of_the_papers_machines_are_named_after_their_rests() -> None
     for name in ("fixed", "rolling"):
         motion = stored_motion(tb.model(name))
         assert motion is not None
-        assert [key.name for key in motion.keyframes] == ["hanger_release", "sling_release", "launch"]
+        assert [key.name for key in motion.keyframes] == [
+            "hanger_release",
+            "sling_release",
+            "launch",
+        ]
 
 
 def test_names_of_events_are_each_there_once() -> None:
-    rests = [("hanger rest", "release"), ("hanger stop", "release"), ("a b", "impact"), ("", "launch")]
+    rests = [
+        ("hanger rest", "release"),
+        ("hanger stop", "release"),
+        ("a b", "impact"),
+        ("", "launch"),
+    ]
     assert event_names(rests) == ["hanger_release", "hanger_release_2", "a_b_impact", "launch"]
 
 
@@ -87,7 +98,12 @@ def test_one_line_gives_the_file_the_text_or_a_spec() -> None:
     assert Path(tb.mjcf_path("rolling")).read_text() == tb.mjcf("rolling") == tb.mjcf(tb.rolling())
     model = tb.mjcf("rolling", l1=9.5, as_spec=True).compile()
     assert model.body("sling").pos[0] == 9.5
-    assert [model.key(i).name for i in range(model.nkey)] == ["home", "hanger_release", "sling_release", "launch"]
+    assert [model.key(i).name for i in range(model.nkey)] == [
+        "home",
+        "hanger_release",
+        "sling_release",
+        "launch",
+    ]
     assert mujoco.MjModel.from_xml_string(tb.mjcf("squeezer", keyframes=False)).nkey == 1
     assert "floor_impact_2" in tb.mjcf("bouncing")
     with pytest.raises(tb.InputError, match="l7"):
@@ -128,7 +144,8 @@ def test_two_of_one_model_in_one_scene_move_as_it_does_alone(name: str) -> None:
         assert two.site(prefix + site).xpos - place == pytest.approx(one.site(site).xpos, abs=1e-9)
 
 
-# --- The files in MuJoCo ------------------------------------------------------------------------------------------
+# --- The files in MuJoCo
+# ------------------------------------------------------------------------------------------
 
 EXACT = 1e-12
 WARNINGS = int(mujoco.mjtWarning.mjNWARNING)
@@ -146,12 +163,16 @@ def test_compiled_masses_inertias_and_limits_are_the_mechanisms(name: str, scene
         assert found.inertia == pytest.approx(max(body.inertia, POINT_INERTIA), rel=EXACT)
         arm = np.subtract(body.centre, joint.child_point)
         assert found.ipos == pytest.approx([arm[0], 0.0, arm[1]], rel=EXACT, abs=EXACT)
-    assert float(model.body_mass.sum()) == pytest.approx(sum(body.mass for body in mechanism.bodies), rel=EXACT)
+    assert float(model.body_mass.sum()) == pytest.approx(
+        sum(body.mass for body in mechanism.bodies), rel=EXACT
+    )
     start = mechanism.tree.configuration(mechanism.start).angles
     for stop in mechanism.angle_stops:  # of the named machines each is an end of a joint's range
         joint = model.joint(names[mechanism.joint_of(stop.body).name])
         turned = stop.sense * stop.limit - (start[stop.body] - start[stop.relative_to])
-        assert joint.range[0 if stop.sense > 0 else 1] == pytest.approx(turned, rel=EXACT, abs=EXACT)
+        assert joint.range[0 if stop.sense > 0 else 1] == pytest.approx(
+            turned, rel=EXACT, abs=EXACT
+        )
         assert model.jnt_limited[joint.id]
 
 
@@ -208,7 +229,8 @@ def test_the_readme_is_of_this_model(name: str) -> None:
         assert f"| `{parameter}` | {field.default:.6g} |" in text
 
 
-# --- Steps ---------------------------------------------------------------------------------------------------------
+# --- Steps
+# ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -226,20 +248,25 @@ def test_the_step_of_a_fast_problem_is_one_that_it_bears() -> None:
 
 
 @pytest.mark.parametrize("keyframes", [True, False])
-def test_a_step_is_a_hundredth_of_the_characteristic_time_and_a_millisecond_at_most(keyframes: bool) -> None:
+def test_a_step_is_a_hundredth_of_the_characteristic_time_and_a_millisecond_at_most(
+    keyframes: bool,
+) -> None:
     rod = tb.mjcf("falling-rod", keyframes=keyframes)  # its characteristic time is 0.0786 s
     assert 'timestep="0.00079"' in rod
     assert 'timestep="0.001"' in tb.mjcf("incline", keyframes=keyframes)  # 0.888 s
     assert 'timestep="0.001"' in tb.mjcf("rolling", l1=9.5, keyframes=keyframes)
 
 
-# --- Variants -----------------------------------------------------------------------------------------------------
+# --- Variants
+# -----------------------------------------------------------------------------------------------------
 
 
 def dynamics(text: str, states: Any) -> Any:
     """Mass matrices and accelerations without limits in states."""
     model = mujoco.MjModel.from_xml_string(text)
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT | mujoco.mjtDisableBit.mjDSBL_CONTACT
+    model.opt.disableflags |= (
+        mujoco.mjtDisableBit.mjDSBL_LIMIT | mujoco.mjtDisableBit.mjDSBL_CONTACT
+    )
     data = mujoco.MjData(model)
     for qpos, qvel in states:
         data.qpos, data.qvel = qpos, qvel
@@ -254,13 +281,21 @@ def test_finite_inertia_leaves_the_equations_of_motion(name: str) -> None:
     n, rng = model.nv, np.random.default_rng(3)
     states = [(rng.uniform(-3, 3, n), rng.uniform(-3, 3, n)) for _ in range(5)]
     texts = (tb.mjcf(name, keyframes=False, finite_inertia=finite) for finite in (False, True))
-    for (mass, acceleration), (other, others) in zip(*(dynamics(text, states) for text in texts), strict=True):
+    for (mass, acceleration), (other, others) in zip(
+        *(dynamics(text, states) for text in texts), strict=True
+    ):
         assert other == pytest.approx(mass, rel=1e-12, abs=1e-12 * np.abs(mass).max())
-        assert others == pytest.approx(acceleration, rel=1e-9, abs=1e-9 * np.abs(acceleration).max())
+        assert others == pytest.approx(
+            acceleration, rel=1e-9, abs=1e-9 * np.abs(acceleration).max()
+        )
 
 
-@pytest.mark.parametrize(("name", "timestep"), [*((name, 1e-3) for name in models()), ("hinged", 2.5e-4)])
-def test_a_thrown_projectile_moves_as_in_the_model_until_its_release(name: str, timestep: float) -> None:
+@pytest.mark.parametrize(
+    ("name", "timestep"), [*((name, 1e-3) for name in models()), ("hinged", 2.5e-4)]
+)
+def test_a_thrown_projectile_moves_as_in_the_model_until_its_release(
+    name: str, timestep: float
+) -> None:
     """The machine as well, where plain steps lose its contacts and find them again."""
     texts = (tb.mjcf(name, timestep=timestep, throw=throws) for throws in (False, True))
     alone, thrown = (mujoco.MjModel.from_xml_string(text) for text in texts)
@@ -276,7 +311,9 @@ def test_a_thrown_projectile_moves_as_in_the_model_until_its_release(name: str, 
         (_, there), (_, found) = runs
         for name_ in sites:
             assert found.site(name_).xpos == pytest.approx(there.site(name_).xpos, abs=1e-6)
-        assert found.body("thrown_projectile").xpos == pytest.approx(there.site("projectile").xpos, abs=1e-6)
+        assert found.body("thrown_projectile").xpos == pytest.approx(
+            there.site("projectile").xpos, abs=1e-6
+        )
 
 
 @pytest.mark.parametrize("name", ["fixed", "catapult"])
@@ -289,7 +326,8 @@ def test_a_released_projectile_has_its_mass_and_the_machine_has_it_no_longer(nam
     for each in (model, released(model, data)):
         mujoco.mj_forward(each, data)
         energies.append(data.qvel @ mass_matrix(each, data) @ data.qvel)
-    # Mass that changes hands between two points that move together changes neither the total nor the energy.
+    # Mass that changes hands between two points that move together changes neither the total nor
+    # the energy.
     assert energies[1] == pytest.approx(energies[0], rel=1e-9)
     assert each.body_mass.sum() == pytest.approx(before.sum(), rel=EXACT)
     assert (model.body_mass == before).all()
@@ -303,7 +341,9 @@ def test_a_released_projectile_has_its_mass_and_the_machine_has_it_no_longer(nam
     ball = each.body("thrown_projectile").id
     mujoco.mj_jacBody(each, data, jacobian, None, ball)
     mujoco.mj_jacDot(each, data, rate, None, data.xpos[ball], ball)
-    assert jacobian @ data.qacc + rate @ data.qvel == pytest.approx([0, 0, -machine.gravity], abs=1e-8)
+    assert jacobian @ data.qacc + rate @ data.qvel == pytest.approx(
+        [0, 0, -machine.gravity], abs=1e-8
+    )
 
 
 @pytest.mark.slow
@@ -318,7 +358,9 @@ def test_a_thrown_projectile_lands_where_its_parabola_ends() -> None:
     level = float(model.geom("landing_ground").pos[2] + model.geom("thrown_projectile").size[0])
     flight = (vz + np.sqrt(vz**2 + 2 * 9.81 * (z - level))) / 9.81
     landed = throw(model, thrown, release_time=end)
-    assert landed == pytest.approx(x + vx * flight, abs=4 * abs(vx) * 2.5e-4)  # what a step or two moves it by
+    assert landed == pytest.approx(
+        x + vx * flight, abs=4 * abs(vx) * 2.5e-4
+    )  # what a step or two moves it by
     assert not thrown.eq_active[model.equality("hold_projectile").id]
 
 
@@ -330,4 +372,9 @@ def test_what_throws_nothing_is_refused() -> None:
 def test_without_sensors_the_model_is_the_same() -> None:
     with_them, without = tb.mjcf("floating-arm"), tb.mjcf("floating-arm", sensors=False)
     assert "<sensor>" not in without
-    assert with_them.replace(with_them[with_them.index("  <sensor>") : with_them.index("  <keyframe>")], "") == without
+    assert (
+        with_them.replace(
+            with_them[with_them.index("  <sensor>") : with_them.index("  <keyframe>")], ""
+        )
+        == without
+    )

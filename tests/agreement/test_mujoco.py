@@ -10,12 +10,26 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mechanisms import TABLE_ONE, chain, chain_on_a_slot, position_error, rod_pendulum, table_one_motion
+from mechanisms import (
+    TABLE_ONE,
+    chain,
+    chain_on_a_slot,
+    position_error,
+    rod_pendulum,
+    table_one_motion,
+)
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.reference.engine import ReferenceEngine
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
 from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.trebuchet import ARM_STOP, HANGER_REST, PROJECTILE, SLING_REST, fixed, rolling
+from trebucheck.models.machines.trebuchet import (
+    ARM_STOP,
+    HANGER_REST,
+    PROJECTILE,
+    SLING_REST,
+    fixed,
+    rolling,
+)
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.mjcf.writer import mjcf
 from trebucheck.models.problem import Problem, StopLaw
@@ -34,20 +48,29 @@ machines = pytest.mark.parametrize("name", TABLE_ONE)
 @functools.cache
 def run(name: str, timestep: float = 1e-3, preset: str = "tuned", **options: object) -> Trajectory:
     """Table I up to the launch."""
-    return MujocoEngine.presets()[preset](timestep=timestep, **options).simulate(table_one_motion(name).problem)
+    return MujocoEngine.presets()[preset](timestep=timestep, **options).simulate(
+        table_one_motion(name).problem
+    )
 
 
-# --- Is it the same machine? ------------------------------------------------------------------------------------
+# --- Is it the same machine?
+# ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mechanism", [*TABLE_ONE.values(), chain_on_a_slot()], ids=lambda m: m.name)
+@pytest.mark.parametrize(
+    "mechanism", [*TABLE_ONE.values(), chain_on_a_slot()], ids=lambda m: m.name
+)
 def test_mass_matrix_and_accelerations_at_random_states(mechanism: Mechanism) -> None:
     model = mujoco.MjModel.from_xml_string(mjcf(mechanism))
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
     data = mujoco.MjData(model)
     # Absolute angles from MuJoCo's joints: with one slide it comes first there and last here.
     n, slides = model.nv, len(mechanism.slides)
-    hinges = np.tril(np.ones((2, 2))) if n - slides == 2 else np.array([[1.0, 0, 0], [1, 1, 0], [1, 0, 1]])
+    hinges = (
+        np.tril(np.ones((2, 2)))
+        if n - slides == 2
+        else np.array([[1.0, 0, 0], [1, 1, 0], [1, 0, 1]])
+    )
     sums = np.zeros((n, n))
     sums[: n - slides, slides:], sums[n - slides :, :slides] = hinges, np.eye(slides)
     equations, rng = Equations(mechanism), np.random.default_rng(5)
@@ -61,7 +84,9 @@ def test_mass_matrix_and_accelerations_at_random_states(mechanism: Mechanism) ->
         expected = sums.T @ equations.mass_matrix(q) @ sums
         assert mass == pytest.approx(expected, rel=1e-12, abs=1e-12 * np.abs(expected).max())
         accelerations = equations.solve(q, u, ())[0]
-        assert sums @ data.qacc == pytest.approx(accelerations, rel=1e-9, abs=1e-9 * np.abs(accelerations).max())
+        assert sums @ data.qacc == pytest.approx(
+            accelerations, rel=1e-9, abs=1e-9 * np.abs(accelerations).max()
+        )
 
 
 @pytest.mark.parametrize("mechanism", [chain(), chain_on_a_slot()], ids=["chain", "slot"])
@@ -74,13 +99,18 @@ def test_a_mechanism_off_every_axis(mechanism: Mechanism) -> None:
     assert found.u == pytest.approx(exact.u, abs=1e-9)
     assert found.total_energy == pytest.approx(exact.total_energy, abs=1e-9)
     for marker in ("tip", "peg"):
-        assert found.marker(marker).position == pytest.approx(exact.marker(marker).position, abs=1e-10)
-        assert found.marker(marker).velocity == pytest.approx(exact.marker(marker).velocity, abs=1e-9)
+        assert found.marker(marker).position == pytest.approx(
+            exact.marker(marker).position, abs=1e-10
+        )
+        assert found.marker(marker).velocity == pytest.approx(
+            exact.marker(marker).velocity, abs=1e-9
+        )
     for joint in ("hook", "pin"):
         assert found.joint_reaction(joint) == pytest.approx(exact.joint_reaction(joint), abs=1e-7)
 
 
-# --- Is the motion right? ---------------------------------------------------------------------------------------
+# --- Is the motion right?
+# ---------------------------------------------------------------------------------------
 
 
 @machines
@@ -92,10 +122,14 @@ def test_tuned_keeps_its_bars_at_a_millisecond(name: str) -> None:
         released = exact.release_times[rest]
         assert trajectory.release_time(rest) == pytest.approx(released, abs=1e-8)
         start = there.stop_torque(rest)[0]
-        assert trajectory.stop_torque(rest) == pytest.approx(there.stop_torque(rest), abs=1e-6 * start)
+        assert trajectory.stop_torque(rest) == pytest.approx(
+            there.stop_torque(rest), abs=1e-6 * start
+        )
     energy = trajectory.total_energy
     assert energy == pytest.approx(energy[0], rel=1e-9)
-    assert trajectory.kinetic_energy == pytest.approx(there.kinetic_energy, abs=1e-9 * there.kinetic_energy.max())
+    assert trajectory.kinetic_energy == pytest.approx(
+        there.kinetic_energy, abs=1e-9 * there.kinetic_energy.max()
+    )
 
 
 @machines
@@ -123,7 +157,9 @@ def test_reactions_are_those_of_the_reference(name: str) -> None:
     there = table_one_motion(name).trajectory(trajectory.t)
     for joint, force in there.joint_reactions.items():
         # Forces follow the accelerations: as good as the torques, relative to their own peak.
-        assert trajectory.joint_reaction(joint) == pytest.approx(force, abs=1e-7 * np.abs(force).max())
+        assert trajectory.joint_reaction(joint) == pytest.approx(
+            force, abs=1e-7 * np.abs(force).max()
+        )
     if name == "rolling":
         assert (
             np.abs(trajectory.joint_reaction("fulcrum")[:, 0]).max()
@@ -134,17 +170,22 @@ def test_reactions_are_those_of_the_reference(name: str) -> None:
 @machines
 def test_stock_is_held_back_by_its_soft_limits(name: str) -> None:
     """Millimetres, and no better at a tenth of the step: d = 0.9 to 0.95, not the step, is what costs."""
-    coarse, fine = (position_error(run(name, step, "stock"), table_one_motion(name)) for step in (1e-3, 2e-4))
+    coarse, fine = (
+        position_error(run(name, step, "stock"), table_one_motion(name)) for step in (1e-3, 2e-4)
+    )
     assert 1e-3 < fine < 1e-2
     assert coarse == pytest.approx(fine, rel=0.02)
 
 
-# --- The traps ---------------------------------------------------------------------------------------------------
+# --- The traps
+# ---------------------------------------------------------------------------------------------------
 
 
 @machines
 def test_torques_are_right_from_the_start(name: str) -> None:
-    expected = {rest: table_one_motion(name).trajectory(np.zeros(1)).stop_torque(rest)[0] for rest in RESTS}
+    expected = {
+        rest: table_one_motion(name).trajectory(np.zeros(1)).stop_torque(rest)[0] for rest in RESTS
+    }
     loose = run(name, preload=False)
     for rest in RESTS:
         assert run(name).stop_torque(rest)[0] == pytest.approx(expected[rest], rel=1e-9)
@@ -167,7 +208,11 @@ def test_releases_are_located_inside_a_step(name: str) -> None:
         assert coarse.release_time(rest) == pytest.approx(exact, abs=1e-7)  # 1e-5 of the step
         assert coarse.release_time(rest) in coarse.t
         late = rough.release_time(rest)
-        assert late is not None and 0 <= late - exact < 1e-2 and late / 1e-2 == pytest.approx(round(late / 1e-2))
+        assert (
+            late is not None
+            and 0 <= late - exact < 1e-2
+            and late / 1e-2 == pytest.approx(round(late / 1e-2))
+        )
 
 
 @machines
@@ -207,7 +252,9 @@ def test_samples_end_at_the_duration() -> None:
         assert t[0] == 0.0 and t[-1] == duration and (np.diff(t) > 1e-5).all()
 
 
-def test_a_divergence_is_told_and_leaves_no_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_divergence_is_told_and_leaves_no_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SimulationError, match="MuJoCo gave up"):
         MujocoEngine(timestep=0.5, solref=(-1e9, -1e9)).simulate(Problem(fixed(), 50.0))
@@ -226,14 +273,20 @@ def test_its_description_needs_no_mujoco() -> None:
 
 @pytest.mark.parametrize(
     "options",
-    [{"integrator": "leapfrog"}, {"solref": (1.0,)}, {"solimp": (0.9, 2.0, 0.1, 0.5, 2.0)}, {"margin": -1e-9}],
+    [
+        {"integrator": "leapfrog"},
+        {"solref": (1.0,)},
+        {"solimp": (0.9, 2.0, 0.1, 0.5, 2.0)},
+        {"margin": -1e-9},
+    ],
 )
 def test_wrong_options_are_refused(options: dict[str, object]) -> None:
     with pytest.raises(InputError, match=next(iter(options))):
         MujocoEngine(**options)
 
 
-# --- Stops of every kind -----------------------------------------------------------------------------------------
+# --- Stops of every kind
+# -----------------------------------------------------------------------------------------
 
 
 def test_a_stop_on_the_ground_two_bodies_away() -> None:
@@ -267,7 +320,9 @@ def test_stock_refuses_a_stop_that_rebounds_and_does_not_soften_it() -> None:
     met = Stop(name="met", body="rod", sense=-1, limit=-1.0, closed=False, restitution=0.5)
     problem = Problem(rod_pendulum(met), 1.0, stop_law=StopLaw.UNILATERAL)
     for engine in (MujocoEngine.stock(), MujocoEngine(keep_limits=True)):
-        with pytest.raises(UnsupportedProblemError, match=r"mujoco with these options .* restitution \('met'\)"):
+        with pytest.raises(
+            UnsupportedProblemError, match=r"mujoco with these options .* restitution \('met'\)"
+        ):
             engine.simulate(problem)
     # Under the release-once law it never acts, and its restitution does not matter.
     assert MujocoEngine().simulate(Problem(rod_pendulum(met), 1.0)).q.max() > 2.0
@@ -287,7 +342,9 @@ def test_both_laws_agree_up_to_the_launch(name: str) -> None:
     once, always = (MujocoEngine().simulate(p) for p in (Problem(TABLE_ONE[name], 2.5), problem))
     assert always.release_times == pytest.approx(once.release_times, abs=1e-8)
     assert always.release_time(ARM_STOP) is None
-    assert always.marker(PROJECTILE).position[-1] == pytest.approx(once.marker(PROJECTILE).position[-1], abs=1e-7)
+    assert always.marker(PROJECTILE).position[-1] == pytest.approx(
+        once.marker(PROJECTILE).position[-1], abs=1e-7
+    )
 
 
 def test_a_closed_stop_must_not_move_at_the_start() -> None:

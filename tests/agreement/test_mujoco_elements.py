@@ -28,9 +28,19 @@ BAR = 1e-6  # of the size (a metre, a radian), at 1e-3 of the characteristic tim
 @pytest.mark.parametrize("name", ELEMENTS)
 def test_the_built_model_is_the_described_mechanism(name: str) -> None:
     found = check_model(MujocoEngine(), ELEMENTS[name])
-    expected = {"total mass", "start", "start speed", "centre of mass", "mass matrix", "force", "acceleration"}
+    expected = {
+        "total mass",
+        "start",
+        "start speed",
+        "centre of mass",
+        "mass matrix",
+        "force",
+        "acceleration",
+    }
     assert {check.name for check in found.checks} >= expected
-    assert [(c.name, c.subject, c.value) for c in found.checks if c.value is None or c.value > EXACT] == []
+    assert [
+        (c.name, c.subject, c.value) for c in found.checks if c.value is None or c.value > EXACT
+    ] == []
 
 
 def errors(exact: Solution, **options: object) -> dict[str, float]:
@@ -38,17 +48,27 @@ def errors(exact: Solution, **options: object) -> dict[str, float]:
     run = MujocoEngine(**options).simulate(exact.problem)
     there = exact.trajectory(run.t)
     # At an impact and at a release reactions jump, within rounding of the time.
-    events = [time for time, _ in exact.impacts] + [time for time in exact.release_times.values() if time is not None]
+    events = [time for time, _ in exact.impacts] + [
+        time for time in exact.release_times.values() if time is not None
+    ]
     smooth = np.all([np.abs(run.t - time) > 1e-6 for time in events] or [run.t >= 0], axis=0)
-    pairs = {name: (run.joint_reactions[name], force) for name, force in there.joint_reactions.items()}
+    pairs = {
+        name: (run.joint_reactions[name], force) for name, force in there.joint_reactions.items()
+    }
     assert set(pairs) == set(run.joint_reactions)
     pairs |= {name: (run.stop_torques[name], force) for name, force in there.stop_torques.items()}
-    largest = max((float(np.abs(right[smooth]).max()) for _, right in pairs.values()), default=0.0) or 1.0
+    largest = (
+        max((float(np.abs(right[smooth]).max()) for _, right in pairs.values()), default=0.0) or 1.0
+    )
     return {
         "q": float(np.abs(run.q - there.q).max()),
         "potential energy": float(np.abs(run.potential_energy - there.potential_energy).max()),
-        "forces": max((float(np.abs(a - b)[smooth].max()) for a, b in pairs.values()), default=0.0) / largest,
-        "events": max((abs(a - b) for (a, _), (b, _) in zip(run.impacts, exact.impacts, strict=True)), default=0.0),
+        "forces": max((float(np.abs(a - b)[smooth].max()) for a, b in pairs.values()), default=0.0)
+        / largest,
+        "events": max(
+            (abs(a - b) for (a, _), (b, _) in zip(run.impacts, exact.impacts, strict=True)),
+            default=0.0,
+        ),
     }
 
 
@@ -67,7 +87,9 @@ def test_a_loop_passes_a_singular_position_with_the_error_of_its_steps() -> None
     (passage,) = exact.singular_passages
     run = MujocoEngine(timestep=4e-3 * characteristic_time(mechanism)).simulate(exact.problem)
     there = exact.trajectory(run.t)
-    assert np.abs(run.q - there.q).max() <= 0.1 * BAR  # ten passages in the ten seconds of the problem
+    assert (
+        np.abs(run.q - there.q).max() <= 0.1 * BAR
+    )  # ten passages in the ten seconds of the problem
     away = np.abs(run.t - passage.time) > 0.1
     for name, force in there.joint_reactions.items():
         error = np.linalg.norm(run.joint_reactions[name] - force, axis=1)
@@ -92,13 +114,16 @@ def test_walls_of_moving_bodies(name: str) -> None:
     assert max(found["q"], found["events"]) <= BAR
 
 
-# Of these loops lock a part of the mechanism (22), stops or joints are redundant (21, 31), a gap is constant (10).
+# Of these loops lock a part of the mechanism (22), stops or joints are redundant (21, 31), a gap is
+# constant (10).
 @pytest.mark.parametrize("seed", [2, 10, 21, 22, 31])
 def test_random_mechanisms(seed: int) -> None:
     mechanism = random_mechanism(seed)
     assert check_model(MujocoEngine(), mechanism).holds
     exact = solve(Problem(mechanism, 0.05, stop_law=StopLaw.UNILATERAL))
-    run = MujocoEngine(timestep=1e-3 * min(1.0, characteristic_time(mechanism))).simulate(exact.problem)
+    run = MujocoEngine(timestep=1e-3 * min(1.0, characteristic_time(mechanism))).simulate(
+        exact.problem
+    )
     assert np.abs(run.q - exact.trajectory(run.t).q).max() <= BAR
 
 
@@ -107,15 +132,21 @@ def test_a_start_that_drives_into_a_stop_or_off_it_is_looked_at_at_rest(speed: f
     moving = Mechanism(**(dict(lever(UP, True, 0.0)) | {"start_speeds": (speed, 0.0)}))
     state = random_states(moving)[0]
     assert state.closed == ("wall",)
-    assert Kinematics(moving).gap_jacobian("wall", state.q) @ state.u == pytest.approx(0.0, abs=1e-14)
+    assert Kinematics(moving).gap_jacobian("wall", state.q) @ state.u == pytest.approx(
+        0.0, abs=1e-14
+    )
     assert check_model(MujocoEngine(), moving).holds
 
 
 def test_a_stop_of_a_body_against_itself_is_refused() -> None:
     plain = lever(UP, True, 0.0)
-    wall = PointStop(name="wall", body="bob", point=(1, 0), relative_to="bob", normal=UP, offset=-1, closed=False)
+    wall = PointStop(
+        name="wall", body="bob", point=(1, 0), relative_to="bob", normal=UP, offset=-1, closed=False
+    )
     alone = Mechanism(**(dict(plain) | {"stops": (wall,)}))
-    with pytest.raises(UnsupportedProblemError, match="'wall' holds a point of 'bob' against 'bob' itself"):
+    with pytest.raises(
+        UnsupportedProblemError, match="'wall' holds a point of 'bob' against 'bob' itself"
+    ):
         MujocoEngine().simulate(Problem(alone, 0.1))
 
 

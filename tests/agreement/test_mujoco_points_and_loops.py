@@ -31,14 +31,19 @@ mujoco: Any = pytest.importorskip("mujoco")
 
 G = 9.81
 BAR = 1e-6  # [m] at 1 ms, the issue's
-# What holds a point gives way by (1 - d) a / k, with 1 - d = 1e-4 and k = 1 / h^2: at 1 ms 1e-10 s^2 times its
-# acceleration of some 10 to 100 m/s^2, and a motion of a second passes it on a few times.
+# What holds a point gives way by (1 - d) a / k, with 1 - d = 1e-4 and k = 1 / h^2: at 1 ms 1e-10
+# s^2 times its acceleration of some 10 to 100 m/s^2, and a motion of a second passes it on a few
+# times.
 SOFT = 5e-8
-# What is asked of a force is kept through a step: it lags by half of one, and softness lets (1 - d) f' h / 2 of that
-# show, with rates f' of some 10 to 100 of the peak a second.
+# What is asked of a force is kept through a step: it lags by half of one, and softness lets (1 - d)
+# f' h / 2 of that show, with rates f' of some 10 to 100 of the peak a second.
 LAG = 5e-6
 STEPS = np.array([4e-3, 2e-3, 1e-3])
-MACHINES: dict[str, Callable[[], Mechanism]] = {"catapult": catapult, "hinged": hinged, "floating arm": floating_arm}
+MACHINES: dict[str, Callable[[], Mechanism]] = {
+    "catapult": catapult,
+    "hinged": hinged,
+    "floating arm": floating_arm,
+}
 machines = pytest.mark.parametrize("name", MACHINES)
 with_points = pytest.mark.parametrize("name", ["hinged", "floating arm"])
 
@@ -64,13 +69,16 @@ def assert_forces_agree(found: Trajectory, exact: Solution, tolerance: float = L
     there = exact.trajectory(found.t)
     assert set(found.joint_reactions) == {joint.name for joint in found.mechanism.joints}
     for name, torque in there.stop_torques.items():
-        assert found.stop_torque(name) == pytest.approx(torque, abs=tolerance * np.abs(torque).max())
+        assert found.stop_torque(name) == pytest.approx(
+            torque, abs=tolerance * np.abs(torque).max()
+        )
     largest = max(float(np.abs(force).max()) for force in there.joint_reactions.values())
     for name, force in there.joint_reactions.items():
         assert found.joint_reaction(name) == pytest.approx(force, abs=tolerance * largest)
 
 
-# --- Mechanisms --------------------------------------------------------------------------------------------------
+# --- Mechanisms
+# --------------------------------------------------------------------------------------------------
 
 
 def pin(name: str, parent: str, child: str, at: tuple[float, float] = (0, 0)) -> PinJoint:
@@ -86,7 +94,9 @@ def four_bar() -> Mechanism:
     rocker = Body(name="rocker", angle="c", mass=1.5, centre=(0.7, 0.1), inertia=0.3)
     a, b, c = start = (-1.0, -0.2, 1.3)
     hinge = cmath.exp(-1j * a) + 2.0 * cmath.exp(-1j * b) - 1.5 * cmath.exp(-1j * c)
-    loop = PinJoint(name="loop", parent="coupler", child="rocker", parent_point=(2, 0), child_point=(1.5, 0))
+    loop = PinJoint(
+        name="loop", parent="coupler", child="rocker", parent_point=(2, 0), child_point=(1.5, 0)
+    )
     return Mechanism(
         name="four-bar",
         bodies=(CRANK, coupler, rocker),
@@ -108,7 +118,11 @@ def slider_crank() -> Mechanism:
     a, b = start = (-1.1, 0.4)
     end = cmath.exp(-1j * a) + 2.0 * cmath.exp(-1j * b)
     slot = SlotJoint(
-        name="slot", child="rod", parent_point=(end.real - 0.24, end.imag + 0.18), child_point=(2, 0), axis=(0.8, -0.6)
+        name="slot",
+        child="rod",
+        parent_point=(end.real - 0.24, end.imag + 0.18),
+        child_point=(2, 0),
+        axis=(0.8, -0.6),
     )
     return Mechanism(
         name="slider-crank",
@@ -138,10 +152,21 @@ def many_stops() -> Mechanism:
         ),
         stops=(
             PointStop(
-                **rest, name="slope", normal=slope, offset=slope[0] * tip.real + slope[1] * tip.imag, closed=True
+                **rest,
+                name="slope",
+                normal=slope,
+                offset=slope[0] * tip.real + slope[1] * tip.imag,
+                closed=True,
             ),
             PointStop(**rest, name="far wall", normal=(-1, 0), offset=-4.0, closed=False),
-            Stop(name="elbow rest", body="fore", relative_to="crank", sense=1, limit=b - a, closed=True),
+            Stop(
+                name="elbow rest",
+                body="fore",
+                relative_to="crank",
+                sense=1,
+                limit=b - a,
+                closed=True,
+            ),
             Stop(name="shoulder rest", body="crank", sense=-1, limit=-2.0, closed=False),
         ),
         markers=(Marker(name="tip", body="hand", point=(0.7, -0.2)),),
@@ -152,9 +177,16 @@ def many_stops() -> Mechanism:
 
 def ladder(start: float = 1.1, length: float = 3.0) -> Mechanism:
     """A uniform rod whose foot slides on the floor, away from a wall against which its head leans."""
-    rod = Body(name="ladder", angle="a", mass=7.0, centre=(length / 2, 0), inertia=7.0 * length**2 / 12)
+    rod = Body(
+        name="ladder", angle="a", mass=7.0, centre=(length / 2, 0), inertia=7.0 * length**2 / 12
+    )
     floor = SlotJoint(
-        name="floor", child="ladder", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0), coordinate="x"
+        name="floor",
+        child="ladder",
+        parent_point=(0, 0),
+        child_point=(0, 0),
+        axis=(1, 0),
+        coordinate="x",
     )
     head = {"body": "ladder", "point": (length, 0)}
     return Mechanism(
@@ -190,10 +222,20 @@ def faller(drop: float = 0.7) -> Mechanism:
     """A rod that falls about a pin until its tip meets a floor."""
     rod = Body(name="rod", angle="a", mass=2.0, centre=(1, 0), inertia=0.5)
     floor = PointStop(
-        name="floor", body="rod", point=(1.5, 0), normal=(0, 1), offset=-1.5 * math.sin(drop), closed=False
+        name="floor",
+        body="rod",
+        point=(1.5, 0),
+        normal=(0, 1),
+        offset=-1.5 * math.sin(drop),
+        closed=False,
     )
     return Mechanism(
-        name="faller", bodies=(rod,), joints=(pin("pin", GROUND, "rod"),), stops=(floor,), gravity=G, start=(0.0,)
+        name="faller",
+        bodies=(rod,),
+        joints=(pin("pin", GROUND, "rod"),),
+        stops=(floor,),
+        gravity=G,
+        start=(0.0,),
     )
 
 
@@ -201,19 +243,24 @@ GENERIC = {m.name: m for m in (four_bar(), slider_crank(), many_stops(), ladder(
 generic = pytest.mark.parametrize("name", GENERIC)
 
 
-# --- Is it the same machine? -------------------------------------------------------------------------------------
+# --- Is it the same machine?
+# -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("preset", ["tuned", "stock"])
 @pytest.mark.parametrize(
-    "mechanism", [*(build() for build in MACHINES.values()), *GENERIC.values()], ids=lambda m: m.name
+    "mechanism",
+    [*(build() for build in MACHINES.values()), *GENERIC.values()],
+    ids=lambda m: m.name,
 )
 def test_the_gate(mechanism: Mechanism, preset: str) -> None:
     found = check_model(MujocoEngine.presets()[preset](), mechanism)
     assert found.exposed and found.states >= 1
     names = {check.name for check in found.checks}
     assert {"mass matrix", "force", "acceleration", "start", "total mass"} <= names
-    assert all(check.value is not None and check.value <= EXACT for check in found.checks), found.checks
+    assert all(check.value is not None and check.value <= EXACT for check in found.checks), (
+        found.checks
+    )
 
 
 def test_the_gate_feels_where_a_wall_is(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -223,8 +270,12 @@ def test_the_gate_feels_where_a_wall_is(monkeypatch: pytest.MonkeyPatch) -> None
     right = module.mjcf
 
     def lower(mechanism: Mechanism, timestep: float) -> str:
-        moved = mechanism.stops[0].model_copy(update={"offset": mechanism.point_stops[0].offset - 1e-4})
-        return right(mechanism.model_copy(update={"stops": (moved, *mechanism.stops[1:])}), timestep)
+        moved = mechanism.stops[0].model_copy(
+            update={"offset": mechanism.point_stops[0].offset - 1e-4}
+        )
+        return right(
+            mechanism.model_copy(update={"stops": (moved, *mechanism.stops[1:])}), timestep
+        )
 
     monkeypatch.setattr(module, "mjcf", lower)
     found = check_model(MujocoEngine(), hinged())
@@ -232,7 +283,8 @@ def test_the_gate_feels_where_a_wall_is(monkeypatch: pytest.MonkeyPatch) -> None
     assert place.value == pytest.approx(1e-4, rel=1e-6)
 
 
-# --- Is the motion right? ----------------------------------------------------------------------------------------
+# --- Is the motion right?
+# ----------------------------------------------------------------------------------------
 
 
 @machines
@@ -241,7 +293,9 @@ def test_tuned_keeps_its_bars_at_a_millisecond(name: str) -> None:
     assert misplaced(found, exact) <= SOFT < BAR
     assert_forces_agree(found, exact)
     there = exact.trajectory(found.t)
-    assert found.total_energy == pytest.approx(there.total_energy, abs=1e-9 * there.kinetic_energy.max())
+    assert found.total_energy == pytest.approx(
+        there.total_energy, abs=1e-9 * there.kinetic_energy.max()
+    )
 
 
 @with_points
@@ -255,7 +309,8 @@ def test_the_trough_lets_go_inside_a_step(name: str) -> None:
     found, exact = run(name), reference(name)
     time, released = found.release_time("trough"), exact.release_times["trough"]
     assert time is not None and released is not None
-    # The lag of the force over its rate of change: (1 - d) h / 2, times how the contact's mass is felt (a few).
+    # The lag of the force over its rate of change: (1 - d) h / 2, times how the contact's mass is
+    # felt (a few).
     assert time == pytest.approx(released, abs=5e-4 * 1e-3)
     assert time in found.t and (found.stop_torque("trough")[found.t >= time] == 0).all()
     assert (found.stop_torque("trough")[found.t < time] > 0).all()
@@ -276,9 +331,19 @@ def test_linkages_and_walls_of_every_kind(name: str) -> None:
 @with_points
 def test_other_parameters(name: str, seed: int) -> None:
     random = np.random.default_rng(seed)
-    ranges = {"l1": (7, 12), "l2": (2.5, 5), "m_b": (30, 150), "m_cw": (1500, 5000), "m_a": (300, 2000), "r": (4, 8)}
+    ranges = {
+        "l1": (7, 12),
+        "l2": (2.5, 5),
+        "m_b": (30, 150),
+        "m_cw": (1500, 5000),
+        "m_a": (300, 2000),
+        "r": (4, 8),
+    }
     values = {key: float(random.uniform(*bounds)) for key, bounds in ranges.items()}
-    angles = {"theta0": 3 * math.pi / 4 + float(random.uniform(-0.2, 0.2)), "phi0": float(random.uniform(-0.1, 0.2))}
+    angles = {
+        "theta0": 3 * math.pi / 4 + float(random.uniform(-0.2, 0.2)),
+        "phi0": float(random.uniform(-0.1, 0.2)),
+    }
     if name == "hinged":
         machine = hinged(HingedParameters(h=float(random.uniform(3, 6)), **values, **angles))
     else:
@@ -288,14 +353,18 @@ def test_other_parameters(name: str, seed: int) -> None:
     assert misplaced(found, exact) <= 4 * SOFT  # twice the step
     assert_forces_agree(found, exact)
     assert all(
-        check.value is not None and check.value <= EXACT for check in check_model(MujocoEngine(), machine).checks
+        check.value is not None and check.value <= EXACT
+        for check in check_model(MujocoEngine(), machine).checks
     )
 
 
-# --- Versions whose solver stops short of its solution ---------------------------------------------------------------
+# --- Versions whose solver stops short of its solution
+# ---------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mechanism", [floating_arm(), slider_crank(), many_stops()], ids=lambda m: m.name)
+@pytest.mark.parametrize(
+    "mechanism", [floating_arm(), slider_crank(), many_stops()], ids=lambda m: m.name
+)
 def test_the_solution_that_older_solvers_start_at_is_the_solvers(mechanism: Mechanism) -> None:
     from trebucheck.engines.mujoco.build import correction_of, load, preload, start_data
     from trebucheck.engines.mujoco.constraints import slot_contacts, stop_constraints
@@ -303,12 +372,18 @@ def test_the_solution_that_older_solvers_start_at_is_the_solvers(mechanism: Mech
 
     model = load(mechanism, MujocoEngine())
     data, correction = start_data(model), correction_of(mechanism, model, MujocoEngine())
-    closed = [held for stop, held in stop_constraints(mechanism, model).items() if mechanism.stop(stop).closed]
+    closed = [
+        held
+        for stop, held in stop_constraints(mechanism, model).items()
+        if mechanism.stop(stop).closed
+    ]
     with correction.applied():
         preload(model, data, closed + slot_contacts(mechanism, model), correction)
         correction.forward(data)
     found = data.qacc.copy()
-    data.qacc_warmstart[:] = found + [100.0, -30.0, 70.0][: model.nv]  # far enough for other constraints to be active
+    data.qacc_warmstart[:] = (
+        found + [100.0, -30.0, 70.0][: model.nv]
+    )  # far enough for other constraints to be active
     start_at_the_solution(model, data)
     assert data.qacc_warmstart == pytest.approx(found, abs=1e-9 * np.abs(found).max())
 
@@ -331,7 +406,8 @@ def test_motions_and_forces_are_right_from_there(monkeypatch: pytest.MonkeyPatch
     assert_forces_agree(found, exact)
 
 
-# --- Closed forms ------------------------------------------------------------------------------------------------
+# --- Closed forms
+# ------------------------------------------------------------------------------------------------
 
 
 def test_a_ladder_leaves_the_wall_at_two_thirds_of_its_height() -> None:
@@ -356,7 +432,9 @@ def test_a_block_slides_down_its_slot(slope: float) -> None:
     weight, share = 2.5 * G * math.cos(slope), 0.3 / 0.8
     across = np.array([math.sin(slope), math.cos(slope)])
     for joint, part in (("front", 1 - share), ("back", share)):
-        assert found.joint_reaction(joint) @ across == pytest.approx(part * weight, abs=1e-6 * 2.5 * G)
+        assert found.joint_reaction(joint) @ across == pytest.approx(
+            part * weight, abs=1e-6 * 2.5 * G
+        )
 
 
 def test_unilateral_comes_to_rest_on_a_wall() -> None:
@@ -377,7 +455,8 @@ def test_both_laws_agree_up_to_the_launch(name: str) -> None:
     assert always.release_times == pytest.approx(run(name).release_times, abs=1e-8)
 
 
-# --- The traps ---------------------------------------------------------------------------------------------------
+# --- The traps
+# ---------------------------------------------------------------------------------------------------
 
 
 def test_mujoco_leaves_the_turning_of_a_contact_out() -> None:
@@ -388,9 +467,12 @@ def test_mujoco_leaves_the_turning_of_a_contact_out() -> None:
     held = MujocoEngine(timestep=step).simulate(problem)
     for i in (300, 500, 700, 850):
         q, u = loose.q[i], loose.u[i]
-        later, earlier = (equations.constraint_jacobian(q + sign * 1e-6 * u, ()) for sign in (1, -1))
+        later, earlier = (
+            equations.constraint_jacobian(q + sign * 1e-6 * u, ()) for sign in (1, -1)
+        )
         turning = float(((later - earlier) / 2e-6 @ u)[0])
-        # A spring's answer, with what it lags behind: the term changes by some per cent in the steps it takes.
+        # A spring's answer, with what it lags behind: the term changes by some per cent in the
+        # steps it takes.
         assert equations.loop_residual(q)[0] == pytest.approx(turning * step**2, rel=0.1)
         assert abs(equations.loop_residual(held.q[i])[0]) < 1e-3 * abs(turning) * step**2
 
@@ -398,11 +480,19 @@ def test_mujoco_leaves_the_turning_of_a_contact_out() -> None:
 def test_without_that_the_trough_is_left_at_once() -> None:
     exact = reference("hinged")
     released = exact.release_times["trough"]
-    left = MujocoEngine(moving_points=False, preload=False).simulate(exact.problem).release_time("trough")
+    left = (
+        MujocoEngine(moving_points=False, preload=False)
+        .simulate(exact.problem)
+        .release_time("trough")
+    )
     assert left is not None and released is not None and left < 0.1 * released
     # Pressed in, it stays: its force then lacks a part that no smaller step brings back.
     for step in (1e-3, 2.5e-4):
-        late = MujocoEngine(timestep=step, moving_points=False).simulate(exact.problem).release_time("trough")
+        late = (
+            MujocoEngine(timestep=step, moving_points=False)
+            .simulate(exact.problem)
+            .release_time("trough")
+        )
         assert late is not None and 1e-3 < released - late < 0.1
 
 
@@ -450,6 +540,8 @@ def test_a_closed_point_must_not_move_at_the_start() -> None:
 
 
 def test_a_stop_on_the_ground_holds_nothing() -> None:
-    still = PointStop(name="still", body=GROUND, point=(0, 1), normal=(0, 1), offset=0.0, closed=False)
+    still = PointStop(
+        name="still", body=GROUND, point=(0, 1), normal=(0, 1), offset=0.0, closed=False
+    )
     with pytest.raises(UnsupportedProblemError, match="still"):
         MujocoEngine().simulate(Problem(faller().model_copy(update={"stops": (still,)}), 0.1))

@@ -36,17 +36,30 @@ from trebucheck.reference.solver import solve
 pytest.importorskip("mujoco")
 
 STEPS = (8e-3, 4e-3, 2e-3)
-LEAST_RATIO = 3.0  # of the errors at a step and at half of it: 4, but for where in a step the events are
+LEAST_RATIO = (
+    3.0  # of the errors at a step and at half of it: 4, but for where in a step the events are
+)
 RESOLVED = 1e-9  # [rad, m] free flights are of fourth order: below this there is nothing to see of the order
 
 
 def ball(restitution: float, height: float = 1.0) -> Mechanism:
     """A ball of 2 kg on a vertical rail over a floor."""
     stop = PointStop(
-        name="floor", body="ball", point=(0, 0), normal=(0, 1), offset=0.0, closed=False, restitution=restitution
+        name="floor",
+        body="ball",
+        point=(0, 0),
+        normal=(0, 1),
+        offset=0.0,
+        closed=False,
+        restitution=restitution,
     )
     rail = SlotJoint(
-        name="rail", child="ball", parent_point=(0, 0), child_point=(0, 0), axis=(0, 1), coordinate="height"
+        name="rail",
+        child="ball",
+        parent_point=(0, 0),
+        child_point=(0, 0),
+        axis=(0, 1),
+        coordinate="height",
     )
     return Mechanism(
         name="ball",
@@ -75,8 +88,16 @@ def between_stops(restitution: float, low: float = 0.6, high: float = 0.6) -> Me
             Body(name="lower", angle="b", mass=1, centre=(0.4, 0), inertia=0.05),
         ),
         joints=(
-            PinJoint(name="shoulder", parent=GROUND, child="upper", parent_point=(0, 0), child_point=(0, 0)),
-            PinJoint(name="elbow", parent="upper", child="lower", parent_point=(1, 0), child_point=(0, 0)),
+            PinJoint(
+                name="shoulder",
+                parent=GROUND,
+                child="upper",
+                parent_point=(0, 0),
+                child_point=(0, 0),
+            ),
+            PinJoint(
+                name="elbow", parent="upper", child="lower", parent_point=(1, 0), child_point=(0, 0)
+            ),
         ),
         stops=stops,
         markers=(Marker(name="tip", body="lower", point=(1, 0)),),
@@ -87,7 +108,12 @@ def between_stops(restitution: float, low: float = 0.6, high: float = 0.6) -> Me
 
 def rod_over_a_floor(restitution: float) -> Mechanism:
     """A rod with inertia, a point of which off its axis meets a floor."""
-    return Mechanism(**{**dict(rod_pendulum()), "stops": (floor(1.2, restitution, body="rod", point=(1.6, 0.1)),)})
+    return Mechanism(
+        **{
+            **dict(rod_pendulum()),
+            "stops": (floor(1.2, restitution, body="rod", point=(1.6, 0.1)),),
+        }
+    )
 
 
 def rebounding(mechanism: Mechanism, restitution: float) -> Mechanism:
@@ -105,12 +131,17 @@ CASES: dict[str, tuple[Mechanism, float]] = {
     "rod over a floor, e = 0": (rod_over_a_floor(0.0), 2.0),
     "rod over a floor, e = 0.5": (rod_over_a_floor(0.5), 2.0),
     "bob over a floor, e = 0.9": (hanging_bob(floor(1.5, 0.9)), 3.0),
-    "two stops met at one instant": (hanging_bob(floor(1.0, 0.5), angle_stop(math.pi / 6, 0.5)), 1.5),
+    "two stops met at one instant": (
+        hanging_bob(floor(1.0, 0.5), angle_stop(math.pi / 6, 0.5)),
+        1.5,
+    ),
     "crank of a four-bar": (four_bar(stops=(angle_stop(1.0, 0.5, body="crank"),)), 1.3),
     "tip of a slider crank": (
         slider_crank(
             stops=(
-                PointStop(name="end", body="rod", point=(2.0, 0), normal=(1, 0), offset=-1.0, closed=False),
+                PointStop(
+                    name="end", body="rod", point=(2.0, 0), normal=(1, 0), offset=-1.0, closed=False
+                ),
                 angle_stop(1.5, 0.9, body="crank"),
             )
         ),
@@ -152,10 +183,13 @@ def test_impacts_in_number_time_and_impulse(name: str) -> None:
     both = noticeable(exact, found.impacts), noticeable(exact, exact.impacts)
     for (mine, push), (time, impulses) in zip(*both, strict=True):
         assert mine == pytest.approx(time, abs=1e-6)
-        # Where two touch at one instant only what they do together is determined, and not which of them does it. The
-        # error of a speed is that of the motion, which counts for more the slower the impact.
+        # Where two touch at one instant only what they do together is determined, and not which of
+        # them does it. The error of a speed is that of the motion, which counts for more the slower
+        # the impact.
         largest = np.abs(together(exact, exact.impacts[0])).max()
-        assert together(exact, (time, push)) == pytest.approx(together(exact, (time, impulses)), abs=1e-6 * largest)
+        assert together(exact, (time, push)) == pytest.approx(
+            together(exact, (time, impulses)), abs=1e-6 * largest
+        )
 
 
 Impacts = Iterable[tuple[float, Mapping[str, float]]]
@@ -164,8 +198,8 @@ Impacts = Iterable[tuple[float, Mapping[str, float]]]
 def noticeable(exact: Solution, impacts: Impacts) -> list[tuple[float, Mapping[str, float]]]:
     """The impacts with at least 1e-5 of the largest impulse.
 
-    The last rebounds are no question of accuracy: the reference follows them down to a part of the mechanism's speeds,
-    an engine to a speed in SI.
+    The last rebounds are no question of accuracy: the reference follows them down to a part of the
+    mechanism's speeds, an engine to a speed in SI.
     """
     least = 1e-5 * max(size(exact, impact) for impact in exact.impacts)
     return [impact for impact in impacts if size(exact, impact) >= least]
@@ -174,7 +208,10 @@ def noticeable(exact: Solution, impacts: Impacts) -> list[tuple[float, Mapping[s
 def taking_part(exact: Solution, impacts: Impacts) -> list[set[str]]:
     """The stops that have at least 1e-5 of the largest impulse, by impact."""
     least = 1e-5 * max(size(exact, impact) for impact in exact.impacts)
-    return [{name for name, push in pushes.items() if size(exact, (t, {name: push})) >= least} for t, pushes in impacts]
+    return [
+        {name for name, push in pushes.items() if size(exact, (t, {name: push})) >= least}
+        for t, pushes in impacts
+    ]
 
 
 def size(exact: Solution, impact: tuple[float, Mapping[str, float]]) -> float:
@@ -186,7 +223,9 @@ def together(exact: Solution, impact: tuple[float, Mapping[str, float]]) -> Floa
     """Generalized impulse of an impact, shape (n_q,)."""
     time, impulses = impact
     q = exact.trajectory(np.array([time])).q[0]
-    rows = [exact.equations.kinematics.gap_jacobian(name, q) * push for name, push in impulses.items()]
+    rows = [
+        exact.equations.kinematics.gap_jacobian(name, q) * push for name, push in impulses.items()
+    ]
     return np.sum(rows, axis=0)
 
 
@@ -196,7 +235,8 @@ def test_no_stop_is_penetrated_or_pulls(name: str) -> None:
     assert np.all(np.diff(found.t) > 0)
     assert found.t[-1] == CASES[name][1]
     for stop in found.mechanism.stops:
-        # As far as a soft limit gives way, (1 - impedance) h^2 times the acceleration that it holds.
+        # As far as a soft limit gives way, (1 - impedance) h^2 times the acceleration that it
+        # holds.
         assert found.stop_gap(stop.name).min() > -1e-7
         assert np.all(found.stop_torque(stop.name) >= 0)
 
@@ -205,7 +245,10 @@ def test_no_stop_is_penetrated_or_pulls(name: str) -> None:
 def test_the_arm_stop_is_met_to_the_micrometre(name: str) -> None:
     found, exact = run(name, 1e-3), reference(name)
     time = exact.impacts[0][0]
-    error = np.abs(found.marker("projectile").position - exact.trajectory(found.t).marker("projectile").position)
+    error = np.abs(
+        found.marker("projectile").position
+        - exact.trajectory(found.t).marker("projectile").position
+    )
     assert error[found.t < time].max() < 1e-6
     assert found.impacts[0][0] == pytest.approx(time, abs=1e-6)
     there = exact.trajectory(found.t).stop_torque(ARM_STOP)
@@ -222,7 +265,9 @@ def test_a_ball_falls_and_rebounds_as_in_the_books(e: float) -> None:
     speed = math.sqrt(2 * G * height)
     speeds = speed * e ** np.arange(40)
     times = speed / G + np.concatenate([[0.0], np.cumsum(2 * e * speeds / G)])[:40]
-    expected = [(t, v) for t, v in zip(times, speeds, strict=True) if t < until and v > 1e-3 * speed]
+    expected = [
+        (t, v) for t, v in zip(times, speeds, strict=True) if t < until and v > 1e-3 * speed
+    ]
     assert len(found.impacts) >= len(expected)
     for (time, push), (t, v) in zip(found.impacts, expected, strict=False):
         assert time == pytest.approx(t, abs=1e-12)
@@ -266,7 +311,9 @@ def test_a_stop_that_is_met_and_left_within_one_step() -> None:
 
 def test_nothing_is_met_before_the_launch() -> None:
     """Under either law the same motion, to the last bit."""
-    laws = [MujocoEngine().simulate(Problem(TABLE_ONE["fixed"], 2.7, stop_law=law)) for law in StopLaw]
+    laws = [
+        MujocoEngine().simulate(Problem(TABLE_ONE["fixed"], 2.7, stop_law=law)) for law in StopLaw
+    ]
     assert np.array_equal(laws[0].q, laws[1].q)
     assert laws[0].release_times == laws[1].release_times
 
@@ -303,12 +350,16 @@ def test_random_machines(seed: int) -> None:
         name="floor", body="lower", point=(0.1, -1.5), normal=(0, 1), offset=-next(room) - 1.0, closed=False,
         restitution=next(e),
     )  # fmt: skip
-    problem = Problem(Mechanism(**{**dict(base), "stops": (*stops, under)}), 1.5, stop_law=StopLaw.UNILATERAL)
+    problem = Problem(
+        Mechanism(**{**dict(base), "stops": (*stops, under)}), 1.5, stop_law=StopLaw.UNILATERAL
+    )
     exact, found = solve(problem), MujocoEngine().simulate(problem)
     assert len(exact.impacts) > 0
     mine, theirs = noticeable(exact, found.impacts), noticeable(exact, exact.impacts)
     assert taking_part(exact, mine) == taking_part(exact, theirs)
-    assert np.array([t for t, _ in mine]) == pytest.approx(np.array([t for t, _ in theirs]), abs=1e-6)
+    assert np.array([t for t, _ in mine]) == pytest.approx(
+        np.array([t for t, _ in theirs]), abs=1e-6
+    )
     assert misplaced(found, exact) < 1e-6
 
 
@@ -321,4 +372,6 @@ def test_what_loops_drifted_by_is_no_force_after_an_impact() -> None:
     after = found.t > time + 1e-9
     forces = exact.trajectory(found.t[after]).stop_torques["stop 0"]
     assert after.sum() > 5
-    assert found.stop_torques["stop 0"][after] == pytest.approx(forces, rel=1e-5)  # (h / T)^2 is 1e-6, T = 0.18 s
+    assert found.stop_torques["stop 0"][after] == pytest.approx(
+        forces, rel=1e-5
+    )  # (h / T)^2 is 1e-6, T = 0.18 s

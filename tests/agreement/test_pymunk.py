@@ -38,7 +38,9 @@ machines = pytest.mark.parametrize("name", TABLE_ONE)
 @functools.cache
 def run(name: str, timestep: float = 1e-3, preset: str = "tuned", **options: object) -> Trajectory:
     """Table I up to the launch."""
-    return PymunkEngine.presets()[preset](timestep=timestep, **options).simulate(table_one_motion(name).problem)
+    return PymunkEngine.presets()[preset](timestep=timestep, **options).simulate(
+        table_one_motion(name).problem
+    )
 
 
 def slope(errors: list[float], steps: np.ndarray = STEPS) -> float:
@@ -55,16 +57,23 @@ def pendulum(
 
 def oblique_slot() -> Mechanism:
     """The pendulum on a slot that goes uphill, moving at the start."""
-    return pendulum(joints=(OBLIQUE_SLOT, pendulum().joints[1]), start=(0.3, 0.2, 0.4), speeds=(1.0, -2.0, 0.7))
+    return pendulum(
+        joints=(OBLIQUE_SLOT, pendulum().joints[1]), start=(0.3, 0.2, 0.4), speeds=(1.0, -2.0, 0.7)
+    )
 
 
 def three_bodies() -> Mechanism:
     """A body with inertia hung between two others: two rods make its pin."""
     base = pendulum(outer=0.3)
     third = Body(name="third", angle="c", mass=1, centre=(0.2, 0), inertia=0.02)
-    pin = PinJoint(name="last", parent="lower", child="third", parent_point=(0.9, -0.1), child_point=(0, 0))
+    pin = PinJoint(
+        name="last", parent="lower", child="third", parent_point=(0.9, -0.1), child_point=(0, 0)
+    )
     return pendulum(
-        bodies=(*base.bodies, third), joints=(*base.joints, pin), start=(0.3, 0.2, 0.5), speeds=(1.0, -2.0, 0.3)
+        bodies=(*base.bodies, third),
+        joints=(*base.joints, pin),
+        start=(0.3, 0.2, 0.5),
+        speeds=(1.0, -2.0, 0.3),
     )
 
 
@@ -83,8 +92,14 @@ def test_torques_speeds_energy_and_reactions_of_second_order(name: str) -> None:
     def worst(step: float) -> list[float]:
         found = run(name, step)
         there = exact.trajectory(found.t)
-        reactions = [found.joint_reactions[joint] - there.joint_reactions[joint] for joint in found.joint_reactions]
-        differences = [found.u - there.u, found.stop_torque(HANGER_REST) - there.stop_torque(HANGER_REST)]
+        reactions = [
+            found.joint_reactions[joint] - there.joint_reactions[joint]
+            for joint in found.joint_reactions
+        ]
+        differences = [
+            found.u - there.u,
+            found.stop_torque(HANGER_REST) - there.stop_torque(HANGER_REST),
+        ]
         differences += [found.total_energy - there.total_energy, *reactions]
         return [float(np.abs(difference).max()) for difference in differences]
 
@@ -123,7 +138,9 @@ def test_releases_inside_a_step(name: str) -> None:
     h = found.t[1]
     for stop in (HANGER_REST, SLING_REST):
         time = found.release_time(stop)
-        assert time == pytest.approx(exact.release_times[stop], abs=h**2)  # measured 0.15 h^2; the bar is 10 h^2
+        assert time == pytest.approx(
+            exact.release_times[stop], abs=h**2
+        )  # measured 0.15 h^2; the bar is 10 h^2
         assert 0.01 < time / h % 1 < 0.99
     assert found.release_time("arm stop") is None
 
@@ -158,7 +175,9 @@ def test_joint_gaps_shrink_with_the_fourth_power_of_the_step() -> None:
 
 def test_rolling_fulcrum_has_no_horizontal_reaction() -> None:
     force = run("rolling").joint_reaction(FULCRUM)
-    assert np.abs(force[:, 0]).max() < 1e-7 * np.abs(force[:, 1]).max()  # rounding, which grows as 1/h
+    assert (
+        np.abs(force[:, 0]).max() < 1e-7 * np.abs(force[:, 1]).max()
+    )  # rounding, which grows as 1/h
 
 
 def test_markers_and_energy_come_from_one_state() -> None:
@@ -169,8 +188,12 @@ def test_markers_and_energy_come_from_one_state() -> None:
         # Joints part by 1e-7 m, arm and slot included.
         assert np.abs(position - found.marker(marker).position).max() < 1e-6
     energy = kinematics.kinetic_energy(found.q, found.u) + kinematics.potential_energy(found.q)
-    # Of second order: half a step before and after, the rods' rates of length do not quite cancel (15 h^2).
-    assert np.abs(energy - found.total_energy).max() < 40 * found.t[1] ** 2 * found.kinetic_energy.max()
+    # Of second order: half a step before and after, the rods' rates of length do not quite cancel
+    # (15 h^2).
+    assert (
+        np.abs(energy - found.total_energy).max()
+        < 40 * found.t[1] ** 2 * found.kinetic_energy.max()
+    )
 
 
 def test_a_stop_that_would_have_to_pull_is_gone_at_once() -> None:
@@ -180,8 +203,12 @@ def test_a_stop_that_would_have_to_pull_is_gone_at_once() -> None:
     assert found.release_time(HANGER_REST) == 0.0
     assert np.all(found.stop_torque(HANGER_REST) == 0.0)
     # The other one is held against a hanger that is free, from the first sample on.
-    assert found.stop_torque(SLING_REST)[0] == pytest.approx(exact.trajectory(found.t[:1]).stop_torque(SLING_REST)[0])
-    assert found.release_time(SLING_REST) == pytest.approx(exact.release_times[SLING_REST], abs=2e-3**2)
+    assert found.stop_torque(SLING_REST)[0] == pytest.approx(
+        exact.trajectory(found.t[:1]).stop_torque(SLING_REST)[0]
+    )
+    assert found.release_time(SLING_REST) == pytest.approx(
+        exact.release_times[SLING_REST], abs=2e-3**2
+    )
 
 
 def test_a_release_after_the_end_is_none() -> None:
@@ -230,9 +257,15 @@ def test_other_mechanisms_moving_at_the_start(mechanism: Mechanism) -> None:
     errors = [float(np.abs(run.q - exact.trajectory(run.t).q).max()) for run in found]
     assert slope(errors) == pytest.approx(2.0, abs=0.15)
     there = exact.trajectory(found[-1].t)
-    assert np.array_equal(found[-1].u[0], there.u[0]) or np.abs(found[-1].u[0] - there.u[0]).max() < 1e-12
+    assert (
+        np.array_equal(found[-1].u[0], there.u[0])
+        or np.abs(found[-1].u[0] - there.u[0]).max() < 1e-12
+    )
     for joint, force in found[-1].joint_reactions.items():
-        assert np.abs(force - there.joint_reactions[joint]).max() < 2e-3 * np.abs(there.joint_reactions[joint]).max()
+        assert (
+            np.abs(force - there.joint_reactions[joint]).max()
+            < 2e-3 * np.abs(there.joint_reactions[joint]).max()
+        )
 
 
 def test_stops_between_bodies_that_turn() -> None:
@@ -252,7 +285,9 @@ def test_stops_between_bodies_that_turn() -> None:
     assert found.stop_torque("floor").max() > 0
     for stop in stops:
         peak = there.stop_torque(stop.name).max()
-        assert np.abs(found.stop_torque(stop.name) - there.stop_torque(stop.name)).max() <= 1e-4 * max(peak, 1e-9)
+        assert np.abs(
+            found.stop_torque(stop.name) - there.stop_torque(stop.name)
+        ).max() <= 1e-4 * max(peak, 1e-9)
 
 
 def test_angles_go_on_beyond_a_turn() -> None:
@@ -267,13 +302,17 @@ def rod_held_at_its_middle(middle: float = 0.1) -> Mechanism:
     base, point = pendulum(middle=middle), (0.2, -0.2)
     kinematics = Kinematics(base)
     x, y = kinematics.position(kinematics.point("lower", point), np.array(base.start)).tolist()
-    back = PinJoint(name="back", parent=GROUND, child="lower", parent_point=(x, y), child_point=point)
+    back = PinJoint(
+        name="back", parent=GROUND, child="lower", parent_point=(x, y), child_point=point
+    )
     return pendulum(middle=middle, joints=(*base.joints, back))
 
 
 def elbow_of_rods() -> Mechanism:
     base = pendulum(middle=0.0, start=(0.3, 0.2))
-    pin = PinJoint(name="pin", parent="upper", child="lower", parent_point=(0.5, 0.1), child_point=(0, 0.1))
+    pin = PinJoint(
+        name="pin", parent="upper", child="lower", parent_point=(0.5, 0.1), child_point=(0, 0.1)
+    )
     stop = Stop(name="elbow", body="lower", relative_to="upper", sense=-1, limit=0.1, closed=True)
     return pendulum(middle=0.0, joints=(base.joints[0], pin), stops=(stop,))
 
@@ -284,7 +323,10 @@ def elbow_of_rods() -> Mechanism:
         (rod_held_at_its_middle(middle=0.0), "'lower', whose inertia is 0"),
         (elbow_of_rods(), "cannot hold the stop 'elbow'"),
         (
-            pendulum(speeds=(1.0, 0.0), stops=(Stop(name="floor", body="upper", sense=-1, limit=-0.3, closed=True),)),
+            pendulum(
+                speeds=(1.0, 0.0),
+                stops=(Stop(name="floor", body="upper", sense=-1, limit=-0.3, closed=True),),
+            ),
             "that is an impact",
         ),
     ],
@@ -318,7 +360,5 @@ def test_options_out_of_range(option: str) -> None:
 
 
 def test_the_class_does_not_load_the_library() -> None:
-    code = (
-        "import sys, trebucheck.engines.pymunk.engine as m; m.PymunkEngine.version(); sys.exit('pymunk' in sys.modules)"
-    )
+    code = "import sys, trebucheck.engines.pymunk.engine as m; m.PymunkEngine.version(); sys.exit('pymunk' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False, cwd="/").returncode == 0

@@ -13,7 +13,12 @@ from mechanisms import body_of, everything, pin
 from trebucheck.comparisons.equivalence.checks import check_model
 from trebucheck.engines.pymunk.engine import PymunkEngine
 from trebucheck.models.errors import SimulationError, UnsupportedProblemError
-from trebucheck.models.force_elements import ConstantForce, ConstantTorque, RotationalSpringDamper, SpringDamper
+from trebucheck.models.force_elements import (
+    ConstantForce,
+    ConstantTorque,
+    RotationalSpringDamper,
+    SpringDamper,
+)
 from trebucheck.models.joints import GROUND, FreeJoint, PrismaticJoint, SlotJoint, WeldJoint
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
@@ -80,7 +85,12 @@ def on_brackets() -> Mechanism:
 
 def point_mass_on_a_rail() -> Mechanism:
     """A slider without inertia on a turning arm, off its rail's point, and one on a rail of the ground."""
-    rail: dict[str, Any] = {"parent_point": (0.2, 0.1), "child_point": (0.1, 0.0), "axis": (0.6, 0.8), "angle": 0.5}
+    rail: dict[str, Any] = {
+        "parent_point": (0.2, 0.1),
+        "child_point": (0.1, 0.0),
+        "axis": (0.6, 0.8),
+        "angle": 0.5,
+    }
     return Mechanism(
         name="beads",
         bodies=(
@@ -103,7 +113,12 @@ def slot_over_the_ground() -> Mechanism:
     """Loops between a turning body and a bracket on the ground, whose joint has the bracket as its child."""
     tip = 0.9 * np.exp(-0.3j)
     guide = SlotJoint(
-        name="guide", parent="arm", child="bracket", parent_point=(0.2, 0.0), child_point=(0.0, 0.0), axis=(1.0, 0.0)
+        name="guide",
+        parent="arm",
+        child="bracket",
+        parent_point=(0.2, 0.0),
+        child_point=(0.0, 0.0),
+        axis=(1.0, 0.0),
     )
     return Mechanism(
         name="guide",
@@ -113,12 +128,27 @@ def slot_over_the_ground() -> Mechanism:
         ),
         joints=(
             WeldJoint(
-                name="wall", parent=GROUND, child="bracket", parent_point=(tip.real, tip.imag), child_point=(0, 0)
+                name="wall",
+                parent=GROUND,
+                child="bracket",
+                parent_point=(tip.real, tip.imag),
+                child_point=(0, 0),
             ),
-            SlotJoint(name="slide", child="arm", parent_point=(0, 0), child_point=(0, 0), axis=(0, 1), coordinate="s"),
+            SlotJoint(
+                name="slide",
+                child="arm",
+                parent_point=(0, 0),
+                child_point=(0, 0),
+                axis=(0, 1),
+                coordinate="s",
+            ),
             guide,
         ),
-        force_elements=(SpringDamper(name="tie", body="arm", point=(0.1, 0), relative_point=(1, 1), stiffness=20.0),),
+        force_elements=(
+            SpringDamper(
+                name="tie", body="arm", point=(0.1, 0), relative_point=(1, 1), stiffness=20.0
+            ),
+        ),
         gravity=9.81,
         start=(0.3, 0.0),
     )
@@ -148,21 +178,39 @@ ALL = ELEMENTS | OWN
 def test_the_built_space_is_the_described_one(name: str) -> None:
     found = check_model(PymunkEngine(), ALL[name])
     assert found.exposed
-    assert {check.name for check in found.checks} >= {"mass matrix", "force", "acceleration", "centre of mass"}
+    assert {check.name for check in found.checks} >= {
+        "mass matrix",
+        "force",
+        "acceleration",
+        "centre of mass",
+    }
     assert found.holds
 
 
 def errors(exact: Solution, step: float) -> dict[str, float]:
     """Largest errors of all that is observed, and of the times and impulses of events."""
     run = PymunkEngine(timestep=step).simulate(exact.problem)
-    there, events = exact.trajectory(run.t), np.array([*exact.release_times.values()], dtype=np.float64)
+    there, events = (
+        exact.trajectory(run.t),
+        np.array([*exact.release_times.values()], dtype=np.float64),
+    )
     events = np.append(events[np.isfinite(events)], [time for time, _ in exact.impacts])
-    smooth = np.all(np.abs(run.t[:, None] - events) > 3 * step, axis=1)  # there forces and speeds jump
-    pairs = {"q": (run.q, there.q), "u": (run.u, there.u), "potential": (run.potential_energy, there.potential_energy)}
-    pairs |= {joint: (force, there.joint_reaction(joint)) for joint, force in run.joint_reactions.items()}
+    smooth = np.all(
+        np.abs(run.t[:, None] - events) > 3 * step, axis=1
+    )  # there forces and speeds jump
+    pairs = {
+        "q": (run.q, there.q),
+        "u": (run.u, there.u),
+        "potential": (run.potential_energy, there.potential_energy),
+    }
+    pairs |= {
+        joint: (force, there.joint_reaction(joint)) for joint, force in run.joint_reactions.items()
+    }
     pairs |= {stop: (force, there.stop_torque(stop)) for stop, force in run.stop_torques.items()}
     assert set(run.joint_reactions) == set(run.joint_gaps) == set(there.joint_reactions)
-    found = {name: float(np.abs(mine - theirs)[smooth].max()) for name, (mine, theirs) in pairs.items()}
+    found = {
+        name: float(np.abs(mine - theirs)[smooth].max()) for name, (mine, theirs) in pairs.items()
+    }
     assert {name for name, time in run.release_times.items() if time is None} == {
         name for name, time in exact.release_times.items() if time is None
     }
@@ -177,7 +225,8 @@ def errors(exact: Solution, step: float) -> dict[str, float]:
 def assert_order_two(exact: Solution, step: float) -> None:
     """A quarter of the step leaves a sixteenth of each error that is more than what the passes leave.
 
-    Events fall elsewhere in a step, hence the margin; a release is found by extrapolation, within the step's square.
+    Events fall elsewhere in a step, hence the margin; a release is found by extrapolation, within
+    the step's square.
     """
     coarse, fine = (errors(exact, h) for h in (step, step / 4))
     for name in coarse:
@@ -234,7 +283,9 @@ def test_a_damper_is_of_order_two_where_the_librarys_own_is_not() -> None:
         exact = 0.3 * np.exp(-decay * run.t) * (np.cos(w * run.t) + decay / w * np.sin(w * run.t))
         found.append(float(np.abs(run.q[:, 0] - exact).max()))
     assert found[0] / found[1] == pytest.approx(4.0, rel=0.1)
-    assert found[1] <= (w * 2e-3) ** 2  # the leapfrog's phase is late by (w h)^2 / 24 of what it has turned
+    assert (
+        found[1] <= (w * 2e-3) ** 2
+    )  # the leapfrog's phase is late by (w h)^2 / 24 of what it has turned
 
 
 def test_a_start_with_speeds_has_forces_of_order_two_from_the_first_sample_on() -> None:
@@ -245,7 +296,10 @@ def test_a_start_with_speeds_has_forces_of_order_two_from_the_first_sample_on() 
     for step in (2e-3, 1e-3, 5e-4):
         run = PymunkEngine(timestep=step).simulate(exact.problem)
         there = exact.trajectory(run.t)
-        apart = [np.abs(force - there.joint_reaction(name)) for name, force in run.joint_reactions.items()]
+        apart = [
+            np.abs(force - there.joint_reaction(name))
+            for name, force in run.joint_reactions.items()
+        ]
         first.append(float(np.max([force[:4].max() for force in apart])))
     assert first[0] / first[1] == pytest.approx(4.0, rel=0.2)
     assert first[1] / first[2] == pytest.approx(4.0, rel=0.2)
@@ -253,8 +307,16 @@ def test_a_start_with_speeds_has_forces_of_order_two_from_the_first_sample_on() 
 
 def test_what_pymunk_cannot_build_is_refused() -> None:
     wheel = body_of("hull", "a", 2.0, (0.0, 0.0), 0.4)
-    alone: dict[str, Any] = {"name": "alone", "bodies": (wheel,), "joints": (HINGE,), "gravity": 0.0, "start": (0.0,)}
-    itself = PointStop(name="wall", body="hull", point=(1, 0), relative_to="hull", normal=UP, offset=0, closed=True)
+    alone: dict[str, Any] = {
+        "name": "alone",
+        "bodies": (wheel,),
+        "joints": (HINGE,),
+        "gravity": 0.0,
+        "start": (0.0,),
+    }
+    itself = PointStop(
+        name="wall", body="hull", point=(1, 0), relative_to="hull", normal=UP, offset=0, closed=True
+    )
     with pytest.raises(UnsupportedProblemError, match="stop 'wall': nothing can move against it"):
         PymunkEngine().simulate(Problem(Mechanism(**(alone | {"stops": (itself,)})), 0.1))
     away = itself.model_copy(update={"offset": -1.0, "normal": (1.0, 0.0), "closed": False})
@@ -271,7 +333,9 @@ def test_what_pymunk_cannot_build_is_refused() -> None:
 def test_two_equal_stops_that_would_have_to_pull_open_at_once() -> None:
     """While one of them holds, the other's gap moves by rounding only: that is no closing."""
     wheel = body_of("hull", "a", 2.7, (0.3, 0.02), 0.3)
-    stops = tuple(Stop(name=name, body="hull", sense=-1, limit=-0.4, closed=True) for name in ("one", "two"))
+    stops = tuple(
+        Stop(name=name, body="hull", sense=-1, limit=-0.4, closed=True) for name in ("one", "two")
+    )
     mechanism = Mechanism(
         name="wheel", bodies=(wheel,), joints=(HINGE,), stops=stops, gravity=9.81, gravity_direction=(0.6, 0.8),
         start=(0.4,),
@@ -283,7 +347,9 @@ def test_two_equal_stops_that_would_have_to_pull_open_at_once() -> None:
 
 
 def test_a_spring_too_stiff_for_the_step_is_an_error_and_not_a_result() -> None:
-    spring = SpringDamper(name="tie", body="bob", point=(0.4, 0.1), relative_point=(0.5, -1.0), stiffness=1e12)
+    spring = SpringDamper(
+        name="tie", body="bob", point=(0.4, 0.1), relative_point=(0.5, -1.0), stiffness=1e12
+    )
     with pytest.raises(SimulationError, match=r"lost the joint .* a shorter timestep"):
         PymunkEngine(timestep=1e-2).simulate(Problem(tied(spring), 3.0))
 

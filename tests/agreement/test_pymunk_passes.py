@@ -43,7 +43,9 @@ def turntable(slight: float) -> Mechanism:
     return Mechanism(name="turntable", bodies=bodies, joints=joints, gravity=0.0, **start)
 
 
-def guides(base: str, at: Vector, direction: float, slight: float) -> tuple[PrismaticJoint, SlotJoint]:
+def guides(
+    base: str, at: Vector, direction: float, slight: float
+) -> tuple[PrismaticJoint, SlotJoint]:
     points = {"parent": base, "child": "sledge", "parent_point": at, "child_point": (0.0, 0.0)}
     axes = ((math.cos(angle), math.sin(angle)) for angle in (direction, direction + slight))
     return (
@@ -91,7 +93,9 @@ def test_a_slow_mode_that_nothing_excites_does_not_grow() -> None:
     centripetal = 2.0 * RADIUS * SPEED**2
     # Three digits of the largest force, as of its change in a step.
     for name, force in (("rail", centripetal), ("guide", 0.0)):
-        assert np.linalg.norm(run.joint_reactions[name], axis=1) == pytest.approx(force, abs=TRACKED * centripetal)
+        assert np.linalg.norm(run.joint_reactions[name], axis=1) == pytest.approx(
+            force, abs=TRACKED * centripetal
+        )
 
 
 def test_a_mode_that_grows_all_the_same_is_refused() -> None:

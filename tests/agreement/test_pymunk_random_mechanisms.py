@@ -34,7 +34,9 @@ def test_two_stops_of_one_body_are_told_apart_in_an_impact() -> None:
     expected = min(reference.impacts, key=lambda impact: abs(impact[0] - time))
     assert time == pytest.approx(expected[0], abs=1e-4)
     assert set(impulses) == set(expected[1])
-    assert np.array(list(impulses.values())) == pytest.approx([expected[1][name] for name in impulses], rel=1e-2)
+    assert np.array(list(impulses.values())) == pytest.approx(
+        [expected[1][name] for name in impulses], rel=1e-2
+    )
 
 
 G, STEP = 9.81, 1e-3  # [m/s^2], [s]
@@ -44,18 +46,38 @@ G, STEP = 9.81, 1e-3  # [m/s^2], [s]
 def test_a_table_that_rocks_to_rest_does_so(restitution: float) -> None:
     """Each foot that is met lets the other one part: impacts of rockings as short as a step went on for ever."""
     arm, mass = 0.3, 2.0
-    floor = {"relative_to": GROUND, "normal": (0.0, 1.0), "offset": 0.0, "closed": False, "restitution": restitution}
+    floor = {
+        "relative_to": GROUND,
+        "normal": (0.0, 1.0),
+        "offset": 0.0,
+        "closed": False,
+        "restitution": restitution,
+    }
     feet = (("left", -arm), ("right", arm))
     table = Mechanism(
         name="table",
         # Three times the inertia of which each foot is the other one's centre of percussion.
-        bodies=(Body(name="table", angle="tilt", mass=mass, centre=(0.0, 0.0), inertia=3.0 * mass * arm**2),),
-        joints=(
-            FreeJoint(
-                name="free", child="table", parent_point=(0.0, 0.0), child_point=(0.0, 0.0), coordinates=("x", "y")
+        bodies=(
+            Body(
+                name="table",
+                angle="tilt",
+                mass=mass,
+                centre=(0.0, 0.0),
+                inertia=3.0 * mass * arm**2,
             ),
         ),
-        stops=tuple(PointStop(name=name, body="table", point=(x, 0.0), **floor) for name, x in feet),
+        joints=(
+            FreeJoint(
+                name="free",
+                child="table",
+                parent_point=(0.0, 0.0),
+                child_point=(0.0, 0.0),
+                coordinates=("x", "y"),
+            ),
+        ),
+        stops=tuple(
+            PointStop(name=name, body="table", point=(x, 0.0), **floor) for name, x in feet
+        ),
         gravity=G,
         start=(0.05, 0.0, 0.1),
     )

@@ -24,17 +24,31 @@ pytest.importorskip("pymunk")
 STEPS = (4e-3, 2e-3, 1e-3)
 
 
-def pendulum(restitution: float, *, on: str = "floor", closed: bool = False, speed: float = 0.0) -> Mechanism:
+def pendulum(
+    restitution: float, *, on: str = "floor", closed: bool = False, speed: float = 0.0
+) -> Mechanism:
     """A bob of 2 kg on a rod of 1 m, over a floor 0.8 m below its pin or before a stop on its angle."""
     lowest = math.asin(0.8)
     floor = PointStop(
-        name="stop", body="bob", point=(1, 0), normal=(0, 1), offset=-0.8, closed=closed, restitution=restitution
+        name="stop",
+        body="bob",
+        point=(1, 0),
+        normal=(0, 1),
+        offset=-0.8,
+        closed=closed,
+        restitution=restitution,
     )
-    angle = Stop(name="stop", body="bob", sense=-1, limit=-lowest, closed=closed, restitution=restitution)
+    angle = Stop(
+        name="stop", body="bob", sense=-1, limit=-lowest, closed=closed, restitution=restitution
+    )
     return Mechanism(
         name="pendulum",
         bodies=(Body(name="bob", angle="a", mass=2, centre=(1, 0), inertia=0),),
-        joints=(PinJoint(name="pin", parent=GROUND, child="bob", parent_point=(0, 0), child_point=(0, 0)),),
+        joints=(
+            PinJoint(
+                name="pin", parent=GROUND, child="bob", parent_point=(0, 0), child_point=(0, 0)
+            ),
+        ),
         stops=(floor if on == "floor" else angle,),
         markers=(Marker(name="tip", body="bob", point=(1, 0)),),
         gravity=9.81,
@@ -103,10 +117,14 @@ def test_of_second_order_through_impacts(name: str) -> None:
 def test_impacts_in_time_and_impulse(name: str) -> None:
     found, exact = run(name, 1e-3), reference(name)
     h, rests = found.t[1], 0.05  # [s] rebounds shorter than this may come to rest earlier here
-    lasting = [(time, impulses) for time, impulses in exact.impacts if time < _last_flight(exact, rests)]
+    lasting = [
+        (time, impulses) for time, impulses in exact.impacts if time < _last_flight(exact, rests)
+    ]
     assert len(found.impacts) >= len(lasting) > 0
     for (mine, push), (time, impulses) in zip(found.impacts, lasting, strict=False):
-        assert mine == pytest.approx(time, abs=50 * h**2)  # measured up to 10 h^2, at the rolling machine
+        assert mine == pytest.approx(
+            time, abs=50 * h**2
+        )  # measured up to 10 h^2, at the rolling machine
         assert set(push) == set(impulses)
         for stop, impulse in impulses.items():
             # Speeds are off by a part of h^2 times the third derivative of the motion.
@@ -134,7 +152,8 @@ def test_no_stop_is_penetrated(name: str) -> None:
 def test_what_comes_to_rest_presses_with_its_weight() -> None:
     found = run("onto the floor, e = 0.5, to rest", 1e-3)
     later = found.t > 2.5
-    # A massless rod and a floor: its force across the rod's line balances gravity's, and that is all of it.
+    # A massless rod and a floor: its force across the rod's line balances gravity's, and that is
+    # all of it.
     assert found.stop_torque("stop")[later] == pytest.approx(2 * 9.81, rel=1e-6)
     assert np.abs(found.u[later]).max() < 1e-9
 
@@ -156,7 +175,9 @@ def test_bounces_for_ever_without_loss() -> None:
     problem = Problem(pendulum(1.0), 6.0, stop_law=StopLaw.UNILATERAL)
     exact, found = solve(problem), PymunkEngine().simulate(problem)
     assert len(found.impacts) == len(exact.impacts) >= 7
-    assert np.abs(found.total_energy - found.total_energy[0]).max() < 1e-4 * found.kinetic_energy.max()
+    assert (
+        np.abs(found.total_energy - found.total_energy[0]).max() < 1e-4 * found.kinetic_energy.max()
+    )
 
 
 @pytest.mark.parametrize("name", ["fixed", "rolling"])
@@ -182,9 +203,17 @@ def test_a_stop_at_the_middle_of_a_massless_rod_is_met() -> None:
     """Of second order: the point mass gets an inertia by mass at its pin, which does not move."""
     base = pendulum(0.0)
     middle = PointStop(
-        name="middle", body="bob", point=(0.5, 0), normal=(0, 1), offset=-0.4, closed=False, restitution=0.5
+        name="middle",
+        body="bob",
+        point=(0.5, 0),
+        normal=(0, 1),
+        offset=-0.4,
+        closed=False,
+        restitution=0.5,
     )
-    problem = Problem(Mechanism(**(dict(base) | {"stops": (middle,)})), 1.0, stop_law=StopLaw.UNILATERAL)
+    problem = Problem(
+        Mechanism(**(dict(base) | {"stops": (middle,)})), 1.0, stop_law=StopLaw.UNILATERAL
+    )
     exact = solve(problem)
     runs = [PymunkEngine(timestep=h).simulate(problem) for h in (2e-3, 1e-3)]
     coarse, fine = (np.abs(run.q - exact.motion(run.t).q).max() for run in runs)

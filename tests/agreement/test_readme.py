@@ -29,7 +29,9 @@ def test_the_certified_launch_time() -> None:
 def test_the_readmes_table_is_the_pages(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(ROOT / "docs"))
     table = importlib.import_module("generate").small_table(PAGE.read_text())
-    assert [line.count("|") for line in table.splitlines()] == [8] * 5  # three figures a machine, three engines
+    assert [line.count("|") for line in table.splitlines()] == [
+        8
+    ] * 5  # three figures a machine, three engines
     assert f"<!-- generated: table -->\n{table}<!-- end -->" in README.read_text()
 
 
@@ -41,7 +43,11 @@ def test_the_readme_is_short_and_light() -> None:
     assert all((ROOT / name).stat().st_size < 1_000_000 for name in pictures)
 
 
-@pytest.mark.parametrize("page", [README, *sorted((ROOT / "docs").glob("*.md"))], ids=lambda page: page.name)
+@pytest.mark.parametrize(
+    "page", [README, *sorted((ROOT / "docs").glob("*.md"))], ids=lambda page: page.name
+)
 def test_links_lead_to_files(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text()):
-        assert target.startswith("http") or (page.parent / target).exists(), f"{page.name}: {target}"
+        assert target.startswith("http") or (page.parent / target).exists(), (
+            f"{page.name}: {target}"
+        )

@@ -23,7 +23,9 @@ def test_redundant_joints_do_not_change_the_motion(engine: str) -> None:
     again = mechanism.joints[1].model_copy(update={"name": "again"})
     twice = mechanism.model_copy(update={"joints": (*mechanism.joints, again)})
     for redundant, simple in ((twice, mechanism), (parallel_cranks(3), parallel_cranks(2))):
-        one, two = (tb.engine(engine, timestep=1e-3).simulate(Problem(m, 0.5)) for m in (simple, redundant))
+        one, two = (
+            tb.engine(engine, timestep=1e-3).simulate(Problem(m, 0.5)) for m in (simple, redundant)
+        )
         exact = solve(Problem(redundant, 0.5)).motion(two.t)
         error = np.abs(one.q - exact.q[:, : one.q.shape[1]]).max()
         assert np.abs(two.q - exact.q).max() < 3 * error + 1e-9
@@ -49,9 +51,15 @@ def test_guides_that_are_nearly_parallel_are_the_same_model(engine: str) -> None
     """Two guides of a sledge, a sixth of a degree from parallel, hold it: MuJoCo's softness settles slowly there."""
     sledge = Body(name="sledge", angle="a", mass=1.5, centre=(0.2, 0.1), inertia=0.2)
     points = {"parent_point": (0.0, 0.0), "child_point": (0.0, 0.0)}
-    slot = SlotJoint(name="slot", parent=GROUND, child="sledge", axis=(1.0, 0.0), coordinate="x", **points)
+    slot = SlotJoint(
+        name="slot", parent=GROUND, child="sledge", axis=(1.0, 0.0), coordinate="x", **points
+    )
     guide = PrismaticJoint(
-        name="guide", parent=GROUND, child="sledge", axis=(math.cos(SLIGHT), math.sin(SLIGHT)), **points
+        name="guide",
+        parent=GROUND,
+        child="sledge",
+        axis=(math.cos(SLIGHT), math.sin(SLIGHT)),
+        **points,
     )
     mechanism = Mechanism(
         name="sledge", bodies=(sledge,), joints=(slot, guide), gravity=9.81, start=(0.0, 0.0),
@@ -67,4 +75,6 @@ def test_redundant_joints_that_drift_do_not_spoil_the_reactions_of_exudyn() -> N
     exact, run = solve(problem), tb.engine("exudyn", timestep=2e-3).simulate(problem)
     there = exact.trajectory(run.t)
     largest = max(float(np.abs(force).max()) for force in there.joint_reactions.values())
-    assert np.abs(run.joint_reaction("loop 0") - there.joint_reaction("loop 0")).max() < 1e-3 * largest
+    assert (
+        np.abs(run.joint_reaction("loop 0") - there.joint_reaction("loop 0")).max() < 1e-3 * largest
+    )

@@ -13,7 +13,9 @@ from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.trajectory import Trajectory
 
 TURN, REACH = 1.0, 2.0
-CAME = math.sqrt(2 * 2.0 * 9.81 * math.sin(TURN) / (0.5 + 2.0))  # [rad/s] of the rod of 2 kg at its stops
+CAME = math.sqrt(
+    2 * 2.0 * 9.81 * math.sin(TURN) / (0.5 + 2.0)
+)  # [rad/s] of the rod of 2 kg at its stops
 
 
 def engine_run(engine: str, mechanism: Mechanism) -> Trajectory:
@@ -32,12 +34,19 @@ def speed_after_impact(trajectory: Trajectory) -> float:
 
 @pytest.mark.parametrize("engine", ["reference", "mujoco", "exudyn", "pymunk"])
 @pytest.mark.parametrize(("on_angle", "on_point"), [(0.2, 0.8), (0.8, 0.2), (0.0, 1.0), (0.5, 0.5)])
-def test_the_stop_that_asks_for_the_higher_speed_decides(engine: str, on_angle: float, on_point: float) -> None:
+def test_the_stop_that_asks_for_the_higher_speed_decides(
+    engine: str, on_angle: float, on_point: float
+) -> None:
     """An angle's stop and a floor under the rod's tip, met at one angle; least squares gave a speed between the two."""
-    stops = (angle_stop(TURN, on_angle, body="rod"), floor(REACH * math.sin(TURN), on_point, "rod", (REACH, 0)))
+    stops = (
+        angle_stop(TURN, on_angle, body="rod"),
+        floor(REACH * math.sin(TURN), on_point, "rod", (REACH, 0)),
+    )
     trajectory = engine_run(engine, rod_pendulum(*stops))
     highest = max(on_angle, on_point)
-    error = {"reference": 1e-10, "mujoco": 1e-9}.get(engine, 1e-3)  # a step's: the impact is located by its own order
+    error = {"reference": 1e-10, "mujoco": 1e-9}.get(
+        engine, 1e-3
+    )  # a step's: the impact is located by its own order
     assert speed_after_impact(trajectory) == pytest.approx(-highest * CAME, abs=error * CAME)
     impulses = trajectory.impacts[0][1]
     total = impulses["stop"] + impulses["floor"] * REACH * math.cos(TURN)

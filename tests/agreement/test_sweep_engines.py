@@ -20,7 +20,11 @@ COINCIDING = tb.TrebuchetParameters.with_beam(11.4167054, r=3.8435824, h=11.6150
 
 
 def _agrees(found: EngineValue, expected: float) -> bool:
-    return found.value is not None and found.tolerance is not None and abs(found.value - expected) <= found.tolerance
+    return (
+        found.value is not None
+        and found.tolerance is not None
+        and abs(found.value - expected) <= found.tolerance
+    )
 
 
 @pytest.mark.parametrize("l1", [9.0, 12.73])
@@ -49,7 +53,10 @@ def _coinciding() -> FirstForwardSwing:
 
 
 def test_the_design_is_confirmed(engine_name: str) -> None:
-    if engine_name == "reference" or allowed(tb.engine(engine_name), tb.rolling(COINCIDING)).position is None:
+    if (
+        engine_name == "reference"
+        or allowed(tb.engine(engine_name), tb.rolling(COINCIDING)).position is None
+    ):
         pytest.skip("no bar is stated for this engine")
     found = _coinciding()
     ours = {

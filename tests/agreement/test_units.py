@@ -31,7 +31,10 @@ def _errors(machine: Mechanism, size: float, engine: str) -> list[float]:
     exact = solution.trajectory(run.t)
 
     peak = max(float(np.abs(force).max()) for force in exact.joint_reactions.values())
-    reactions = [np.abs(run.joint_reaction(name) - force).max() for name, force in exact.joint_reactions.items()]
+    reactions = [
+        np.abs(run.joint_reaction(name) - force).max()
+        for name, force in exact.joint_reactions.items()
+    ]
     return [
         position_error(run, solution) / size,
         float(np.abs(run.q - exact.q)[:, : len(machine.bodies)].max()),
@@ -45,7 +48,9 @@ def _errors(machine: Mechanism, size: float, engine: str) -> list[float]:
 @pytest.mark.parametrize("name", TABLE_ONE)
 def test_errors_are_the_same_part_of_any_size(name: str, engine: str, size: float) -> None:
     machine = TABLE_ONE[name]
-    for here, there in zip(_errors(machine, size, engine), _errors(machine, 1.0, engine), strict=True):
+    for here, there in zip(
+        _errors(machine, size, engine), _errors(machine, 1.0, engine), strict=True
+    ):
         assert here <= 3 * there
 
 
@@ -56,7 +61,9 @@ def test_a_machine_of_any_size_is_the_same_machine(build: object, engine: str, s
     assert callable(build)
     checks = check_model(tb.engine(engine), scaled(build(), size)).checks
     assert checks
-    assert [(c.name, c.subject, c.value) for c in checks if c.value is None or c.value > EXACT] == []
+    assert [
+        (c.name, c.subject, c.value) for c in checks if c.value is None or c.value > EXACT
+    ] == []
 
 
 def test_units_are_powers_of_two_and_the_named_machines_keep_si() -> None:
@@ -80,8 +87,14 @@ def test_every_recorded_quantity_comes_back_in_si() -> None:
         run = tb.engine(engine, timestep=1e-4).simulate(problem)
         right = exact.trajectory(run.t)
         for name, force in right.joint_reactions.items():
-            assert np.abs(run.joint_reactions[name] - force).max() < 1e-3 * np.abs(force).max(), name
-        for values, other in ((run.q, right.q), (run.u, right.u), (run.kinetic_energy, right.kinetic_energy)):
+            assert np.abs(run.joint_reactions[name] - force).max() < 1e-3 * np.abs(force).max(), (
+                name
+            )
+        for values, other in (
+            (run.q, right.q),
+            (run.u, right.u),
+            (run.kinetic_energy, right.kinetic_energy),
+        ):
             assert np.abs(values - other).max() < 1e-3 * np.abs(other).max()
         assert run.t[-1] == pytest.approx(0.1, rel=1e-12)
 
@@ -93,13 +106,17 @@ def test_every_element_has_the_same_equations_in_any_units() -> None:
     (scaled_state,) = units.states(mechanism, [state])
     q = units.coordinates(mechanism)
     (a, force), (scaled_a, scaled_force) = (
-        equations.solve(at.q, at.u, at.closed) for equations, at in ((here, state), (there, scaled_state))
+        equations.solve(at.q, at.u, at.closed)
+        for equations, at in ((here, state), (there, scaled_state))
     )
     assert scaled_a * q / units.time**2 == pytest.approx(a, rel=1e-12)
     assert scaled_force * units.force == pytest.approx(force, rel=1e-12)
     energies = here.potential_energy(state.q), there.potential_energy(scaled_state.q) * units.energy
     assert energies[0] == pytest.approx(energies[1], rel=1e-14)
-    gaps = here.kinematics.gap("deck", state.q), there.kinematics.gap("deck", scaled_state.q) * units.length
+    gaps = (
+        here.kinematics.gap("deck", state.q),
+        there.kinematics.gap("deck", scaled_state.q) * units.length,
+    )
     assert gaps[0] == pytest.approx(gaps[1], rel=1e-14)
 
 
@@ -108,19 +125,24 @@ def test_a_message_names_the_units_of_its_numbers(engine: str) -> None:
     small = scaled(tb.fixed(), 1e-3)
     moving = small.model_copy(update={"start_speeds": (0.0, 0.0, 5.0)})
     with pytest.raises(
-        UnsupportedProblemError, match=r"at t = 0 \(in units of 0\.00\d+ m, [\d.e-]+ kg and 0\.03125 s\)\.$"
+        UnsupportedProblemError,
+        match=r"at t = 0 \(in units of 0\.00\d+ m, [\d.e-]+ kg and 0\.03125 s\)\.$",
     ):
         tb.engine(engine, timestep=1e-4).simulate(Problem(moving, 0.01))
 
 
 @pytest.mark.parametrize("seed", [0, 1, 5, 22])
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_small_light_mechanism_that_moves_as_slowly_is_the_same_mechanism(engine: str, seed: int) -> None:
+def test_a_small_light_mechanism_that_moves_as_slowly_is_the_same_mechanism(
+    engine: str, seed: int
+) -> None:
     """Its accelerations are small in any unit made of lengths alone, and states half a metre off are far away."""
     small = Units(1e3, 1e3, 1.0).mechanism(random_mechanism(seed))
     checks = check_model(tb.engine(engine), small).checks
     assert checks
-    assert [(c.name, c.subject, c.value) for c in checks if c.value is None or c.value > EXACT] == []
+    assert [
+        (c.name, c.subject, c.value) for c in checks if c.value is None or c.value > EXACT
+    ] == []
 
 
 def test_a_slow_motion_has_a_unit_of_time_of_its_own() -> None:

@@ -37,7 +37,10 @@ def _largest_difference(zoo_model: ZooModel, mechanism: Mechanism) -> float:
     inverse = np.linalg.inv(weights)
     q, u = initial_state(mechanism)
     home = model.key("home")
-    errors = [abs(home.qpos - weights @ q - zoo_model.zeros).max(), abs(home.qvel - weights @ u).max()]
+    errors = [
+        abs(home.qpos - weights @ q - zoo_model.zeros).max(),
+        abs(home.qvel - weights @ u).max(),
+    ]
     errors.append(abs(model.body_mass.sum() - zoo_model.total_mass))
     random = np.random.default_rng(5)
     for _ in range(3):
@@ -50,17 +53,25 @@ def _largest_difference(zoo_model: ZooModel, mechanism: Mechanism) -> float:
         q, u = q + random.uniform(-0.3, 0.3, len(q)), random.uniform(-2, 2, len(q))
     for joint, ends in zoo_model.limits.items():
         found = model.joint(joint)
-        errors.append(abs(found.range - ends).max() / max(1.0, *map(abs, ends)) if found.limited[0] else math.inf)
+        errors.append(
+            abs(found.range - ends).max() / max(1.0, *map(abs, ends))
+            if found.limited[0]
+            else math.inf
+        )
     return float(max(errors))
 
 
 @every_model
 def test_a_file_is_its_mechanism(model: ZooModel) -> None:
-    assert tuple(mujoco.MjModel.from_xml_string(model.xml).joint(i).name for i in range(len(model.joints))) == (
-        model.joint_names
+    assert tuple(
+        mujoco.MjModel.from_xml_string(model.xml).joint(i).name for i in range(len(model.joints))
+    ) == (model.joint_names)
+    # Up to MuJoCo 3.7 at least, its compiler finds the principal axes of a full tensor to 1e-8
+    # only.
+    old = model.name == "full-inertia" and tuple(map(int, mujoco.__version__.split(".")[:2])) < (
+        3,
+        17,
     )
-    # Up to MuJoCo 3.7 at least, its compiler finds the principal axes of a full tensor to 1e-8 only.
-    old = model.name == "full-inertia" and tuple(map(int, mujoco.__version__.split(".")[:2])) < (3, 17)
     assert _largest_difference(model, model.mechanism) < (1e-7 if old else 1e-12)
 
 
@@ -69,7 +80,9 @@ def test_another_mechanism_is_not_the_file(name: str) -> None:
     model = zoo_model(name)
     first, *others = model.mechanism.bodies
     heavier = model.mechanism.model_copy(
-        update={"bodies": (first.model_copy(update={"inertia": first.inertia * (1 + 1e-9)}), *others)}
+        update={
+            "bodies": (first.model_copy(update={"inertia": first.inertia * (1 + 1e-9)}), *others)
+        }
     )
     assert _largest_difference(model, heavier) > 1e-12
 
@@ -83,7 +96,9 @@ def test_machines_are_models_of_the_same_kind(name: str) -> None:
 def test_every_file_has_its_checksum() -> None:
     known = checksums()
     assert set(known) == {f"{model.name}.{kind}" for model in zoo() for kind in ("xml", "nc")}
-    assert {hashlib.sha256(zoo_file(name)).hexdigest() == digest for name, digest in known.items()} == {True}
+    assert {
+        hashlib.sha256(zoo_file(name)).hexdigest() == digest for name, digest in known.items()
+    } == {True}
 
 
 @every_model
@@ -105,8 +120,12 @@ def test_stored_motions_are_computed_again_the_same() -> None:
 
 
 def test_figures_that_are_known_in_closed_form() -> None:
-    assert expected("joint-equality").accelerations[0] == pytest.approx([2 * 9.81 / 7, 4 * 9.81 / 7], rel=1e-13)
-    assert expected("armature-slide").accelerations[0] == pytest.approx([-9.81 * 2 / 2.5], rel=1e-13)
+    assert expected("joint-equality").accelerations[0] == pytest.approx(
+        [2 * 9.81 / 7, 4 * 9.81 / 7], rel=1e-13
+    )
+    assert expected("armature-slide").accelerations[0] == pytest.approx(
+        [-9.81 * 2 / 2.5], rel=1e-13
+    )
     rest = expected("hinge-limit").resting_force  # the limit carries the rod's weight
     assert rest == pytest.approx([-2 * 9.81 * 0.3 * math.cos(0.8)], rel=1e-9)
     contact = expected("contact")

@@ -27,7 +27,9 @@ def browser() -> Iterator[Browser]:
     asked = os.environ.get("CHROMIUM")
     found = asked or next(filter(None, map(shutil.which, NAMES)), None)
     if found is None:
-        pytest.skip(f"no browser here: none of {', '.join(NAMES)} is on PATH, and CHROMIUM names none")
+        pytest.skip(
+            f"no browser here: none of {', '.join(NAMES)} is on PATH, and CHROMIUM names none"
+        )
     api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed here")
     with api.sync_playwright() as playwright:
         started = playwright.chromium.launch(executable_path=found)

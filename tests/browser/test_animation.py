@@ -38,12 +38,18 @@ def _scene(mechanism: tb.Mechanism, duration: float, shift: float) -> Scene:
     motion = solution.trajectory(t)
     looks: dict[str, RunLook] = {}
     for name, sign, colour in (("first", 1, RED), ("second", -1, BLUE)):
-        run = solution.reading(t, solution.motion_of(t, motion.q + sign * shift * t[:, None], motion.u))
+        run = solution.reading(
+            t, solution.motion_of(t, motion.q + sign * shift * t[:, None], motion.u)
+        )
         looks[name] = RunLook(run, colour, dashed=sign < 0)
     return scene(solution.trajectory, looks, end=duration)
 
 
-SCENES = (_scene(fixed(), 2.7, 1e-4), _scene(hanging_bob(), 2.0, 1e-7), _scene(everything(), 0.5, 1e-3))
+SCENES = (
+    _scene(fixed(), 2.7, 1e-4),
+    _scene(hanging_bob(), 2.0, 1e-7),
+    _scene(everything(), 0.5, 1e-3),
+)
 
 
 @pytest.fixture
@@ -56,7 +62,12 @@ def page(browser: Any, tmp_path: Path) -> Iterator[Any]:
     complaints: list[str] = []
     page.on("console", lambda message: complaints.append(message.text))
     page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.on("request", lambda request: complaints.append(request.url) if "scenes.html" not in request.url else None)
+    page.on(
+        "request",
+        lambda request: (
+            complaints.append(request.url) if "scenes.html" not in request.url else None
+        ),
+    )
     page.goto((tmp_path / "scenes.html").as_uri())
     yield page
     context.close()
@@ -80,7 +91,9 @@ def test_a_run_s_marker_is_drawn_where_the_data_say(page: Any, index: int, facto
         page.uncheck(f".animation-{option}")
     for box in page.locator("tbody input").all():
         box.uncheck()
-    canvas = page.evaluate("(c => ({width: c.clientWidth, height: c.clientHeight}))(document.querySelector('canvas'))")
+    canvas = page.evaluate(
+        "(c => ({width: c.clientWidth, height: c.clientHeight}))(document.querySelector('canvas'))"
+    )
     marker = next(iter(shown.drawing.markers))
     for k, (run, colour) in enumerate(zip(shown.runs, ((0xD0, 0, 0), (0, 0, 0xD0)), strict=True)):
         page.locator("tbody input").nth(k + 1).check()
@@ -88,7 +101,9 @@ def test_a_run_s_marker_is_drawn_where_the_data_say(page: Any, index: int, facto
             arcs = np.array(page.evaluate(f"window.arcs = []; {PLAYER}.seek({time}); window.arcs"))
             there = shown.at(np.array([time]), run, factor)[0, shown.drawing.markers[marker]]
             expected = _pixel(shown, there, canvas)
-            assert page.evaluate(f"{PLAYER}.pixelOf('{marker}', '{run.name}')") == pytest.approx(expected, abs=0.5)
+            assert page.evaluate(f"{PLAYER}.pixelOf('{marker}', '{run.name}')") == pytest.approx(
+                expected, abs=0.5
+            )
             assert np.hypot(*(arcs - expected).T).min() < 0.1  # the disc of the marker itself
             x, y = (round(float(v)) for v in expected)
             if 1 < x < canvas["width"] - 1 and 1 < y < canvas["height"] - 1:
@@ -105,7 +120,9 @@ def test_live_errors_are_the_data_s(page: Any, index: int) -> None:
         page.evaluate(f"{PLAYER}.seek({float(shown.t[frame])!r})")
         for k, run in enumerate(shown.runs):
             expected = shown.error(run)[frame]
-            assert page.evaluate(f"{PLAYER}.errorOf('{run.name}')") == pytest.approx(expected, rel=1e-5)
+            assert page.evaluate(f"{PLAYER}.errorOf('{run.name}')") == pytest.approx(
+                expected, rel=1e-5
+            )
             written = page.locator("tbody tr").nth(k + 1).locator("td").last.inner_text()
             assert float(written) == pytest.approx(expected, rel=6e-3)
 
@@ -128,7 +145,9 @@ def test_forces_are_those_of_the_solver_that_is_chosen(page: Any, index: int) ->
         found = page.evaluate(f"{PLAYER}.forcesOf('{run.name}')")
         assert found["joints"] and found != reference
         for name, force in found["joints"].items():
-            assert force == pytest.approx(run.forces[name][frame], rel=1e-3, abs=1e-3 * np.abs(run.forces[name]).max())
+            assert force == pytest.approx(
+                run.forces[name][frame], rel=1e-3, abs=1e-3 * np.abs(run.forces[name]).max()
+            )
         for name, value in found["stops"].items():
             assert value == pytest.approx(run.torques[name][frame], rel=1e-3, abs=1e-9)
         page.select_option(".animation-solver", run.name)
@@ -199,10 +218,15 @@ def test_an_svg_plays_in_a_browser(browser: Any, tmp_path: Path) -> None:
         for marker in ("counterweight", "projectile"):
             index = shown.drawing.markers[marker]
             expected = (1 - part) * points[0][index] + part * points[1][index]
-            drawn = page.evaluate(f"Array.from(document.querySelectorAll('circle'), c => [{_DRAWN}])")
+            drawn = page.evaluate(
+                f"Array.from(document.querySelectorAll('circle'), c => [{_DRAWN}])"
+            )
             assert min(abs(complex(*each) - expected) for each in drawn) < 0.05
         texts = "Array.from(document.querySelectorAll('text')).filter(t => +getComputedStyle(t).opacity)"
         clocks = page.evaluate(f"{texts}.map(t => t.textContent)")
         (clock,) = (text for text in clocks if text.startswith("t = "))
-        assert abs(float(clock.split()[2]) - times[int(place)]) <= times[int(place) + 1] - times[int(place)] + 1e-3
+        assert (
+            abs(float(clock.split()[2]) - times[int(place)])
+            <= times[int(place) + 1] - times[int(place)] + 1e-3
+        )
     page.close()

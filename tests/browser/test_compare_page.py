@@ -84,7 +84,9 @@ WATCH = """() => {
 """Keeps the centres of all discs that are drawn, with their colours."""
 
 
-@pytest.mark.parametrize(("preset", "magnification"), [("stock", 1.0), ("tuned", 1.0), ("tuned", 100.0)])
+@pytest.mark.parametrize(
+    ("preset", "magnification"), [("stock", 1.0), ("tuned", 1.0), ("tuned", 100.0)]
+)
 def test_a_point_is_drawn_where_the_data_say(page: Page, preset: str, magnification: float) -> None:
     """To a pixel, from the engine's own samples and the reference; and its colour is there."""
     found, label = pages.comparison(), f"pymunk {preset}"
@@ -101,14 +103,20 @@ def test_a_point_is_drawn_where_the_data_say(page: Page, preset: str, magnificat
         player(page, f"magnify({magnification})")
         page.evaluate("() => discs.splice(0)")
         player(page, f"seek({float(time)!r})")
-        discs = np.array([[x, y] for fill, x, y in page.evaluate("() => discs") if fill == colour.lower()])
+        discs = np.array(
+            [[x, y] for fill, x, y in page.evaluate("() => discs") if fill == colour.lower()]
+        )
         assert np.linalg.norm(discs - expected, axis=1).min() < 1, (time, expected)
-        assert np.linalg.norm(np.array(player(page, f"pixelOf({MARKER!r}, {label!r})")) - expected) < 1
+        assert (
+            np.linalg.norm(np.array(player(page, f"pixelOf({MARKER!r}, {label!r})")) - expected) < 1
+        )
 
 
 def _pixel(page: Page, box: list[float], at: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     """[px] from the canvas's corner: the box in the middle, as large as it can be, y up."""
-    size = page.locator("section.animation canvas").evaluate("(c) => [c.clientWidth, c.clientHeight]")
+    size = page.locator("section.animation canvas").evaluate(
+        "(c) => [c.clientWidth, c.clientHeight]"
+    )
     low, high = np.array(box[:2]), np.array(box[2:])
     scale = min(np.array(size) / (high - low))
     return np.array(size) / 2 + scale * (at - (low + high) / 2) * [1, -1]
@@ -134,7 +142,8 @@ def test_every_cell_leads_to_its_plot(page: Page) -> None:
                 followed.add(href)
                 page.click(f"table a[href='{href}'] >> nth=0")
                 page.wait_for_function(
-                    "(id) => document.querySelectorAll(`${id} .panel svg path`).length > 0", arg=href
+                    "(id) => document.querySelectorAll(`${id} .panel svg path`).length > 0",
+                    arg=href,
                 )
                 box = figure.bounding_box()
                 assert box is not None and -1 <= box["y"] < DESKTOP["height"] / 2
@@ -154,7 +163,9 @@ def test_verdicts_lead_to_what_is_said_of_the_run_and_open_it(page: Page) -> Non
 
 def overview(page: Page) -> list[tuple[str, str, dict[str, tuple[str, str | None]]]]:
     """Rows of the table of all runs: machine, engine, and by column its text and link."""
-    table = page.locator("table", has=page.locator("caption", has_text="Largest errors of every run"))
+    table = page.locator(
+        "table", has=page.locator("caption", has_text="Largest errors of every run")
+    )
     heads, rows = table.evaluate(
         """(table) => {
           const href = (cell) => cell.querySelector("a")?.getAttribute("href") ?? null;
@@ -169,7 +180,13 @@ def overview(page: Page) -> list[tuple[str, str, dict[str, tuple[str, str | None
         if len(row) == 1:
             model = row[0][0].removesuffix(" machine")
         else:
-            found.append((model, row[0][0], {title: tuple(cell) for title, cell in zip(titles, row, strict=True)}))
+            found.append(
+                (
+                    model,
+                    row[0][0],
+                    {title: tuple(cell) for title, cell in zip(titles, row, strict=True)},
+                )
+            )
     return found
 
 
@@ -184,16 +201,27 @@ def test_pointing_at_a_line_gives_numbers_with_units(page: Page) -> None:
     assert box is not None
     page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 0.3 * box["height"])
     tip = page.locator("#fixed-stop-torques .panel").first.locator("[aria-label=tip]")
-    page.wait_for_function("() => document.querySelector('#fixed-stop-torques .panel [aria-label=tip]')?.textContent")
+    page.wait_for_function(
+        "() => document.querySelector('#fixed-stop-torques .panel [aria-label=tip]')?.textContent"
+    )
     said = re.search(r"t ([-+.\de]+) s\W*([-+.\de]+) N m", tip.text_content() or "")
     assert said, tip.text_content()
     time, torque = map(float, said.groups())
-    found = pages.comparison().solutions[MODEL].trajectory(np.array([time])).stop_torque("hanger rest")[0]
-    assert torque == pytest.approx(found, rel=0.02)  # whichever line is nearest: all agree that well there
+    found = (
+        pages.comparison()
+        .solutions[MODEL]
+        .trajectory(np.array([time]))
+        .stop_torque("hanger rest")[0]
+    )
+    assert torque == pytest.approx(
+        found, rel=0.02
+    )  # whichever line is nearest: all agree that well there
 
 
 def test_a_drag_zooms_its_group_and_a_button_shows_the_whole_again(page: Page) -> None:
-    page.evaluate("() => { dispatchEvent(new Event('beforeprint')); dispatchEvent(new Event('afterprint')); }")
+    page.evaluate(
+        "() => { dispatchEvent(new Event('beforeprint')); dispatchEvent(new Event('afterprint')); }"
+    )
     whole = _ticks(page)
     figure = page.locator("#fixed-distances")
     figure.scroll_into_view_if_needed()
@@ -223,7 +251,9 @@ def _ticks(page: Page) -> dict[str, list[str]]:
 
 
 def test_a_legend_hides_its_series_in_all_plots_of_the_group(page: Page) -> None:
-    page.evaluate("() => { dispatchEvent(new Event('beforeprint')); dispatchEvent(new Event('afterprint')); }")
+    page.evaluate(
+        "() => { dispatchEvent(new Event('beforeprint')); dispatchEvent(new Event('afterprint')); }"
+    )
     key = page.locator("#fixed-distances .legend button", has_text="pymunk stock")
     drawn, own = page.evaluate(LINES), page.evaluate(OWN, "pymunk stock")
     assert sum(own) > 5
@@ -260,12 +290,18 @@ def test_numbers_of_the_overview_are_those_of_the_results(page: Page) -> None:
         run = runs[model, label]
         assert run["outcome"] in cells["verdict"][0]
         for heading, names in NAMES.items():
-            seen = [m for m in run["metrics"] if m["name"] in names.split() and m.get("observed", True)]
+            seen = [
+                m for m in run["metrics"] if m["name"] in names.split() and m.get("observed", True)
+            ]
             values = [m["value"] for m in seen if m["name"] == seen[0]["name"]]
             text = re.sub(r"^[✓✗○!]\s*", "", cells[heading][0]).partition(" ")[0]
             if text not in ("–", ""):
                 compared += 1
-                assert float(text) == pytest.approx(max(map(abs, values)), rel=0.051, abs=0), (model, label, heading)
+                assert float(text) == pytest.approx(max(map(abs, values)), rel=0.051, abs=0), (
+                    model,
+                    label,
+                    heading,
+                )
             else:
                 assert None in values or not values
         if run["wall_time"] is not None:
@@ -273,7 +309,9 @@ def test_numbers_of_the_overview_are_those_of_the_results(page: Page) -> None:
     assert compared > 30
 
 
-CELLS = "(body) => [...body.rows].map((row) => [...row.cells].map((cell) => cell.textContent.trim()))"
+CELLS = (
+    "(body) => [...body.rows].map((row) => [...row.cells].map((cell) => cell.textContent.trim()))"
+)
 
 
 def test_numbers_of_every_metric_are_those_of_the_results(page: Page) -> None:
@@ -291,6 +329,8 @@ def test_numbers_of_every_metric_are_those_of_the_results(page: Page) -> None:
             subject = f" ({metric['subject']})" if metric.get("subject") else ""
             assert (label, unit) == (metric["name"] + subject, metric["unit"])
             if metric["value"] is not None:
-                assert float(re.sub(r"^[✓✗○!]\s*", "", value)) == pytest.approx(metric["value"], rel=5.1e-7, abs=0)
+                assert float(re.sub(r"^[✓✗○!]\s*", "", value)) == pytest.approx(
+                    metric["value"], rel=5.1e-7, abs=0
+                )
             if metric.get("tolerance") is not None:
                 assert float(tolerance) == pytest.approx(metric["tolerance"], rel=0.051, abs=0)

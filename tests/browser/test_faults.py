@@ -22,22 +22,35 @@ FAULTS: dict[str, tuple[str, Callable[[Any], list[str]], str]] = {
     "faint text": ("<p style='color: #ccc; background: #fff'>faint</p>", serious, "contrast"),
     "a control without a name": ("<button></button>", serious, "button-name"),
     "wider than a phone": ("<div style='width: 500px'>wide</div>", _tells("leaving(390)"), "wide"),
-    "text over text": ("<p>below</p><p style='margin-top: -2em'>above</p>", _tells("overlapping()"), "above"),
+    "text over text": (
+        "<p>below</p><p style='margin-top: -2em'>above</p>",
+        _tells("overlapping()"),
+        "above",
+    ),
     "a level left out": ("<h2>two</h2><h4>four</h4>", _tells("structure()"), "skips"),
     "a link to nowhere": ("<a href='#nowhere'>there</a>", _tells("structure()"), "nowhere"),
     "an anchor twice": ("<p id='main'>again</p>", _tells("structure()"), "twice"),
     "a figure that is cut": (_SMALL, _tells("cut(703)"), "cut"),
-    "a button without focus": ("<button style='outline: none'>press</button>", unreached, "no outline"),
+    "a button without focus": (
+        "<button style='outline: none'>press</button>",
+        unreached,
+        "no outline",
+    ),
 }
 
 
 @pytest.fixture
-def with_fault(written: Callable[[str], Path], show: Callable[[Path], Any], tmp_path: Path) -> Callable[[str], Any]:
+def with_fault(
+    written: Callable[[str], Path], show: Callable[[Path], Any], tmp_path: Path
+) -> Callable[[str], Any]:
     """A page that has more before its end, opened."""
 
     def opened(more: str) -> Any:
         path = tmp_path / "page.html"
-        path.write_text(written("problems").read_text(encoding="utf-8").replace("</main>", f"{more}</main>"), "utf-8")
+        path.write_text(
+            written("problems").read_text(encoding="utf-8").replace("</main>", f"{more}</main>"),
+            "utf-8",
+        )
         return show(path)
 
     return opened

@@ -10,7 +10,9 @@ from page_checks import DESKTOP, PHONE, SHEET, looks, serious, unreached
 MEGABYTE = 1_000_000
 
 
-@pytest.mark.parametrize(("scheme", "viewport"), [("light", DESKTOP), ("dark", PHONE)], ids=["light", "dark"])
+@pytest.mark.parametrize(
+    ("scheme", "viewport"), [("light", DESKTOP), ("dark", PHONE)], ids=["light", "dark"]
+)
 def test_axe_finds_nothing_serious(opened: Any, scheme: str, viewport: dict[str, int]) -> None:
     page = opened.look(viewport, scheme)
     looks(page, "unfold()")

@@ -19,10 +19,22 @@ from trebucheck.comparisons.runs.until import Until
 from trebucheck.comparisons.runs.worker import Worker
 
 SAMPLE = (
-    ("slider-crank", "reactions of two joints swapped", "joint forces of the pivot and crank pin exchanged"),
+    (
+        "slider-crank",
+        "reactions of two joints swapped",
+        "joint forces of the pivot and crank pin exchanged",
+    ),
     ("slider-crank", "reactions in the parent's frame", "joint forces in the frame of the parent"),
-    ("slider-crank", "angles relative, speeds not", "angles, not their speeds, relative to the parent"),
-    ("slider-crank", "kinetic energy without rotation", "kinetic energy without the rotation of the bodies"),
+    (
+        "slider-crank",
+        "angles relative, speeds not",
+        "angles, not their speeds, relative to the parent",
+    ),
+    (
+        "slider-crank",
+        "kinetic energy without rotation",
+        "kinetic energy without the rotation of the bodies",
+    ),
     ("slider-crank", "inertias about the joints", "inertias about the joints in place of"),
 )
 """Problem, mistake, and the beginning of a cause that is named."""
@@ -66,4 +78,6 @@ def test_a_load_that_moves_nothing_is_named_beside_the_scale_of_what_it_loads() 
 def test_an_engine_without_a_mistake_agrees() -> None:
     """So that what is rejected above is so for its mistake."""
     mechanism, options = problem("motor")
-    assert compared("release one step late", mechanism, options).outcome is Outcome.AGREES  # it has no stop
+    assert (
+        compared("release one step late", mechanism, options).outcome is Outcome.AGREES
+    )  # it has no stop

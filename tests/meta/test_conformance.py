@@ -38,10 +38,16 @@ REJECTED: dict[str, tuple[str, str]] = {
     "dummy_engines:Raising": ("interface/short-run", "ZeroDivisionError: careless"),
     "dummy_engines:Dummy_decreasing": ("interface/short-run", "t decreases after"),
     "dummy_engines:Dummy_integers": ("interface/short-run", "t is an array of int64"),
-    "dummy_engines:Dummy_renamed_joint": ("interface/short-run", "'fulcrum!', which the mechanism does not have"),
+    "dummy_engines:Dummy_renamed_joint": (
+        "interface/short-run",
+        "'fulcrum!', which the mechanism does not have",
+    ),
     "dummy_engines:Dummy_other_machine": ("interface/short-run", "of another mechanism"),
     "wrong_engines:Wrong_nan_marker": ("interface/short-run", "is not finite"),
-    "wrong_engines:Wrong_no_trajectory": ("interface/short-run", "NoneType instead of a Trajectory"),
+    "wrong_engines:Wrong_no_trajectory": (
+        "interface/short-run",
+        "NoneType instead of a Trajectory",
+    ),
     "dummy_engines:Random": ("interface/same-again", "between two runs of the same problem"),
     "dummy_engines:Remembering": ("interface/same-again", "joint_reactions of 'fulcrum' differs"),
     "dummy_engines:Accepter": ("interface/refuses", "and does not declare that it can"),
@@ -50,25 +56,52 @@ REJECTED: dict[str, tuple[str, str]] = {
     "wrong_engines:Wrong_milliseconds": ("catapult/runs", "it goes on to 1944.66 s"),
     "dummy_engines:Inspected": ("catapult/model", "mass of the arm (+2 %)"),
     "dummy_engines:Uninspectable": ("catapult/model", "KeyError: 'hinge'"),
-    "dummy_engines:Frictional": ("catapult/position", "friction or damping of the fulcrum (viscous +200 N m s/rad)"),
-    "dummy_engines:Dummy_energy_zero": ("catapult/potential-energy", "zero of the potential energy (+500 J)"),
-    "dummy_engines:Dummy_body_axes": ("catapult/joint-reaction", "joint forces in the frame of the body"),
+    "dummy_engines:Frictional": (
+        "catapult/position",
+        "friction or damping of the fulcrum (viscous +200 N m s/rad)",
+    ),
+    "dummy_engines:Dummy_energy_zero": (
+        "catapult/potential-energy",
+        "zero of the potential energy (+500 J)",
+    ),
+    "dummy_engines:Dummy_body_axes": (
+        "catapult/joint-reaction",
+        "joint forces in the frame of the body",
+    ),
     "dummy_engines:Dummy_stale_reactions": ("catapult/joint-reaction", "forces shifted in time"),
     "dummy_engines:Dummy_noisy": ("catapult/velocity", "the motion is right"),
     "dummy_engines:Dummy_interpolated": ("catapult/position", "position_max (projectile)"),
     "wrong_engines:Wrong_degrees": ("catapult/angle", "degrees for radians"),
-    "wrong_engines:Wrong_anticlockwise": ("catapult/angle", "scale of the coordinates and their speeds (wrong sign)"),
-    "wrong_engines:Wrong_reaction_sign": ("catapult/joint-reaction", "scale of all joint forces (wrong sign)"),
+    "wrong_engines:Wrong_anticlockwise": (
+        "catapult/angle",
+        "scale of the coordinates and their speeds (wrong sign)",
+    ),
+    "wrong_engines:Wrong_reaction_sign": (
+        "catapult/joint-reaction",
+        "scale of all joint forces (wrong sign)",
+    ),
     "wrong_engines:Wrong_quarter_gravity": ("catapult/position", "gravity (-75 %)"),
     "wrong_engines:Wrong_heavy": ("catapult/position", "mass of the arm (+2 %)"),
-    "wrong_engines:Wrong_swapped_markers": ("catapult/position", "projectile and counterweight exchanged"),
+    "wrong_engines:Wrong_swapped_markers": (
+        "catapult/position",
+        "projectile and counterweight exchanged",
+    ),
     "wrong_engines:Wrong_late": ("catapult/position", "motion shifted in time"),
     "dummy_engines:Refuser": ("fixed/runs", "it refuses what it declares: refuser has no stops"),
     "wrong_engines:Wrong_no_torques": ("fixed/runs", "stop_torques lacks 'hanger rest'"),
-    "wrong_engines:Wrong_torque_sign": ("fixed/stop-torque", "scale of all stop torques (wrong sign)"),
-    "wrong_engines:Wrong_never_releases": ("fixed/launch-time", "reading of the hanger rest's release (never"),
+    "wrong_engines:Wrong_torque_sign": (
+        "fixed/stop-torque",
+        "scale of all stop torques (wrong sign)",
+    ),
+    "wrong_engines:Wrong_never_releases": (
+        "fixed/launch-time",
+        "reading of the hanger rest's release (never",
+    ),
     "wrong_engines:Bilateral": ("bouncing/position", "stops by the law release-once"),
-    "dummy_engines:Dummy_swapped_coordinates": ("hanging-chain/angular-speed", "a1, a2, a4, a5 are those of"),
+    "dummy_engines:Dummy_swapped_coordinates": (
+        "hanging-chain/angular-speed",
+        "a1, a2, a4, a5 are those of",
+    ),
 }
 """Of each wrong engine the first check that fails, and what it says, or the cause that it names."""
 
@@ -98,7 +131,10 @@ def test_a_right_engine_keeps_everything_and_what_it_lacks_is_named() -> None:
     assert not [verdict for verdict in found if verdict.failed]
     states = {verdict.check: verdict.state for verdict in found if verdict.problem == "fixed"}
     assert states.pop("model") is State.SKIPPED
-    assert set(states.values()) == {State.KEPT} and {"release-time", "joint-reaction", "launch-speed"} <= states.keys()
+    assert (
+        set(states.values()) == {State.KEPT}
+        and {"release-time", "joint-reaction", "launch-speed"} <= states.keys()
+    )
     assert [(v.check, v.state, v.text) for v in found if v.problem == "bead"] == [
         ("runs", State.SKIPPED, "it has no prismatic joints")
     ]
@@ -114,7 +150,9 @@ _ENDS = {
 
 
 @pytest.mark.slow
-def test_what_an_engine_does_to_its_process_fails_its_problem_and_changes_no_other_verdict() -> None:
+def test_what_an_engine_does_to_its_process_fails_its_problem_and_changes_no_other_verdict() -> (
+    None
+):
     asked = ("incline", *_ENDS, "floating-arm")
     with Suite(Target.of("dummy_engines:Fragile"), asked, REFERENCES) as suite:
         found: list[Verdict] = []
@@ -122,15 +160,23 @@ def test_what_an_engine_does_to_its_process_fails_its_problem_and_changes_no_oth
             suite._worker.timeout = 1.0 if "/bead/" in id else 60.0
             found.append(suite.verdict(id))
     failed = {verdict.problem: verdict for verdict in found if verdict.failed}
-    assert {(verdict.problem, verdict.check) for verdict in found if verdict.failed} == {(p, "runs") for p in _ENDS}
+    assert {(verdict.problem, verdict.check) for verdict in found if verdict.failed} == {
+        (p, "runs") for p in _ENDS
+    }
     for problem, text in _ENDS.items():
         assert text in failed[problem].text
-    sane = [verdict for verdict in found if verdict.problem in ("interface", "incline", "floating-arm")]
-    assert _compared(sane) == _compared(_suite("dummy_engines:Everything", ("incline", "floating-arm")).verdicts())
+    sane = [
+        verdict for verdict in found if verdict.problem in ("interface", "incline", "floating-arm")
+    ]
+    assert _compared(sane) == _compared(
+        _suite("dummy_engines:Everything", ("incline", "floating-arm")).verdicts()
+    )
 
 
 def _compared(verdicts: Iterable[Verdict]) -> dict[str, tuple[State, float | None]]:
-    return {f"{verdict.problem}/{verdict.check}": (verdict.state, verdict.error) for verdict in verdicts}
+    return {
+        f"{verdict.problem}/{verdict.check}": (verdict.state, verdict.error) for verdict in verdicts
+    }
 
 
 def test_an_engine_that_is_absent_is_skipped_unless_it_is_required() -> None:
@@ -138,8 +184,12 @@ def test_an_engine_that_is_absent_is_skipped_unless_it_is_required() -> None:
     for required, state in ((False, State.SKIPPED), (True, State.BROKEN)):
         suite = Suite(target, ("catapult",), REFERENCES, required=required, isolate=False)
         assert {verdict.state for verdict in suite.verdicts()} == {state}
-        results = Session([], "quick", Deviations()).results.model_copy(update={"verdicts": tuple(suite.verdicts())})
-        assert any("engine 'uninstalled' is not installed here." in step for step in next_steps(results))
+        results = Session([], "quick", Deviations()).results.model_copy(
+            update={"verdicts": tuple(suite.verdicts())}
+        )
+        assert any(
+            "engine 'uninstalled' is not installed here." in step for step in next_steps(results)
+        )
 
 
 def test_what_a_preset_takes_away_is_no_declaration_that_it_breaks() -> None:
@@ -154,13 +204,22 @@ def test_what_a_preset_takes_away_is_no_declaration_that_it_breaks() -> None:
 
 def test_an_absent_engine_says_itself_what_is_missing() -> None:
     suite = Suite(Target.of("dummy_engines:Bridged"), ("catapult",), REFERENCES, isolate=False)
-    assert {verdict.text for verdict in suite.verdicts()} == {"bridged runs in node, which is not on the path"}
-    with pytest.raises(tb.EngineNotInstalledError, match=r"^bridged runs in node, which is not on the path\.$"):
+    assert {verdict.text for verdict in suite.verdicts()} == {
+        "bridged runs in node, which is not on the path"
+    }
+    with pytest.raises(
+        tb.EngineNotInstalledError, match=r"^bridged runs in node, which is not on the path\.$"
+    ):
         tb.check("dummy_engines:Bridged", "catapult")
 
 
 def test_what_breaks_at_steps_that_are_not_the_presets_says_at_which() -> None:
-    suite = Suite(Target.of("wrong_engines:Wrong_quarter_gravity"), ("pendulum", "catapult"), REFERENCES, isolate=False)
+    suite = Suite(
+        Target.of("wrong_engines:Wrong_quarter_gravity"),
+        ("pendulum", "catapult"),
+        REFERENCES,
+        isolate=False,
+    )
     suite._diagnosed = 2  # no cause is looked for
     for problem, told in (("pendulum", True), ("catapult", False)):
         verdict = suite.verdict(f"{suite.target.label}/{problem}/position")
@@ -169,7 +228,13 @@ def test_what_breaks_at_steps_that_are_not_the_presets_says_at_which() -> None:
 
 def _session(folder: Path, engine: str, rows: str) -> Session:
     (folder / "known.toml").write_text(rows)
-    options = {"tier": "quick", "problem": ["catapult"], "timeout": 60.0, "json": None, "deviations": "known.toml"}
+    options = {
+        "tier": "quick",
+        "problem": ["catapult"],
+        "timeout": 60.0,
+        "json": None,
+        "deviations": "known.toml",
+    }
     session = Session.of([engine], options, folder)
     session._suites[0]._worker.isolate, session._suites[0]._references = False, REFERENCES
     return session
@@ -179,22 +244,30 @@ ROW = '[[deviation]]\nid = "{}"\nreason = "recorded in degrees"\nowner = "me"\n'
 
 
 def test_a_known_deviation_is_no_failure_and_a_stale_row_is_one(tmp_path: Path) -> None:
-    rows = [ROW.format(f"degrees/tuned/catapult/{check}") for check in ("angle", "position", "angel")]
+    rows = [
+        ROW.format(f"degrees/tuned/catapult/{check}") for check in ("angle", "position", "angel")
+    ]
     elsewhere = ["reference/tuned/catapult/angle", "degrees/stock/*", "degrees/tuned/rolling/slide"]
-    session = _session(tmp_path, "wrong_engines:Wrong_degrees", "".join([*rows, *map(ROW.format, elsewhere)]))
+    session = _session(
+        tmp_path, "wrong_engines:Wrong_degrees", "".join([*rows, *map(ROW.format, elsewhere)])
+    )
     found = {id: session.judged(id) for id in session.ids}
     failed = {id.rpartition("/")[2]: verdict for id, verdict in found.items() if verdict.failed}
     assert set(failed) == {"position", "angel"}, failed
     assert "stale" in failed["position"].text and "no check that there is" in failed["angel"].text
     assert [found[f"deviations/file/row/{id}"].state for id in elsewhere] == [State.SKIPPED] * 3
     known = found["degrees/tuned/catapult/angle"]
-    assert known.state is State.DEVIATES and known.text.startswith("recorded in degrees (owner: me)")
+    assert known.state is State.DEVIATES and known.text.startswith(
+        "recorded in degrees (owner: me)"
+    )
     assert not session.results.passed and "1 known deviation" in headline(session.results)
 
 
 @pytest.mark.parametrize("field", ["reason", "owner", "id"])
 def test_a_row_without_reason_or_owner_is_refused(field: str, tmp_path: Path) -> None:
-    row = "\n".join(line for line in ROW.format("a/b/c/d").splitlines() if not line.startswith(field))
+    row = "\n".join(
+        line for line in ROW.format("a/b/c/d").splitlines() if not line.startswith(field)
+    )
     (tmp_path / "known.toml").write_text(row)
     with pytest.raises(tb.InputError, match=field):
         Deviations.read(tmp_path / "known.toml")
@@ -203,31 +276,49 @@ def test_a_row_without_reason_or_owner_is_refused(field: str, tmp_path: Path) ->
 def test_the_certificate_says_what_to_do_first() -> None:
     verdicts = [
         Verdict(id="e/tuned/interface/same-again", state=State.BROKEN, text="differs"),
-        Verdict(id="e/tuned/fixed/position", state=State.BROKEN, text="far", error=2.0, tolerance=1.0, unit="m"),
+        Verdict(
+            id="e/tuned/fixed/position",
+            state=State.BROKEN,
+            text="far",
+            error=2.0,
+            tolerance=1.0,
+            unit="m",
+        ),
         Verdict(id="e/tuned/fixed/angle", state=State.NOT_JUDGED, text="unknown"),
     ]
     session = Session([], "quick", Deviations())
     results = session.results.model_copy(update={"verdicts": tuple(verdicts)})
-    assert list(next_steps(results)) == ["same-again: differs", "e, fixed, position (also angle): far."]
+    assert list(next_steps(results)) == [
+        "same-again: differs",
+        "e, fixed, position (also angle): far.",
+    ]
     assert not results.passed and "does not conform" in headline(results)
     assert ElementTree.fromstring(badge(results)).attrib["role"] == "img"
     assert certificate(results).verdict == headline(results)
 
 
 def test_check_names_quantity_error_tolerance_and_cause() -> None:
-    run = tb.check("dummy_engines:Full", "catapult", position=1e-6, launch_speed="0.1%", isolate=False)
+    run = tb.check(
+        "dummy_engines:Full", "catapult", position=1e-6, launch_speed="0.1%", isolate=False
+    )
     assert run.engine == "full" and run.metric("position_max", "projectile") is not None
     with pytest.raises(
         AssertionError, match=r"(?s)position_max \(projectile\).* m, tolerance 1.0e-06 m|degrees"
     ) as error:
         tb.check("wrong_engines:Wrong_degrees", "catapult", angle=1e-6, isolate=False)
-    assert "degrees/tuned on 'catapult': angle_max (theta): 2.2e2 rad, tolerance 1.0e-6 rad" in str(error.value)
+    assert "degrees/tuned on 'catapult': angle_max (theta): 2.2e2 rad, tolerance 1.0e-6 rad" in str(
+        error.value
+    )
     assert "degrees for radians" in str(error.value)
-    assert tb.check("wrong_engines:Wrong_degrees", "catapult", position=1e-6, isolate=False)  # what was asked for holds
+    assert tb.check(
+        "wrong_engines:Wrong_degrees", "catapult", position=1e-6, isolate=False
+    )  # what was asked for holds
 
 
 def test_check_refuses_what_it_does_not_know_and_does_not_pass_what_it_cannot_judge() -> None:
-    with pytest.raises(tb.InputError, match="quantity 'heat' is not of a judged quantity; there are: position"):
+    with pytest.raises(
+        tb.InputError, match="quantity 'heat' is not of a judged quantity; there are: position"
+    ):
         tb.check("dummy_engines:Full", "catapult", heat=1.0)
     with pytest.raises(tb.EngineNotInstalledError):
         tb.check("dummy_engines:Uninstalled", "catapult")
@@ -245,15 +336,26 @@ def _pytest(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "pytest", *load, "-p", "no:cacheprovider", *arguments]
     environment = {**os.environ, "PYTHONPATH": path}
     environment.pop("PYTEST_ADDOPTS", None)
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=environment)
+    return subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, check=False, env=environment
+    )
 
 
 @pytest.mark.slow
-def test_pytest_runs_the_suite_from_a_strangers_folder_and_none_of_its_tests(tmp_path: Path) -> None:
+def test_pytest_runs_the_suite_from_a_strangers_folder_and_none_of_its_tests(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "test_own.py").write_text("def test_own():\n    raise AssertionError\n")
     (tmp_path / "known.toml").write_text(ROW.format("degrees/*/catapult/angle"))
     asked = ["--trebucheck", "wrong_engines:Wrong_degrees", "--trebucheck-problem", "catapult"]
-    files = ["--junitxml", "j.xml", "--trebucheck-json", "r.json", "--trebucheck-deviations", "known.toml"]
+    files = [
+        "--junitxml",
+        "j.xml",
+        "--trebucheck-json",
+        "r.json",
+        "--trebucheck-deviations",
+        "known.toml",
+    ]
     done = _pytest(tmp_path, *asked, *files, "--require-engine", "degrees")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "1 xfailed" in done.stdout and "test_own" not in done.stdout
@@ -261,32 +363,59 @@ def test_pytest_runs_the_suite_from_a_strangers_folder_and_none_of_its_tests(tmp
     cases = {(case.attrib["classname"], case.attrib["name"]): case for case in found}
     position = cases["degrees.tuned.catapult", "position"]
     properties = {p.attrib["name"]: p.attrib["value"] for p in position.iter("property")}
-    assert float(properties["error"]) <= float(properties["tolerance"]) and properties["source"].startswith("default")
+    assert float(properties["error"]) <= float(properties["tolerance"]) and properties[
+        "source"
+    ].startswith("default")
     written = json.loads((tmp_path / "r.json").read_text())
-    assert written["format"] == "trebucheck-conformance-1" and written["engines"] == {"degrees/tuned": "1.0"}
+    assert written["format"] == "trebucheck-conformance-1" and written["engines"] == {
+        "degrees/tuned": "1.0"
+    }
     assert len(written["verdicts"]) == len(cases)
     jsonschema.validate(written, json.loads(schema_text(Conformance)))
 
 
 @pytest.mark.slow
-def test_several_processes_of_pytest_find_the_same_and_judge_rows_in_the_end(tmp_path: Path) -> None:
-    rows = [ROW.format(f"degrees/*/{check}") for check in ("*/angle", "catapult/position", "incline/angel")]
+def test_several_processes_of_pytest_find_the_same_and_judge_rows_in_the_end(
+    tmp_path: Path,
+) -> None:
+    rows = [
+        ROW.format(f"degrees/*/{check}")
+        for check in ("*/angle", "catapult/position", "incline/angel")
+    ]
     (tmp_path / "known.toml").write_text("".join(rows))
     asked = ["--trebucheck", "wrong_engines:Wrong_degrees", "-n", "2", "--dist", "load", "-v"]
     problems = ["--trebucheck-problem", "catapult", "--trebucheck-problem", "incline"]
-    files = ["--junitxml", "j.xml", "--trebucheck-json", "r.json", "--trebucheck-deviations", "known.toml"]
+    files = [
+        "--junitxml",
+        "j.xml",
+        "--trebucheck-json",
+        "r.json",
+        "--trebucheck-deviations",
+        "known.toml",
+    ]
     done = _pytest(tmp_path, *asked, *problems, *files, "--require-engine", "degrees")
-    assert done.returncode == 1 and "2 failed" in done.stdout and "1 xfailed" in done.stdout, done.stdout + done.stderr
-    assert "catapult/position' is stale" in done.stdout and "incline/angel' is about no check" in done.stdout
-    cases = [case.attrib["classname"] for case in ElementTree.parse(tmp_path / "j.xml").iter("testcase")]
+    assert done.returncode == 1 and "2 failed" in done.stdout and "1 xfailed" in done.stdout, (
+        done.stdout + done.stderr
+    )
+    assert (
+        "catapult/position' is stale" in done.stdout
+        and "incline/angel' is about no check" in done.stdout
+    )
+    cases = [
+        case.attrib["classname"] for case in ElementTree.parse(tmp_path / "j.xml").iter("testcase")
+    ]
     written = json.loads((tmp_path / "r.json").read_text())["verdicts"]
     assert sorted(cases) == sorted(v["id"].rpartition("/")[0].replace("/", ".") for v in written)
     suite = _suite("wrong_engines:Wrong_degrees", ("catapult", "incline"))
-    assert [verdict["id"] for verdict in written if not verdict["id"].startswith("deviations/")] == list(suite.ids)
+    assert [
+        verdict["id"] for verdict in written if not verdict["id"].startswith("deviations/")
+    ] == list(suite.ids)
     served: dict[str, set[str]] = {}
     for process, problem in re.findall(r"\[gw(\d)\].* degrees/tuned/(\S+)/\S+", done.stdout):
         served.setdefault(problem, set()).add(process)
-    assert served.keys() == {"interface", "catapult", "incline"} and all(len(each) == 1 for each in served.values())
+    assert served.keys() == {"interface", "catapult", "incline"} and all(
+        len(each) == 1 for each in served.values()
+    )
 
 
 TEST_OF_ONES_OWN = """
@@ -303,7 +432,14 @@ def test_absent(trebucheck):
 @pytest.mark.slow
 def test_a_required_engine_may_neither_be_absent_nor_be_skipped(tmp_path: Path) -> None:
     (tmp_path / "test_own.py").write_text(TEST_OF_ONES_OWN)
-    required = ["--require-engine", "uninstalled", "--require-engine", "full", "--require-engine", "nobody"]
+    required = [
+        "--require-engine",
+        "uninstalled",
+        "--require-engine",
+        "full",
+        "--require-engine",
+        "nobody",
+    ]
     done = _pytest(tmp_path, "-q", *required, "test_own.py")
     assert done.returncode == 1 and "1 failed, 1 passed" in done.stdout, done.stdout + done.stderr
     assert "--require-engine: engine 'uninstalled' is not installed here" in done.stdout
@@ -324,8 +460,19 @@ def test_the_plug_in_costs_a_strangers_run_nothing() -> None:
     assert done.stdout.strip() == "set()"
 
 
-def test_the_command_line_writes_the_certificate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    code = main(["conform", "dummy_engines:Uninstalled", "--problem", "catapult", "--out", str(tmp_path / "out")])
+def test_the_command_line_writes_the_certificate(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = main(
+        [
+            "conform",
+            "dummy_engines:Uninstalled",
+            "--problem",
+            "catapult",
+            "--out",
+            str(tmp_path / "out"),
+        ]
+    )
     assert code == 1 and "uninstalled/tuned 1.0 does not conform" in capsys.readouterr().out
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
         "badge.svg", "certificate.html", "conformance.json",
@@ -338,7 +485,10 @@ def test_the_command_line_writes_the_certificate(tmp_path: Path, capsys: pytest.
         (["no-such-engine"], "there is no engine 'no-such-engine'"),
         (["no_such_package:Engine"], "cannot be loaded"),
         (["dummy_engines:Full/fast"], "full has no preset 'fast'; there are: tuned, stock"),
-        (["reference", "--tier", "huge"], "tier = 'huge' is unknown; there are: quick, standard, full"),
+        (
+            ["reference", "--tier", "huge"],
+            "tier = 'huge' is unknown; there are: quick, standard, full",
+        ),
         (["reference", "--problem", "pendulun"], "did you mean 'pendulum'?"),
         (["reference", "--problem", "catapult, pendulun"], "did you mean 'pendulum'?"),
         (["reference", "--problem", "catapult,"], "there is no model ''"),
@@ -350,7 +500,9 @@ def test_wrong_input_is_one_sentence(refused: object, arguments: list[str], said
     assert said in refused("conform", *arguments)  # type: ignore[operator]
 
 
-def test_the_skeleton_is_whole_and_red_in_its_first_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_skeleton_is_whole_and_red_in_its_first_step(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = tmp_path / "new"
     assert main(["plugin", "new", "my-engine", "--out", str(folder)]) == 0
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
@@ -381,8 +533,19 @@ def test_the_guides_engine_is_whole_and_right(own_engine: str) -> None:
     assert (TESTS.parent / "examples" / "own_engine.py").read_text().count("\n") <= 150
     found = list(_suite(own_engine).verdicts())
     assert not [verdict for verdict in found if verdict.failed]
-    kept = {verdict.check for verdict in found if verdict.problem == "fixed" and verdict.state is State.KEPT}
-    assert {"model", "position", "stop-torque", "release-time", "joint-reaction", "launch-time"} <= kept
+    kept = {
+        verdict.check
+        for verdict in found
+        if verdict.problem == "fixed" and verdict.state is State.KEPT
+    }
+    assert {
+        "model",
+        "position",
+        "stop-torque",
+        "release-time",
+        "joint-reaction",
+        "launch-time",
+    } <= kept
 
 
 def test_every_dummy_is_tried() -> None:

@@ -56,13 +56,20 @@ def test_a_fault_that_is_no_suspect_is_called_unknown(name: str) -> None:
 def test_a_size_in_the_shape_of_the_mechanism_does_not_matter() -> None:
     """A model of a hundredth: the same cause, and the same share of it."""
     small = Bench.of(scaled(tb.fixed(), 0.01))
-    full, model = _entry("a pin aside, aslant"), diagnosed(small, _seed(small, "a pin aside, aslant"))
+    full, model = (
+        _entry("a pin aside, aslant"),
+        diagnosed(small, _seed(small, "a pin aside, aslant")),
+    )
     assert model.diagnosis.causes[0].name == full.diagnosis.causes[0].name
-    assert model.diagnosis.causes[0].explained == pytest.approx(full.diagnosis.causes[0].explained, abs=1e-3)
+    assert model.diagnosis.causes[0].explained == pytest.approx(
+        full.diagnosis.causes[0].explained, abs=1e-3
+    )
     assert model.verdict == "named"
 
 
-@pytest.mark.parametrize("name", ["mass of the link 3 +0.2 %", "a quarter of gravity", "gravity tilted 3 deg"])
+@pytest.mark.parametrize(
+    "name", ["mass of the link 3 +0.2 %", "a quarter of gravity", "gravity tilted 3 deg"]
+)
 def test_an_energy_that_is_much_the_larger_does_not_hide_the_motion(name: str) -> None:
     """A chain that hangs nearly at rest: such faults were called a scale of an energy; tilted, the chain swings."""
     bench = _chain()

@@ -1,6 +1,7 @@
 """Faults built into engines: each is caught by the cheapest tier that can see it, and its cause is named.
 
-The gate sees what is built; only the motion tells how stops let go, how steps are taken and how results are read.
+The gate sees what is built; only the motion tells how stops let go, how steps are taken and how
+results are read.
 """
 
 from __future__ import annotations
@@ -69,7 +70,9 @@ FAULTS = (
 
 @pytest.mark.parametrize("model", ["fixed", pytest.param("rolling", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
-def test_a_fault_is_caught_and_named(fault: Fault, model: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_is_caught_and_named(
+    fault: Fault, model: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     run = run_with(fault, model, monkeypatch)
     assert run.outcome is fault.tier, run.message
     assert run.diagnosis is not None
@@ -79,9 +82,15 @@ def test_a_fault_is_caught_and_named(fault: Fault, model: str, monkeypatch: pyte
 
 @pytest.mark.parametrize("model", ["fixed", "rolling"])
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk", "exudyn"])
-def test_what_has_no_fault_is_not_flagged(engine: str, model: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_has_no_fault_is_not_flagged(
+    engine: str, model: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The same way in, nothing spoilt."""
-    run = run_with(Fault("none", Outcome.AGREES, "", {"reading": lambda t: t}, engine=engine), model, monkeypatch)
+    run = run_with(
+        Fault("none", Outcome.AGREES, "", {"reading": lambda t: t}, engine=engine),
+        model,
+        monkeypatch,
+    )
     assert run.outcome is Outcome.AGREES and run.diagnosis is None
     assert run.equality is not None and run.equality.exposed
 

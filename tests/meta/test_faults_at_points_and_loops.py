@@ -46,35 +46,88 @@ def _body_frame(monkeypatch: pytest.MonkeyPatch) -> None:
 
 HINGED = (
     Fault("trough lower", GATE, "place of the trough", {}, text=_lower_trough),
-    Fault("trough's point off the sling's line", GATE, "point of the trough on the sling", {}, text=_ball_aside),
-    Fault("trough tilted", GATE, "direction of the trough", {"machine": tilted_wall("trough", MILLIRADIAN)}),
+    Fault(
+        "trough's point off the sling's line",
+        GATE,
+        "point of the trough on the sling",
+        {},
+        text=_ball_aside,
+    ),
+    Fault(
+        "trough tilted",
+        GATE,
+        "direction of the trough",
+        {"machine": tilted_wall("trough", MILLIRADIAN)},
+    ),
     Fault("trough missing", GATE, "trough missing", {"machine": without("trough")}),
     Fault("trough never lets go", MOTION, "release of the trough", {"law": faulty.never("trough")}),
     Fault("sign of the trough's force", MOTION, "wrong sign", {"reading": faulty.flipped_force}),
-    Fault("points not held as they move", MOTION, "moving points", {}, options={"moving_points": False}),
+    Fault(
+        "points not held as they move",
+        MOTION,
+        "moving points",
+        {},
+        options={"moving_points": False},
+    ),
     Fault("foot of the wall stays behind", MOTION, "", {}, "pymunk", patch=_still_foot),
     Fault("force of the wall in the body's frame", GATE, "", {}, "exudyn", patch=_body_frame),
 )
 FLOATING_ARM = (
     Fault("trough lower", GATE, "place of the trough", {}, text=_lower_trough),
-    Fault("trough tilted", GATE, "direction of the trough", {"machine": tilted_wall("trough", MILLIRADIAN)}, "exudyn"),
+    Fault(
+        "trough tilted",
+        GATE,
+        "direction of the trough",
+        {"machine": tilted_wall("trough", MILLIRADIAN)},
+        "exudyn",
+    ),
     Fault("trough missing", GATE, "trough missing", {"machine": without("trough")}, "pymunk"),
-    Fault("track tilted", GATE, "direction of the track", {"machine": tilted_slot("track", MILLIRADIAN)}, "exudyn"),
+    Fault(
+        "track tilted",
+        GATE,
+        "direction of the track",
+        {"machine": tilted_slot("track", MILLIRADIAN)},
+        "exudyn",
+    ),
     Fault("track missing", GATE, "track missing", {"machine": without_joint("track")}, "pymunk"),
     Fault("wheel aside on the arm", GATE, "place of the track on the arm", {}, text=_wheel_aside),
-    Fault("trough never lets go", MOTION, "release of the trough", {"law": faulty.never("trough")}, "exudyn"),
-    Fault("sign of the trough's force", MOTION, "wrong sign", {"reading": faulty.flipped_force}, "pymunk"),
-    Fault("points not held as they move", MOTION, "moving points", {}, options={"moving_points": False}),
+    Fault(
+        "trough never lets go",
+        MOTION,
+        "release of the trough",
+        {"law": faulty.never("trough")},
+        "exudyn",
+    ),
+    Fault(
+        "sign of the trough's force",
+        MOTION,
+        "wrong sign",
+        {"reading": faulty.flipped_force},
+        "pymunk",
+    ),
+    Fault(
+        "points not held as they move",
+        MOTION,
+        "moving points",
+        {},
+        options={"moving_points": False},
+    ),
     Fault("foot of the wall stays behind", MOTION, "", {}, "pymunk", patch=_still_foot),
 )
 
 
 @pytest.mark.parametrize(
     ("model", "fault"),
-    [(name, fault) for name, faults in (("hinged", HINGED), ("floating-arm", FLOATING_ARM)) for fault in faults],
+    [
+        (name, fault)
+        for name, faults in (("hinged", HINGED), ("floating-arm", FLOATING_ARM))
+        for fault in faults
+    ],
     ids=lambda value: value.name if isinstance(value, Fault) else value,
 )
-def test_a_fault_is_caught_and_named(model: str, fault: Fault, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_is_caught_and_named(
+    model: str, fault: Fault, monkeypatch: pytest.MonkeyPatch
+) -> None:
     run = run_with(fault, model, monkeypatch)
     assert run.outcome is fault.tier, run.message
     assert run.diagnosis is not None

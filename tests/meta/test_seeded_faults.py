@@ -1,7 +1,7 @@
 """The checks catch seeded faults: a wrong machine or a wrong reading, judged as MuJoCo's tuned preset would be.
 
-The motions are the reference's own, of a machine or with a reading that is wrong in one place; an engine that had
-the fault would show it at least as much.
+The motions are the reference's own, of a machine or with a reading that is wrong in one place; an
+engine that had the fault would show it at least as much.
 """
 
 from __future__ import annotations
@@ -45,7 +45,9 @@ def _judged(trajectory: tb.Trajectory, build: Callable[..., tb.Mechanism]) -> li
 
 
 def _moved_by(mechanism: tb.Mechanism, **problem: object) -> tb.Trajectory:
-    return tb.engine("reference", timestep=1e-3).simulate(tb.Problem(mechanism, duration=2.8, **problem))
+    return tb.engine("reference", timestep=1e-3).simulate(
+        tb.Problem(mechanism, duration=2.8, **problem)
+    )
 
 
 def _off_by_a_thousandth(name: str) -> Callable[[Callable[..., tb.Mechanism]], tb.Mechanism]:
@@ -53,7 +55,9 @@ def _off_by_a_thousandth(name: str) -> Callable[[Callable[..., tb.Mechanism]], t
 
 
 def _body(mechanism: tb.Mechanism, name: str, **changes: object) -> tb.Mechanism:
-    bodies = [body.model_dump() | (changes if body.name == name else {}) for body in mechanism.bodies]
+    bodies = [
+        body.model_dump() | (changes if body.name == name else {}) for body in mechanism.bodies
+    ]
     return tb.Mechanism(**{**mechanism.model_dump(), "bodies": bodies})
 
 
@@ -64,15 +68,24 @@ def _six_digits() -> tb.TrebuchetParameters:
 
 WRONG_MACHINES: dict[str, Callable[[Callable[..., tb.Mechanism]], tb.Mechanism]] = {
     **{
-        f"{name} off by 0.1 %": _off_by_a_thousandth(name) for name in ("l1", "l2", "r", "h", "m_b", "m_cw", "m_a", "g")
+        f"{name} off by 0.1 %": _off_by_a_thousandth(name)
+        for name in ("l1", "l2", "r", "h", "m_b", "m_cw", "m_a", "g")
     },
     "gravity 9.80665": lambda build: build(P(g=9.80665)),
-    "start of the hanger 0.1 deg off": lambda build: build(P(alpha0=TABLE_ONE.alpha0 + np.radians(0.1))),
+    "start of the hanger 0.1 deg off": lambda build: build(
+        P(alpha0=TABLE_ONE.alpha0 + np.radians(0.1))
+    ),
     "start of the sling 0.1 deg off": lambda build: build(P(phi0=TABLE_ONE.phi0 + np.radians(0.1))),
     "hanger's angle with the wrong sign": lambda build: build(P(alpha0=-TABLE_ONE.alpha0)),
-    "arm's inertia about its end": lambda build: _body(build(), "arm", inertia=1000.0 * 14.0**2 / 3),
-    "arm's inertia off by 0.1 %": lambda build: _body(build(), "arm", inertia=build().body("arm").inertia * 1.001),
-    "a sphere's inertia on the projectile": lambda build: _body(build(), "sling", inertia=0.4 * 60.0 * 0.1**2),
+    "arm's inertia about its end": lambda build: _body(
+        build(), "arm", inertia=1000.0 * 14.0**2 / 3
+    ),
+    "arm's inertia off by 0.1 %": lambda build: _body(
+        build(), "arm", inertia=build().body("arm").inertia * 1.001
+    ),
+    "a sphere's inertia on the projectile": lambda build: _body(
+        build(), "sling", inertia=0.4 * 60.0 * 0.1**2
+    ),
     "six digits of every number": lambda build: build(_six_digits()),
 }
 
@@ -88,7 +101,9 @@ def test_a_wrong_machine_is_caught(fault: str, build: Callable[..., tb.Mechanism
 def _without_stop(trajectory: tb.Trajectory, name: str) -> tb.Trajectory:
     mechanism = trajectory.mechanism
     stops = [stop for stop in mechanism.stops if stop.name != name]
-    free = _moved_by(tb.Mechanism(**{**mechanism.model_dump(), "stops": [s.model_dump() for s in stops]}))
+    free = _moved_by(
+        tb.Mechanism(**{**mechanism.model_dump(), "stops": [s.model_dump() for s in stops]})
+    )
     nothing = np.zeros(len(free.t))
     return replace(
         free,
@@ -102,12 +117,19 @@ WRONG_READINGS: dict[str, Callable[[tb.Trajectory], tb.Trajectory]] = {
     "hanger rest missing": lambda t: _without_stop(t, "hanger rest"),
     "sling rest missing": lambda t: _without_stop(t, "sling rest"),
     "time shifted by half a step": lambda t: replace(t, t=np.concatenate([[0.0], t.t[1:] - 5e-4])),
-    "torques scaled by 1.001": lambda t: replace(t, stop_torques={n: v * 1.001 for n, v in t.stop_torques.items()}),
-    "release at the step's end": lambda t: replace(
-        t, release_times={n: v and float(np.ceil(v * 1e3) / 1e3) for n, v in t.release_times.items()}
+    "torques scaled by 1.001": lambda t: replace(
+        t, stop_torques={n: v * 1.001 for n, v in t.stop_torques.items()}
     ),
-    "a stop that never opens": lambda t: replace(t, release_times={**t.release_times, "sling rest": None}),
-    "kinetic energy of the step before": lambda t: replace(t, kinetic_energy=np.roll(t.kinetic_energy, 1)),
+    "release at the step's end": lambda t: replace(
+        t,
+        release_times={n: v and float(np.ceil(v * 1e3) / 1e3) for n, v in t.release_times.items()},
+    ),
+    "a stop that never opens": lambda t: replace(
+        t, release_times={**t.release_times, "sling rest": None}
+    ),
+    "kinetic energy of the step before": lambda t: replace(
+        t, kinetic_energy=np.roll(t.kinetic_energy, 1)
+    ),
 }
 
 

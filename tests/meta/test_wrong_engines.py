@@ -44,7 +44,12 @@ RIGHT: dict[str, tuple[tb.Mechanism, dict[str, object]]] = {
     "rolling": (tb.rolling(), {}),
     "hinged": (tb.hinged(), {}),
     "catapult": (tb.catapult(), {}),
-    "desk": (tb.fixed(tb.TrebuchetParameters(l1=0.2, l2=0.08, r=0.12, h=0.16, m_b=0.02, m_cw=1.0, m_a=0.15)), {}),
+    "desk": (
+        tb.fixed(
+            tb.TrebuchetParameters(l1=0.2, l2=0.08, r=0.12, h=0.16, m_b=0.02, m_cw=1.0, m_a=0.15)
+        ),
+        {},
+    ),
     "fixed, to a release": (tb.fixed(), {"until": "release:sling rest"}),
     "fixed, far": (tb.fixed(), {"duration": 8.0, "timestep": 5e-3}),
     "rolling, impacts": (tb.rolling(), {"duration": 3.0, "stop_law": "unilateral"}),
@@ -76,6 +81,15 @@ def test_an_engine_that_follows_another_law_does_not_agree() -> None:
 
 
 def test_a_wrong_engine_is_exit_code_1_and_a_right_one_0(tmp_path: Path) -> None:
-    asked = ["compare", "--models", "fixed", "--preset", "tuned", "--out", str(tmp_path), "--engines"]
+    asked = [
+        "compare",
+        "--models",
+        "fixed",
+        "--preset",
+        "tuned",
+        "--out",
+        str(tmp_path),
+        "--engines",
+    ]
     assert main([*asked, "honest"]) == 0
     assert main([*asked, "honest,nan"]) == 1

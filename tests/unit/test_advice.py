@@ -21,7 +21,14 @@ from trebucheck.comparisons.recommend import Advice, Asked, obstacles, recommend
 from trebucheck.comparisons.recommend import cases as family
 from trebucheck.comparisons.recommend.cases import Case, read_torque
 from trebucheck.comparisons.recommend.results import Obstacle
-from trebucheck.comparisons.recommend.search import RUNGS, SCREENED_AT, Search, configured, ladder, option_sets
+from trebucheck.comparisons.recommend.search import (
+    RUNGS,
+    SCREENED_AT,
+    Search,
+    configured,
+    ladder,
+    option_sets,
+)
 from trebucheck.comparisons.recommend.study import PYTHON, snippets
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Deviation, Trial, Trials
@@ -66,13 +73,17 @@ def test_torque_is_read_as_newton_metres_or_as_a_share() -> None:
         (["--position", "1e-14"], "finer than 10 times the reference's own uncertainty"),
     ],
 )
-def test_wrong_input_gets_a_sentence(arguments: list[str], complaint: str, refused: Callable[..., str]) -> None:
+def test_wrong_input_gets_a_sentence(
+    arguments: list[str], complaint: str, refused: Callable[..., str]
+) -> None:
     assert complaint in refused("recommend", *arguments)
 
 
 def test_a_share_of_the_torque_is_each_machines_own() -> None:
     motion = SimpleNamespace(stop_torques={"rest": __import__("numpy").array([3.0, 200.0, 5.0])})
-    trials = cast("Trials", SimpleNamespace(solution=SimpleNamespace(motion=lambda _: motion), end=1.0))
+    trials = cast(
+        "Trials", SimpleNamespace(solution=SimpleNamespace(motion=lambda _: motion), end=1.0)
+    )
     assert Case(trials, Asked(torque_share=0.01)).allowed == {"torque": 2.0}
     with pytest.raises(tb.InputError, match="asked in N m and as a share"):
         Asked(torque=1.0, torque_share=0.01)
@@ -96,7 +107,9 @@ def test_every_set_is_valid_at_every_step_and_another_one(name: str) -> None:
     assert configured(name, sets[-1], 1e-3) == tb.engine(name, "tuned", timestep=1e-3)
     for step in STEPS:
         made = [json.dumps(configured(name, options, step).settings) for options in sets]
-    assert len(set(made)) == len(sets)  # at the shortest step: what is scaled with it may meet the preset's at another
+    assert len(set(made)) == len(
+        sets
+    )  # at the shortest step: what is scaled with it may meet the preset's at another
 
 
 def test_neighbours_stay_in_the_stated_ranges_and_are_always_the_same() -> None:
@@ -154,10 +167,14 @@ def test_growth_by_rounding_says_its_power() -> None:
 class _Synthetic:
     """Trials whose errors are a formula: position = constant(options) * step^2 * the machine's own factor."""
 
-    def __init__(self, factor: float, constants: dict[str, float], cost: dict[str, float], floor: float = 0.0) -> None:
+    def __init__(
+        self, factor: float, constants: dict[str, float], cost: dict[str, float], floor: float = 0.0
+    ) -> None:
         self.factor, self.constants, self.cost, self.floor = factor, constants, cost, floor
         self.end, self.mechanism = 1.0, tb.fixed()
-        self.solution = SimpleNamespace(release_times={}, motion=lambda _: SimpleNamespace(stop_torques={}))
+        self.solution = SimpleNamespace(
+            release_times={}, motion=lambda _: SimpleNamespace(stop_torques={})
+        )
         self.made: list[tuple[str, float]] = []
 
     def trial(self, engine: Any, repeats: int = 1) -> Trial:
@@ -179,11 +196,16 @@ PLAIN, DEAR = (OptionSet(name, "", "tuned", {"integrator": name}) for name in ("
 
 
 def _search(
-    constants: tuple[float, float], cost: tuple[float, float], factors: tuple[float, ...] = (1.0,), floor: float = 0.0
+    constants: tuple[float, float],
+    cost: tuple[float, float],
+    factors: tuple[float, ...] = (1.0,),
+    floor: float = 0.0,
 ) -> tuple[Search, list[Any], list[_Synthetic]]:
     names = (PLAIN.name, DEAR.name)
     made = [
-        _Synthetic(f, dict(zip(names, constants, strict=True)), dict(zip(names, cost, strict=True)), floor)
+        _Synthetic(
+            f, dict(zip(names, constants, strict=True)), dict(zip(names, cost, strict=True)), floor
+        )
         for f in factors
     ]
     cases = [Case(cast(Trials, trials), Asked(position=1e-6)) for trials in made]
@@ -236,7 +258,10 @@ def test_a_floor_is_given_up_and_named() -> None:
     assert search.chosen(sweeps) is None
     verdict = obstacles.explain(search, sweeps)
     assert verdict.obstacle is Obstacle.FLOOR
-    assert "error of the position of 1.0e-05 m on this machine, where 1.0e-06 m are asked" in verdict.sentence
+    assert (
+        "error of the position of 1.0e-05 m on this machine, where 1.0e-06 m are asked"
+        in verdict.sentence
+    )
 
 
 def test_what_was_reached_is_told_of_the_best_step_measured() -> None:
@@ -268,7 +293,9 @@ def test_texts_are_what_they_say(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ENGINES)
-def test_the_command_gives_the_same_engine(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_command_gives_the_same_engine(
+    name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     import shlex
 
     from trebucheck.comparisons.runs.study import Study
@@ -292,7 +319,8 @@ def test_the_command_gives_the_same_engine(name: str, monkeypatch: pytest.Monkey
 def test_what_mjcf_cannot_say_is_said() -> None:
     sets = {options.name: options for options in option_sets("mujoco")}
     alone, tuned = (
-        snippets("mujoco", tb.fixed(), "tuned", sets[n].all_options(1e-3)) for n in ("stiff limits", "tuned")
+        snippets("mujoco", tb.fixed(), "tuned", sets[n].all_options(1e-3))
+        for n in ("stiff limits", "tuned")
     )
     assert MUJOCO_PYTHON not in alone and "Not MJCF" not in alone[MJCF]
     assert "Not MJCF" in tuned[MJCF] and "def preload" in tuned[MUJOCO_PYTHON]
@@ -313,7 +341,9 @@ def test_an_engine_that_is_not_here_is_a_row(monkeypatch: pytest.MonkeyPatch) ->
     from trebucheck.engines.exudyn.engine import ExudynEngine
 
     monkeypatch.setattr(ExudynEngine, "is_installed", classmethod(lambda _: False))
-    advice = recommend(Study(["fixed"], ["exudyn"], isolate=False), Asked(position=1e-3), neighbours=0)
+    advice = recommend(
+        Study(["fixed"], ["exudyn"], isolate=False), Asked(position=1e-3), neighbours=0
+    )
     assert advice.engine("exudyn").choice is None
     assert advice.engine("exudyn").message == "exudyn is not installed here."
     assert "alone" in advice.rule

@@ -56,7 +56,9 @@ def _unpacked(text: str, kind: str = "<f4") -> np.ndarray:
 
 def _beside(times: np.ndarray, marker: str = "projectile") -> np.ndarray:
     """The run's marker less the reference's [m], both solutions read at these times."""
-    own, reference = (_solution(start).trajectory(times).marker(marker).position for start in (1e-5, 0.0))
+    own, reference = (
+        _solution(start).trajectory(times).marker(marker).position for start in (1e-5, 0.0)
+    )
     return own - reference
 
 
@@ -70,7 +72,9 @@ def test_frames_are_the_reference_s_states() -> None:
     at = list(_solution().trajectory(t).markers)
     for name in at:
         drawn = shown.at(t)[:, shown.drawing.markers[name]]
-        np.testing.assert_allclose(drawn, _solution().trajectory(t).marker(name).position, rtol=0, atol=1e-11)
+        np.testing.assert_allclose(
+            drawn, _solution().trajectory(t).marker(name).position, rtol=0, atol=1e-11
+        )
 
 
 def test_events_are_frames_and_frames_are_closer_about_them() -> None:
@@ -100,44 +104,70 @@ def test_deviations_are_the_run_s_own_at_its_own_times() -> None:
     (run,) = shown.runs
     there = _beside(shown.t)
     found = shown.deviation(run)[:, shown.drawing.markers["projectile"]]
-    # linear between samples of 1 ms: the square of the interval times the deviation's curvature, some 1e-4 of it
+    # linear between samples of 1 ms: the square of the interval times the deviation's curvature,
+    # some 1e-4 of it
     np.testing.assert_allclose(found, there, rtol=0, atol=1e-3 * np.abs(there).max())
-    largest = np.max([np.linalg.norm(_beside(shown.t, name), axis=1) for name in shown.drawing.markers], axis=0)
+    largest = np.max(
+        [np.linalg.norm(_beside(shown.t, name), axis=1) for name in shown.drawing.markers], axis=0
+    )
     np.testing.assert_allclose(shown.error(run), largest, rtol=0, atol=1e-3 * largest.max())
     at = shown.t[10:-10:40]  # at a sample nothing is interpolated
     looks = {"coarse": RunLook(_solution(1e-5).trajectory(np.unique([0.0, *at, 2.8])), "#000000")}
     coarse = scene(_solution().trajectory, looks, end=END)
-    found = coarse.deviation(coarse.runs[0])[np.isin(coarse.t, at), coarse.drawing.markers["projectile"]]
+    found = coarse.deviation(coarse.runs[0])[
+        np.isin(coarse.t, at), coarse.drawing.markers["projectile"]
+    ]
     np.testing.assert_allclose(found, _beside(at[np.isin(at, coarse.t)]), rtol=1e-9, atol=1e-13)
 
 
 def test_forces_of_runs_are_their_own_and_those_not_told_are_none() -> None:
     own = _run()
-    silent = dataclasses.replace(own, stop_torques={}, joint_reactions={"fulcrum": own.joint_reaction("fulcrum")})
+    silent = dataclasses.replace(
+        own, stop_torques={}, joint_reactions={"fulcrum": own.joint_reaction("fulcrum")}
+    )
     looks = {name: RunLook(each, "#000000") for name, each in (("own", own), ("silent", silent))}
     shown = scene(_solution().trajectory, looks, end=END)
     data = scene_data(shown)
     stops, joints = ([name for name, *_ in data[key]] for key in ("stops", "joints"))
     at = _solution(1e-5).trajectory(shown.t)
-    # linear between samples of 1 ms, and half precision; at a release a sample is before or behind it
-    calm = np.min([np.abs(shown.t - time) for time in at.release_times.values() if time is not None], axis=0) > 2e-3
+    # linear between samples of 1 ms, and half precision; at a release a sample is before or behind
+    # it
+    calm = (
+        np.min(
+            [np.abs(shown.t - time) for time in at.release_times.values() if time is not None],
+            axis=0,
+        )
+        > 2e-3
+    )
     unit, text = data["runs"][0]["torques"]
     torques = unit * _unpacked(text, "<f2").reshape(len(shown.t), len(stops)).astype(float)
     for name, column in zip(stops, torques.T, strict=True):
-        np.testing.assert_allclose(column[calm], at.stop_torque(name)[calm], rtol=2e-3, atol=1e-3 * unit)
+        np.testing.assert_allclose(
+            column[calm], at.stop_torque(name)[calm], rtol=2e-3, atol=1e-3 * unit
+        )
     unit, text = data["runs"][1]["forces"]
     forces = unit * _unpacked(text, "<f2").reshape(len(shown.t), len(joints), 2).astype(float)
-    np.testing.assert_allclose(forces[calm, 0], at.joint_reaction("fulcrum")[calm], rtol=2e-3, atol=1e-2 * unit)
-    assert joints[0] == "fulcrum" and np.isnan(forces[:, 1:]).all() and data["runs"][1]["torques"] is None
+    np.testing.assert_allclose(
+        forces[calm, 0], at.joint_reaction("fulcrum")[calm], rtol=2e-3, atol=1e-2 * unit
+    )
+    assert (
+        joints[0] == "fulcrum"
+        and np.isnan(forces[:, 1:]).all()
+        and data["runs"][1]["torques"] is None
+    )
 
 
 def test_a_deviation_of_a_picometre_keeps_its_digits() -> None:
     t = np.linspace(0.0, END, 301)
     reference = _solution().trajectory(t)
-    tiny = np.ldexp(np.sin(7 * t)[:, None] * (1.0, -0.5, 0.25), -44)  # 6e-14 rad: a few roundings of an angle
+    tiny = np.ldexp(
+        np.sin(7 * t)[:, None] * (1.0, -0.5, 0.25), -44
+    )  # 6e-14 rad: a few roundings of an angle
     q = reference.q + tiny
     markers = {name: dataclasses.replace(motion) for name, motion in reference.markers.items()}
-    run = dataclasses.replace(reference, q=q, markers={n: m for n, m in markers.items() if n == "absent"})
+    run = dataclasses.replace(
+        reference, q=q, markers={n: m for n, m in markers.items() if n == "absent"}
+    )
     shown = scene(_solution().trajectory, {"tiny": RunLook(run, "#000000")}, end=END)
     data = scene_data(shown)["runs"][0]
     d = _unpacked(data["d"]).reshape(len(shown.t), 3)
@@ -155,7 +185,9 @@ def test_a_marker_that_is_not_where_the_coordinates_put_it_is_shown_where_it_is(
     assert set(shown.runs[0].aside) == {"projectile"}
     found = shown.deviation(shown.runs[0])[:, shown.drawing.markers["projectile"]]
     straight = _scene().deviation(_scene().runs[0])[:, _scene().drawing.markers["projectile"]]
-    np.testing.assert_allclose(found - straight, np.broadcast_to((0.0, 1e-3), found.shape), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        found - straight, np.broadcast_to((0.0, 1e-3), found.shape), rtol=0, atol=1e-9
+    )
 
 
 def test_a_run_that_ends_early_is_shown_until_then() -> None:
@@ -182,8 +214,12 @@ def test_eight_runs_of_one_machine_weigh_less_than_100_kilobytes() -> None:
 
 
 @pytest.mark.parametrize(("magnify", "factor"), [(None, 1e3), (250.0, 250.0)])
-def test_deviations_are_magnified_to_be_seen_or_as_asked_for(magnify: float | None, factor: float) -> None:
-    shown = scene(_solution().trajectory, {"run": RunLook(_run(), "#000000")}, end=END, magnify=magnify)
+def test_deviations_are_magnified_to_be_seen_or_as_asked_for(
+    magnify: float | None, factor: float
+) -> None:
+    shown = scene(
+        _solution().trajectory, {"run": RunLook(_run(), "#000000")}, end=END, magnify=magnify
+    )
     assert shown.magnification == factor
     if magnify is None:
         seen = factor * np.max(shown.error(shown.runs[0])) / shown.drawing.size
@@ -192,7 +228,11 @@ def test_deviations_are_magnified_to_be_seen_or_as_asked_for(magnify: float | No
 
 @pytest.mark.parametrize(
     ("change", "complaint"),
-    [({"end": 0.0}, "end = 0.0 s"), ({"end": None}, "end = None"), ({"magnify": 0.5}, "magnify = 0.5")],
+    [
+        ({"end": 0.0}, "end = 0.0 s"),
+        ({"end": None}, "end = None"),
+        ({"magnify": 0.5}, "magnify = 0.5"),
+    ],
 )
 def test_what_cannot_be_shown_is_refused(change: dict[str, Any], complaint: str) -> None:
     with pytest.raises(tb.InputError, match=complaint):
@@ -205,15 +245,16 @@ def test_a_run_of_another_mechanism_is_refused() -> None:
         scene(_solution().trajectory, {"other": RunLook(other, "#000000")}, end=END)
 
 
-# --- Pages ------------------------------------------------------------------------------------------------------------
+# --- Pages
+# ------------------------------------------------------------------------------------------------------------
 
 
 def test_a_page_needs_nothing_else_and_no_name_ends_its_script() -> None:
     shown = dataclasses.replace(_scene(), name="</script><b>")
     page = Animation((shown,), "a < b").to_html()
-    assert not re.findall(r"""(?:src|href)\s*=\s*["'](?!data:)""", page) and "http" not in page.replace(
-        "http-equiv", ""
-    )
+    assert not re.findall(
+        r"""(?:src|href)\s*=\s*["'](?!data:)""", page
+    ) and "http" not in page.replace("http-equiv", "")
     assert page.count("</script>") == 2 and "a &lt; b" in page
     (data,) = re.findall(r'<script type="application/json">(.*?)</script>', page, re.DOTALL)
     assert json.loads(data)[0]["name"] == "</script><b>"
@@ -221,7 +262,10 @@ def test_a_page_needs_nothing_else_and_no_name_ends_its_script() -> None:
 
 def test_a_document_has_its_assets_once_and_markdown_none_of_it() -> None:
     block = AnimationBlock((_scene(),))
-    report = Document("title", (Heading("Motion", 2), block, AnimationBlock(lambda: (_scene(),), "again", anchor="b")))
+    report = Document(
+        "title",
+        (Heading("Motion", 2), block, AnimationBlock(lambda: (_scene(),), "again", anchor="b")),
+    )
     page = html.page(report)
     assert page.count("class Player") == 1 and page.count('<section class="animation"') == 2
     assert "class Player" not in html.page(Document("title", (Heading("Motion", 2),)))
@@ -233,7 +277,8 @@ def test_the_script_prints_in_the_colours_of_pictures() -> None:
     assert dict(re.findall(r'(\w+): "(#\w+)"', printed)) == PALETTE
 
 
-# --- Files ------------------------------------------------------------------------------------------------------------
+# --- Files
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -260,7 +305,9 @@ def test_an_mp4_is_one(tmp_path: Path) -> None:
     assert (tmp_path / "motion.mp4").read_bytes()[4:8] == b"ftyp"
 
 
-def test_an_mp4_without_its_package_is_refused_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_mp4_without_its_package_is_refused_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
     with pytest.raises(tb.InputError, match=r"pip install trebucheck\[video\]"):
         Animation((_scene(),)).save(tmp_path / "motion.mp4")
@@ -274,10 +321,18 @@ def test_a_stroboscope_shows_start_events_and_end(tmp_path: Path) -> None:
     picture = Picture(_scene(), 640, _scene().magnification)
     width, height = (float(root.attrib[name]) for name in ("width", "height"))
     assert (width, height) == (640, picture.height)
-    circles = [e for e in root.iter("{http://www.w3.org/2000/svg}circle") if e.get("fill") == PALETTE["mass"]]
-    assert len(circles) == 2 * 4  # counterweight and projectile: at the start, at both releases, at the end
+    circles = [
+        e
+        for e in root.iter("{http://www.w3.org/2000/svg}circle")
+        if e.get("fill") == PALETTE["mass"]
+    ]
+    assert (
+        len(circles) == 2 * 4
+    )  # counterweight and projectile: at the start, at both releases, at the end
     end = picture._px(picture.points(END))[_scene().drawing.markers["counterweight"]]
-    assert any(abs(complex(float(c.get("cx", 0)), float(c.get("cy", 0))) - end) < 0.02 for c in circles)
+    assert any(
+        abs(complex(float(c.get("cx", 0)), float(c.get("cy", 0))) - end) < 0.02 for c in circles
+    )
 
 
 def test_a_still_picture_is_of_its_instant(tmp_path: Path) -> None:
@@ -300,11 +355,18 @@ def test_an_svg_plays_by_itself_from_start_to_end(tmp_path: Path) -> None:
     moving = [e for e in root.iter(f"{SVG}circle") if e.get("fill") == PALETTE["mass"]]
     assert len(moving) == 2
     for circle in moving:
-        values = {e.get("attributeName"): e.get("values", "").split(";") for e in circle.iter(f"{SVG}animate")}
-        drawn = [complex(float(x), float(y)) for x, y in zip(values["cx"], values["cy"], strict=True)]
+        values = {
+            e.get("attributeName"): e.get("values", "").split(";")
+            for e in circle.iter(f"{SVG}animate")
+        }
+        drawn = [
+            complex(float(x), float(y)) for x, y in zip(values["cx"], values["cy"], strict=True)
+        ]
         assert len(drawn) == len(times) + round(video.HOLD * vector._RATE)
         marked = [
-            picture._px(picture.points(time))[[shown.drawing.markers[n] for n in ("counterweight", "projectile")]]
+            picture._px(picture.points(time))[
+                [shown.drawing.markers[n] for n in ("counterweight", "projectile")]
+            ]
             for time in times
         ]
         nearest = np.argmin(np.abs(np.array(marked)[0] - drawn[0]))
@@ -326,7 +388,11 @@ def test_in_an_svg_a_run_is_not_seen_after_its_end(tmp_path: Path) -> None:
     shown = scene(_solution().trajectory, {"short": RunLook(short, "#00ff00")}, end=END)
     Animation((shown,)).save(tmp_path / "motion.svg")
     root = ET.fromstring((tmp_path / "motion.svg").read_text())
-    own = [e for e in root.iter() if "#00ff00" in (e.get("stroke"), e.get("fill")) and not e.get("stroke-dashoffset")]
+    own = [
+        e
+        for e in root.iter()
+        if "#00ff00" in (e.get("stroke"), e.get("fill")) and not e.get("stroke-dashoffset")
+    ]
     lines = [e for e in own if len(e)]  # but for the legend's
     assert lines
     for line in lines:
@@ -339,30 +405,49 @@ def test_a_trajectory_plays_in_a_notebook_with_others_over_it() -> None:
     shown = reference.animate(_run())
     assert repr(shown) == "Animation of fixed (1 runs)"
     assert shown._repr_html_().startswith("<iframe")
-    own, other = shown.scenes[0], scene(_solution().trajectory, {"run": RunLook(_run(), "#000000")}, end=2.8)
-    # the trajectory's own states between its samples of 2 ms: cubic, so that the deviation of 1e-4 m stays itself
+    own, other = (
+        shown.scenes[0],
+        scene(_solution().trajectory, {"run": RunLook(_run(), "#000000")}, end=2.8),
+    )
+    # the trajectory's own states between its samples of 2 ms: cubic, so that the deviation of 1e-4
+    # m stays itself
     np.testing.assert_allclose(
         np.nanmax(own.error(own.runs[0])), np.nanmax(other.error(other.runs[0])), rtol=1e-3, atol=0
     )
     at = np.array([0.3, 1.0, 2.0])
-    np.testing.assert_allclose(resampled(reference)(at).q, _solution().trajectory(at).q, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(
+        resampled(reference)(at).q, _solution().trajectory(at).q, rtol=0, atol=1e-8
+    )
 
 
-# --- The command ------------------------------------------------------------------------------------------------------
+# --- The command
+# ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (["fixed", "--out", "motion.png"], "'motion.png' must end in one of: .gif, .mp4, .svg, .html."),
+        (
+            ["fixed", "--out", "motion.png"],
+            "'motion.png' must end in one of: .gif, .mp4, .svg, .html.",
+        ),
         (["fixed", "--out", "motion"], "must end in one of"),
         (["fixed,rolling", "--out", "motion.gif"], "can show one machine, not 2"),
         (["pendulum", "--magnify", "0.1", "--out", "motion.svg"], "magnify = 0.1"),
         (["pendulum", "--width", "20", "--out", "motion.svg"], "width = 20 px"),
-        (["pendulum", "--at", "0.1", "--out", "motion.gif"], "instants are chosen for a still picture (.svg)"),
+        (
+            ["pendulum", "--at", "0.1", "--out", "motion.gif"],
+            "instants are chosen for a still picture (.svg)",
+        ),
         (["pendulum", "--at", "0.1,soon", "--out", "motion.svg"], "--at 'soon' is not a number"),
-        (["pendulum", "--until", "0.1", "--at", "0.2", "--out", "motion.svg"], "at = 0.2 s is not within the motion"),
-        (["pendulum", "--until", "0.1", "--at", "nan", "--out", "motion.svg"], "at = nan s is not within the motion"),
+        (
+            ["pendulum", "--until", "0.1", "--at", "0.2", "--out", "motion.svg"],
+            "at = 0.2 s is not within the motion",
+        ),
+        (
+            ["pendulum", "--until", "0.1", "--at", "nan", "--out", "motion.svg"],
+            "at = nan s is not within the motion",
+        ),
         (["--from", ".", "--out", "motion.svg"], "holds no trajectories"),
         (["absent", "--out", "motion.svg"], "no model 'absent'"),
         (["fixed", "--engines", "mujoko", "--out", "motion.svg"], "did you mean 'mujoco'"),
@@ -370,7 +455,11 @@ def test_a_trajectory_plays_in_a_notebook_with_others_over_it() -> None:
     ],
 )
 def test_wrong_input_gets_a_sentence_and_writes_nothing(
-    arguments: list[str], complaint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Callable[..., str]
+    arguments: list[str],
+    complaint: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    refused: Callable[..., str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert complaint in refused("animate", *arguments)
@@ -379,7 +468,9 @@ def test_wrong_input_gets_a_sentence_and_writes_nothing(
 
 def test_a_file_in_the_folder_s_place_is_told(tmp_path: Path, refused: Callable[..., str]) -> None:
     (tmp_path / "there").write_text("")
-    assert "is not a folder" in refused("animate", "pendulum", "--out", str(tmp_path / "there" / "motion.gif"))
+    assert "is not a folder" in refused(
+        "animate", "pendulum", "--out", str(tmp_path / "there" / "motion.gif")
+    )
 
 
 @pytest.mark.slow
@@ -390,14 +481,24 @@ def test_animate_writes_a_problem_s_motion_and_that_of_files(
     assert main(["animate", "pendulum", "--out", str(tmp_path / "motion.svg")]) == 0
     assert (tmp_path / "motion.svg").read_text().startswith("<svg")
     save(_run(), tmp_path / "kept" / "fixed.nc")
-    assert main(["animate", "--from", str(tmp_path / "kept"), "--out", str(tmp_path / "motion.html")]) == 0
+    assert (
+        main(["animate", "--from", str(tmp_path / "kept"), "--out", str(tmp_path / "motion.html")])
+        == 0
+    )
     assert "motion.html" in capsys.readouterr().out
     assert "holds those of: fixed" in refused(
-        "animate", "rolling", "--from", str(tmp_path / "kept"), "--out", str(tmp_path / "other.html")
+        "animate",
+        "rolling",
+        "--from",
+        str(tmp_path / "kept"),
+        "--out",
+        str(tmp_path / "other.html"),
     )
 
 
-def test_view_without_a_display_is_one_sentence(monkeypatch: pytest.MonkeyPatch, refused: Callable[..., str]) -> None:
+def test_view_without_a_display_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, refused: Callable[..., str]
+) -> None:
     pytest.importorskip("mujoco")  # whose viewer it is
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
@@ -409,7 +510,11 @@ def test_view_without_a_display_is_one_sentence(monkeypatch: pytest.MonkeyPatch,
 def test_view_opens_the_exported_scene_at_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
     viewer, shown = pytest.importorskip("mujoco.viewer"), list[Any]()
     monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr(viewer, "launch", lambda model, data: shown.append((model, data.qpos.copy())))
+    monkeypatch.setattr(
+        viewer, "launch", lambda model, data: shown.append((model, data.qpos.copy()))
+    )
     assert main(["view", "rolling"]) == 0
     ((model, start),) = shown
-    assert model.nq == 4 and model.nlight >= 1 and not start.any()  # its joints read zero at the start
+    assert (
+        model.nq == 4 and model.nlight >= 1 and not start.any()
+    )  # its joints read zero at the start

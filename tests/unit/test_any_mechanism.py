@@ -62,7 +62,14 @@ def command(request: pytest.FixtureRequest, tmp_path: Path) -> Command:
     (tmp_path / "machine.json").write_text(machine.to_json())
 
     def run(name: str, *arguments: str) -> dict[str, Any]:
-        words = [name, "--model", str(tmp_path / "machine.json"), "--engines", "echo,second", *arguments]
+        words = [
+            name,
+            "--model",
+            str(tmp_path / "machine.json"),
+            "--engines",
+            "echo,second",
+            *arguments,
+        ]
         assert main([*words, *UNTIL.get(request.param, []), "--out", str(tmp_path / name)]) == 0
         return json.loads((tmp_path / name / f"{name}.json").read_text())
 
@@ -72,11 +79,20 @@ def command(request: pytest.FixtureRequest, tmp_path: Path) -> Command:
 def test_two_engines_are_compared(tmp_path: Path) -> None:
     """This ended in a traceback for a marker of another name."""
     (tmp_path / "machine.json").write_text(MACHINES["tip"].to_json())
-    words = ["compare", "--model", str(tmp_path / "machine.json"), "--engines", "echo,second", "--preset", "tuned"]
+    words = [
+        "compare",
+        "--model",
+        str(tmp_path / "machine.json"),
+        "--engines",
+        "echo,second",
+        "--preset",
+        "tuned",
+    ]
     assert main([*words, "--until", "1", "--out", str(tmp_path / "out")]) in (0, 1)
     results = Results.from_json((tmp_path / "out" / "results.json").read_bytes())
     echo, second = (run.metric("position_max", "tip") for run in results.runs)
-    # The echo is solved to another end, and so its last step before that is another one: 3e-14 a step.
+    # The echo is solved to another end, and so its last step before that is another one: 3e-14 a
+    # step.
     assert echo is not None and echo.value <= 1e-12 and second is not None and second.value
     assert [pair.position_max for pair in results.pairs] == [pytest.approx(second.value)]
 
@@ -96,12 +112,17 @@ def test_budgets_are_of_what_there_is(command: Command) -> None:
     assert found["machines"][0]["launch_time"] is None
     budgets = {f"{budget['engine']} {budget['preset']}": budget for budget in found["budgets"]}
     second = budgets["second tuned"]
-    assert second["message"] is None and [quantity["name"] for quantity in second["quantities"]] == [
+    assert second["message"] is None and [
+        quantity["name"] for quantity in second["quantities"]
+    ] == [
         "position",
         "energy",
     ]
     assert second["quantities"][0]["largest"] > 1e-8
-    assert all(each["tuned"]["torque"] is None and each["tuned"]["release"] is None for each in found["comparisons"])
+    assert all(
+        each["tuned"]["torque"] is None and each["tuned"]["release"] is None
+        for each in found["comparisons"]
+    )
 
 
 def test_advice_is_on_positions(command: Command) -> None:
@@ -127,18 +148,27 @@ def test_what_is_compared_is_the_farthest_point(name: str) -> None:
     else:
         kinematics = Kinematics(machine)
         centres = {body.name: kinematics.point(body.name, body.centre) for body in machine.bodies}
-        errors = {b: kinematics.position(c, run.q) - kinematics.position(c, exact.q) for b, c in centres.items()}
+        errors = {
+            b: kinematics.position(c, run.q) - kinematics.position(c, exact.q)
+            for b, c in centres.items()
+        }
     expected = {point: np.linalg.norm(error[keep], axis=1).max() for point, error in errors.items()}
     assert trial.position == pytest.approx(max(expected.values()), rel=1e-12)
     assert trial.deviation is not None and set(trial.deviation.positions) == set(expected)
     assert expected[trial.deviation.farthest] == max(expected.values())
     on_grid = np.linalg.norm(trial.deviation.positions[trial.deviation.farthest], axis=0).max()
-    assert on_grid == pytest.approx(max(expected.values()), rel=1e-3)  # the grid has the end, where it is largest
+    assert on_grid == pytest.approx(
+        max(expected.values()), rel=1e-3
+    )  # the grid has the end, where it is largest
 
 
-def test_the_positions_uncertainty_without_markers_is_that_of_a_marker_at_the_centre_at_most_some_times() -> None:
+def test_the_positions_uncertainty_without_markers_is_that_of_a_marker_at_the_centre_at_most_some_times() -> (
+    None
+):
     """The bound by coordinates holds what a marker says, and is no more than rounding's and safety's factor above."""
-    marked, bare = (Trials(MACHINES[name]).uncertainty("position_max") for name in ("tip", "no marker"))
+    marked, bare = (
+        Trials(MACHINES[name]).uncertainty("position_max") for name in ("tip", "no marker")
+    )
     assert marked is not None and bare is not None
     assert 0.5 * marked <= bare <= 10 * marked
 
@@ -146,11 +176,18 @@ def test_the_positions_uncertainty_without_markers_is_that_of_a_marker_at_the_ce
 def test_without_gravity_an_end_is_asked_for(tmp_path: Path, refused: Callable[..., str]) -> None:
     path = tmp_path / "machine.json"
     path.write_text(MACHINES["no gravity"].to_json())
-    for words in (["converge"], ["explain"], ["recommend", "--position", "1"], ["run", "--engine", "echo"]):
+    for words in (
+        ["converge"],
+        ["explain"],
+        ["recommend", "--position", "1"],
+        ["run", "--engine", "echo"],
+    ):
         assert "has no gravity" in refused(*words, "--model", str(path), "--out", "out")
 
 
-def test_a_motion_is_compared_up_to_its_predictability_horizon(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_motion_is_compared_up_to_its_predictability_horizon(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     wild = chain(start=(-2.5, -2.0), start_speeds=())
     monkeypatch.setattr(converging, "_STEPS", STEPS[:1])
     studies = converging.converge(Study([wild], ["second"], until=3.0, isolate=False), ["timestep"])
@@ -172,7 +209,9 @@ def test_what_the_reference_does_not_do_cannot_be_asked() -> None:
 @pytest.mark.parametrize("until", ["release:hanger rest", "launch", "0.5"])
 def test_the_end_is_that_of_the_study(until: str) -> None:
     expected = Runner(tb.fixed(), until=Until.of(until)).end
-    found = converging.converge(Study([tb.fixed()], ["second"], until=until, isolate=False), ["timestep"]).machines[0]
+    found = converging.converge(
+        Study([tb.fixed()], ["second"], until=until, isolate=False), ["timestep"]
+    ).machines[0]
     assert found.compared_to == expected
     assert (found.launch_time is None) == (until in ("release:hanger rest", "0.5"))
 
@@ -182,7 +221,9 @@ def test_steps_follow_the_size(tmp_path: Path) -> None:
     small = hanging_bob(markers=(Marker(name="tip", body="bob", point=(0.02, 0)),), length=0.02)
     finest: list[float] = []
     for machine in (MACHINES["tip"], small):
-        found = converging.converge(Study([machine], ["second"], isolate=False), ["timestep"]).machines[0]
+        found = converging.converge(
+            Study([machine], ["second"], isolate=False), ["timestep"]
+        ).machines[0]
         finest.append(min(point.value for study in found.studies for point in study.points))
     assert 10 / 2**0.5 / 1.03 <= finest[0] / finest[1] <= 10 * 2**0.5 * 1.03
 
@@ -192,10 +233,16 @@ def test_trials_to_another_end_are_other_trials(tmp_path: Path) -> None:
 
     def trial(until: str) -> Trial:
         store = Store(tmp_path, resume=True, records=tmp_path)
-        return Trials(MACHINES["tip"], store=store, until=Until.of(until)).trial(plugins.Second(timestep=0.01))
+        return Trials(MACHINES["tip"], store=store, until=Until.of(until)).trial(
+            plugins.Second(timestep=0.01)
+        )
 
     first, second = trial("0.5"), trial("1.0")
-    assert first.position is not None and second.position is not None and first.position < second.position
+    assert (
+        first.position is not None
+        and second.position is not None
+        and first.position < second.position
+    )
     assert trial("0.5") == first
 
 
@@ -214,6 +261,8 @@ def test_steps_follow_a_short_end() -> None:
         study = Study([tb.fixed()], ["second"], until=until, isolate=False)
         found = converging.converge(study, ["timestep"]).machines[0].studies[0]
         assert all(point.message is None for point in found.points)
-        usual = found.points[-len(converging._STEPS)]  # coarser ones are added where errors are tiny
+        usual = found.points[
+            -len(converging._STEPS)
+        ]  # coarser ones are added where errors are tiny
         assert until / 200 < usual.value < until / 50
         assert found.points[0].value < until / 3

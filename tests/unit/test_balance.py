@@ -20,7 +20,9 @@ from trebucheck.models.problems.registry import benchmark
 from trebucheck.reference.solver import solve
 
 STIFFNESS, MASS, OUT = 100.0, 4.0, 0.3
-SPRING = tb.SpringDamper(name="spring", body="block", point=(0, 0), relative_point=(0, 0), stiffness=STIFFNESS)
+SPRING = tb.SpringDamper(
+    name="spring", body="block", point=(0, 0), relative_point=(0, 0), stiffness=STIFFNESS
+)
 
 
 def _block(*elements: Any, stops: tuple[Any, ...] = (), **changes: Any) -> tb.Mechanism:
@@ -30,7 +32,12 @@ def _block(*elements: Any, stops: tuple[Any, ...] = (), **changes: Any) -> tb.Me
         "bodies": (tb.Body(name="block", mass=MASS, centre=(0, 0), inertia=0.0),),
         "joints": (
             tb.PrismaticJoint(
-                name="rail", child="block", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0), coordinate="x"
+                name="rail",
+                child="block",
+                parent_point=(0, 0),
+                child_point=(0, 0),
+                axis=(1, 0),
+                coordinate="x",
             ),
         ),
         "stops": stops,
@@ -43,12 +50,20 @@ def _block(*elements: Any, stops: tuple[Any, ...] = (), **changes: Any) -> tb.Me
 
 
 def _damped(damping: float) -> tb.SpringDamper:
-    return SPRING.model_copy(update={"damping": damping, "relative_point": (-2, 0), "rest_length": 2.0})
+    return SPRING.model_copy(
+        update={"damping": damping, "relative_point": (-2, 0), "rest_length": 2.0}
+    )
 
 
 def _wall(restitution: float) -> tb.PointStop:
     return tb.PointStop(
-        name="wall", body="block", point=(0, 0), normal=(1, 0), offset=0.05, closed=False, restitution=restitution
+        name="wall",
+        body="block",
+        point=(0, 0),
+        normal=(1, 0),
+        offset=0.05,
+        closed=False,
+        restitution=restitution,
     )
 
 
@@ -71,14 +86,21 @@ def test_what_does_work() -> None:
 
 @pytest.mark.parametrize("step", [1e-3, 1e-2, 4e-2])
 @pytest.mark.parametrize("stops", [(), (_wall(0.7),)], ids=["smooth", "impacts"])
-def test_the_balance_of_energy_is_known_to_what_the_samples_leave_unknown(step: float, stops: tuple[Any, ...]) -> None:
+def test_the_balance_of_energy_is_known_to_what_the_samples_leave_unknown(
+    step: float, stops: tuple[Any, ...]
+) -> None:
     """A damped block, also with impacts: the reference's balance is constant between them, an engine's nearly."""
     block = _block(_damped(2.0), stops=stops)
-    solution, own = _solved(block, 3e-14), _solved(block).trajectory(np.arange(0, 2.0 - step / 3, step))
+    solution, own = (
+        _solved(block, 3e-14),
+        _solved(block).trajectory(np.arange(0, 2.0 - step / 3, step)),
+    )
     (metric,) = (m for m in measure(own, solution, 1.99) if m.name == "energy_balance")
     assert metric.value is not None and metric.sampling_error is not None
     assert metric.value < metric.sampling_error + 1e-9
-    assert metric.sampling_error < 9.0 * ((5 * step) ** 2 if stops else (2 * 5 * step) ** 4)  # of 9 W at most
+    assert metric.sampling_error < 9.0 * (
+        (5 * step) ** 2 if stops else (2 * 5 * step) ** 4
+    )  # of 9 W at most
     t = np.linspace(0.0, 2.0, 2001)
     kept = balance.reference_balance(solution, solution.trajectory(t))
     lost = np.abs(np.diff(kept)) > 1e-11
@@ -91,7 +113,9 @@ def test_the_work_of_a_motor_in_closed_form() -> None:
     pushed = _block(tb.ConstantForce(name="push", body="block", point=(0, 0), force=(3.0, 5.0)))
     solution = _solved(pushed)
     t = np.linspace(0.0, 2.0, 201)
-    assert balance.reference_work(solution, t) == pytest.approx(3.0 * 0.5 * 3.0 / MASS * t**2, abs=1e-11)
+    assert balance.reference_work(solution, t) == pytest.approx(
+        3.0 * 0.5 * 3.0 / MASS * t**2, abs=1e-11
+    )
 
 
 def test_a_damper_that_is_too_weak_breaks_the_balance() -> None:
@@ -100,7 +124,9 @@ def test_a_damper_that_is_too_weak_breaks_the_balance() -> None:
     solution = _solved(right)
     (metric,) = (m for m in measure(own, solution, 1.9) if m.name == "energy_balance")
     assert metric.value is not None
-    assert metric.value > 10e-3 * scales_until(solution, 1.9).energy  # ten times the default tolerance
+    assert (
+        metric.value > 10e-3 * scales_until(solution, 1.9).energy
+    )  # ten times the default tolerance
 
 
 @pytest.mark.parametrize(
@@ -149,8 +175,14 @@ def test_horizontal_momentum_is_an_invariant_where_nothing_from_outside_acts_alo
     assert invariant(_free()) and invariant(_free(force_elements=(lift,)))
     assert invariant(_free(gravity=0.0, gravity_direction=(1.0, 0.0)))
     assert not invariant(_free(gravity_direction=(0.6, -0.8)))
-    assert not invariant(_free(force_elements=(push,))) and not invariant(_free(force_elements=(SPRING,)))
-    assert invariant(_block(lift)) and not invariant(_block()) and not invariant(_block(lift, stops=(_wall(0.0),)))
+    assert not invariant(_free(force_elements=(push,))) and not invariant(
+        _free(force_elements=(SPRING,))
+    )
+    assert (
+        invariant(_block(lift))
+        and not invariant(_block())
+        and not invariant(_block(lift, stops=(_wall(0.0),)))
+    )
     upright = _block(lift).joints[0].model_copy(update={"axis": (0.0, 1.0)})
     assert not invariant(_block(lift, joints=(upright,)))
 
@@ -162,9 +194,9 @@ def test_scales_of_a_block_on_a_spring() -> None:
     """It has no length of its own: that of its way; no joint force; and the time of its spring, not of its way."""
     scales = scales_until(solve(tb.Problem(_block(), duration=2.0)), 2.0)
     assert scales.length == pytest.approx(2 * OUT, rel=1e-3)
-    assert scales.time == pytest.approx(math.sqrt(MASS / STIFFNESS)) and scales.speed == pytest.approx(
-        5 * OUT, rel=1e-3
-    )
+    assert scales.time == pytest.approx(
+        math.sqrt(MASS / STIFFNESS)
+    ) and scales.speed == pytest.approx(5 * OUT, rel=1e-3)
     assert scales.force == pytest.approx(STIFFNESS * OUT) and scales.energy == pytest.approx(
         STIFFNESS * OUT**2, rel=1e-3
     )
@@ -184,7 +216,10 @@ def test_subjects_of_free_and_sliding_bodies() -> None:
     assert sliding == {"angle": (), "slide": ("x",), "reaction": ("rail",)}
     free = {title: JUDGED[title].subjects(_free()) for title in ("angle", "slide", "reaction")}
     assert free == {"angle": ("a",), "slide": ("x", "y"), "reaction": ()}
-    labels = {m.label for m in measure(_solved(_free()).trajectory(np.linspace(0, 1, 50)), _solved(_free()), 1.0)}
+    labels = {
+        m.label
+        for m in measure(_solved(_free()).trajectory(np.linspace(0, 1, 50)), _solved(_free()), 1.0)
+    }
     assert {"angle_max (a)", "slide_max (x)", "slide_max (y)", "horizontal_momentum"} <= labels
     assert not any(label.startswith("joint_reaction") for label in labels)
 
@@ -200,18 +235,26 @@ def test_a_claim_is_widened_up_to_the_default() -> None:
 def test_slides_on_bodies_are_lengths() -> None:
     """A bob 0.8 m out on a rod that turns without length of its own; on a ground rail only the way counts."""
     rod = tb.Body(name="rod", angle="a", mass=1.0, centre=(0, 0), inertia=0.0004)
-    pin = tb.PinJoint(name="pin", parent="ground", child="rod", parent_point=(0, 0), child_point=(0, 0))
+    pin = tb.PinJoint(
+        name="pin", parent="ground", child="rod", parent_point=(0, 0), child_point=(0, 0)
+    )
     rail = _block().joints[0].model_copy(update={"parent": "rod"})
     spring = SPRING.model_copy(update={"relative_to": "rod", "rest_length": 0.5})
-    turning = _block(spring, bodies=(rod, *_block().bodies), joints=(pin, rail), start=(0.3, 0.8), gravity=9.81)
-    assert scales_until(solve(tb.Problem(turning, duration=0.01)), 0.01).length == pytest.approx(0.02 + 0.8, rel=1e-3)
+    turning = _block(
+        spring, bodies=(rod, *_block().bodies), joints=(pin, rail), start=(0.3, 0.8), gravity=9.81
+    )
+    assert scales_until(solve(tb.Problem(turning, duration=0.01)), 0.01).length == pytest.approx(
+        0.02 + 0.8, rel=1e-3
+    )
     tied = SPRING.model_copy(update={"relative_point": (0, 1.5), "rest_length": 1.0})
     hung = _free(force_elements=(tied,), gravity=0.0)
     assert scales_until(solve(tb.Problem(hung, duration=0.01)), 0.01).length == pytest.approx(
         math.hypot(OUT, 1.4), rel=1e-3
     )
     far = _block(SPRING.model_copy(update={"relative_point": (1000, 0)}), start=(1000 + OUT,))
-    assert scales_until(solve(tb.Problem(far, duration=2.0)), 2.0).length == pytest.approx(2 * OUT, rel=1e-3)
+    assert scales_until(solve(tb.Problem(far, duration=2.0)), 2.0).length == pytest.approx(
+        2 * OUT, rel=1e-3
+    )
 
 
 def test_forces_are_not_compared_beside_a_singular_position() -> None:
@@ -226,11 +269,15 @@ def test_forces_are_not_compared_beside_a_singular_position() -> None:
 
     def error(shift: float) -> float:
         """Of a force that is wrong by 1 N at one time, the passage and so much later."""
-        wrong = run.joint_reactions[joint] + (np.abs(t - first - shift) < 6e-4)[:, None] * np.array([1.0, 0.0])
+        wrong = run.joint_reactions[joint] + (np.abs(t - first - shift) < 6e-4)[:, None] * np.array(
+            [1.0, 0.0]
+        )
         spoilt = replace(run, joint_reactions={**run.joint_reactions, joint: wrong})
         found = {m.label: m.value for m in measure(spoilt, solution, 1.0, scales=scales)}
         return found[f"joint_reaction_max ({joint})"] or 0.0
 
     assert error(0.0) < 1e-6 and error(0.15 * scales.time) == pytest.approx(1.0)
-    found = stretching_until(solve(problem), problem.duration, scales_until(solve(problem), problem.duration))
+    found = stretching_until(
+        solve(problem), problem.duration, scales_until(solve(problem), problem.duration)
+    )
     assert found.horizon == problem.duration

@@ -121,7 +121,11 @@ def test_causes_that_add_are_told_apart_and_the_unknown_stays_unexplained() -> N
     found = _budget(error, PymunkEngine.stock())
     whole = error(PymunkEngine.stock().settings, fixed())
     bias = PymunkEngine.stock().error_bias / 0.00179701
-    parts = {"start and labels": 0.5 * T, "error bias": 0.3 * bias * T**2, "event location": -0.2 * T}
+    parts = {
+        "start and labels": 0.5 * T,
+        "error bias": 0.3 * bias * T**2,
+        "event location": -0.2 * T,
+    }
     shares = _shares(found)
     for cause, part in parts.items():
         assert shares[cause] == pytest.approx(part @ whole / (whole @ whole), abs=ROUNDING)
@@ -130,8 +134,12 @@ def test_causes_that_add_are_told_apart_and_the_unknown_stays_unexplained() -> N
     assert all(abs(shares[cause]) < ROUNDING for cause in others)
     position = found.quantity("position")
     assert position is not None and position.explained is not None
-    assert position.explained == pytest.approx(1.0 - np.linalg.norm(unknown) / np.linalg.norm(whole), abs=ROUNDING)
-    assert sum(shares.values()) + (position.rest.fraction or 0.0) == pytest.approx(1.0, abs=ROUNDING)
+    assert position.explained == pytest.approx(
+        1.0 - np.linalg.norm(unknown) / np.linalg.norm(whole), abs=ROUNDING
+    )
+    assert sum(shares.values()) + (position.rest.fraction or 0.0) == pytest.approx(
+        1.0, abs=ROUNDING
+    )
     assert position.rms == pytest.approx(np.sqrt(np.mean(whole**2)))
 
 
@@ -144,7 +152,9 @@ def test_pairwise_interactions_are_shared_as_by_shapley() -> None:
 
     found = _budget(lambda s, _: size(s) * T, PymunkEngine.stock())
     stock = PymunkEngine.stock().settings
-    removals = {c.name: c.removal.options for c in causes_of(PymunkEngine.stock()) if c.removal is not None}
+    removals = {
+        c.name: c.removal.options for c in causes_of(PymunkEngine.stock()) if c.removal is not None
+    }
     players = ("time step", "error bias", "start and labels")
     expected = dict.fromkeys(players, 0.0)
     for order in permutations(players):
@@ -195,7 +205,9 @@ def test_softness_is_told_from_the_time_step_although_it_is_scaled_with_it() -> 
     position = found.quantity("position")
     assert position is not None
     softness = next(share for share in position.shares if share.cause == "constraint softness")
-    assert softness.second == pytest.approx(T @ e / (e @ e), rel=1e-6)  # by doubling 1 - d: nothing is left of it
+    assert softness.second == pytest.approx(
+        T @ e / (e @ e), rel=1e-6
+    )  # by doubling 1 - d: nothing is left of it
 
 
 def test_roundoff_is_measured_and_taken_off_the_rest_in_quadrature() -> None:
@@ -215,7 +227,9 @@ def test_roundoff_is_measured_and_taken_off_the_rest_in_quadrature() -> None:
 
 
 @given(st.lists(st.integers(0, 7), max_size=8), st.data())
-def test_orders_take_out_every_cause_once_and_keep_to_precedence(numbers: list[int], data: st.DataObject) -> None:
+def test_orders_take_out_every_cause_once_and_keep_to_precedence(
+    numbers: list[int], data: st.DataObject
+) -> None:
     names = [str(n) for n in dict.fromkeys(numbers)]
     causes: list[Cause] = []
     for i, name in enumerate(names):
@@ -267,7 +281,9 @@ def test_no_error_makes_no_share() -> None:
 
 @pytest.mark.parametrize("engine_type", ENGINES, ids=lambda e: e.name)
 @pytest.mark.parametrize("preset", ["stock", "tuned"])
-def test_every_intervention_is_valid_and_changes_something(engine_type: type[BuiltinEngine], preset: str) -> None:
+def test_every_intervention_is_valid_and_changes_something(
+    engine_type: type[BuiltinEngine], preset: str
+) -> None:
     engine = engine_type.presets()[preset]()
     causes = causes_of(engine)
     assert "time step" in {cause.name for cause in causes}
@@ -277,7 +293,12 @@ def test_every_intervention_is_valid_and_changes_something(engine_type: type[Bui
         for done in (cause.removal, cause.scaling):
             if done is not None:
                 changed = with_options(engine, done.options)
-                assert changed != engine or done.own_kinematics or done.filtered_torques or done.point_inertia
+                assert (
+                    changed != engine
+                    or done.own_kinematics
+                    or done.filtered_torques
+                    or done.point_inertia
+                )
 
 
 @pytest.mark.parametrize("engine_type", ENGINES, ids=lambda e: e.name)
@@ -294,7 +315,9 @@ def test_softness_that_is_no_more_than_the_step_allows_is_reduced_with_it() -> N
         for engine in (MujocoEngine.stock(), MujocoEngine.tuned())
     )
     assert (stock.after, stock.scaling) == ((), None)
-    assert tuned.after == ("time step",) and tuned.scaling is not None and tuned.scaling.leaves == 2.0
+    assert (
+        tuned.after == ("time step",) and tuned.scaling is not None and tuned.scaling.leaves == 2.0
+    )
 
 
 MANUAL = {"RK4": (2.0, 1.5), "Euler": (1.0, 1.0), "implicit": (1.0, 1.0)}
@@ -303,7 +326,9 @@ MANUAL = {"RK4": (2.0, 1.5), "Euler": (1.0, 1.0), "implicit": (1.0, 1.0)}
 
 @pytest.mark.parametrize("integrator", MANUAL)
 @pytest.mark.parametrize("moving_points", [True, False])
-@pytest.mark.parametrize("kinds", [ConstraintKinds(), ConstraintKinds(True, True), ConstraintKinds(False, True)])
+@pytest.mark.parametrize(
+    "kinds", [ConstraintKinds(), ConstraintKinds(True, True), ConstraintKinds(False, True)]
+)
 def test_the_softness_that_follows_from_the_step_is_the_same_wherever_it_is_written_out(
     integrator: str, moving_points: bool, kinds: ConstraintKinds
 ) -> None:
@@ -331,7 +356,9 @@ def test_the_softness_written_out_is_that_of_the_built_model(name: str, integrat
     made = MujocoEngine(integrator=integrator)  # type: ignore[arg-type]
     built = load(mechanism, made)
     kinds = ConstraintKinds.of(mechanism)
-    given = built.jnt_solref if kinds.angles else built.pair_solref if built.npair else built.eq_solref
+    given = (
+        built.jnt_solref if kinds.angles else built.pair_solref if built.npair else built.eq_solref
+    )
     assert tuple(given[0]) == effective_solref(made.settings, kinds)
 
 
@@ -351,7 +378,9 @@ def test_an_engine_that_does_not_tell_its_options_is_completed() -> None:
     assert made.simulate(Problem(fixed(), duration=0.1)).t[1] == pytest.approx(5e-3)
     with Worker() as worker:
         trial = Trials(fixed(), worker).trial(made)
-    assert trial.position == 0.0 and trial.preset == "stock" and trial.settings == {"timestep": 5e-3}
+    assert (
+        trial.position == 0.0 and trial.preset == "stock" and trial.settings == {"timestep": 5e-3}
+    )
 
 
 @pytest.mark.usefixtures("third_party")
@@ -377,7 +406,9 @@ def test_the_filter_stops_what_alternates_and_leaves_cubics() -> None:
     run = _reference()
     k = np.arange(len(run.t))
     smooth = 1.0 + run.t - 2.0 * run.t**2 + 3.0 * run.t**3
-    filtered = with_filtered_torques(_with_torque(run, smooth + (-1.0) ** k)).stop_torque(HANGER_REST)
+    filtered = with_filtered_torques(_with_torque(run, smooth + (-1.0) ** k)).stop_torque(
+        HANGER_REST
+    )
     release = run.release_time(HANGER_REST)
     assert release is not None
     inside = (k >= 2) & (k < len(k) - 2) & (np.abs(run.t - release) > 3 * 2e-3)
@@ -390,14 +421,18 @@ def test_the_filter_stops_what_alternates_and_leaves_cubics() -> None:
 def test_by_its_own_kinematics_the_reference_is_where_it_was() -> None:
     run, again = _reference(), by_kinematics(_reference())
     for name, motion in run.markers.items():
-        assert np.abs(again.marker(name).position - motion.position).max() < 1e-13  # a few ulps of 24 m
+        assert (
+            np.abs(again.marker(name).position - motion.position).max() < 1e-13
+        )  # a few ulps of 24 m
     assert np.abs(again.total_energy / run.total_energy - 1).max() < 1e-12
 
 
 def test_a_reread_engine_is_remembered_as_another_one() -> None:
     engine = PymunkEngine.tuned()
     reread = Reread(engine, own_kinematics=True, filtered_torques=False)
-    assert reread.name == "pymunk" and reread.preset == "tuned" and reread.timestep == engine.timestep
+    assert (
+        reread.name == "pymunk" and reread.preset == "tuned" and reread.timestep == engine.timestep
+    )
     assert reread.settings != engine.settings
 
 
@@ -414,8 +449,14 @@ def test_each_option_is_changed_alone_from_either_end() -> None:
     stock, tuned = PymunkEngine.stock().settings, PymunkEngine.tuned().settings
     assert set(by_option) == {name for name in stock if stock[name] != tuned[name]}
     assert (found.stock.position, found.tuned.position) == (55.0, 1.0)
-    assert (by_option["error_bias"].alone.position, by_option["error_bias"].back.position) == (5.0, 11.0)
-    assert (by_option["leapfrog"].alone.position, by_option["leapfrog"].back.position) == (11.0, 5.0)
+    assert (by_option["error_bias"].alone.position, by_option["error_bias"].back.position) == (
+        5.0,
+        11.0,
+    )
+    assert (by_option["leapfrog"].alone.position, by_option["leapfrog"].back.position) == (
+        11.0,
+        5.0,
+    )
     for seen in study.seen:
         differing = [name for name in stock if seen[name] != stock[name]]
         assert len(differing) in (0, 1, len(by_option) - 1, len(by_option))
@@ -452,7 +493,13 @@ def explanation() -> Explanation:
 
 def test_the_page_shows_causes_failures_and_needs_nothing_else(explanation: Explanation) -> None:
     page = html.page(document(explanation))
-    for text in ("error bias", "start and labels", "unexplained", "it flew apart", "stock, leapfrog = True"):
+    for text in (
+        "error bias",
+        "start and labels",
+        "unexplained",
+        "it flew apart",
+        "stock, leapfrog = True",
+    ):
         assert text in page
     assert "could not be measured" in page and "No budget" in page
     body = page[page.index("</script>") :]
@@ -475,14 +522,24 @@ def test_the_terminal_shows_the_same(explanation: Explanation) -> None:
     console = Console(width=110, record=True, file=StringIO())
     terminal.show(document(explanation), console)
     text = console.export_text()
-    for part in ("pymunk stock", "error bias", "it flew apart", "leapfrog as tuned", "or more of every error"):
+    for part in (
+        "pymunk stock",
+        "error bias",
+        "it flew apart",
+        "leapfrog as tuned",
+        "or more of every error",
+    ):
         assert part in text
 
 
 def test_explain_json_keeps_to_its_published_schema(explanation: Explanation) -> None:
     from importlib.resources import files
 
-    text = files("trebucheck.comparisons").joinpath("schemas/explain.schema.json").read_text(encoding="utf-8")
+    text = (
+        files("trebucheck.comparisons")
+        .joinpath("schemas/explain.schema.json")
+        .read_text(encoding="utf-8")
+    )
     assert text == schema_text(Explanation)
     jsonschema.validate(json.loads(explanation.to_json()), json.loads(text))
     assert Explanation.from_json(explanation.to_json()) == explanation
@@ -514,7 +571,9 @@ def test_a_machine_that_cannot_throw_is_refused() -> None:
         explain(Study([still], engines=["reference"], isolate=False))
 
 
-def test_an_engine_that_is_not_installed_is_a_row_of_the_explanation(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_engine_that_is_not_installed_is_a_row_of_the_explanation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(ExudynEngine, "is_installed", classmethod(lambda _: False))
     explanation = explain(Study([fixed()], engines=["exudyn"], presets=["tuned"], isolate=False))
     (absent,) = explanation.budgets

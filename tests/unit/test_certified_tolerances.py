@@ -6,7 +6,11 @@ import pytest
 import trebucheck as tb
 from trebucheck.comparisons.runs.scales import scales_until
 from trebucheck.comparisons.runs.uncertainty import reference_uncertainties
-from trebucheck.reference.certification.certificate import Uncertainties, estimate_uncertainty, refusal
+from trebucheck.reference.certification.certificate import (
+    Uncertainties,
+    estimate_uncertainty,
+    refusal,
+)
 from trebucheck.reference.solver import solve_to_launch
 
 
@@ -23,7 +27,9 @@ def test_finer_ones_are_refused_with_both_numbers() -> None:
 
 
 def test_subjects_fall_back_on_the_metric() -> None:
-    known = Uncertainties(source="estimate", values={"position_max": 1e-11, "release_time (sling rest)": 1e-13})
+    known = Uncertainties(
+        source="estimate", values={"position_max": 1e-11, "release_time (sling rest)": 1e-13}
+    )
     assert known.of("position_max", "counterweight") == 1e-11
     assert known.of("release_time", "sling rest") == 1e-13
     assert known.of("release_time", "hanger rest") is None
@@ -34,6 +40,8 @@ def test_a_launch_at_the_end_of_the_compared_motion_has_an_uncertainty_of_its_ow
     solution = solve_to_launch(tb.fixed(tb.TrebuchetParameters(l1=9.5)))
     assert solution.launch is not None
     end, known = solution.launch.time, estimate_uncertainty(solution).of("launch_time")
-    compared = reference_uncertainties(solution, end, scales_until(solution, end), "projectile").of("launch_time")
+    compared = reference_uncertainties(solution, end, scales_until(solution, end), "projectile").of(
+        "launch_time"
+    )
     assert known is not None and compared is not None
     assert known / 10 < compared < 10 * known

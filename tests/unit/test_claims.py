@@ -17,7 +17,15 @@ from trebucheck.comparisons.report.numbers import sentence
 from trebucheck.models.spec import schema_text
 from trebucheck.paper import report as shown
 from trebucheck.paper.design.efficiency import MachineEfficiency, Machines, SlingThrow, WidestThrow
-from trebucheck.paper.evidence.claims import Claim, EngineValue, Quantity, Series, Study, Verdict, parse
+from trebucheck.paper.evidence.claims import (
+    Claim,
+    EngineValue,
+    Quantity,
+    Series,
+    Study,
+    Verdict,
+    parse,
+)
 from trebucheck.paper.evidence.quantities import fit
 from trebucheck.paper.evidence.verdicts import (
     Cause,
@@ -58,7 +66,9 @@ def _q(value: float, uncertainty: float | None = None, unit: str = "m") -> Quant
         ("-3", -3, 0.5),
     ],
 )
-def test_a_printed_number_is_known_to_half_its_last_digit(text: str, value: float, half: float) -> None:
+def test_a_printed_number_is_known_to_half_its_last_digit(
+    text: str, value: float, half: float
+) -> None:
     number = parse(text)
     assert number.value == value
     assert number.half == pytest.approx(half, rel=1e-15)
@@ -90,7 +100,10 @@ def test_a_number_holds_to_its_digits_and_our_uncertainty(
     ("on_grid", "verdict"),
     [
         (45.4, Verdict.WITHIN_GRID),
-        (43.8, Verdict.FAILS),  # as in the paper: 45 lies between this point and the one before it, and at neither
+        (
+            43.8,
+            Verdict.FAILS,
+        ),  # as in the paper: 45 lies between this point and the one before it, and at neither
         (46.5, Verdict.FAILS),
     ],
 )
@@ -105,11 +118,16 @@ def test_a_number_picked_from_a_grid_is_our_value_at_the_point_that_is_best_on_i
 @pytest.mark.parametrize(
     ("launch", "verdict"), [(3.38, Verdict.OPEN), (6.58, Verdict.HOLDS)], ids=["one of two", "both"]
 )
-def test_a_text_with_two_meanings_is_decided_only_where_both_agree(launch: float, verdict: Verdict) -> None:
+def test_a_text_with_two_meanings_is_decided_only_where_both_agree(
+    launch: float, verdict: Verdict
+) -> None:
     found = by_reading({"there and back": _q(6.607), "by the launch": _q(launch)}, "6.6 m")
     assert found.verdict is verdict
     assert "by the launch" in found.rule
-    assert by_reading({"there and back": _q(6.7), "by the launch": _q(3.38)}, "6.6 m").verdict is Verdict.FAILS
+    assert (
+        by_reading({"there and back": _q(6.7), "by the launch": _q(3.38)}, "6.6 m").verdict
+        is Verdict.FAILS
+    )
 
 
 def test_only_causes_that_apply_are_given() -> None:
@@ -178,13 +196,23 @@ def test_fits_tell_parabolas_from_what_is_none() -> None:
 
 
 def test_claims_stand_in_the_papers_order() -> None:
-    places = ["Sec. I", "Eq. (5)", "Secs. II, IV to VI", "Sec. III, Fig. 2", "Sec. IV", "Table II", "Sec. V, Fig. 5"]
+    places = [
+        "Sec. I",
+        "Eq. (5)",
+        "Secs. II, IV to VI",
+        "Sec. III, Fig. 2",
+        "Sec. IV",
+        "Table II",
+        "Sec. V, Fig. 5",
+    ]
     places += ["Secs. VI, VII", "Sec. VII"]
     shuffled = places[4:] + places[:4]
     assert sorted(shuffled, key=order) == places
 
 
-def _efficiency(name: str, built: float, fastest: float | None, best: float | None) -> MachineEfficiency:
+def _efficiency(
+    name: str, built: float, fastest: float | None, best: float | None
+) -> MachineEfficiency:
     """A machine of which only the efficiencies matter."""
     rest = {"launch_time": 1.0, "speed": 1.0, "kinetic_energy": 1.0, "arm_angle": 1.0, "sling": 6.0}
     return MachineEfficiency(
@@ -194,7 +222,9 @@ def _efficiency(name: str, built: float, fastest: float | None, best: float | No
         total_energy=1.0,
         table_one=SlingThrow(**rest, efficiency=built),
         fastest_sling=None if fastest is None else SlingThrow(**rest, efficiency=fastest),
-        most_efficient=None if best is None else WidestThrow(**rest, efficiency=best, l1=10.0, theta0=0.0),
+        most_efficient=None
+        if best is None
+        else WidestThrow(**rest, efficiency=best, l1=10.0, theta0=0.0),
         speed_uncertainty=None,
     )
 
@@ -204,7 +234,12 @@ def _efficiency(name: str, built: float, fastest: float | None, best: float | No
     [
         ((0.7, 0.8, 0.9), (0.6, 0.7, 0.8), Verdict.HOLDS, ""),
         ((0.3, 0.8, 0.9), (0.6, 0.7, 0.8), Verdict.OPEN, "depends on lengths"),
-        ((0.3, 0.6, 0.62), (0.6, 0.7, 0.8), Verdict.OPEN, "depends on lengths"),  # its best beats the other as built
+        (
+            (0.3, 0.6, 0.62),
+            (0.6, 0.7, 0.8),
+            Verdict.OPEN,
+            "depends on lengths",
+        ),  # its best beats the other as built
         ((0.3, 0.5, 0.59), (0.6, 0.7, 0.8), Verdict.FAILS, "0.983"),
         ((0.3, 0.5, None), (0.6, 0.7, None), Verdict.OPEN, "needs heyoka"),
         ((0.7, 0.8, None), (0.6, 0.7, None), Verdict.HOLDS, ""),
@@ -215,7 +250,11 @@ def test_who_beats_whom_is_told_only_where_lengths_do_not_decide(
 ) -> None:
     others = [_efficiency(name, 0.1, 0.1, 0.1) for name in ("fixed", "catapult", "hinged")]
     machines = Machines(
-        machines=(_efficiency("floating-arm", *floating), _efficiency("rolling", *rolling), *others),
+        machines=(
+            _efficiency("floating-arm", *floating),
+            _efficiency("rolling", *rolling),
+            *others,
+        ),
         slings=(2.0, 14.0),
         bounds={"l1": (7.0, 13.0), "r": (2.0, 14.0), "theta0": (1.7, 2.6)},
         seconds=0.0,
@@ -245,7 +284,10 @@ def test_the_papers_energies_tell_machines_apart() -> None:
     """The same comparison with a length off by one part in a million is seen, far above rounding."""
     p = tb.TrebuchetParameters()
     other = p.model_copy(update={"r": p.r * (1 + 1e-6)})
-    for build, energies in ((tb.fixed, rows_machine.fixed_energies), (tb.rolling, rows_machine.rolling_energies)):
+    for build, energies in (
+        (tb.fixed, rows_machine.fixed_energies),
+        (tb.rolling, rows_machine.rolling_energies),
+    ):
         assert rows_machine.largest_difference(build(p), p, energies) < 1e-13
         assert rows_machine.largest_difference(build(p), other, energies) > 1e-9
 
@@ -270,7 +312,14 @@ def small() -> Study:
         claim("lever ratio", "Secs. V, VII", _q(1.82, unit=""), "2.42:1"),
         claim("speed at 10.3", "Sec. V", _q(95.8, unit="m/s"), "0 m/s"),
     )
-    line = Series(figure="Fig. 4", name="reference", x=(0.0, 1.0), y=(1.0, 2.0), x_label="t [s]", y_label="range [m]")
+    line = Series(
+        figure="Fig. 4",
+        name="reference",
+        x=(0.0, 1.0),
+        y=(1.0, 2.0),
+        x_label="t [s]",
+        y_label="range [m]",
+    )
     return Study(
         made="2000-01-01T00:00:00+00:00", versions={"trebucheck": "0"}, machines=(tb.fixed(),), claims=claims,
         series=(line,), sections={"drag": {"failed": "it <crashed>"}, "machines": {"any": 1}}, seconds=1.0,
@@ -281,7 +330,8 @@ def test_the_summary_counts_and_ranks(small: Study) -> None:
     assert list(shown.counts(small).values()) == [1, 0, 2, 0]
     assert shown.agreement(small).startswith("1 of 2 values")
     assert [(c.name, e.engine) for c, e in shown.disagreeing(small)] == [("launch speed", "pymunk")]
-    # What the paper concludes comes first, though the other departs more; and one of a section is enough.
+    # What the paper concludes comes first, though the other departs more; and one of a section is
+    # enough.
     assert [claim.name for claim in shown.worst(small.claims, 3)] == ["lever ratio"]
     assert "1 printed numbers" in shown.findings(small)[0]
     assert "and 0 of these" in shown.findings(small)[0]
@@ -290,10 +340,14 @@ def test_the_summary_counts_and_ranks(small: Study) -> None:
 def test_rows_of_one_fact_count_once_and_by_the_least_favourable(small: Study) -> None:
     """The speed holds and its place does not: stated as one fact, that fact does not hold."""
     lever = small.claims[1]
-    holding, place = (each.model_copy(update={"fact": lever.name}) for each in (small.claims[0], small.claims[2]))
+    holding, place = (
+        each.model_copy(update={"fact": lever.name}) for each in (small.claims[0], small.claims[2])
+    )
     study = small.model_copy(update={"claims": (holding, place, lever)})
     assert list(shown.counts(study).values()) == [0, 0, 1, 0]
-    assert [claim.name for claim in shown.facts(study.claims)] == [lever.name]  # the row that the fact is named after
+    assert [claim.name for claim in shown.facts(study.claims)] == [
+        lever.name
+    ]  # the row that the fact is named after
     assert shown.headline(study).startswith("1 claims (of 3 rows")
     assert shown.summary(study).count("2.42:1") == 1
     assert "0 m/s" not in shown.summary(study)
@@ -323,7 +377,9 @@ def test_no_digit_is_shown_that_is_not_known(small: Study) -> None:
 
 def test_the_page_stands_for_itself(small: Study) -> None:
     html = page(shown.document(small))
-    own = re.sub(r"<script>.*?</script>", "", html, flags=re.DOTALL)  # the plotting library's code names addresses
+    own = re.sub(
+        r"<script>.*?</script>", "", html, flags=re.DOTALL
+    )  # the plotting library's code names addresses
     assert 'src="' not in own
     assert 'href="http' not in own
     assert "it &lt;crashed&gt;" in html  # a failed study is said, and escaped
@@ -382,5 +438,7 @@ def test_wrong_input_is_one_sentence(
 
 
 def test_sections_are_checked_before_any_work() -> None:
-    with pytest.raises(tb.InputError, match="there are: design, machines, sweep, identification, drag"):
+    with pytest.raises(
+        tb.InputError, match="there are: design, machines, sweep, identification, drag"
+    ):
         study(["reference"], sections=["colour"])

@@ -46,14 +46,19 @@ def test_every_parameter_is_checked(name: str, value: str, refused: Callable[...
         (["run", "--engine", "reference", "--option", "rtol=1"], "rtol = 1"),
         (["run", "--engine", "reference", "--option", "colour=red"], "colour is not a field"),
         (["run", "--engine", "reference", "--model", "fixed,rolling"], "names 2 machines"),
-        (["run", "--engine", "reference", "--timestep", "0.5", "--duration", "0.1"], "must not be longer"),
+        (
+            ["run", "--engine", "reference", "--timestep", "0.5", "--duration", "0.1"],
+            "must not be longer",
+        ),
         (["run"], "--engine"),
         (["models", "show", "absent.json"], "absent.json cannot be read"),
         (["models", "show"], "Missing argument"),
         (["launch"], "launch"),
     ],
 )
-def test_wrong_input_gets_a_sentence(arguments: list[str], complaint: str, refused: Callable[..., str]) -> None:
+def test_wrong_input_gets_a_sentence(
+    arguments: list[str], complaint: str, refused: Callable[..., str]
+) -> None:
     assert complaint in refused(*arguments)
 
 
@@ -63,11 +68,17 @@ def test_files_that_are_no_mechanism(tmp_path: Path, refused: Callable[..., str]
     assert "bodies.1.mass = -60.0" in refused("models", "show", str(path))
     path.write_bytes(b"\xff\xfe")
     assert str(path) in refused("models", "show", str(path))
-    assert "--set and --beam are for named machines" in refused("models", "show", str(path), "--set", "r=5")
+    assert "--set and --beam are for named machines" in refused(
+        "models", "show", str(path), "--set", "r=5"
+    )
 
 
-@pytest.mark.parametrize("command", [["compare", "--engines", "reference"], ["run", "--engine", "reference"]])
-def test_a_folder_that_cannot_be_written(command: list[str], refused: Callable[..., str], tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "command", [["compare", "--engines", "reference"], ["run", "--engine", "reference"]]
+)
+def test_a_folder_that_cannot_be_written(
+    command: list[str], refused: Callable[..., str], tmp_path: Path
+) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("kept")
     assert str(blocked) in refused(*command, "--out", str(blocked / "deeper"))
@@ -86,7 +97,9 @@ def test_show_round_trips(capsys: pytest.CaptureFixture[str], tmp_path: Path) ->
 
 def test_beam(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["models", "show", "fixed", "--set", "l1=9", "--beam", "14"]) == 0
-    assert tb.Mechanism.from_json(capsys.readouterr().out) == tb.fixed(tb.TrebuchetParameters(l1=9, l2=5))
+    assert tb.Mechanism.from_json(capsys.readouterr().out) == tb.fixed(
+        tb.TrebuchetParameters(l1=9, l2=5)
+    )
 
 
 def test_list_engines_schema_and_version(capsys: pytest.CaptureFixture[str]) -> None:
@@ -107,7 +120,9 @@ def test_list_engines_schema_and_version(capsys: pytest.CaptureFixture[str]) -> 
     assert tb.__version__ in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("command", [[], ["compare"], ["run"], ["engines"], ["models"], ["models", "export"]])
+@pytest.mark.parametrize(
+    "command", [[], ["compare"], ["run"], ["engines"], ["models"], ["models", "export"]]
+)
 def test_help_shows_options(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*command, "--help"]) == 0
     shown = re.sub(r"\s+", " ", capsys.readouterr().out)
@@ -119,7 +134,9 @@ def test_help_shows_options(command: list[str], capsys: pytest.CaptureFixture[st
 
 
 @pytest.mark.slow
-def test_compare_writes_all_and_ends_well(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_compare_writes_all_and_ends_well(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "deep" / "report"
     assert main(["compare", "--engine", "reference", "--model", "fixed", "--out", str(out)]) == 0
     assert "Agreement holds" in capsys.readouterr().out
@@ -129,7 +146,9 @@ def test_compare_writes_all_and_ends_well(tmp_path: Path, capsys: pytest.Capture
     assert "Fixed machine" in page
     assert results.command == f"trebucheck compare --engine reference --model fixed --out {out}"
     assert (out / "summary.md").read_text().startswith("✓ Agreement holds.")
-    assert not re.search(r"<(script|link|img)[^>]+(src|href)=.(https?:)?//", page), "the report must need nothing else"
+    assert not re.search(r"<(script|link|img)[^>]+(src|href)=.(https?:)?//", page), (
+        "the report must need nothing else"
+    )
     assert sorted(p.name for p in (out / "trajectories").iterdir()) == [
         "fixed-reference-stock.nc",
         "fixed-reference-tuned.nc",
@@ -153,7 +172,9 @@ def test_resuming_a_finished_comparison_writes_nothing_but_what_is_missing(
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.*")} == before
     (tmp_path / "report.html").unlink()
     assert main([*arguments, "--resume"]) == 0
-    again = (tmp_path / "report.html").read_text().replace(f'<p class="plain">{tally[:-1]}</p>\n', "")
+    again = (
+        (tmp_path / "report.html").read_text().replace(f'<p class="plain">{tally[:-1]}</p>\n', "")
+    )
     assert len(again) == len(page)  # but for the random names of its plots
 
 
@@ -166,7 +187,9 @@ def test_a_broken_tolerance_is_exit_code_1(
 
     strict = Tolerance("stock", "launch_speed", 1e-9, 1.0, 0, "a test")
     monkeypatch.setattr(tolerances, "engine_study", lambda _: EngineStudy(tolerances=(strict,)))
-    assert main(["compare", "--engine", "reference", "--model", "fixed", "--out", str(tmp_path)]) == 1
+    assert (
+        main(["compare", "--engine", "reference", "--model", "fixed", "--out", str(tmp_path)]) == 1
+    )
     shown = re.sub(r"\s+", " ", capsys.readouterr().out)
     assert "Agreement does not hold" in shown
     assert "fixed, reference stock: launch_speed" in shown
@@ -175,8 +198,20 @@ def test_a_broken_tolerance_is_exit_code_1(
 
 def test_run_writes_a_trajectory(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "own.nc"
-    arguments = ["run", "--engine", "reference", "--model", "rolling", "--set", "l1=9.5", "--duration", "2.6"]
-    assert main([*arguments, "--timestep", "2e-3", "--option", "rtol=1e-11", "--out", str(path)]) == 0
+    arguments = [
+        "run",
+        "--engine",
+        "reference",
+        "--model",
+        "rolling",
+        "--set",
+        "l1=9.5",
+        "--duration",
+        "2.6",
+    ]
+    assert (
+        main([*arguments, "--timestep", "2e-3", "--option", "rtol=1e-11", "--out", str(path)]) == 0
+    )
     trajectory = load(path)
     assert trajectory.mechanism == tb.rolling(tb.TrebuchetParameters(l1=9.5))
     assert trajectory.provenance.settings["rtol"] == 1e-11
@@ -195,6 +230,8 @@ def test_an_interrupt_is_exit_code_130(
     monkeypatch.setattr(campaign, "compare", interrupted)
     assert main(["compare", "--out", str(tmp_path / "out")]) == 130
     said = capsys.readouterr().err
-    assert "--resume: " in said and all(f" {name}" in said for name in ("compare", "converge", "explain", "recommend"))
+    assert "--resume: " in said and all(
+        f" {name}" in said for name in ("compare", "converge", "explain", "recommend")
+    )
     assert "throw" not in said
     assert not (tmp_path / "out" / "report.html").exists()

@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from trebucheck.engines import contact_events
-from trebucheck.engines.contact_events import ContactEvents, active_contacts, refuse_moving_gaps, resting
+from trebucheck.engines.contact_events import (
+    ContactEvents,
+    active_contacts,
+    refuse_moving_gaps,
+    resting,
+)
 from trebucheck.models.errors import SimulationError, UnsupportedProblemError
 from trebucheck.models.machines.trebuchet import fixed
 from trebucheck.models.mechanism import Mechanism
@@ -49,7 +54,10 @@ def test_slow_and_named_contacts_are_plastic() -> None:
     events, machine = ContactEvents(bouncing(), "engine"), bouncing()
     q, u = np.array(machine.start), np.ones(len(machine.start))
     assert events.restitution({HANGER: -1.0, SLING: -1e-7}, q, u) == {HANGER: 0.5, SLING: 0.0}
-    assert events.restitution({HANGER: -1.0, SLING: -1.0}, q, u, plastic=(HANGER,)) == {HANGER: 0.0, SLING: 0.5}
+    assert events.restitution({HANGER: -1.0, SLING: -1.0}, q, u, plastic=(HANGER,)) == {
+        HANGER: 0.0,
+        SLING: 0.5,
+    }
 
 
 def test_impacts_without_an_end_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,7 +66,9 @@ def test_impacts_without_an_end_are_given_up(monkeypatch: pytest.MonkeyPatch) ->
     events.note_impact(0.0, {})
     events.retract_impact()
     events.note_impact(0.1, {})
-    with pytest.raises(SimulationError, match=r"^engine gave up at t = 0\.2 s: 1 impacts, and no end\.$"):
+    with pytest.raises(
+        SimulationError, match=r"^engine gave up at t = 0\.2 s: 1 impacts, and no end\.$"
+    ):
         events.note_impact(0.2, {})
 
 
@@ -85,6 +95,11 @@ def test_a_closed_stop_whose_gap_changes_is_refused() -> None:
     refuse_moving_gaps(mechanism, "engine")
     stop = mechanism.stop(HANGER)
     assert isinstance(stop, Stop)
-    speeds = tuple(0.25 * stop.sense if body.name == stop.body else 0.0 for body in mechanism.bodies)
-    with pytest.raises(UnsupportedProblemError, match=r"^engine cannot start with stop .* changes at -?0\.25 rad/s:"):
+    speeds = tuple(
+        0.25 * stop.sense if body.name == stop.body else 0.0 for body in mechanism.bodies
+    )
+    with pytest.raises(
+        UnsupportedProblemError,
+        match=r"^engine cannot start with stop .* changes at -?0\.25 rad/s:",
+    ):
         refuse_moving_gaps(mechanism.model_copy(update={"start_speeds": speeds}), "engine")

@@ -110,7 +110,9 @@ def test_the_band_is_a_95_percent_interval() -> None:
     generator = np.random.default_rng(20)
     inside = 0
     for _ in range(200):
-        law = power_law(list(STEPS), list(STEPS**2 * np.exp(generator.normal(0.0, 0.01, len(STEPS)))))
+        law = power_law(
+            list(STEPS), list(STEPS**2 * np.exp(generator.normal(0.0, 0.01, len(STEPS))))
+        )
         assert law is not None and law.points == len(STEPS)
         inside += abs(law.exponent - 2.0) <= law.half_width
     # 190 expected, with a standard deviation of 3.1: three of them either way.
@@ -129,7 +131,11 @@ def test_the_order_of_points_does_not_matter() -> None:
 def _levels(steps: Sequence[float], power: float, noise: float = 0.0) -> list[Level]:
     t = np.linspace(0.0, 1.0, 101)
     generator = np.random.default_rng(3)
-    exact, first, second = np.stack([np.sin(t), t]), np.stack([t**2, np.cos(t)]), np.stack([t, -(t**3)])
+    exact, first, second = (
+        np.stack([np.sin(t), t]),
+        np.stack([t**2, np.cos(t)]),
+        np.stack([t, -(t**3)]),
+    )
     return [
         Level(
             h,
@@ -145,7 +151,9 @@ def _levels(steps: Sequence[float], power: float, noise: float = 0.0) -> list[Le
 
 @pytest.mark.parametrize("power", [1, 2, 4])
 def test_the_limit_is_what_the_levels_tend_to(power: int) -> None:
-    steps = [h * (1 + 0.02 * np.sin(k)) for k, h in enumerate(STEPS[:6])]  # uneven ratios, as of fitted steps
+    steps = [
+        h * (1 + 0.02 * np.sin(k)) for k, h in enumerate(STEPS[:6])
+    ]  # uneven ratios, as of fitted steps
     found = limit(_levels(steps, power))
     assert found is not None
     exact = 1e-3 * np.stack([np.sin(np.linspace(0, 1, 101)), np.linspace(0, 1, 101)])
@@ -175,7 +183,9 @@ def test_observed_order_with_uneven_ratios() -> None:
         h = (1e-2, 4e-3, 3e-3)
         assert observed_order(h, h[0] ** p - h[1] ** p, h[1] ** p - h[2] ** p) == pytest.approx(p)
     assert observed_order((4e-3, 2e-3, 1e-3), 0.0, 1.0) is None
-    assert observed_order((4e-3, 2e-3, 1e-3), 1.0, 2.0) is None, "differences that grow have no order"
+    assert observed_order((4e-3, 2e-3, 1e-3), 1.0, 2.0) is None, (
+        "differences that grow have no order"
+    )
 
 
 def test_weights_cancel_the_powers_and_keep_constants() -> None:
@@ -196,7 +206,13 @@ def _site(answers: dict[str, float], error: float = 1.0, **others: object) -> Si
         return error * min((answers[name] for name in change if name in answers), default=1.0)
 
     settings = tb.engine("mujoco", "stock", timestep=1e-3).model_dump(mode="json")  # type: ignore[attr-defined]
-    fields = {"engine": "mujoco", "settings": settings, "swept": ("timestep",), "error": error, "value": 1e-3}
+    fields = {
+        "engine": "mujoco",
+        "settings": settings,
+        "swept": ("timestep",),
+        "error": error,
+        "value": 1e-3,
+    }
     return Site(**{**fields, "measure": measure, "constraints": ConstraintKinds(), **others})  # type: ignore[arg-type]
 
 
@@ -220,12 +236,17 @@ def test_a_floor_of_the_reference_or_of_rounding() -> None:
     assert floor(_site({}, error=1e-11), 2e-12).cause == "the reference's uncertainty"
     found = floor(_site({}), 0.0, [(5e-4, 4.0)])
     assert found.cause == "rounding" and "h^-2.0" in found.evidence
-    assert floor(_site({"solimp": 0.5}, swept=("tolerance",)), 0.0, [(1e-12, 4.0)]).cause != "rounding"
+    assert (
+        floor(_site({"solimp": 0.5}, swept=("tolerance",)), 0.0, [(1e-12, 4.0)]).cause != "rounding"
+    )
 
 
 def test_the_studys_own_knob_is_left_alone() -> None:
     settings = tb.engine("pymunk", "stock").model_dump(mode="json")  # type: ignore[attr-defined]
-    changed = [set(change) for _, change in refinements("pymunk", settings, ("iterations",), ConstraintKinds())]
+    changed = [
+        set(change)
+        for _, change in refinements("pymunk", settings, ("iterations",), ConstraintKinds())
+    ]
     assert {"timestep"} in changed and {"leapfrog"} in changed
     assert not any("iterations" in change for change in changed)
 
@@ -255,9 +276,16 @@ def test_an_error_that_still_falls_has_no_floor() -> None:
 def test_knobs_are_options_of_their_engines_and_go_from_coarse_to_fine() -> None:
     for name in ("mujoco", "pymunk", "exudyn"):
         for knob in swept_parameters(name):
-            made = [tb.engine(name, knob.preset, **{**knob.base, **knob.options(v)}) for v in knob.values]
-            assert len({one.model_dump_json() for one in made}) == len(made), f"{name} {knob.name}: equal settings"  # type: ignore[attr-defined]
-            assert np.all(np.diff(np.log(knob.values)) < 0) or np.all(np.diff(np.log(knob.values)) > 0)
+            made = [
+                tb.engine(name, knob.preset, **{**knob.base, **knob.options(v)})
+                for v in knob.values
+            ]
+            assert len({one.model_dump_json() for one in made}) == len(made), (
+                f"{name} {knob.name}: equal settings"
+            )  # type: ignore[attr-defined]
+            assert np.all(np.diff(np.log(knob.values)) < 0) or np.all(
+                np.diff(np.log(knob.values)) > 0
+            )
             assert knob.name in parameter_names()
 
 
@@ -286,7 +314,9 @@ def test_fitting_steps_are_hardly_shortened(asked: float) -> None:
         left = np.array([run_duration(end, h) - start for start in (0.0, *events)]) / h
         return float(np.max((np.ceil(left - 1e-9) - left) / left))
 
-    assert shortening(step) < 0.2 * max(shortening(asked * f) for f in (0.981, 0.993, 1.0, 1.007, 1.019))
+    assert shortening(step) < 0.2 * max(
+        shortening(asked * f) for f in (0.981, 0.993, 1.0, 1.007, 1.019)
+    )
 
 
 @pytest.mark.usefixtures("third_party")
@@ -315,7 +345,12 @@ def studies(third_party: None) -> Studies:
 @pytest.mark.slow
 def test_plugins_are_studied_and_failures_are_points(studies: Studies) -> None:
     machine = studies.machines[0]
-    assert {study.label for study in machine.studies} == {"echo tuned", "echo stock", "raiser tuned", "raiser stock"}
+    assert {study.label for study in machine.studies} == {
+        "echo tuned",
+        "echo stock",
+        "raiser tuned",
+        "raiser stock",
+    }
     for study in machine.studies:
         messages = {point.message for point in study.points}
         if study.engine == "raiser":
@@ -328,7 +363,9 @@ def test_plugins_are_studied_and_failures_are_points(studies: Studies) -> None:
             assert study.curve("position").law is None
     text = page(document(studies))
     assert "ZeroDivisionError: careless" in text and "Fixed machine" in text
-    assert not re.search(r"<(script|link|img)[^>]+(src|href)=.(https?:)?//", text), "the page must need nothing else"
+    assert not re.search(r"<(script|link|img)[^>]+(src|href)=.(https?:)?//", text), (
+        "the page must need nothing else"
+    )
 
 
 def test_options_hold_in_every_point_of_a_sweep() -> None:
@@ -358,7 +395,11 @@ def test_what_sets_a_floor_is_looked_for_by_the_engine_itself() -> None:
 
 @pytest.mark.slow
 def test_the_data_keep_to_the_published_schema(studies: Studies) -> None:
-    published = files("trebucheck.comparisons").joinpath("schemas/converge.schema.json").read_text(encoding="utf-8")
+    published = (
+        files("trebucheck.comparisons")
+        .joinpath("schemas/converge.schema.json")
+        .read_text(encoding="utf-8")
+    )
     assert published == schema_text(Studies), "run docs/generate.py"
     jsonschema.validate(json.loads(studies.to_json()), json.loads(published))
     assert Studies.from_json(studies.to_json()) == studies
@@ -371,18 +412,32 @@ def test_the_data_keep_to_the_published_schema(studies: Studies) -> None:
         (["--engines", "reference"], "'reference' is what the others are measured against"),
         (["--knobs", "colour"], "there is no knob 'colour'; there are: timestep, solref"),
         (["--knobs", ","], "--knobs is empty"),
-        (["--engines", "pymunk", "--knobs", "solref"], "none of the engines pymunk has any of the knobs solref"),
+        (
+            ["--engines", "pymunk", "--knobs", "solref"],
+            "none of the engines pymunk has any of the knobs solref",
+        ),
         (["--models", "floating"], "no model 'floating'"),
         (["--set", "l9=3"], "there is no such parameter"),
-        (["--option", "mujoco.solref=-40000,-400"], "option solref of mujoco is what its knob 'solref' turns"),
-        (["--engines", "mujoco", "--option", "timestep=1e-3"], "is what its knob 'timestep' turns; leave the option"),
+        (
+            ["--option", "mujoco.solref=-40000,-400"],
+            "option solref of mujoco is what its knob 'solref' turns",
+        ),
+        (
+            ["--engines", "mujoco", "--option", "timestep=1e-3"],
+            "is what its knob 'timestep' turns; leave the option",
+        ),
         (["--engines", "pymunk", "--knobs", "timestep", "--option", "iterations=0"], "iterations"),
-        (["--engines", "pymunk", "--option", "mujoco.solref=1,1"], "'mujoco' is not among the engines asked for"),
+        (
+            ["--engines", "pymunk", "--option", "mujoco.solref=1,1"],
+            "'mujoco' is not among the engines asked for",
+        ),
         (["--timeout", "0"], "timeout = 0.0 s must be positive"),
         (["--timeout", "nan"], "timeout = nan s must be positive"),
     ],
 )
-def test_wrong_input_gets_a_sentence(arguments: list[str], complaint: str, refused: Callable[..., str]) -> None:
+def test_wrong_input_gets_a_sentence(
+    arguments: list[str], complaint: str, refused: Callable[..., str]
+) -> None:
     of_options = {argument.partition(".")[0] for argument in arguments if "knob" in complaint}
     for engine in {"mujoco", "pymunk"}.intersection({*arguments, *of_options}):
         pytest.importorskip(engine)

@@ -30,7 +30,9 @@ def test_table_one_is_the_default() -> None:
 @pytest.mark.parametrize("name", FIELDS)
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "long", None, True, [1.0]])
 def test_no_parameter_takes_what_is_no_finite_number(name: str, value: object) -> None:
-    with pytest.raises(tb.InputError, match=rf"^TrebuchetParameters cannot be built: {name} = .*\.$") as caught:
+    with pytest.raises(
+        tb.InputError, match=rf"^TrebuchetParameters cannot be built: {name} = .*\.$"
+    ) as caught:
         tb.TrebuchetParameters(**{name: value})
     assert "\n" not in str(caught.value)
 
@@ -75,7 +77,9 @@ def test_json_keeps_every_bit(build: object, parameters: tb.TrebuchetParameters)
 
 @given(value=st.floats(min_value=5e-324, max_value=1.7e308))
 def test_any_float_survives(value: float) -> None:
-    assert tb.TrebuchetParameters.from_json(tb.TrebuchetParameters(m_b=value).to_json()).m_b == value
+    assert (
+        tb.TrebuchetParameters.from_json(tb.TrebuchetParameters(m_b=value).to_json()).m_b == value
+    )
 
 
 def test_hash_tells_machines_apart() -> None:
@@ -136,7 +140,9 @@ def _row(field: str, index: int, **changes: object) -> dict[str, object]:
         (_changed(colour="red"), "colour is not a field"),
     ],
 )
-def test_a_broken_mechanism_is_refused_in_one_sentence(fields: dict[str, object], complaint: str) -> None:
+def test_a_broken_mechanism_is_refused_in_one_sentence(
+    fields: dict[str, object], complaint: str
+) -> None:
     with pytest.raises(tb.InputError, match=complaint) as caught:
         tb.Mechanism(**fields)
     assert "\n" not in str(caught.value)
@@ -147,10 +153,14 @@ def test_one_fault_in_the_only_item_of_a_list_is_one_complaint(part: str) -> Non
     content = tb.fixed().model_dump(mode="json")
     content[part] = content[part][:1]
     del content[part][0]["name"]
-    with pytest.raises(tb.InputError, match=rf"^Mechanism cannot be built: {part}\.0\.name is missing\.$"):
+    with pytest.raises(
+        tb.InputError, match=rf"^Mechanism cannot be built: {part}\.0\.name is missing\.$"
+    ):
         tb.Mechanism.from_json(json.dumps(content))
     content[part] = []
-    with pytest.raises(tb.InputError, match=rf"^Mechanism cannot be built: {part} = \[\]: .* at least 1 item"):
+    with pytest.raises(
+        tb.InputError, match=rf"^Mechanism cannot be built: {part} = \[\]: .* at least 1 item"
+    ):
         tb.Mechanism.from_json(json.dumps(content))
 
 
@@ -192,17 +202,23 @@ def _large(path: Path) -> Path:
 
 
 @pytest.mark.parametrize("read", [tb.Mechanism.load, tb.TrebuchetParameters.load, load])
-@pytest.mark.parametrize("make", [_pipe, lambda _: Path("/dev/zero"), lambda _: Path("/dev/random")])
+@pytest.mark.parametrize(
+    "make", [_pipe, lambda _: Path("/dev/zero"), lambda _: Path("/dev/random")]
+)
 def test_what_may_have_no_end_is_not_read(
     make: Callable[[Path], Path], read: Callable[[Path], object], tmp_path: Path
 ) -> None:
     path = make(tmp_path / "x.json")
-    with pytest.raises(tb.InputError, match=f"{path} cannot be read: it is a pipe, a device or a socket"):
+    with pytest.raises(
+        tb.InputError, match=f"{path} cannot be read: it is a pipe, a device or a socket"
+    ):
         read(path)
 
 
 def test_a_mechanism_of_30_megabytes_is_refused_before_it_is_read(tmp_path: Path) -> None:
-    with pytest.raises(tb.InputError, match=r"x\.json cannot be read: it has 30 MB; at most 1 MB are taken\.$"):
+    with pytest.raises(
+        tb.InputError, match=r"x\.json cannot be read: it has 30 MB; at most 1 MB are taken\.$"
+    ):
         tb.Mechanism.load(_large(tmp_path / "x.json"))
 
 
@@ -226,13 +242,23 @@ def test_a_chain_of_any_length_is_followed_to_its_end(tmp_path: Path) -> None:
     (tmp_path / "chain.json").write_text(text)
     mechanism = tb.Mechanism.load(tmp_path / "chain.json")
     assert mechanism.content_hash == tb.Mechanism.from_json(text).content_hash
-    with pytest.raises(tb.InputError, match=r"stop 's' is closed, but its gap at the start is 1 m, not 0"):
+    with pytest.raises(
+        tb.InputError, match=r"stop 's' is closed, but its gap at the start is 1 m, not 0"
+    ):
         tb.Mechanism.from_json(text.replace(f'"offset": {floor}', f'"offset": {floor - 1}'))
 
 
 def test_a_changed_copy_has_a_tree_of_its_own() -> None:
     whole = tb.fixed()
     assert whole.coordinates == ("theta", "phi", "alpha") and whole.tree is whole.tree
-    part = whole.model_copy(update={"bodies": whole.bodies[:1], "joints": whole.joints[:1], "stops": ()})
-    assert part.coordinates == ("theta",) and [joint.name for joint in part.tree_joints] == ["fulcrum"]
-    assert whole == tb.fixed() and dict(whole) == dict(tb.fixed()) and whole.content_hash == tb.fixed().content_hash
+    part = whole.model_copy(
+        update={"bodies": whole.bodies[:1], "joints": whole.joints[:1], "stops": ()}
+    )
+    assert part.coordinates == ("theta",) and [joint.name for joint in part.tree_joints] == [
+        "fulcrum"
+    ]
+    assert (
+        whole == tb.fixed()
+        and dict(whole) == dict(tb.fixed())
+        and whole.content_hash == tb.fixed().content_hash
+    )

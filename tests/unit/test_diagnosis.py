@@ -52,7 +52,12 @@ def test_what_stands_across_explains_nothing() -> None:
 def test_states_are_where_they_should_be(build: Build) -> None:
     mechanism, equations = build(), Equations(build())
     states = random_states(mechanism)
-    assert {state.closed for state in states} >= {(), ("hanger rest",), ("sling rest",), ("hanger rest", "sling rest")}
+    assert {state.closed for state in states} >= {
+        (),
+        ("hanger rest",),
+        ("sling rest",),
+        ("hanger rest", "sling rest"),
+    }
     for state in states:
         for stop in mechanism.stops:
             gap = float(equations.kinematics.gap(stop.name, state.q))
@@ -75,7 +80,12 @@ def test_parameters_are_read_off_a_machine(chosen: tb.TrebuchetParameters, rolls
 def test_minimal_and_redundant_coordinates_pass_each_others_gate(build: Build) -> None:
     found = check_model(tb.engine("reference"), build())
     assert found.exposed and found.holds
-    assert {check.name for check in found.checks} >= {"acceleration", "stop torque", "centre of mass", "start"}
+    assert {check.name for check in found.checks} >= {
+        "acceleration",
+        "stop torque",
+        "centre of mass",
+        "start",
+    }
     assert all(check.tolerance == EXACT for check in found.checks)
 
 
@@ -106,7 +116,12 @@ def test_a_suspect_can_be_made_larger(build: Build) -> None:
 def test_a_machine_of_no_builder_has_suspects_too(build: Build) -> None:
     other = body("arm", mass=900.0)(build())
     names = {suspect.name for suspect in machine_suspects(other)}
-    assert {"mass of the arm", "gravity", "place of the sling pin on the arm", "start of phi"} <= names
+    assert {
+        "mass of the arm",
+        "gravity",
+        "place of the sling pin on the arm",
+        "start of phi",
+    } <= names
     wrong = Faulty(tb.engine("reference"), machine=body("hanger", mass=3003.0))
     _, why = check_and_diagnose(wrong, other)
     assert why is not None and why.causes[0].name == "mass of the hanger"
@@ -123,8 +138,17 @@ def test_an_error_grows_towards_the_launch(build: Build) -> None:
 
 def test_a_diagnosis_reads_as_a_sentence() -> None:
     cause = Cause(name="g (gravity)", kind="machine", amount="+0.1 %", explained=0.9999)
-    found = Diagnosis(leads="launch_speed", parts_at=1.25, holding=("sling rest",), causes=(cause,), likeliest=1)
-    run = Run(model="m", engine="e", preset="tuned", outcome=Outcome.DISAGREES, engine_version="1", diagnosis=found)
+    found = Diagnosis(
+        leads="launch_speed", parts_at=1.25, holding=("sling rest",), causes=(cause,), likeliest=1
+    )
+    run = Run(
+        model="m",
+        engine="e",
+        preset="tuned",
+        outcome=Outcome.DISAGREES,
+        engine_version="1",
+        diagnosis=found,
+    )
     (sentence,) = diagnosis(run)
     assert "t = 1.25 s, while sling rest held" in sentence
     assert "Likeliest: g (gravity) (+0.1 %): 100.0 % of it" in sentence
@@ -138,7 +162,9 @@ def test_a_gate_that_fails_ends_the_run_and_not_the_report(monkeypatch: pytest.M
     from trebucheck.engines import registry
 
     make = registry.engine
-    monkeypatch.setattr(registry, "engine", lambda *a, **o: Faulty(make(*a, **o), machine=parameters(g=9.8)))
+    monkeypatch.setattr(
+        registry, "engine", lambda *a, **o: Faulty(make(*a, **o), machine=parameters(g=9.8))
+    )
     results = tb.compare(["fixed"], ["reference"], ["tuned"], isolate=False).results
     (run,) = results.runs
     assert run.outcome is Outcome.NOT_EQUIVALENT and not results.passed
@@ -149,7 +175,9 @@ def test_a_gate_that_fails_ends_the_run_and_not_the_report(monkeypatch: pytest.M
 def test_what_follows_the_step_does_so_in_a_diagnosis() -> None:
     """An error of the step and of limits as soft as it is long is nobody's, if each is taken out alone."""
     follows = MujocoEngine(timestep=1e-3)
-    finer = next(setting for setting in _other_settings(follows, tb.fixed()) if setting.name == "time step")
+    finer = next(
+        setting for setting in _other_settings(follows, tb.fixed()) if setting.name == "time step"
+    )
     assert finer.options == {"timestep": 1e-3 / 8}
     budget = next(cause for cause in causes_of(follows, tb.fixed()) if cause.name == "time step")
     assert budget.removal is not None and budget.removal.options.keys() == {"timestep", "solref"}

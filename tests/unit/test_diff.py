@@ -34,8 +34,12 @@ def results() -> Results:
     return tb.compare(["pendulum"], ["pymunk", "reference"], until=0.5, isolate=False).results
 
 
-def _changed(results: Results, change: Change, engine: str = "pymunk", preset: str = "tuned") -> Results:
-    runs = [change(run) if (run.engine, run.preset) == (engine, preset) else run for run in results.runs]
+def _changed(
+    results: Results, change: Change, engine: str = "pymunk", preset: str = "tuned"
+) -> Results:
+    runs = [
+        change(run) if (run.engine, run.preset) == (engine, preset) else run for run in results.runs
+    ]
     return results.model_copy(update={"runs": tuple(runs)})
 
 
@@ -86,24 +90,43 @@ def test_a_verdict_that_breaks_is_found_and_explained(results: Results) -> None:
         ("pymunk tuned", Fate.WORSE)
     ]
     text = _shown(found)
-    assert "2 verdicts broke" in text and "another mass (1 kg -> 2 kg)" in text and "✗ holds → breaks" in text
+    assert (
+        "2 verdicts broke" in text
+        and "another mass (1 kg -> 2 kg)" in text
+        and "✗ holds → breaks" in text
+    )
     back = diff(_changed(results, broken), results)
-    assert back.passed and len(back.mended) == 2 and "2 verdicts mended, 1 run is better" in back.summary
+    assert (
+        back.passed
+        and len(back.mended) == 2
+        and "2 verdicts mended, 1 run is better" in back.summary
+    )
 
 
 def test_a_verdict_that_is_another_by_its_tolerance_alone_is_said_to_be(results: Results) -> None:
     value = _metric(results, "position_max").value
     assert value
     broken = _changed(results, _with("position_max", tolerance=value / 2))
-    looser, better = (_changed(results, _with("position_max", **f)) for f in ({}, {"value": value / 4}))
-    assert _one(diff(broken, looser).mended).by_tolerance and not _one(diff(broken, better).mended).by_tolerance
+    looser, better = (
+        _changed(results, _with("position_max", **f)) for f in ({}, {"value": value / 4})
+    )
+    assert (
+        _one(diff(broken, looser).mended).by_tolerance
+        and not _one(diff(broken, better).mended).by_tolerance
+    )
     assert "✓ breaks → holds, by its tolerance" in _shown(diff(broken, looser))
     assert _one(diff(results, broken).broken).by_tolerance
-    assert not _one(diff(results, _changed(results, _with("position_max", value=1e3))).broken).by_tolerance
+    assert not _one(
+        diff(results, _changed(results, _with("position_max", value=1e3))).broken
+    ).by_tolerance
 
 
-@pytest.mark.parametrize("fields", [{"tolerance": None}, {"observed": False, "tolerance": None, "value": None}])
-def test_a_verdict_that_is_no_longer_given_got_worse(results: Results, fields: dict[str, Any]) -> None:
+@pytest.mark.parametrize(
+    "fields", [{"tolerance": None}, {"observed": False, "tolerance": None, "value": None}]
+)
+def test_a_verdict_that_is_no_longer_given_got_worse(
+    results: Results, fields: dict[str, Any]
+) -> None:
     found = diff(results, _changed(results, _with("position_max", **fields)))
     assert _one(found.broken).either.name == "position_max" and not found.passed
     assert "holds → not judged" in _shown(found)
@@ -114,12 +137,16 @@ def test_a_broken_tolerance_that_is_no_longer_judged_is_not_mended(results: Resu
     found = diff(broken, _changed(results, _with("position_max", value=1.0, tolerance=None)))
     assert not found.mended and not found.broken and "breaks → not judged" in _shown(found)
     unjudged = _changed(results, _with("position_max", tolerance=None))
-    assert "not judged → holds" in _shown(diff(unjudged, results)) and _one(diff(unjudged, results).mended)
+    assert "not judged → holds" in _shown(diff(unjudged, results)) and _one(
+        diff(unjudged, results).mended
+    )
 
 
 def test_a_quantity_that_is_gone_or_new(results: Results) -> None:
     def without(run: Run) -> Run:
-        return run.model_copy(update={"metrics": tuple(m for m in run.metrics if m.name != "position_max")})
+        return run.model_copy(
+            update={"metrics": tuple(m for m in run.metrics if m.name != "position_max")}
+        )
 
     fewer = _changed(results, without)
     assert _one(diff(results, fewer).broken).new is None
@@ -131,17 +158,25 @@ def test_a_quantity_that_is_gone_or_new(results: Results) -> None:
 def test_a_model_check_that_is_no_longer_made_got_worse(results: Results) -> None:
     def unchecked(run: Run) -> Run:
         assert run.equality and run.equality.checks
-        return run.model_copy(update={"equality": run.equality.model_copy(update={"exposed": False, "checks": ()})})
+        return run.model_copy(
+            update={"equality": run.equality.model_copy(update={"exposed": False, "checks": ()})}
+        )
 
-    assert _one(diff(results, _changed(results, unchecked)).broken).either.name == "model equivalence"
+    assert (
+        _one(diff(results, _changed(results, unchecked)).broken).either.name == "model equivalence"
+    )
 
 
 def test_runs_that_vanish_appear_or_fail(results: Results) -> None:
     fewer = results.model_copy(update={"runs": results.runs[1:]})
-    absent = _changed(results, lambda run: run.model_copy(update={"outcome": Outcome.ABSENT, "metrics": ()}))
+    absent = _changed(
+        results, lambda run: run.model_copy(update={"outcome": Outcome.ABSENT, "metrics": ()})
+    )
     failed = _changed(
         results,
-        lambda run: run.model_copy(update={"outcome": Outcome.FAILED, "message": "it <b>blew</b> | up", "metrics": ()}),
+        lambda run: run.model_copy(
+            update={"outcome": Outcome.FAILED, "message": "it <b>blew</b> | up", "metrics": ()}
+        ),
     )
     for new in (fewer, absent):
         assert diff(results, new).of_fate(Fate.VANISHED) and not diff(results, new).passed
@@ -157,17 +192,27 @@ def test_versions_and_settings_that_changed_are_named(results: Results) -> None:
     new = _changed(
         results,
         lambda run: run.model_copy(
-            update={"engine_version": "99.1", "settings": {**run.settings, "timestep": 5e-4, "extra": True}}
+            update={
+                "engine_version": "99.1",
+                "settings": {**run.settings, "timestep": 5e-4, "extra": True},
+            }
         ),
     ).model_copy(update={"python_version": "4.0"})
-    found = diff(results, new.model_copy(update={"runs": tuple(r for r in new.runs if r.preset == "tuned")}))
-    assert found.versions["Python"] == (results.python_version, "4.0") and found.versions["pymunk"][1] == "99.1"
+    found = diff(
+        results, new.model_copy(update={"runs": tuple(r for r in new.runs if r.preset == "tuned")})
+    )
+    assert (
+        found.versions["Python"] == (results.python_version, "4.0")
+        and found.versions["pymunk"][1] == "99.1"
+    )
     assert "extra none → True: pendulum, pymunk tuned." in _shown(found)
 
 
 @pytest.mark.parametrize(("share", "moved"), [(0.9, False), (1.2, True)])
 @pytest.mark.parametrize("name", ["position_max", "energy_balance", "velocity_max"])
-def test_less_than_what_is_unknown_is_no_movement(results: Results, name: str, share: float, moved: bool) -> None:
+def test_less_than_what_is_unknown_is_no_movement(
+    results: Results, name: str, share: float, moved: bool
+) -> None:
     """Whatever the factor: from nothing, and from what both results leave unknown of it, by a part of that."""
     for known in (results.machines[0].reference_uncertainty, {}):  # without it, rounding is left
         machine = results.machines[0].model_copy(update={"reference_uncertainty": known})
@@ -183,7 +228,9 @@ def _check_unknown(results: Results, name: str, share: float, moved: bool) -> No
     known = machine.reference_uncertainty
     unknown = 2 * (known.get(metric.label, known.get(name, 0.0)) + rounding)
     for least in (0.0, unknown):
-        old, new = (_changed(results, _with(name, value=v)) for v in (least, -least - share * unknown))
+        old, new = (
+            _changed(results, _with(name, value=v)) for v in (least, -least - share * unknown)
+        )
         assert bool(diff(old, new).moved) is moved
         assert bool(diff(new, old).moved) is moved
 
@@ -200,8 +247,12 @@ def test_samples_that_leave_an_error_unknown_hide_its_movement(results: Results)
     assert diff(with_error(0.1, 0.3), with_error(0.9, 0.3)).moved
 
 
-@pytest.mark.parametrize(("ratio", "factor", "moved"), [(1.2, 1.1, True), (1.2, 1.5, False), (0.5, 1.5, True)])
-def test_movement_counts_from_the_factor_on(results: Results, ratio: float, factor: float, moved: bool) -> None:
+@pytest.mark.parametrize(
+    ("ratio", "factor", "moved"), [(1.2, 1.1, True), (1.2, 1.5, False), (0.5, 1.5, True)]
+)
+def test_movement_counts_from_the_factor_on(
+    results: Results, ratio: float, factor: float, moved: bool
+) -> None:
     value = _metric(results, "position_max").value
     assert value
     found = diff(results, _changed(results, _with("position_max", value=ratio * value)), factor)
@@ -217,14 +268,23 @@ def test_another_mechanism_or_motion_is_not_compared(results: Results) -> None:
         new = broken.model_copy(update={"machines": (machine.model_copy(update=other),)})
         found = diff(results, new)
         assert len(found.of_fate(Fate.NOT_COMPARED)) == 4 and not found.quantities
-        assert "Nothing could be compared" in found.summary and not found.passed and "another" in _shown(found)
+        assert (
+            "Nothing could be compared" in found.summary
+            and not found.passed
+            and "another" in _shown(found)
+        )
 
 
 def test_a_reference_that_moved_is_something_that_broke(results: Results) -> None:
     machine = results.machines[0].model_copy(
         update={"launch_time": 0.3, "launch_speed": 4.0, "release_times": {"rest": 0.2}}
     )
-    known = {**machine.reference_uncertainty, "launch_time": 1e-9, "launch_speed": 1e-9, "release_time": 1e-9}
+    known = {
+        **machine.reference_uncertainty,
+        "launch_time": 1e-9,
+        "launch_speed": 1e-9,
+        "release_time": 1e-9,
+    }
 
     def with_figures(**figures: Any) -> Results:
         own = machine.model_copy(update={"reference_uncertainty": known, **figures})
@@ -234,18 +294,28 @@ def test_a_reference_that_moved_is_something_that_broke(results: Results) -> Non
     assert diff(old, with_figures(launch_time=0.3 + 1.9e-9)).passed
     assert not diff(old, with_figures(launch_time=0.3 + 2.1e-9)).passed
     assert diff(old, with_figures(launch_time=None)).references
-    assert [each.name for each in diff(old, with_figures(release_times={"rest": 0.21})).references] == [
-        "release_time (rest)"
-    ]
+    assert [
+        each.name for each in diff(old, with_figures(release_times={"rest": 0.21})).references
+    ] == ["release_time (rest)"]
     assert not diff(old, with_figures(release_times={"rest": None})).passed
     found = diff(old, with_figures(impacts=2))
-    assert _shown(found).count("The reference moved") == 1 and "1 figure of the reference moved" in found.summary
+    assert (
+        _shown(found).count("The reference moved") == 1
+        and "1 figure of the reference moved" in found.summary
+    )
 
 
-def test_what_was_asked_for_and_where_nothing_is_predictable_are_conditions(results: Results) -> None:
-    machine = results.machines[0].model_copy(update={"needs": {"position": "1e-3"}, "judged_to": 0.4})
+def test_what_was_asked_for_and_where_nothing_is_predictable_are_conditions(
+    results: Results,
+) -> None:
+    machine = results.machines[0].model_copy(
+        update={"needs": {"position": "1e-3"}, "judged_to": 0.4}
+    )
     text = _shown(diff(results, results.model_copy(update={"machines": (machine,)})))
-    assert "tolerances asked for: none, now position 1e-3." in text and "to 0.5 s, now to 0.4 s" in text
+    assert (
+        "tolerances asked for: none, now position 1e-3." in text
+        and "to 0.5 s, now to 0.4 s" in text
+    )
     looser = _changed(results, _with("position_max", tolerance=10.0))
     assert "Tolerances of 1 of" in _shown(diff(results, looser))
 
@@ -254,9 +324,12 @@ def test_a_diagnosis_that_changed_is_said(results: Results) -> None:
     first, second = Diagnosis(leads="position_max (tip)"), Diagnosis(leads="angle_max (q)")
     bad = _with("position_max", value=1e3)
     old, new = (
-        _changed(results, lambda run, d=d: bad(run).model_copy(update={"diagnosis": d})) for d in (first, second)
+        _changed(results, lambda run, d=d: bad(run).model_copy(update={"diagnosis": d}))
+        for d in (first, second)
     )
-    text = "was first in position_max (tip), cause unknown; is first in angle_max (q), cause unknown."
+    text = (
+        "was first in position_max (tip), cause unknown; is first in angle_max (q), cause unknown."
+    )
     assert text in _shown(diff(old, new)) and "Diagnoses" not in _shown(diff(old, old))
 
 
@@ -264,7 +337,8 @@ def test_many_movements_are_shown_in_part_and_folded(results: Results) -> None:
     value = _metric(results, "position_max").value
     assert value
     extra = tuple(
-        Metric(name="position_max", subject=f"p{i}", value=value * i, unit="m", tolerance=1.0) for i in range(1, 31)
+        Metric(name="position_max", subject=f"p{i}", value=value * i, unit="m", tolerance=1.0)
+        for i in range(1, 31)
     )
     grown = tuple(m.model_copy(update={"value": 2 * (m.value or 0)}) for m in extra)
     old, new = (
@@ -316,7 +390,11 @@ def test_the_command_shows_writes_and_ends_with_a_code(
     assert shown.startswith(
         "# What moved from one comparison to the other, and what broke?\n\n✗ Something broke: 1 verdict broke"
     )
-    starts = {"d.html": "<!doctype html>", "d.md": "# What moved from one", "d.txt": "The versions of engines"}
+    starts = {
+        "d.html": "<!doctype html>",
+        "d.md": "# What moved from one",
+        "d.txt": "The versions of engines",
+    }
     for name, start in starts.items():
         assert main(["diff", old, new, "--out", str(tmp_path / name)]) == 1
         said = capsys.readouterr().out
@@ -334,15 +412,25 @@ def test_json_is_the_difference_and_nothing_else(
     assert main(["diff", old, new, "--json"]) == 1
     said = capsys.readouterr().out
     found = json.loads(said)
-    published = resources.files("trebucheck.comparisons").joinpath("schemas/diff.schema.json").read_text()
+    published = (
+        resources.files("trebucheck.comparisons").joinpath("schemas/diff.schema.json").read_text()
+    )
     assert published == schema_text(DifferenceData), "`make generated` writes the schemas anew"
     jsonschema.validate(found, json.loads(published))
     known = diff(old, new)
     assert found["summary"] == known.summary and not found["passed"]
     (broken,) = (each for each in found["quantities"] if each["broke"])
     (change,) = known.broken
-    assert (broken["run"], broken["quantity"], broken["factor"]) == (change.run, change.either.label, change.factor)
-    assert broken["old"]["holds"] and broken["new"] == {**broken["old"], "value": 1e3, "holds": False}
+    assert (broken["run"], broken["quantity"], broken["factor"]) == (
+        change.run,
+        change.either.label,
+        change.factor,
+    )
+    assert broken["old"]["holds"] and broken["new"] == {
+        **broken["old"],
+        "value": 1e3,
+        "holds": False,
+    }
     assert [each["fate"] for each in found["runs"]] == [each.fate.value for each in known.runs]
     assert main(["diff", old, new, "--out", str(tmp_path / "d.json")]) == 1
     assert (tmp_path / "d.json").read_text() == said
@@ -378,7 +466,10 @@ def _no_outcome(data: dict[str, Any]) -> Any:
         (lambda _: {"format": "trebucheck-converge-1"}, "format 'trebucheck-converge-1'"),
         (lambda _: [1, 2], "no format"),
         (lambda _: {"a": 1}, "no format"),
-        (_twice, "pendulum, reference, tuned is there twice|pendulum, pymunk, tuned is there twice"),
+        (
+            _twice,
+            "pendulum, reference, tuned is there twice|pendulum, pymunk, tuned is there twice",
+        ),
         (lambda data: {**data, "machines": []}, "'pendulum', which is not among the machines"),
         (_no_outcome, r"runs.0.outcome = 'splendid'"),
         (lambda data: {k: v for k, v in data.items() if k != "runs"}, "runs is missing"),
@@ -401,7 +492,9 @@ def test_wrong_files_are_refused_in_one_sentence(
     assert not (files[0] / "nothing.md").exists()
 
 
-def test_files_that_are_not_there_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_files_that_are_not_there_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["diff", str(tmp_path), str(tmp_path)]) == 2
     assert "results.json cannot be read" in capsys.readouterr().err
     assert main(["diff", "a.json", "b.json", "--factor", "fast"]) == 2

@@ -20,7 +20,9 @@ ENGINES = ("mujoco", "pymunk", "exudyn")
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_paths_that_a_page_names_exist(page: Path) -> None:
     for path in PATH.findall(page.read_text()):
-        names = [path.replace("<name>", engine) for engine in ENGINES] if "<name>" in path else [path]
+        names = (
+            [path.replace("<name>", engine) for engine in ENGINES] if "<name>" in path else [path]
+        )
         assert all((ROOT / name).exists() for name in names), f"{page.name} names {path}"
 
 
@@ -29,9 +31,13 @@ def test_every_command_and_every_public_name_is_on_its_page() -> None:
     commands, api = ((ROOT / "docs" / f"{name}.md").read_text() for name in ("commands", "api"))
     root: Any = typer.main.get_command(app)
     assert not [name for name in root.commands if f"## `trebucheck {name}`" not in commands]
-    assert not [name for name in tb.__all__ if callable(getattr(tb, name)) and f"## tb.{name}\n" not in api]
+    assert not [
+        name for name in tb.__all__ if callable(getattr(tb, name)) and f"## tb.{name}\n" not in api
+    ]
 
 
 def test_every_page_is_on_the_site() -> None:
     navigation = (ROOT / "mkdocs.yml").read_text()
-    assert not [page.name for page in (ROOT / "docs").glob("*.md") if f": {page.name}\n" not in navigation]
+    assert not [
+        page.name for page in (ROOT / "docs").glob("*.md") if f": {page.name}\n" not in navigation
+    ]

@@ -29,7 +29,13 @@ from trebucheck.comparisons.report.document import (
     terminal_only,
     without_empty_columns,
 )  # fmt: skip
-from trebucheck.comparisons.report.numbers import format_number, format_percent, format_step, format_value, sentence
+from trebucheck.comparisons.report.numbers import (
+    format_number,
+    format_percent,
+    format_step,
+    format_value,
+    sentence,
+)
 from trebucheck.comparisons.report.plots import Axis, Panels, Plot, Series
 
 
@@ -47,7 +53,10 @@ def _terminal(*blocks: object, width: int = 80) -> str:
 
 ERRORS = table(
     "engine | position [m] | (steps) | note",
-    [("mujoco tuned", Cell("1.3e-8", "good"), 1000, "as ever"), ("pymunk tuned", Cell("2.5e-4", "bad"), 1000, "")],
+    [
+        ("mujoco tuned", Cell("1.3e-8", "good"), 1000, "as ever"),
+        ("pymunk tuned", Cell("2.5e-4", "bad"), 1000, ""),
+    ],
     "Errors",
 )
 
@@ -64,14 +73,28 @@ def test_columns_without_any_value_are_left_out() -> None:
     assert [[cell.text for cell in each.cells] for each in shown.rows] == [
         ["first"], ["mujoco", "–", "3"], ["pymunk", "", ""], ["exudyn", "failed"],
     ]  # fmt: skip
-    assert [span for _, cells in shown.rows_in("page") for _, span in cells] == [3, 1, 1, 1, 1, 1, 1, 1, 2]
+    assert [span for _, cells in shown.rows_in("page") for _, span in cells] == [
+        3,
+        1,
+        1,
+        1,
+        1,
+        1,
+        1,
+        1,
+        2,
+    ]
     assert without_empty_columns(ERRORS) == ERRORS
 
 
 def test_marks_are_signs_on_a_page_and_not_only_colours() -> None:
     page = _page(ERRORS, Text("it fails", "bad"), Text("it holds", "good"))
-    assert re.search(r'<td data-label="[^"]*" class="right good"><span class="sign">✓</span> 1.3e-8</td>', page)
-    assert re.search(r'<td data-label="[^"]*" class="right bad"><span class="sign">✗</span> 2.5e-4</td>', page)
+    assert re.search(
+        r'<td data-label="[^"]*" class="right good"><span class="sign">✓</span> 1.3e-8</td>', page
+    )
+    assert re.search(
+        r'<td data-label="[^"]*" class="right bad"><span class="sign">✗</span> 2.5e-4</td>', page
+    )
     assert re.search(r'<p class="boxed bad"><span class="sign">✗</span> it fails</p>', page)
     assert re.search(r'<p class="boxed good"><span class="sign">✓</span> it holds</p>', page)
 
@@ -109,7 +132,10 @@ def test_what_is_for_one_medium_is_not_in_the_other() -> None:
     blocks = (
         page_only(Text("on a page")),
         terminal_only(Text("in a terminal")),
-        table((Column("both"), Column("extra", medium="page")), [("x", "yy"), row("zz", "ww", medium="page")]),
+        table(
+            (Column("both"), Column("extra", medium="page")),
+            [("x", "yy"), row("zz", "ww", medium="page")],
+        ),
         Fold("more", (Text("folded"),)),
         Note("how to read it"),
     )
@@ -120,19 +146,28 @@ def test_what_is_for_one_medium_is_not_in_the_other() -> None:
 
 
 def test_a_short_row_spans_the_rest_of_the_shown_columns() -> None:
-    failed = table("value | (options) | position | steps", [("1", "a = 1", "2", "3"), ("2", "b = 1", "it failed")])
+    failed = table(
+        "value | (options) | position | steps",
+        [("1", "a = 1", "2", "3"), ("2", "b = 1", "it failed")],
+    )
     assert re.search(r'colspan="2">it failed', _page(failed))
     assert "it failed" in _terminal(failed)
 
 
 def test_numbers_stand_to_the_right_and_texts_to_the_left() -> None:
-    found = table("engine | error | law | word", [("1", "1e-3", "1.99 ± 0.01", "ok"), ("2", "–", "none", "broken")])
+    found = table(
+        "engine | error | law | word",
+        [("1", "1e-3", "1.99 ± 0.01", "ok"), ("2", "–", "none", "broken")],
+    )
     assert [column.align for column in found.columns] == ["left", "right", "right", "left"]
     assert [column.wrap for column in found.columns] == [False, False, True, False]
 
 
 def test_a_narrow_terminal_cuts_nothing_off() -> None:
-    wide = table("engine | error | torque | outcome", [("reference_tuned", "1.234e-11", "1.234e-11", "broken")])
+    wide = table(
+        "engine | error | torque | outcome",
+        [("reference_tuned", "1.234e-11", "1.234e-11", "broken")],
+    )
     letters = re.sub(r"\s", "", _terminal(wide, width=24))
     assert "…" not in letters and sorted(letters.replace("─", "")) == sorted(
         "engineerrortorqueoutcomereference_tuned1.234e-111.234e-11broken"
@@ -140,8 +175,14 @@ def test_a_narrow_terminal_cuts_nothing_off() -> None:
 
 
 def test_groups_share_a_heading() -> None:
-    heads = [*columns("cause"), Column("first", group="position [m]"), Column("second", group="position [m]")]
-    assert '<th scope="colgroup" colspan="2">position [m]</th>' in _page(table(heads, [("a", 1.0, 2.0)]))
+    heads = [
+        *columns("cause"),
+        Column("first", group="position [m]"),
+        Column("second", group="position [m]"),
+    ]
+    assert '<th scope="colgroup" colspan="2">position [m]</th>' in _page(
+        table(heads, [("a", 1.0, 2.0)])
+    )
 
 
 def test_a_table_without_rows_is_not_shown() -> None:
@@ -154,7 +195,13 @@ def test_figures_are_drawn_for_pages_alone() -> None:
 
     def plots() -> Panels:
         drawn.append("once")
-        return (Plot(Axis("t", "s"), Axis("x", "m"), (Series("body", np.array([0.0, 1.0]), np.array([0.0, np.nan])),)),)
+        return (
+            Plot(
+                Axis("t", "s"),
+                Axis("x", "m"),
+                (Series("body", np.array([0.0, 1.0]), np.array([0.0, np.nan])),),
+            ),
+        )
 
     figure = Figure(plots, "Motion", "of all bodies")
     assert "Motion" not in _terminal(figure) and not drawn
@@ -162,13 +209,43 @@ def test_figures_are_drawn_for_pages_alone() -> None:
 
 
 def test_markdown_is_what_the_readme_holds() -> None:
-    text = markdown.text(Document("", (Text("Two claims."), table("where | ours [m]", [("Fig. 2", "1|2")], "Table"))))
-    assert text == "Two claims.\n\n**Table**\n\n| where | ours [m] |\n|---|---|\n| Fig. 2 | 1\\|2 |\n"
+    text = markdown.text(
+        Document("", (Text("Two claims."), table("where | ours [m]", [("Fig. 2", "1|2")], "Table")))
+    )
+    assert (
+        text == "Two claims.\n\n**Table**\n\n| where | ours [m] |\n|---|---|\n| Fig. 2 | 1\\|2 |\n"
+    )
 
 
 def test_formats_of_numbers() -> None:
-    assert [format_number(value) for value in (None, 0.0, 1.26e-8, -3.0)] == ["–", "0", "1.3e-8", "-3.0e0"]
-    assert [format_step(value) for value in (1e-3, 2.5e-4, 1 / 3, "adaptive")] == ["1e-3", "2.5e-4", "3.333e-1", "–"]
-    assert [format_percent(f) for f in (None, 0.0, 1e-5, 0.0123, -0.2)] == ["–", "0 %", "< 0.1 %", "1.2 %", "-20 %"]
-    assert [format_value(value) for value in (None, True, 1.23456789, 3, "x")] == ["–", "yes", "1.23457", "3", "x"]
-    assert [sentence(text) for text in ("it holds", "g is small", "Done.")] == ["It holds.", "g is small.", "Done."]
+    assert [format_number(value) for value in (None, 0.0, 1.26e-8, -3.0)] == [
+        "–",
+        "0",
+        "1.3e-8",
+        "-3.0e0",
+    ]
+    assert [format_step(value) for value in (1e-3, 2.5e-4, 1 / 3, "adaptive")] == [
+        "1e-3",
+        "2.5e-4",
+        "3.333e-1",
+        "–",
+    ]
+    assert [format_percent(f) for f in (None, 0.0, 1e-5, 0.0123, -0.2)] == [
+        "–",
+        "0 %",
+        "< 0.1 %",
+        "1.2 %",
+        "-20 %",
+    ]
+    assert [format_value(value) for value in (None, True, 1.23456789, 3, "x")] == [
+        "–",
+        "yes",
+        "1.23457",
+        "3",
+        "x",
+    ]
+    assert [sentence(text) for text in ("it holds", "g is small", "Done.")] == [
+        "It holds.",
+        "g is small.",
+        "Done.",
+    ]

@@ -7,7 +7,16 @@ import math
 
 import numpy as np
 import pytest
-from mechanisms import body_of, chain, everything, floor, hanging_bob, parallel_cranks, pin, slider_crank
+from mechanisms import (
+    body_of,
+    chain,
+    everything,
+    floor,
+    hanging_bob,
+    parallel_cranks,
+    pin,
+    slider_crank,
+)
 from random_mechanisms import random_mechanism
 from trebucheck.models.drawing.bodies import loaded_rod
 from trebucheck.models.drawing.draw import draw
@@ -18,8 +27,15 @@ from trebucheck.models.machines.registry import model, models
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problems.registry import benchmarks
 
-NAMED = {name: model(name) for name in models()} | {b.name: b.problem(None).mechanism for b in benchmarks()}
-OWN = {"everything": everything(), "chain": chain(), "cranks": parallel_cranks(3), "slider crank": slider_crank()}
+NAMED = {name: model(name) for name in models()} | {
+    b.name: b.problem(None).mechanism for b in benchmarks()
+}
+OWN = {
+    "everything": everything(),
+    "chain": chain(),
+    "cranks": parallel_cranks(3),
+    "slider crank": slider_crank(),
+}
 MECHANISMS = NAMED | OWN | {f"random {seed}": random_mechanism(seed) for seed in range(12)}
 
 
@@ -39,11 +55,17 @@ def test_any_mechanism_draws(mechanism: Mechanism) -> None:
     drawing = draw(mechanism, q)
     xy = drawing.positions(q)
     assert np.isfinite(xy).all() and drawing.size > 0
-    assert {index for shape in drawing.shapes for index in shape.points} <= set(range(len(drawing.points)))
+    assert {index for shape in drawing.shapes for index in shape.points} <= set(
+        range(len(drawing.points))
+    )
     x0, y0, x1, y1 = drawing.box
     for shape in drawing.shapes:
         assert shape.points and math.isfinite(shape.size) and shape.size >= 0
-        if shape.role in ("body", "mass", "rope"):  # what moves stays in view during the whole motion
+        if shape.role in (
+            "body",
+            "mass",
+            "rope",
+        ):  # what moves stays in view during the whole motion
             at = xy[:, list(shape.points)]
             assert (at >= (x0, y0)).all() and (at <= (x1, y1)).all()
     ranks = [ROLES.index(shape.role) for shape in drawing.shapes]
@@ -72,7 +94,10 @@ def test_deviations_keep_the_digits_that_a_difference_of_positions_loses(name: s
     drawing = draw(mechanism, q)
     d = np.random.default_rng(1).normal(0.0, 1e-3, q.shape)
     np.testing.assert_allclose(
-        drawing.deviations(q, d), drawing.positions(q + d) - drawing.positions(q), rtol=1e-9, atol=1e-13
+        drawing.deviations(q, d),
+        drawing.positions(q + d) - drawing.positions(q),
+        rtol=1e-9,
+        atol=1e-13,
     )
     # The first-order terms of a deviation of 1e-13 rad have 13 digits, its second-order ones none.
     tiny = drawing.deviations(q, 1e-10 * d)
@@ -88,7 +113,11 @@ def test_a_trebuchet_shows_its_parts() -> None:
     radii = {drawing.points[shape.points[0]].body: shape.size for shape in _of(drawing, "mass")}
     assert radii["hanger"] / radii["sling"] == pytest.approx((3000 / 60) ** (1 / 3))
     assert len(_of(drawing, "rope")) == 2
-    assert {shape.stop for shape in _of(drawing, "stop")} == {"hanger rest", "sling rest", "arm stop"}
+    assert {shape.stop for shape in _of(drawing, "stop")} == {
+        "hanger rest",
+        "sling rest",
+        "arm stop",
+    }
     assert not [shape for shape in draw(NAMED["fixed"]).shapes if shape.kind == "wheel"]
     assert len([shape for shape in draw(NAMED["rolling"]).shapes if shape.kind == "wheel"]) == 1
 
@@ -99,7 +128,9 @@ def test_masses_fixed_to_a_rod_are_found_from_its_centre_and_inertia() -> None:
     shares = loaded_rod(arm, -4 + 0j, 10 + 0j)
     assert shares is not None
     assert [share * arm.mass for share in shares] == pytest.approx([1000, 3000, 60])
-    lighter = Body(name="arm", mass=1, centre=(0.5, 0), inertia=1e-3)  # in the middle: no masses at the ends do that
+    lighter = Body(
+        name="arm", mass=1, centre=(0.5, 0), inertia=1e-3
+    )  # in the middle: no masses at the ends do that
     assert loaded_rod(lighter, 0j, 1 + 0j) is None
 
 
@@ -121,16 +152,24 @@ def test_a_rest_lies_on_the_side_to_which_the_body_cannot_go(name: str) -> None:
         index = mechanism.angles.index(mechanism.body(stop.body).angle or "")
         pivot = drawing.stops[stop.name][0]
 
-        def direction(q: np.ndarray, i: int, drawing: Drawing = drawing, pivot: int = pivot) -> complex:
+        def direction(
+            q: np.ndarray, i: int, drawing: Drawing = drawing, pivot: int = pivot
+        ) -> complex:
             return complex(*(drawing.positions(q)[0, i] - drawing.positions(q)[0, pivot]))
 
-        q[0, index] -= drawing.kinematics.gap(stop.name, q)[0] * stop.sense  # to where the gap is zero
+        q[0, index] -= (
+            drawing.kinematics.gap(stop.name, q)[0] * stop.sense
+        )  # to where the gap is zero
         arms = [complex(*mechanism.body(stop.body).centre), *_outline(mechanism, stop.body)]
-        arm = max(arms, key=lambda at: abs(at - drawing.points[pivot].at)) - drawing.points[pivot].at
+        arm = (
+            max(arms, key=lambda at: abs(at - drawing.points[pivot].at)) - drawing.points[pivot].at
+        )
         line = arm * cmath.exp(-1j * q[0, index])
         for corner in rest.points:
             beside = cmath.phase(direction(q, corner) / line)
-            assert 0 < stop.sense * beside < 0.5  # anticlockwise of the body, if it may only go clockwise
+            assert (
+                0 < stop.sense * beside < 0.5
+            )  # anticlockwise of the body, if it may only go clockwise
 
 
 def _outline(mechanism: Mechanism, body: str) -> list[complex]:
@@ -156,7 +195,12 @@ def test_a_wall_that_is_never_near_is_left_out() -> None:
 def test_springs_dampers_and_loads_are_told_apart() -> None:
     drawing = draw(everything())
     kinds = {(shape.role, shape.kind) for shape in drawing.shapes}
-    assert {("spring", "between"), ("damper", "between"), ("spring", "spiral"), ("load", "arrow")} <= kinds
+    assert {
+        ("spring", "between"),
+        ("damper", "between"),
+        ("spring", "spiral"),
+        ("load", "arrow"),
+    } <= kinds
     assert {("load", "turn"), ("guide", "line"), ("body", "area")} <= kinds
     only = {shape.role for shape in draw(NAMED["oscillator"]).shapes}
     assert "spring" in only and "damper" not in only

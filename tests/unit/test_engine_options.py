@@ -54,7 +54,9 @@ def test_a_default_as_it_is_shown_is_taken_on_the_command_line(name: str, tmp_pa
     from trebucheck.cli.options import engine_options
 
     for preset in ("stock", "tuned"):
-        texts = [f"{name}.{row.name}={default_text(row.defaults[preset])}" for row in option_table(name)]
+        texts = [
+            f"{name}.{row.name}={default_text(row.defaults[preset])}" for row in option_table(name)
+        ]
         made = Study(engines=[name], options=engine_options(texts, None)).engine(name, preset)
         expected = tb.engine(name, preset).settings
         assert {key: default_text(value) for key, value in made.settings.items()} == {
@@ -71,7 +73,10 @@ def test_a_plug_in_s_options_are_listed(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_an_option_of_one_engine_is_no_other_s() -> None:
-    study = Study(engines=["mujoco", "pymunk", "exudyn"], options={"mujoco.timestep": 2e-3, "locate_releases": False})
+    study = Study(
+        engines=["mujoco", "pymunk", "exudyn"],
+        options={"mujoco.timestep": 2e-3, "locate_releases": False},
+    )
     made = {name: study.engine(name, "tuned").settings for name in study.every_engine}
     assert made["mujoco"]["timestep"] == 2e-3 and made["pymunk"]["timestep"] == 1e-3
     assert made["mujoco"]["locate_releases"] is made["pymunk"]["locate_releases"] is False
@@ -89,22 +94,33 @@ COMPARE = ["compare", "--engines", "mujoco,pymunk"]
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        ([*COMPARE, "--option", "mujoco.colour=1"], "mujoco: colour is not a field it has; its options are: timestep"),
+        (
+            [*COMPARE, "--option", "mujoco.colour=1"],
+            "mujoco: colour is not a field it has; its options are: timestep",
+        ),
         ([*COMPARE, "--option", "mujoco.solreff=1"], "did you mean 'solref'"),
         ([*COMPARE, "--option", "colour=1"], "mujoco, pymunk: colour is not a field"),
-        ([*COMPARE, "--option", "exudyn.timestep=1e-3"], "'exudyn' is not among the engines asked for: mujoco, pymunk"),
+        (
+            [*COMPARE, "--option", "exudyn.timestep=1e-3"],
+            "'exudyn' is not among the engines asked for: mujoco, pymunk",
+        ),
         ([*COMPARE, "--option", "mujoco.solref=1"], "solref = 1: "),
         ([*COMPARE, "--option", "mujoco.integrator=RK5"], "'RK4', 'Euler'"),
         ([*COMPARE, "--option", "mujoco.preset=stock"], "preset = 'stock' is no option"),
         ([*COMPARE, "--option", "duration=1"], "duration is not a field"),
         ([*COMPARE, "--option", "mujoco.solref"], "NAME=VALUE"),
         ([*COMPARE, "--timestep", "1e-3", "--option", "timestep=1e-3"], "leave out one of them"),
-        (["explain", "--engines", "mujoco", "--option", "pymunk.iterations=3"], "'pymunk' is not among"),
+        (
+            ["explain", "--engines", "mujoco", "--option", "pymunk.iterations=3"],
+            "'pymunk' is not among",
+        ),
         (["run", "--engine", "mujoco", "--option", "pymunk.iterations=3"], "'pymunk' is not among"),
         (["engines", "mujuco"], "did you mean 'mujoco'"),
     ],
 )
-def test_wrong_options_get_a_sentence(arguments: list[str], complaint: str, refused: Callable[..., str]) -> None:
+def test_wrong_options_get_a_sentence(
+    arguments: list[str], complaint: str, refused: Callable[..., str]
+) -> None:
     assert complaint in refused(*arguments)
 
 
@@ -112,17 +128,48 @@ def test_wrong_options_get_a_sentence(arguments: list[str], complaint: str, refu
 def test_an_option_reaches_the_engine(form: str, tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
     path = tmp_path / "own.nc"
-    arguments = ["run", "--engine", "mujoco", "--duration", "0.05", "--option", form, "--out", str(path)]
+    arguments = [
+        "run",
+        "--engine",
+        "mujoco",
+        "--duration",
+        "0.05",
+        "--option",
+        form,
+        "--out",
+        str(path),
+    ]
     assert main(arguments) == 0
     assert load(path).provenance.settings["solref"] == [-40000.0, -400.0]
 
 
 @pytest.mark.slow
 def test_options_of_a_comparison_are_in_its_results(tmp_path: Path) -> None:
-    arguments = ["compare", "--model", "fixed", "--engines", "reference,mujoco", "--preset", "tuned"]
-    main([*arguments, "--option", "mujoco.timestep=2e-3", "--duration", "0.3", "--out", str(tmp_path)])
+    arguments = [
+        "compare",
+        "--model",
+        "fixed",
+        "--engines",
+        "reference,mujoco",
+        "--preset",
+        "tuned",
+    ]
+    main(
+        [
+            *arguments,
+            "--option",
+            "mujoco.timestep=2e-3",
+            "--duration",
+            "0.3",
+            "--out",
+            str(tmp_path),
+        ]
+    )
     runs = json.loads((tmp_path / "results.json").read_text())["runs"]
-    assert {run["engine"]: run["settings"]["timestep"] for run in runs} == {"reference": 1e-3, "mujoco": 2e-3}
+    assert {run["engine"]: run["settings"]["timestep"] for run in runs} == {
+        "reference": 1e-3,
+        "mujoco": 2e-3,
+    }
 
 
 def test_the_reference_s_version_is_trebucheck_s(capsys: pytest.CaptureFixture[str]) -> None:

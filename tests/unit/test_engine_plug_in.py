@@ -38,14 +38,18 @@ def _moved_out(folder: Path) -> None:
         (package / "templates" / path.name).write_text(path.read_text())
     for path in ROOM.glob("*.py"):
         text = re.sub(r"\bfrom \.\.\.(\w)", r"from trebucheck.\1", path.read_text())
-        text = re.sub(r"\bfrom \.\.(\w)", r"from trebucheck.engines.\1", text).replace("#D55E00", COLOUR)
+        text = re.sub(r"\bfrom \.\.(\w)", r"from trebucheck.engines.\1", text).replace(
+            "#D55E00", COLOUR
+        )
         old, new = CHANGES.get(path.name, ("", ""))
         assert old in text, path.name
         (package / path.name).write_text(text.replace(old, new) if old else text)
     info = folder / f"{PACKAGE}-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {COPY}\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(f"[trebucheck.engines]\n{COPY} = {PACKAGE}.engine:PymunkEngine\n")
+    (info / "entry_points.txt").write_text(
+        f"[trebucheck.engines]\n{COPY} = {PACKAGE}.engine:PymunkEngine\n"
+    )
 
 
 @pytest.fixture(autouse=True)
@@ -61,11 +65,17 @@ def _installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None
 
 def test_it_is_compared_by_its_own_tolerances() -> None:
     assert engine_class(COPY).__module__ == f"{PACKAGE}.engine"  # type: ignore[attr-defined]
-    results = tb.compare(["fixed"], ["pymunk", COPY], ["tuned"], isolate=False, timestep=2e-3).results
+    results = tb.compare(
+        ["fixed"], ["pymunk", COPY], ["tuned"], isolate=False, timestep=2e-3
+    ).results
     original, copy = results.runs
     assert copy.engine == COPY and copy.equality == original.equality
-    assert [metric.value for metric in copy.metrics] == [metric.value for metric in original.metrics]
-    assert [metric.tolerance for metric in copy.metrics] == [metric.tolerance for metric in original.metrics]
+    assert [metric.value for metric in copy.metrics] == [
+        metric.value for metric in original.metrics
+    ]
+    assert [metric.tolerance for metric in copy.metrics] == [
+        metric.tolerance for metric in original.metrics
+    ]
     claimed = [metric for metric in copy.metrics if metric.source == "claim"]
     assert len(claimed) >= 4
     for metric in claimed:
@@ -74,31 +84,53 @@ def test_it_is_compared_by_its_own_tolerances() -> None:
 
 def test_its_causes_parameters_option_sets_snippets_and_colour_are_its_own() -> None:
     stock = tb.engine(COPY, "stock")
-    assert causes_of(stock) == causes_of(tb.engine("pymunk", "stock")) and len(causes_of(stock)) == 7
+    assert (
+        causes_of(stock) == causes_of(tb.engine("pymunk", "stock")) and len(causes_of(stock)) == 7
+    )
     swept, there = swept_parameters(COPY), swept_parameters("pymunk")
     assert [(each.name, each.values, each.expected) for each in swept] == [
         (each.name, each.values, each.expected) for each in there
     ]
-    assert {"iterations", "error_bias", "pivot_mass"} <= {each.name for each in swept} <= set(parameter_names())
-    found = [each.description for each, _ in refinements(COPY, stock.settings, (), ConstraintKinds())]
+    assert (
+        {"iterations", "error_bias", "pivot_mass"}
+        <= {each.name for each in swept}
+        <= set(parameter_names())
+    )
+    found = [
+        each.description for each, _ in refinements(COPY, stock.settings, (), ConstraintKinds())
+    ]
     assert "ten times the pivot mass" in found
     sets = option_sets(COPY)
-    assert [each.name for each in sets] == ["stock", "leapfrog", "converged leapfrog", "held lengths", "tuned"]
-    texts, originals = (snippets(name, tb.fixed(), "tuned", {"timestep": 1e-3}) for name in (COPY, "pymunk"))
+    assert [each.name for each in sets] == [
+        "stock",
+        "leapfrog",
+        "converged leapfrog",
+        "held lengths",
+        "tuned",
+    ]
+    texts, originals = (
+        snippets(name, tb.fixed(), "tuned", {"timestep": 1e-3}) for name in (COPY, "pymunk")
+    )
     assert texts["pymunk in Python"] == originals["pymunk in Python"]
     assert f"--engine {COPY} " in texts["trebucheck on the command line"]
     assert engine_colour(COPY) == COLOUR
 
 
 def test_the_documented_examples_are_what_they_say() -> None:
-    own, text = ((ROOM.parents[1] / "docs" / f"{page}.md").read_text() for page in ("extending", "plugins"))
+    own, text = (
+        (ROOM.parents[1] / "docs" / f"{page}.md").read_text() for page in ("extending", "plugins")
+    )
     scope: dict[str, Any] = {}
-    (mechanism,), (start, _, study) = (re.findall(r"```python\n(.*?)```", page, re.DOTALL) for page in (own, text))
+    (mechanism,), (start, _, study) = (
+        re.findall(r"```python\n(.*?)```", page, re.DOTALL) for page in (own, text)
+    )
     exec(study, scope)
     scope["mechanism"] = tb.fixed()
     exec(start, scope)
     np.testing.assert_allclose(scope["motion"].position, [scope["place"]], rtol=0, atol=1e-14)
-    assert scope["angle"] == 0.0 and scope["turning"] == 0.0  # of the arm of the fixed machine, at rest and level
+    assert (
+        scope["angle"] == 0.0 and scope["turning"] == 0.0
+    )  # of the arm of the fixed machine, at rest and level
     exec(mechanism.partition("tb.compare(")[0], scope)
     assert isinstance(scope["STUDY"], EngineStudy) and len(scope["quick_return"].loop_joints) == 1
     for field in fields(EngineStudy):

@@ -32,7 +32,9 @@ class Lagrange:
         k = self.kinematics
         jacobian = k.gradient(k.centres, q, k.rates(q))
         felt = self.gravity - k.curvature(q, u) @ k.centres.T
-        return np.linalg.solve(self.mass_matrix(q), applied + (jacobian.conj().T @ (k.masses * felt)).real)
+        return np.linalg.solve(
+            self.mass_matrix(q), applied + (jacobian.conj().T @ (k.masses * felt)).real
+        )
 
 
 class Motion(ConstrainedDynamics):
@@ -46,7 +48,8 @@ class Motion(ConstrainedDynamics):
         rows = {m.name: k.point(m.body, m.point) for m in self.mechanism.markers}
         points = {name: (k.position(row, q), k.velocity(row, q, u)) for name, row in rows.items()}
         needed = {
-            body.name: body.mass * (k.acceleration(k.point(body.name, body.centre), q, u, solved.accelerations) - g)
+            body.name: body.mass
+            * (k.acceleration(k.point(body.name, body.centre), q, u, solved.accelerations) - g)
             for body in self.mechanism.bodies
             for g in [np.array(self.mechanism.gravity_vector)]
         }
@@ -66,9 +69,18 @@ def _errors(problem: tb.Problem, step: float) -> tuple[Recording, float, float]:
     found = _run(problem, step)
     truth = solve(problem).trajectory(found.t)
     forces = [found.stop_torques[name] - truth.stop_torques[name] for name in found.stop_torques]
-    forces += [found.joint_reactions[name] - truth.joint_reactions[name] for name in truth.joint_reactions]
-    peak = max((float(np.abs(force).max()) for force in truth.joint_reactions.values() if force.any()), default=1.0)
-    return found, float(np.abs(found.q - truth.q).max()), max(float(np.abs(e).max()) for e in forces) / peak
+    forces += [
+        found.joint_reactions[name] - truth.joint_reactions[name] for name in truth.joint_reactions
+    ]
+    peak = max(
+        (float(np.abs(force).max()) for force in truth.joint_reactions.values() if force.any()),
+        default=1.0,
+    )
+    return (
+        found,
+        float(np.abs(found.q - truth.q).max()),
+        max(float(np.abs(e).max()) for e in forces) / peak,
+    )
 
 
 FALL = 2**3.5  # of an error of fourth order from one step to half of it, at least
@@ -81,9 +93,16 @@ def test_releases_forces_and_their_order(model: str, duration: float) -> None:
     coarse, fine = (_errors(problem, step) for step in (2e-2, 1e-2))
     truth, late = solve(problem).release_times, list[list[float]]()
     for run in (coarse[0], fine[0]):
-        late.append([abs((run.release_times[name] or 0.0) - (truth[name] or 1.0)) for name in list(truth)[:2]])
+        late.append(
+            [
+                abs((run.release_times[name] or 0.0) - (truth[name] or 1.0))
+                for name in list(truth)[:2]
+            ]
+        )
         assert run.release_times["arm stop"] is None
-    assert all(b < max(a / FALL, ROUNDING) for a, b in zip(*late, strict=True)) and max(late[0]) < 1e-2
+    assert (
+        all(b < max(a / FALL, ROUNDING) for a, b in zip(*late, strict=True)) and max(late[0]) < 1e-2
+    )
     assert fine[1] < coarse[1] / FALL and fine[2] < coarse[2] / FALL and coarse[1] < 2e-2
 
 
@@ -95,7 +114,9 @@ def test_a_release_at_a_steps_end_is_late_by_part_of_a_step() -> None:
     assert late == pytest.approx(1.20, abs=1e-12)
 
 
-@pytest.mark.parametrize(("name", "step"), [("bouncing", 1e-2), ("stopped-pendulum", 2e-2), ("falling-rod", 1e-2)])
+@pytest.mark.parametrize(
+    ("name", "step"), [("bouncing", 1e-2), ("stopped-pendulum", 2e-2), ("falling-rod", 1e-2)]
+)
 def test_impacts(name: str, step: float) -> None:
     problem = benchmark(name).problem()
     truth = solve(problem).impacts
@@ -103,7 +124,10 @@ def test_impacts(name: str, step: float) -> None:
     for h in (step, step / 2):
         found, positions, _ = _errors(problem, h)
         assert len(found.impacts) == len(truth)
-        late = [abs(time - expected) for (time, _), (expected, _) in zip(found.impacts, truth, strict=True)]
+        late = [
+            abs(time - expected)
+            for (time, _), (expected, _) in zip(found.impacts, truth, strict=True)
+        ]
         errors.append((positions, max(late)))
     assert all(fine < max(coarse / FALL, ROUNDING) for coarse, fine in zip(*errors, strict=True))
     for (_, impulses), (_, others) in zip(found.impacts, truth, strict=True):
@@ -128,7 +152,9 @@ def test_joint_coordinates_invert() -> None:
     for freedom, turn in zip(to.freedoms, to.positions(q), strict=True):
         if freedom.direction is None:
             k = Kinematics(mechanism)
-            assert turn == pytest.approx(k.angle(freedom.joint.child, freedom.joint.parent).value(q), abs=1e-13)
+            assert turn == pytest.approx(
+                k.angle(freedom.joint.child, freedom.joint.parent).value(q), abs=1e-13
+            )
 
 
 def test_bodies_stand_depth_first() -> None:

@@ -27,7 +27,9 @@ class Rounded:
     def inspect(self, mechanism: tb.Mechanism, states: tuple[State, ...]) -> Inspection:
         first = mechanism.bodies[0]
         heavy = first.model_copy(update={"mass": first.mass * (1 + self.fault)})
-        equations = Equations(mechanism.model_copy(update={"bodies": (heavy, *mechanism.bodies[1:])}))
+        equations = Equations(
+            mechanism.model_copy(update={"bodies": (heavy, *mechanism.bodies[1:])})
+        )
         return Inspection(
             start=np.float32(mechanism.start),
             start_speeds=np.float32(mechanism.start_speeds or np.zeros(len(mechanism.start))),
@@ -40,7 +42,9 @@ class Rounded:
         accelerations, torques = equations.solve(state.q, state.u, state.closed)
         return Dynamics(
             accelerations=np.float32(accelerations),
-            stop_torques=dict(zip(state.closed, np.float32(torques[equations.n_loops :]).tolist(), strict=True)),
+            stop_torques=dict(
+                zip(state.closed, np.float32(torques[equations.n_loops :]).tolist(), strict=True)
+            ),
             mass_matrix=np.float32(equations.mass_matrix(state.q)),
             forces=np.float32(equations.forces(state.q, state.u)),
         )

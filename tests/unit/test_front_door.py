@@ -14,7 +14,9 @@ ENGINE_LIBRARIES = ("mujoco", "pymunk", "exudyn")
 
 
 def _python(code: str) -> str:
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.strip()
 
 
 @pytest.mark.parametrize(
@@ -28,7 +30,9 @@ def _python(code: str) -> str:
     ids=["import", "engines", "help"],
 )
 def test_no_engine_library_is_loaded(code: str) -> None:
-    loaded = _python(f"import sys; {code}; print([n for n in {ENGINE_LIBRARIES} if n in sys.modules], file=sys.stderr)")
+    loaded = _python(
+        f"import sys; {code}; print([n for n in {ENGINE_LIBRARIES} if n in sys.modules], file=sys.stderr)"
+    )
     assert loaded == ""
     check = f"import sys; {code}; assert not [n for n in {ENGINE_LIBRARIES} if n in sys.modules]"
     _python(check)
@@ -36,10 +40,17 @@ def test_no_engine_library_is_loaded(code: str) -> None:
 
 @pytest.mark.parametrize(
     "first",
-    ["tb.engine('reference')", "tb.engines()", "import trebucheck.engines.registry", "from trebucheck import engines"],
+    [
+        "tb.engine('reference')",
+        "tb.engines()",
+        "import trebucheck.engines.registry",
+        "from trebucheck import engines",
+    ],
 )
 def test_engines_can_be_called_whatever_was_imported_first(first: str) -> None:
-    assert _python(f"import trebucheck as tb; {first}; print('reference' in tb.engines())") == "True"
+    assert (
+        _python(f"import trebucheck as tb; {first}; print('reference' in tb.engines())") == "True"
+    )
 
 
 def test_every_public_name_is_there() -> None:
@@ -63,7 +74,9 @@ def test_built_in_engines_are_known(name: str) -> None:
 @pytest.mark.parametrize("preset", ["stock", "tuned"])
 @pytest.mark.parametrize("name", ["reference", "mujoco", "pymunk", "exudyn"])
 @pytest.mark.parametrize("value", [0.0, -1e-3, float("nan"), float("inf"), "fast", 2.0])
-def test_a_step_is_positive_finite_and_below_a_second(name: str, preset: str, value: object) -> None:
+def test_a_step_is_positive_finite_and_below_a_second(
+    name: str, preset: str, value: object
+) -> None:
     with pytest.raises(tb.InputError, match="timestep = "):
         tb.engine(name, preset, timestep=value)
 
@@ -78,7 +91,9 @@ def test_unknown_engines_presets_and_options_are_named() -> None:
 
 
 def test_steps_that_cannot_be_taken_are_refused() -> None:
-    with pytest.raises(tb.InputError, match=r"timestep = 0\.5 s must not be longer than the duration"):
+    with pytest.raises(
+        tb.InputError, match=r"timestep = 0\.5 s must not be longer than the duration"
+    ):
         tb.engine("reference", timestep=0.5).simulate(tb.Problem(tb.fixed(), duration=0.1))
     with pytest.raises(tb.InputError, match="steps of"):
         tb.engine("reference", timestep=1e-12).simulate(tb.Problem(tb.fixed(), duration=1.0))

@@ -37,7 +37,12 @@ def _reference(**parameters: float) -> tb.Trajectory:
 
 
 def _compare(**changes: object) -> Comparison:
-    options = {"models": ["fixed"], "engines": ["reference"], "presets": ["tuned"], "isolate": False}
+    options = {
+        "models": ["fixed"],
+        "engines": ["reference"],
+        "presets": ["tuned"],
+        "isolate": False,
+    }
     return tb.compare(**{**options, **changes})  # type: ignore[arg-type]
 
 
@@ -60,11 +65,18 @@ def test_the_reference_is_no_distance_from_itself() -> None:
         ("angle_max", "phi", lambda t: replace(t, q=t.q + np.array([0, 2e-3, 0])), 2e-3),
         ("stop_torque_max", "hanger rest", lambda t: _twisted(t, 7.0), 7.0),
         ("release_time", "sling rest", lambda t: _later(t, 1e-4), 1e-4),
-        ("energy_drift", None, lambda t: replace(t, kinetic_energy=t.kinetic_energy + 208.1015257), 1e-3),
+        (
+            "energy_drift",
+            None,
+            lambda t: replace(t, kinetic_energy=t.kinetic_energy + 208.1015257),
+            1e-3,
+        ),
         ("joint_reaction_max", "fulcrum", lambda t: _pulled(t, 30.0, 40.0), 50.0),
     ],
 )
-def test_a_known_difference_is_measured(name: str, subject: str | None, change: object, expected: float) -> None:
+def test_a_known_difference_is_measured(
+    name: str, subject: str | None, change: object, expected: float
+) -> None:
     solution = solve(tb.Problem(tb.fixed(), duration=3.0))
     metrics = measure(change(_reference()), solution, 2.7)  # type: ignore[operator]
     found = next(m for m in metrics if (m.name, m.subject) == (name, subject))
@@ -97,8 +109,12 @@ def _pulled(trajectory: tb.Trajectory, fx: float, fy: float) -> tb.Trajectory:
 
 def test_a_release_only_one_of_them_has_is_a_missing_figure_that_does_not_hold() -> None:
     solution = solve(tb.Problem(tb.fixed(), duration=3.0))
-    trajectory = replace(_reference(), release_times={"hanger rest": None, "sling rest": 1.4, "arm stop": None})
-    found = next(m for m in measure(trajectory, solution, 2.7) if m.label == "release_time (hanger rest)")
+    trajectory = replace(
+        _reference(), release_times={"hanger rest": None, "sling rest": 1.4, "arm stop": None}
+    )
+    found = next(
+        m for m in measure(trajectory, solution, 2.7) if m.label == "release_time (hanger rest)"
+    )
     assert found.value is None
     assert found.note is not None and "1.19494057 s by the reference" in found.note
     assert found.model_copy(update={"tolerance": 1.0}).holds is False
@@ -107,7 +123,11 @@ def test_a_release_only_one_of_them_has_is_a_missing_figure_that_does_not_hold()
 def test_an_engine_that_observes_no_forces_has_no_metric_of_them() -> None:
     solution = solve(tb.Problem(tb.fixed(), duration=3.0))
     blind = replace(_reference(), stop_torques={}, joint_reactions={})
-    forces = [m for m in measure(blind, solution, 2.7) if m.name.startswith(("stop_torque", "joint_reaction"))]
+    forces = [
+        m
+        for m in measure(blind, solution, 2.7)
+        if m.name.startswith(("stop_torque", "joint_reaction"))
+    ]
     assert forces and all(m.value is None and not m.observed and m.note for m in forces)
     with pytest.raises(tb.InputError, match="no stop torque 'hanger rest' here; there is none"):
         blind.stop_torque("hanger rest")
@@ -138,7 +158,9 @@ def test_tolerances_grow_with_the_order_and_do_not_sharpen() -> None:
     assert _tolerance(5e-4) == pytest.approx(25 * 2.5e-5)
     assert _tolerance(1e-5) == pytest.approx(2.5e-5)
     assert _tolerance(1e-4, table_one=False) == pytest.approx(100 * 2.5e-5)
-    assert _tolerance(1e-3, table_one=False) == pytest.approx(1e-3 * 26.0)  # the default is stricter
+    assert _tolerance(1e-3, table_one=False) == pytest.approx(
+        1e-3 * 26.0
+    )  # the default is stricter
     assert _tolerance(1e-3, name="position_rms") is None  # it follows from the largest
     assert _tolerance(1e-2) == pytest.approx(1e-3 * 26.0)  # no claim is looser than the default
 
@@ -150,20 +172,31 @@ def test_the_papers_allowances_and_a_comparison_apply_the_same_tolerance() -> No
 
     quantity = ThrowQuantity("a position", "m")
     runner = tb.engine("pymunk", timestep=2e-3)
-    for parameters, expected in ((tb.TrebuchetParameters(), 8e-3), (tb.TrebuchetParameters(l1=9.5), 8e-2)):
+    for parameters, expected in (
+        (tb.TrebuchetParameters(), 8e-3),
+        (tb.TrebuchetParameters(l1=9.5), 8e-2),
+    ):
         mechanism = tb.fixed(parameters)
         assert allowed(runner, mechanism).position == pytest.approx(expected)
-        assert allowances(runner, mechanism, {}, {quantity: 1.0})[quantity] == pytest.approx(expected)
-        assert _tolerance(2e-3, table_one=expected < 1e-2) == pytest.approx(min(expected, 1e-3 * 26.0))
+        assert allowances(runner, mechanism, {}, {quantity: 1.0})[quantity] == pytest.approx(
+            expected
+        )
+        assert _tolerance(2e-3, table_one=expected < 1e-2) == pytest.approx(
+            min(expected, 1e-3 * 26.0)
+        )
 
 
-def test_a_tolerance_finer_than_the_reference_can_vouch_for_is_refused_and_the_report_says_why() -> None:
+def test_a_tolerance_finer_than_the_reference_can_vouch_for_is_refused_and_the_report_says_why() -> (
+    None
+):
     comparison = _compare(tolerances={"launch-speed": 1e-13})
     (run,) = comparison.results.runs
     metric = run.metric("launch_speed")
     assert metric is not None and metric.holds is None and metric.note is not None
     assert run.outcome is Outcome.NOT_JUDGED and run.unjudged == (metric,)
-    assert html.escape(metric.note, quote=True).replace("&#x27;", "&#39;") in page(document(comparison))
+    assert html.escape(metric.note, quote=True).replace("&#x27;", "&#39;") in page(
+        document(comparison)
+    )
 
 
 @pytest.mark.slow
@@ -174,8 +207,15 @@ def test_beyond_the_predictability_horizon_only_invariants_are_judged() -> None:
     assert machine.judged_to < machine.compared_to == 8.0
     assert machine.stretching <= LIMIT < stretching_at(far.solutions["rolling"], 8.0)
     cut = replace_after(far.trajectories["rolling", "reference tuned"], machine.judged_to)
-    changed = {m.label for m in measured(far, cut) if m.value != run.metric(m.name, m.subject).value}  # type: ignore[union-attr]
-    assert changed == {"energy_balance", "energy_drift", "energy_drift_kinetic", "horizontal_momentum"}
+    changed = {
+        m.label for m in measured(far, cut) if m.value != run.metric(m.name, m.subject).value
+    }  # type: ignore[union-attr]
+    assert changed == {
+        "energy_balance",
+        "energy_drift",
+        "energy_drift_kinetic",
+        "horizontal_momentum",
+    }
 
 
 def replace_after(trajectory: tb.Trajectory, time: float) -> tb.Trajectory:
@@ -262,7 +302,9 @@ def _without_times(results: Results) -> Results:
 @pytest.mark.slow
 def test_diagnoses_are_the_same_however_many_are_made_at_once() -> None:
     study = Study(["pendulum"], ["pymunk"], options={"timestep": 2e-2}, until=1.0, isolate=False)
-    here, at_once = (compare_study(each).results for each in (study, replace(study, isolate=True, jobs=2)))
+    here, at_once = (
+        compare_study(each).results for each in (study, replace(study, isolate=True, jobs=2))
+    )
     assert _without_times(at_once) == _without_times(here)
     assert any(run.diagnosis and run.diagnosis.causes for run in here.runs)
 
@@ -288,7 +330,9 @@ def test_an_engine_that_never_ends_is_stopped(monkeypatch: pytest.MonkeyPatch) -
     assert failed.message == "sleeper did not finish within 1 s and was stopped."
 
 
-def test_an_engine_that_is_not_installed_is_said_and_no_disagreement(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_engine_that_is_not_installed_is_said_and_no_disagreement(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     from trebucheck.engines.registry import engine_class
 
     monkeypatch.setattr(engine_class("mujoco"), "is_installed", classmethod(lambda cls: False))
@@ -304,7 +348,11 @@ def test_one_own_mechanism_and_no_launch() -> None:
     pendulum = tb.Mechanism(
         name="pendulum",
         bodies=(tb.Body(name="bob", angle="beta", mass=3.0, centre=(2.0, 0), inertia=1.0),),
-        joints=(tb.PinJoint(name="pivot", parent="ground", child="bob", parent_point=(0, 0), child_point=(0, 0)),),
+        joints=(
+            tb.PinJoint(
+                name="pivot", parent="ground", child="bob", parent_point=(0, 0), child_point=(0, 0)
+            ),
+        ),
         gravity=9.81,
         start=(0.0,),
     )
@@ -328,7 +376,10 @@ def test_wrong_names_cost_no_waiting() -> None:
 def test_progress_is_told() -> None:
     told: list[tuple[Case, int, int]] = []
     _compare(presets=["tuned", "stock"], progress=lambda *row: told.append(row))
-    assert [(case.label, done, of) for case, done, of in told] == [("reference tuned", 0, 2), ("reference stock", 1, 2)]
+    assert [(case.label, done, of) for case, done, of in told] == [
+        ("reference tuned", 0, 2),
+        ("reference stock", 1, 2),
+    ]
 
 
 @pytest.mark.slow
@@ -357,7 +408,9 @@ def test_a_broken_kept_file_is_made_anew(tmp_path: Path) -> None:
     assert load(tmp_path / "fixed-reference-tuned.nc").mechanism == tb.fixed()
 
 
-def test_runs_of_another_version_of_the_engine_are_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_runs_of_another_version_of_the_engine_are_made_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from trebucheck.engines.registry import engine_class
 
     _compare(store=Store(tmp_path))
@@ -366,10 +419,14 @@ def test_runs_of_another_version_of_the_engine_are_made_anew(tmp_path: Path, mon
     monkeypatch.setattr(engine_class("reference"), "version", classmethod(lambda cls: "another"))
     comparison = _compare(store=Store(tmp_path, resume=True))
     assert kept.stat().st_mtime_ns != before
-    assert comparison.trajectories["fixed", "reference tuned"].provenance.engine_version == "another"
+    assert (
+        comparison.trajectories["fixed", "reference tuned"].provenance.engine_version == "another"
+    )
 
 
-def test_a_finished_comparison_is_not_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_finished_comparison_is_not_measured_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from trebucheck.comparisons.runs import runner
 
     store = Store(tmp_path / "trajectories", records=tmp_path / "runs")
@@ -387,7 +444,9 @@ def test_a_finished_comparison_is_not_measured_again(tmp_path: Path, monkeypatch
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["runs/fixed.json", "runs/fixed-reference-tuned.json"])
 @pytest.mark.parametrize("content", ["not JSON", '{"conditions": "of another"}', None])
-def test_a_broken_or_foreign_record_is_made_anew(name: str, content: str | None, tmp_path: Path) -> None:
+def test_a_broken_or_foreign_record_is_made_anew(
+    name: str, content: str | None, tmp_path: Path
+) -> None:
     store = Store(tmp_path / "trajectories", records=tmp_path / "runs")
     first = _compare(store=store)
     path = tmp_path / name
@@ -427,7 +486,10 @@ def test_a_trajectory_survives_its_file(tmp_path: Path) -> None:
 
 def test_datasets_carry_units() -> None:
     dataset = _reference().to_dataset()
-    assert {name: dataset[name].attrs["units"] for name in ("time", "position", "stop_torque", "joint_reaction")} == {
+    assert {
+        name: dataset[name].attrs["units"]
+        for name in ("time", "position", "stop_torque", "joint_reaction")
+    } == {
         "time": "s",
         "position": "m",
         "stop_torque": "N m",
@@ -480,11 +542,16 @@ def test_no_names_stand_for_every_engine_and_the_reference_is_not_measured() -> 
 
 def test_a_studys_mechanisms_have_one_name_each() -> None:
     own = tb.TrebuchetParameters(l1=9.5)
-    assert Study(["fixed", "rolling", "fixed"], parameters=own).mechanisms == (tb.fixed(own), tb.rolling(own))
+    assert Study(["fixed", "rolling", "fixed"], parameters=own).mechanisms == (
+        tb.fixed(own),
+        tb.rolling(own),
+    )
     assert Study(["fixed", tb.fixed(own)]).mechanisms == (tb.fixed(own),)
 
 
-def test_the_reference_is_evaluated_once_a_grid_for_metrics_and_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_reference_is_evaluated_once_a_grid_for_metrics_and_pairs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     evaluated: list[tuple[Solution, bytes]] = []
     evaluate = Solution.trajectory
 

@@ -25,7 +25,9 @@ NEEDS = {
 }
 
 
-def _commands(group: typer.core.TyperGroup, path: tuple[str, ...] = ()) -> dict[tuple[str, ...], str]:
+def _commands(
+    group: typer.core.TyperGroup, path: tuple[str, ...] = ()
+) -> dict[tuple[str, ...], str]:
     """Help of every command by its words."""
     found: dict[tuple[str, ...], str] = {}
     for name, command in group.commands.items():
@@ -42,16 +44,27 @@ def _first_example(text: str) -> list[str] | None:
 
 
 COMMANDS = _commands(typer.main.get_group(app))
-EXAMPLES = {" ".join(words): example for words, text in COMMANDS.items() if (example := _first_example(text))}
+EXAMPLES = {
+    " ".join(words): example
+    for words, text in COMMANDS.items()
+    if (example := _first_example(text))
+}
 
 
 def test_every_command_has_an_example_but_those_without_arguments() -> None:
-    assert {" ".join(words) for words in COMMANDS} - EXAMPLES.keys() == {"models list", "models schema"}
+    assert {" ".join(words) for words in COMMANDS} - EXAMPLES.keys() == {
+        "models list",
+        "models schema",
+    }
     assert all(example[: len(name.split())] == name.split() for name, example in EXAMPLES.items())
 
 
-@pytest.mark.parametrize("name", [name for name in EXAMPLES if name not in LONG and name not in NEEDS])
-def test_the_first_example_works(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "name", [name for name in EXAMPLES if name not in LONG and name not in NEEDS]
+)
+def test_the_first_example_works(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     for engine in {"mujoco", "pymunk", "exudyn"}.intersection(EXAMPLES[name]):
         pytest.importorskip(engine)

@@ -12,7 +12,19 @@ import typer
 from trebucheck.cli.app import app
 
 ROOT = Path(__file__).parents[2]
-ROWS = "compare", "diff", "converge", "explain", "recommend", "throw", "animate", "paper", "certify", "conform", "judge"
+ROWS = (
+    "compare",
+    "diff",
+    "converge",
+    "explain",
+    "recommend",
+    "throw",
+    "animate",
+    "paper",
+    "certify",
+    "conform",
+    "judge",
+)
 
 
 def _printed(name: str) -> Iterator[str]:
@@ -21,13 +33,17 @@ def _printed(name: str) -> Iterator[str]:
             yield line.lstrip("$ ").partition(" | ")[0]
 
 
-@pytest.mark.parametrize("line", [*_printed("docs/howto.md"), *_printed("docs/tutorial.md"), *_printed("README.md")])
+@pytest.mark.parametrize(
+    "line", [*_printed("docs/howto.md"), *_printed("docs/tutorial.md"), *_printed("README.md")]
+)
 def test_printed_commands_are_understood(line: str) -> None:
     command: Any = typer.main.get_command(app)
     words = shlex.split(line, comments=True)[1:]
     while hasattr(command, "commands"):
         command = command.commands[words.pop(0)]
-    command.make_context(command.name, words)  # parsed, which refuses what is unknown, and not called
+    command.make_context(
+        command.name, words
+    )  # parsed, which refuses what is unknown, and not called
 
 
 def test_every_question_has_an_example() -> None:

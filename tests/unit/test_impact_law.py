@@ -11,7 +11,9 @@ from trebucheck.reference.contact import solve_lcp
 RESTITUTIONS = np.array([0.0, 0.2, 0.5, 0.8, 1.0])
 
 
-def speeds_after(rows: list[list[float]], u: list[float], restitution: list[float]) -> list[FloatArray | None]:
+def speeds_after(
+    rows: list[list[float]], u: list[float], restitution: list[float]
+) -> list[FloatArray | None]:
     """Of unit masses after an impact, by the reference's least distance and by the engines' choice of contacts."""
     gaps, before, e = np.array(rows), np.array(u), np.array(restitution)
     matrix, came = gaps @ gaps.T, gaps @ before
@@ -58,6 +60,9 @@ def test_two_algorithms_agree_on_random_stops() -> None:
             unsolvable += 1
             x = solve_lcp(matrix, came)
             assert x is not None
-        size = np.abs(rows.T @ p).max(initial=1e-12) + np.abs(offset / np.linalg.norm(rows, axis=1)).max()
+        size = (
+            np.abs(rows.T @ p).max(initial=1e-12)
+            + np.abs(offset / np.linalg.norm(rows, axis=1)).max()
+        )
         assert np.abs(rows.T @ (x - p)).max() < 1e-8 * size
     assert 10 < unsolvable < 200

@@ -30,7 +30,9 @@ def test_requirements_state_versions_and_a_size(folder: Path) -> None:
     assert stated and all(re.fullmatch(r"[\w.-]+==[\w.]+", line) for line in stated)
 
 
-@pytest.mark.parametrize("path", sorted(IMPORTERS.glob("*/results.json")), ids=lambda path: path.parent.name)
+@pytest.mark.parametrize(
+    "path", sorted(IMPORTERS.glob("*/results.json")), ids=lambda path: path.parent.name
+)
 def test_results_name_no_place_on_a_machine(path: Path) -> None:
     assert not re.search(r"/(?:tmp|home|root|work|Users|var)/", path.read_text())
 

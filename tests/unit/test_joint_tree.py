@@ -63,7 +63,9 @@ class Pressed:
 def test_a_limit_pushes_with_what_the_change_of_speed_leaves_over(law: StopLaw) -> None:
     problem, tree = tb.Problem(BAR, duration=0.02, stop_law=law), Pressed()
     found = plain_run(problem, LimitedMotion(problem, tree, STEP, "pressed"), "pressed", STEP)  # type: ignore[arg-type]
-    assert found.stop_torques["rest"][:11] == pytest.approx(10.5 - np.arange(11))  # shown where its step begins
+    assert found.stop_torques["rest"][:11] == pytest.approx(
+        10.5 - np.arange(11)
+    )  # shown where its step begins
     assert found.stop_torques["rest"][11:] == pytest.approx(0.0, abs=1e-9)
     assert found.release_times == {"rest": pytest.approx(11 * STEP)}
     assert found.q[11, 0] == 0.25 and found.q[12, 0] > 0.25
@@ -73,7 +75,9 @@ def test_a_limit_pushes_with_what_the_change_of_speed_leaves_over(law: StopLaw) 
 @pytest.mark.parametrize(("body", "other", "sense", "limits"), [
     ("bob", "hull", 1, (0.5, np.inf)), ("bob", "hull", -1, (-np.inf, -0.5)), ("hull", "bob", 1, (-np.inf, -0.5)),
 ])  # fmt: skip
-def test_stops_are_ranges_of_joints(body: str, other: str, sense: int, limits: tuple[float, float]) -> None:
+def test_stops_are_ranges_of_joints(
+    body: str, other: str, sense: int, limits: tuple[float, float]
+) -> None:
     stop = Stop(name="stop", body=body, relative_to=other, sense=sense, limit=0.5, closed=False)  # type: ignore[arg-type]
     start = {1: (0.1, 0.8), -1: (0.8, 0.1)}[sense if body == "bob" else -sense]
     coordinates = JointCoordinates(tied().model_copy(update={"stops": (stop,), "start": start}))

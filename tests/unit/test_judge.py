@@ -46,7 +46,9 @@ def _unit(column: str) -> str:
     return "N" if column.startswith("joint") else "m/s" if " v" in column else "m"
 
 
-def _csv(path: Path, motion: tb.Trajectory, *columns: str, head: str = "", scale: float = 1.0) -> Path:
+def _csv(
+    path: Path, motion: tb.Trajectory, *columns: str, head: str = "", scale: float = 1.0
+) -> Path:
     frame = motion.to_dataframe()
     chosen = frame[list(columns)] * scale if columns else frame
     names = ",".join(["t [s]", *(f"{name} [{_unit(name)}]" for name in chosen.columns)])
@@ -61,7 +63,9 @@ def _judged(path: Path) -> Judgement:
 def _by_state(found: Judgement) -> tuple[set[str], set[str]]:
     """Names of the metrics that are judged, and of those that are not given."""
     judged = {metric.name for metric in found.metrics if metric.holds is not None}
-    return judged, {metric.name for metric in found.metrics if metric.note == NOT_GIVEN and not metric.observed}
+    return judged, {
+        metric.name for metric in found.metrics if metric.note == NOT_GIVEN and not metric.observed
+    }
 
 
 def test_a_whole_file_is_judged_in_everything(motion: tb.Trajectory, tmp_path: Path) -> None:
@@ -70,11 +74,21 @@ def test_a_whole_file_is_judged_in_everything(motion: tb.Trajectory, tmp_path: P
         found = _judged(path)
         judged, missing = _by_state(found)
         assert found.outcome is Outcome.AGREES and not missing
-        assert {"position_max", "launch_time", "joint_reaction_max", "energy_balance", "angle_max"} <= judged
-        assert all(abs(metric.value or 0.0) <= 1e-3 * (metric.tolerance or 0.0) for metric in found.judged)
+        assert {
+            "position_max",
+            "launch_time",
+            "joint_reaction_max",
+            "energy_balance",
+            "angle_max",
+        } <= judged
+        assert all(
+            abs(metric.value or 0.0) <= 1e-3 * (metric.tolerance or 0.0) for metric in found.judged
+        )
 
 
-def test_a_broken_file_gets_its_cause_from_what_it_gives(motion: tb.Trajectory, tmp_path: Path) -> None:
+def test_a_broken_file_gets_its_cause_from_what_it_gives(
+    motion: tb.Trajectory, tmp_path: Path
+) -> None:
     """Signs are a mistake of the file's coordinates, whatever points follow from them; without speeds and forces a
     weaker gravity looks like a slower clock, and both are named."""
     weak = tb.model(MODEL).model_copy(update={"gravity": 9.75})
@@ -82,7 +96,9 @@ def test_a_broken_file_gets_its_cause_from_what_it_gives(motion: tb.Trajectory, 
     files = (_csv(tmp_path / "sign.csv", motion, *STATE, scale=-1.0), _csv(tmp_path / "qu.csv", slow, *STATE),
              _csv(tmp_path / "q.csv", slow, "q theta"))  # fmt: skip
     found = [_judged(path) for path in files]
-    named = [[cause.name for cause in each.diagnosis.named] if each.diagnosis else [] for each in found]
+    named = [
+        [cause.name for cause in each.diagnosis.named] if each.diagnosis else [] for each in found
+    ]
     clock, gravity = "rate of time", "gravity"
     assert "scale of the coordinates and their speeds" in named[0]
     said = [markdown.text(document(each)) for each in found]
@@ -92,25 +108,40 @@ def test_a_broken_file_gets_its_cause_from_what_it_gives(motion: tb.Trajectory, 
     assert _judged(_csv(tmp_path / "right.csv", motion)).diagnosis is None
 
 
-def test_a_diagnosis_that_fails_says_so(motion: tb.Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_diagnosis_that_fails_says_so(
+    motion: tb.Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def too_long(*_: object, **__: object) -> None:
         raise tb.SimulationError("the diagnosis did not finish within 1 s and was stopped.")
 
     monkeypatch.setattr(judge_study, "diagnose_motion", too_long)
     found = _judged(_csv(tmp_path / "sign.csv", motion, *STATE, scale=-1.0))
-    assert "**Why:** No cause is known: the diagnosis did not finish within 1 s" in markdown.text(document(found))
+    assert "**Why:** No cause is known: the diagnosis did not finish within 1 s" in markdown.text(
+        document(found)
+    )
     assert Judgement.from_json(found.to_json()).diagnosis == found.diagnosis
 
 
-def test_what_is_not_given_is_not_judged_and_nothing_is_believed(motion: tb.Trajectory, tmp_path: Path) -> None:
+def test_what_is_not_given_is_not_judged_and_nothing_is_believed(
+    motion: tb.Trajectory, tmp_path: Path
+) -> None:
     judged, missing = _by_state(_judged(_csv(tmp_path / "q.csv", motion, "q theta")))
     assert judged == {"missing_time", "position_max", "angle_max", "potential_energy_max"}
-    assert {"velocity_max", "angular_speed_max", "launch_time", "kinetic_energy_max", "energy_balance"} <= missing
+    assert {
+        "velocity_max",
+        "angular_speed_max",
+        "launch_time",
+        "kinetic_energy_max",
+        "energy_balance",
+    } <= missing
     judged, _ = _by_state(_judged(_csv(tmp_path / "qu.csv", motion, *STATE)))
     assert {"velocity_max", "launch_speed", "energy_balance", "kinetic_energy_max"} <= judged
     found = _judged(_csv(tmp_path / "p.csv", motion, "projectile x", "projectile y"))
     judged = {metric.label for metric in found.judged}
-    assert judged == {"missing_time", "position_max (projectile)"} and "not given, and not judged" in headline(found)
+    assert judged == {
+        "missing_time",
+        "position_max (projectile)",
+    } and "not given, and not judged" in headline(found)
 
 
 @pytest.mark.parametrize(
@@ -141,7 +172,9 @@ def test_units_are_converted(motion: tb.Trajectory, tmp_path: Path) -> None:
     assert _judged(path).outcome is Outcome.DISAGREES
 
 
-def test_a_file_that_ends_early_or_has_gaps_disagrees(motion: tb.Trajectory, tmp_path: Path) -> None:
+def test_a_file_that_ends_early_or_has_gaps_disagrees(
+    motion: tb.Trajectory, tmp_path: Path
+) -> None:
     text = _csv(tmp_path / "all.csv", motion, *STATE).read_text().splitlines()
     for name, kept in (("early.csv", text[:200]), ("gap.csv", [*text[:100], *text[250:]])):
         (tmp_path / name).write_text("\n".join(kept))
@@ -153,18 +186,32 @@ def test_releases_are_judged(tmp_path: Path) -> None:
     angles = [f"q {name}" for name in ("theta", "phi", "alpha")]
     times = dict(motion.release_times)
     for late, outcome in ((0.0, Outcome.AGREES), (0.01, Outcome.DISAGREES)):
-        head = "".join(f"# release {name} [s] = {times[name] + late!r}\n" for name in ("hanger rest", "sling rest"))
-        found = judge_file(_csv(tmp_path / "r.csv", motion, *angles, head=head), Study(["fixed"], [], ()))
+        head = "".join(
+            f"# release {name} [s] = {times[name] + late!r}\n"
+            for name in ("hanger rest", "sling rest")
+        )
+        found = judge_file(
+            _csv(tmp_path / "r.csv", motion, *angles, head=head), Study(["fixed"], [], ())
+        )
         assert found.outcome is outcome
-        assert {m.subject for m in found.judged if m.name == "release_time"} == {"hanger rest", "sling rest"}
+        assert {m.subject for m in found.judged if m.name == "release_time"} == {
+            "hanger rest",
+            "sling rest",
+        }
 
 
 BROKEN = [
     ("", "it is empty"),
     ("t [s],q theta [rad]\n", "line 1: 0 lines of numbers follow; at least two are needed"),
-    ("t [s],q thata [rad]\n0,1\n1,2\n", "line 1: there is no column 'q thata' (did you mean 'q theta'?)"),
+    (
+        "t [s],q thata [rad]\n0,1\n1,2\n",
+        "line 1: there is no column 'q thata' (did you mean 'q theta'?)",
+    ),
     ("t [s],q theta\n0,1\n1,2\n", "line 1: column 'q theta' has no unit; there are: [rad], [deg]"),
-    ("t [s],q theta [m]\n0,1\n1,2\n", "line 1: column 'q theta' has the unit [m]; there are: [rad], [deg]"),
+    (
+        "t [s],q theta [m]\n0,1\n1,2\n",
+        "line 1: column 'q theta' has the unit [m]; there are: [rad], [deg]",
+    ),
     ("t [s],q theta [rad],theta [deg]\n0,1,1\n1,2,1\n", "line 1: column 'q theta' is there twice"),
     ("q theta [rad]\n0\n1\n", "line 1: there is no column 't [s]'"),
     ("t [s],u theta [rad/s]\n0,1\n1,2\n", "neither the coordinates nor the position of a marker"),
@@ -175,7 +222,10 @@ BROKEN = [
     ("t [s],q theta [rad]\n0.5,1\n1,1\n", "line 2: t begins at 0.5 s instead of 0"),
     ("t [s],q theta [rad]\n0,1\n2,1\n1,1\n", "line 4: t decreases from 2 s to 1 s"),
     ("t [s],q theta [rad]\n0,1\n0,1\n", "line 3: t is 0 to the end"),
-    ("# release trigger [s] = 1\nt [s],q theta [rad]\n0,1\n1,1\n", "line 1: there is no stop 'trigger'"),
+    (
+        "# release trigger [s] = 1\nt [s],q theta [rad]\n0,1\n1,1\n",
+        "line 1: there is no stop 'trigger'",
+    ),
     ('t [s],q theta [rad]\n0,"1\n1,1\n', "line 2: "),
     ("t [s],q theta [rad]\n0,1\n1,\udcff\n", "line 3 is not UTF-8 text"),
 ]
@@ -212,7 +262,9 @@ def _bounces(path: Path, head: str = "", late: float = 0.0, factor: float = 1.0)
     columns = [f"q {n} [{u}]" for n, u in zip(names, units, strict=True)]
     columns += [f"u {n} [{u}/s]" for n, u in zip(names, units, strict=True)]
     lines = [",".join(map(repr, row)) for row in rows]
-    path.write_text("\n".join([*filter(None, [head]), ",".join(["t [s]", *columns]), *lines]) + "\n")
+    path.write_text(
+        "\n".join([*filter(None, [head]), ",".join(["t [s]", *columns]), *lines]) + "\n"
+    )
     return path
 
 
@@ -227,13 +279,17 @@ def test_impacts_are_judged_by_what_the_file_shows_or_names(tmp_path: Path) -> N
     study = Study([library_problem("bouncing") or ""], [], ())
     found = judge_file(_bounces(tmp_path / "m.csv"), study)
     assert [metric.holds for metric in _of(found, "impact_time")] == [True]
-    assert {m.subject for m in _of(found, "impact_speed") if m.holds} >= {"ball"} and found.outcome is Outcome.AGREES
+    assert {m.subject for m in _of(found, "impact_speed") if m.holds} >= {
+        "ball"
+    } and found.outcome is Outcome.AGREES
     assert _of(found, "impact_impulse")[0].note == NOT_GIVEN
     late = judge_file(_bounces(tmp_path / "m.csv", late=0.01), study, diagnosed=False)
     assert "impact_time" in {metric.name for metric in late.broken}
     assert abs((_of(late, "impact_time")[0].value or 0.0) - 0.01) < 1e-6
     slow = judge_file(_bounces(tmp_path / "m.csv", factor=0.99), study, diagnosed=False)
-    assert "impact_speed" in {m.name for m in slow.broken} and "impact_time" not in {m.name for m in slow.broken}
+    assert "impact_speed" in {m.name for m in slow.broken} and "impact_time" not in {
+        m.name for m in slow.broken
+    }
 
 
 @pytest.mark.parametrize(("factor", "holds"), [(1.0, True), (1.01, False)])
@@ -243,7 +299,8 @@ def test_impulses_that_a_file_names_are_judged(factor: float, holds: bool, tmp_p
     impacts = solve(problem).impacts
     head = "\n".join(IMPACT.format(t, factor * p["floor"]) for t, p in impacts)
     (metric,) = _of(
-        judge_file(_bounces(tmp_path / "m.csv", head), Study([problem], [], ()), diagnosed=False), "impact_impulse"
+        judge_file(_bounces(tmp_path / "m.csv", head), Study([problem], [], ()), diagnosed=False),
+        "impact_impulse",
     )
     assert metric.holds is holds and metric.unit == "N s"
     expected = (factor - 1) * max(p["floor"] for _, p in impacts)
@@ -257,7 +314,9 @@ def test_a_stored_motion_and_a_published_one_give_their_impacts(tmp_path: Path) 
     (tmp_path / "p.nc").write_bytes(content("bouncing"))
     for name in ("m.nc", "p.nc"):
         found = judge_file(tmp_path / name, Study([problem], [], ()))
-        assert [m.holds for kind in ("impact_time", "impact_impulse") for m in _of(found, kind)] == [True, True]
+        assert [
+            m.holds for kind in ("impact_time", "impact_impulse") for m in _of(found, kind)
+        ] == [True, True]
 
 
 @pytest.mark.parametrize(
@@ -271,17 +330,24 @@ def test_a_stored_motion_and_a_published_one_give_their_impacts(tmp_path: Path) 
             "# impact floor [s] = 1, impulse [N m s] = 2",
             "line 1: column 'impulse' has the unit [N m s]; there are: [N s]",
         ),
-        ("# impact floor [s] = 1, force [N] = 2", "line 1: 'force [N] = 2' follows the time of an impact"),
+        (
+            "# impact floor [s] = 1, force [N] = 2",
+            "line 1: 'force [N] = 2' follows the time of an impact",
+        ),
     ],
 )
-def test_a_broken_impact_is_one_sentence_with_its_line(head: str, said: str, tmp_path: Path) -> None:
+def test_a_broken_impact_is_one_sentence_with_its_line(
+    head: str, said: str, tmp_path: Path
+) -> None:
     (tmp_path / "m.csv").write_text(f"{head}\nt [s],q x [m]\n0,1\n1,1\n")
     with pytest.raises(tb.InputError, match=re.escape(said)):
         judge_file(tmp_path / "m.csv", Study([library_problem("bouncing") or ""], [], ()))
 
 
 @pytest.mark.parametrize("name", ["my.csv", "my.nc"])
-def test_a_release_before_the_start_is_one_sentence(name: str, tmp_path: Path, refused: Callable[..., str]) -> None:
+def test_a_release_before_the_start_is_one_sentence(
+    name: str, tmp_path: Path, refused: Callable[..., str]
+) -> None:
     motion = tb.engine("reference", timestep=1e-2).simulate(tb.Problem(tb.fixed(), duration=0.1))
     wrong = replace(motion, release_times={**motion.release_times, "hanger rest": -0.8})
     if name == "my.nc":
@@ -315,7 +381,11 @@ def test_the_command_says_it_in_its_exit_code(
 
 @pytest.mark.parametrize(("name", "kind"), [("judgement", Judgement), ("conformance", Conformance)])
 def test_published_schemas_are_those_of_the_types(name: str, kind: type[BaseModel]) -> None:
-    published = files("trebucheck.comparisons").joinpath(f"schemas/{name}.schema.json").read_text(encoding="utf-8")
+    published = (
+        files("trebucheck.comparisons")
+        .joinpath(f"schemas/{name}.schema.json")
+        .read_text(encoding="utf-8")
+    )
     assert published == schema_text(kind), "`make generated` writes the schemas anew"
 
 

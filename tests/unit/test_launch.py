@@ -18,7 +18,9 @@ def _turning(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     along = np.exp(1j * (FIRST - RATE * t))
     velocity = (5.0 + t) * along
     position = along * ((5.0 + t) / (-1j * RATE) + 1 / RATE**2)  # its integral
-    return np.stack([position.real, position.imag], axis=1), np.stack([velocity.real, velocity.imag], axis=1)
+    return np.stack([position.real, position.imag], axis=1), np.stack(
+        [velocity.real, velocity.imag], axis=1
+    )
 
 
 def test_found_between_samples() -> None:
@@ -26,7 +28,8 @@ def test_found_between_samples() -> None:
     launch = locate_launch(t, *_turning(t))
     assert launch is not None
     exact = math.radians(75) / 3.0
-    # Degree 15 over eight samples of 0.01 s: what is left is the rounding of positions, over a step.
+    # Degree 15 over eight samples of 0.01 s: what is left is the rounding of positions, over a
+    # step.
     assert launch.time == pytest.approx(exact, abs=ROUNDING)
     assert launch.speed == pytest.approx(5.0 + exact, abs=5 * ROUNDING)
 
@@ -67,10 +70,14 @@ def test_two_crossings_between_two_samples() -> None:
     """The component across the direction, (t - 0.5)^2 - d^2, is positive at every sample."""
     t, d = np.arange(0.005, 1.0, 0.01), 0.003
     side = ((t - 0.5) ** 2 - d**2, (t - 0.5) ** 3 / 3 - d**2 * t)
-    position, velocity = (np.stack([f - g, f + g], axis=1) / math.sqrt(2) for f, g in ((t, side[1]), (t**0, side[0])))
+    position, velocity = (
+        np.stack([f - g, f + g], axis=1) / math.sqrt(2) for f, g in ((t, side[1]), (t**0, side[0]))
+    )
     launch = locate_launch(t, position, velocity)
     assert launch is not None
-    assert launch.time == pytest.approx(0.5 - d, abs=1e-10)  # rounding, 1e-15 m over 0.01 s and 0.006 m/s^2
+    assert launch.time == pytest.approx(
+        0.5 - d, abs=1e-10
+    )  # rounding, 1e-15 m over 0.01 s and 0.006 m/s^2
     lifted = np.array([-1.0, 1.0]) * d**2
     assert locate_launch(t, position + t[:, None] * lifted, velocity + lifted) is None
 

@@ -13,7 +13,16 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-LAYERS = ("models", "reference", "engines", "comparisons", "conformance", "environments", "paper", "cli")
+LAYERS = (
+    "models",
+    "reference",
+    "engines",
+    "comparisons",
+    "conformance",
+    "environments",
+    "paper",
+    "cli",
+)
 ENGINES = ("mujoco", "pymunk", "exudyn")
 MODULES = sorted(path for layer in LAYERS for path in (ROOT / layer).rglob("*.py"))
 FRONT = [ROOT / "__init__.py", ROOT / "__main__.py", ROOT / "version.py"]
@@ -41,7 +50,13 @@ RANKS: tuple[tuple[str, ...], ...] = (
         "comparisons/recommend",
         "comparisons/throw",
     ),
-    ("comparisons/diff", "comparisons/front", "comparisons/judge", "comparisons/importer", "comparisons/matrix"),
+    (
+        "comparisons/diff",
+        "comparisons/front",
+        "comparisons/judge",
+        "comparisons/importer",
+        "comparisons/matrix",
+    ),
     ("conformance", "environments"),
     ("paper/evidence",),
     ("paper/identification", "paper/drag", "paper/sweep"),
@@ -76,7 +91,9 @@ def _imports(path: Path) -> Iterator[tuple[str, bool]]:
             module = ".".join([*base, node.module] if node.module else base)
             inner = [f"{module}.{alias.name}".lstrip(".") for alias in node.names]
             # `from . import module` imports the module, `from .module import name` that module.
-            for name in {name if name in NAMES else module for name in inner} if node.level else {module}:
+            for name in (
+                {name if name in NAMES else module for name in inner} if node.level else {module}
+            ):
                 yield name, id(node) in top
 
 
@@ -84,7 +101,8 @@ def _imports(path: Path) -> Iterator[tuple[str, bool]]:
 def _graph() -> dict[str, set[str]]:
     """Modules of the package that each module imports, at whatever level; also those only for type checkers."""
     return {
-        name: {other for other, _ in _imports(path) if other in NAMES and other != name} for name, path in NAMES.items()
+        name: {other for other, _ in _imports(path) if other in NAMES and other != name}
+        for name, path in NAMES.items()
     }
 
 
@@ -104,7 +122,9 @@ def test_imports_run_one_way(path: Path) -> None:
     own = path.parent.relative_to(ROOT).as_posix()
     for name, at_module_level in _imports(path):
         first = name.split(".")[0]
-        assert first != "trebucheck", f"{path.name} imports {name} absolutely; inside, imports are relative"
+        assert first != "trebucheck", (
+            f"{path.name} imports {name} absolutely; inside, imports are relative"
+        )
         if name in NAMES and name != "version" and _folder(name) != own:
             assert _folder(name) != ".", f"{own}/{path.name} imports the front door"
             assert _rank(_folder(name)) < _rank(own), f"{own}/{path.name} imports {name}"
@@ -116,13 +136,17 @@ def test_only_the_reference_engine_imports_the_reference() -> None:
     for path in MODULES:
         own = path.parent.relative_to(ROOT).as_posix()
         if own.startswith("engines") and own != "engines/reference":
-            assert not any(name.startswith("reference") for name, _ in _imports(path) if name in NAMES), path
+            assert not any(
+                name.startswith("reference") for name, _ in _imports(path) if name in NAMES
+            ), path
 
 
 def test_every_folder_has_a_rank() -> None:
     ranked = [folder for row in RANKS for folder in row]
     assert len(ranked) == len(set(ranked))
-    assert {path.parent.relative_to(ROOT).as_posix() for path in MODULES} == {f for f in ranked if (ROOT / f).is_dir()}
+    assert {path.parent.relative_to(ROOT).as_posix() for path in MODULES} == {
+        f for f in ranked if (ROOT / f).is_dir()
+    }
     assert all((ROOT / folder).is_dir() for folder in ranked)
 
 
@@ -136,8 +160,16 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
 
 def test_every_module_is_imported() -> None:
     """By another module, by a plug-in, or by name: what the front door, the registry and results load when asked."""
-    asking = ("__init__.py", "engines/registry.py", "models/shown.py", "models/trajectory.py", "pyproject.toml")
-    asked_for = "".join((ROOT / name).read_text() for name in asking).replace("trebucheck.conformance", "conformance")
+    asking = (
+        "__init__.py",
+        "engines/registry.py",
+        "models/shown.py",
+        "models/trajectory.py",
+        "pyproject.toml",
+    )
+    asked_for = "".join((ROOT / name).read_text() for name in asking).replace(
+        "trebucheck.conformance", "conformance"
+    )
     plugged = "".join(path.read_text() for path in ROOT.glob("plugins/*/*/*.py"))
     imported = {other for others in _graph().values() for other in others}
     imported |= set(re.findall(r"from trebucheck\.([\w.]+) import", plugged))
@@ -186,8 +218,10 @@ def test_no_machine_path_or_registry_is_committed() -> None:
 OUTSIDE_THE_ENGINES = [
     path
     for path in MODULES
-    if path.relative_to(ROOT).parts[0] in ("models", "reference", "comparisons", "conformance", "cli")
-    and path.relative_to(ROOT).parts[:2] != ("models", "mjcf")  # MJCF is a format, whose root element is <mujoco>
+    if path.relative_to(ROOT).parts[0]
+    in ("models", "reference", "comparisons", "conformance", "cli")
+    and path.relative_to(ROOT).parts[:2]
+    != ("models", "mjcf")  # MJCF is a format, whose root element is <mujoco>
 ]
 HELP_TEXTS = {"cli/app.py"}  # what the package is about, and examples of commands
 
@@ -197,7 +231,11 @@ def _names_and_texts(path: Path) -> Iterator[tuple[int, str]]:
     tree = ast.parse(path.read_text())
     docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings:
+        if (
+            isinstance(node, ast.Constant)
+            and isinstance(node.value, str)
+            and id(node) not in docstrings
+        ):
             yield node.lineno, node.value
         for field in ("id", "attr", "name", "asname", "arg", "module"):
             found = getattr(node, field, None)
@@ -219,4 +257,6 @@ def test_only_the_registry_names_the_engines_in_the_engines_own_room() -> None:
     for path in (ROOT / "engines").glob("*.py"):
         if path.name != "registry.py":
             for line, text in _names_and_texts(path):
-                assert not any(name in text.lower() for name in ENGINES), f"engines/{path.name}:{line}: {text}"
+                assert not any(name in text.lower() for name in ENGINES), (
+                    f"engines/{path.name}:{line}: {text}"
+                )

@@ -41,7 +41,9 @@ def _comparison() -> Comparison:
     found = tb.compare(["fixed"], ["reference"], ["tuned"], timestep=5e-3, isolate=False)
     (run,) = found.results.runs
     runs = [
-        run.model_copy(update={"engine": name, "outcome": outcome}) for name in ("mujoco", LONG) for outcome in Outcome
+        run.model_copy(update={"engine": name, "outcome": outcome})
+        for name in ("mujoco", LONG)
+        for outcome in Outcome
     ]
     return replace(found, results=found.results.model_copy(update={"runs": tuple(runs)}))
 
@@ -83,7 +85,14 @@ def test_80_columns_show_all_of_runs_that_agree_or_disagree() -> None:
     found = _comparison()
     judged = (Outcome.AGREES, Outcome.DISAGREES)
     runs = tuple(run for run in found.results.runs if run.engine != LONG and run.outcome in judged)
-    text = "".join(_lines(report.document(replace(found, results=found.results.model_copy(update={"runs": runs}))), 80))
+    text = "".join(
+        _lines(
+            report.document(
+                replace(found, results=found.results.model_copy(update={"runs": runs}))
+            ),
+            80,
+        )
+    )
     assert "disagrees 28/28" in text and "Not shown" not in text
 
 
@@ -110,9 +119,16 @@ def test_random_tables_lose_no_word_of_what_they_show() -> None:
         for width in (50, 60, 80, 120, 200):
             layout = fitted(given, width)
             used = sum(column.width for column in layout.columns) + layout.room
-            longest = [max(map(len, " ".join(c.text for c in f.cells).split()), default=0) for f in layout.columns]
-            if sum(longest) + len(longest) - 1 <= width and max(len(h.title) for h in heads) <= min(longest):
-                assert all(f.width >= least for f, least in zip(layout.columns, longest, strict=True))
+            longest = [
+                max(map(len, " ".join(c.text for c in f.cells).split()), default=0)
+                for f in layout.columns
+            ]
+            if sum(longest) + len(longest) - 1 <= width and max(len(h.title) for h in heads) <= min(
+                longest
+            ):
+                assert all(
+                    f.width >= least for f, least in zip(layout.columns, longest, strict=True)
+                )
             assert used <= width or not layout.columns
             kept = {column.column.rank for column in layout.columns[1:]}
             out = {column.rank for column in layout.left_out}
@@ -124,7 +140,12 @@ def test_options_of_engines_keep_every_word(width: int) -> None:
     for name in tb.engines():
         rows = option_table(name)
         shown = " ".join(" ".join(_lines(engine_document(name), width)).split())
-        words = {word for row in rows for value in row.defaults.values() for word in default_text(value).split()}
+        words = {
+            word
+            for row in rows
+            for value in row.defaults.values()
+            for word in default_text(value).split()
+        }
         assert words <= set(shown.split()), (name, words - set(shown.split()))
 
 
@@ -133,7 +154,11 @@ def test_a_row_that_cannot_keep_its_words_becomes_a_list() -> None:
     texts = [tuple(letter * 25 for letter in letters) for letters in ("abc", "def")]
     lines = [line.split() for line in _lines(Document("", (table(heads, texts),)), 60)]
     names = [head.title for head in heads]
-    assert lines == [*map(list, zip(names, texts[0], strict=True)), [], *map(list, zip(names, texts[1], strict=True))]
+    assert lines == [
+        *map(list, zip(names, texts[0], strict=True)),
+        [],
+        *map(list, zip(names, texts[1], strict=True)),
+    ]
     untitled = table("|", [("a" * 40, "b" * 40)])
     assert max(map(len, _lines(Document("", (untitled,)), 60))) <= 60
 

@@ -25,7 +25,9 @@ SCALE = math.sqrt(3 / 9)
 """Characteristic time [s]."""
 
 
-def _measured(trajectory: tb.Trajectory, reference: Formula = REFERENCE, end: float = END, **more: Any) -> dict:
+def _measured(
+    trajectory: tb.Trajectory, reference: Formula = REFERENCE, end: float = END, **more: Any
+) -> dict:
     return {metric.label: metric for metric in measure(trajectory, reference, end, **more)}  # type: ignore[arg-type]
 
 
@@ -35,11 +37,14 @@ def _changed(
     """Values that are others than those of the reference itself at the same times."""
     usual = _measured(reference.trajectory(trajectory.t), reference, end, **more)
     found = _measured(trajectory, reference, end, **more)
-    assert all(label in found for label in usual if label.split()[0] not in ("joint_reaction_relative",))
+    assert all(
+        label in found for label in usual if label.split()[0] not in ("joint_reaction_relative",)
+    )
     return {
         label: metric.value
         for label, metric in found.items()
-        if label not in usual or metric.value != pytest.approx(usual[label].value, rel=1e-12, abs=1e-15)
+        if label not in usual
+        or metric.value != pytest.approx(usual[label].value, rel=1e-12, abs=1e-15)
     }
 
 
@@ -59,7 +64,9 @@ def test_the_reference_is_no_distance_from_itself() -> None:
     found = _measured(OWN)
     held = {"stop_gap_held (rest)": 0.0, "launch_time": pytest.approx(0.0, abs=1e-12)}
     held |= {"launch_speed": pytest.approx(0.0, abs=1e-12)}
-    assert {label: metric.value for label, metric in found.items()} == {label: held.get(label, 0.0) for label in found}
+    assert {label: metric.value for label, metric in found.items()} == {
+        label: held.get(label, 0.0) for label in found
+    }
     assert set(found) == {
         "missing_time", "position_max (projectile)", "position_rms (projectile)", "velocity_max (projectile)",
         "position_max (hook)", "position_rms (hook)", "velocity_max (hook)",
@@ -98,7 +105,12 @@ def _ramp(slope: float) -> Any:
 def _hook(position: Any = 0.0, velocity: Any = 0.0) -> tb.Trajectory:
     """With the hook elsewhere [m] and at another speed [m/s]."""
     motion = OWN.marker("hook")
-    return _own(markers={**OWN.markers, "hook": PointMotion(motion.position + position, motion.velocity + velocity)})
+    return _own(
+        markers={
+            **OWN.markers,
+            "hook": PointMotion(motion.position + position, motion.velocity + velocity),
+        }
+    )
 
 
 def _torque(stop: str, more: Any) -> tb.Trajectory:
@@ -190,7 +202,8 @@ READINGS: dict[str, tuple[tb.Trajectory, dict[str, float]]] = {
 def test_a_reading_that_is_wrong_in_one_place_shows_there_and_by_how_much(name: str) -> None:
     trajectory, expected = READINGS[name]
     assert _changed(trajectory) == {
-        label: value if value is None else pytest.approx(value, rel=1e-9) for label, value in expected.items()
+        label: value if value is None else pytest.approx(value, rel=1e-9)
+        for label, value in expected.items()
     }
 
 
@@ -234,7 +247,9 @@ def test_invariants_end_where_an_impact_follows(whose: str, at: float, counts: b
     impacts = ((at, {"buffer": 1.0}),)
     reference = replace(REFERENCE, impacts=impacts) if whose == "reference" else REFERENCE
     late = (T > 1.3) & (T < 1.45)
-    other = _own(kinetic_energy=OWN.kinetic_energy + late, impacts=impacts if whose == "own" else ())
+    other = _own(
+        kinetic_energy=OWN.kinetic_energy + late, impacts=impacts if whose == "own" else ()
+    )
     found = _measured(other, reference, 1.0, invariants_to=1.5)
     assert found["energy_balance"].value == pytest.approx(1.0 if counts else 0.0)
 
@@ -259,7 +274,9 @@ def test_a_launch_is_compared_by_time_and_speed_with_sign() -> None:
     assert _measured(_launching(-0.01))["launch_time"].value == pytest.approx(-0.01, abs=1e-9)
 
 
-def test_a_launch_that_one_of_the_two_has_by_the_end_is_missing_and_one_after_the_end_is_none() -> None:
+def test_a_launch_that_one_of_the_two_has_by_the_end_is_missing_and_one_after_the_end_is_none() -> (
+    None
+):
     none = replace(REFERENCE, launches={})
     found = _measured(OWN, none)
     assert found["launch_time"].value is None and found["launch_speed"].value is None
@@ -273,39 +290,62 @@ def test_a_launch_that_one_of_the_two_has_by_the_end_is_missing_and_one_after_th
     assert "launch_time" in _measured(OWN, end=LAUNCH * (1 - 1e-10))
     assert "launch_time" in _measured(OWN, end=LAUNCH)
     # One of the two by the end, the other a little later: compared.
-    assert _measured(_launching(0.01), end=LAUNCH)["launch_time"].value == pytest.approx(0.01, abs=1e-9)
-    assert _measured(_launching(-0.01), end=LAUNCH - 0.005)["launch_time"].value == pytest.approx(-0.01, abs=1e-9)
+    assert _measured(_launching(0.01), end=LAUNCH)["launch_time"].value == pytest.approx(
+        0.01, abs=1e-9
+    )
+    assert _measured(_launching(-0.01), end=LAUNCH - 0.005)["launch_time"].value == pytest.approx(
+        -0.01, abs=1e-9
+    )
 
 
 def test_the_launch_of_another_marker_bears_its_name() -> None:
     tip = trolley().markers[0].model_copy(update={"name": "tip"})
     mechanism = trolley(markers=(tip, *trolley().markers[1:]))
-    reference = replace(REFERENCE, mechanism=mechanism, launches={"tip": REFERENCE.launches["projectile"]})
+    reference = replace(
+        REFERENCE, mechanism=mechanism, launches={"tip": REFERENCE.launches["projectile"]}
+    )
     found = _measured(reference.trajectory(T), reference, thrown="tip")
     assert found["launch_time (tip)"].value == pytest.approx(0.0, abs=1e-9)
     assert found["launch_speed (tip)"].value == pytest.approx(0.0, abs=1e-9)
-    assert not [label for label in _measured(reference.trajectory(T), reference) if label.startswith("launch")]
+    assert not [
+        label
+        for label in _measured(reference.trajectory(T), reference)
+        if label.startswith("launch")
+    ]
     no_launch = replace(reference, launches={"tip": Launch(1.9, 1.0, (0.7, 0.7))})
-    found = _measured(replace(reference.trajectory(T), release_times={"rest": None}), no_launch, thrown="tip")
+    found = _measured(
+        replace(reference.trajectory(T), release_times={"rest": None}), no_launch, thrown="tip"
+    )
     assert "launch_time (tip)" not in found
 
 
 # releases
 
 
-@pytest.mark.parametrize(("own", "reference", "value"), [(0.5, None, None), (None, 0.5, None), (0.4, 0.5, -0.1)])
-def test_releases_that_one_of_the_two_has(own: float | None, reference: float | None, value: float | None) -> None:
-    found = _measured(_own(release_times={"rest": own}), replace(REFERENCE, release_times={"rest": reference}))
+@pytest.mark.parametrize(
+    ("own", "reference", "value"), [(0.5, None, None), (None, 0.5, None), (0.4, 0.5, -0.1)]
+)
+def test_releases_that_one_of_the_two_has(
+    own: float | None, reference: float | None, value: float | None
+) -> None:
+    found = _measured(
+        _own(release_times={"rest": own}), replace(REFERENCE, release_times={"rest": reference})
+    )
     metric = found["release_time (rest)"]
     assert metric.value == (None if value is None else pytest.approx(value))
     assert (metric.note is None) == (value is not None)
     if own is None:
-        assert metric.note == "released at no time before the end by the engine, at 0.5 s by the reference"
+        assert (
+            metric.note
+            == "released at no time before the end by the engine, at 0.5 s by the reference"
+        )
 
 
 def test_releases_of_both_after_the_end_are_none() -> None:
     def found(own: float | None, reference: float | None) -> dict[str, Metric]:
-        return _measured(_own(release_times={"rest": own}), replace(REFERENCE, release_times={"rest": reference}))
+        return _measured(
+            _own(release_times={"rest": own}), replace(REFERENCE, release_times={"rest": reference})
+        )
 
     assert "release_time (rest)" not in found(1.6, 1.7)
     assert "release_time (rest)" not in found(1.6, None)
@@ -317,7 +357,10 @@ def test_releases_of_both_after_the_end_are_none() -> None:
 def test_a_stop_that_is_open_at_the_start_is_never_released_under_the_law_without_impacts() -> None:
     own = _own(release_times={"rest": RELEASE, "buffer": 1.0, "wall": None})
     found = _measured(own)
-    assert [label for label in found if label.startswith("release")] == ["release_time (rest)", "release_time (buffer)"]
+    assert [label for label in found if label.startswith("release")] == [
+        "release_time (rest)",
+        "release_time (buffer)",
+    ]
     released = found["release_time (buffer)"]
     assert released.value is None and released.observed
     unilateral = replace(REFERENCE, law=tb.StopLaw.UNILATERAL)
@@ -327,18 +370,27 @@ def test_a_stop_that_is_open_at_the_start_is_never_released_under_the_law_withou
 # impacts
 
 
-def _struck(*times: float, stop: str = "buffer", impulse: float = 1.0) -> tuple[tuple[float, dict[str, float]], ...]:
+def _struck(
+    *times: float, stop: str = "buffer", impulse: float = 1.0
+) -> tuple[tuple[float, dict[str, float]], ...]:
     return tuple((time, {stop: impulse}) for time in times)
 
 
-def _impact(own: tuple[Any, ...], reference: tuple[Any, ...], stop: str = "buffer", end: float = END) -> Metric | None:
+def _impact(
+    own: tuple[Any, ...], reference: tuple[Any, ...], stop: str = "buffer", end: float = END
+) -> Metric | None:
     found = _measured(_own(impacts=own), replace(REFERENCE, impacts=reference), end)
     return found.get(f"impact_time ({stop})")
 
 
 def test_impacts_are_paired_in_their_order_and_the_worst_counts() -> None:
     metric = _impact(_struck(0.61, 0.87, 1.2), _struck(0.6, 0.9, 1.2))
-    assert metric is not None and metric.value == pytest.approx(-0.03) and metric.unit == "s" and metric.observed
+    assert (
+        metric is not None
+        and metric.value == pytest.approx(-0.03)
+        and metric.unit == "s"
+        and metric.observed
+    )
     assert _impact(_struck(1.6), _struck(1.7)) is None
     late = _impact(_struck(1.6), _struck(1.4))
     assert late is not None and late.value == pytest.approx(0.2)
@@ -347,7 +399,11 @@ def test_impacts_are_paired_in_their_order_and_the_worst_counts() -> None:
 
 
 def test_an_impact_that_one_of_the_two_has_is_missing() -> None:
-    for own, reference in ((_struck(0.6, 0.7), _struck(0.6)), (_struck(0.6), _struck(0.6, 0.9)), (_struck(0.6), ())):
+    for own, reference in (
+        (_struck(0.6, 0.7), _struck(0.6)),
+        (_struck(0.6), _struck(0.6, 0.9)),
+        (_struck(0.6), ()),
+    ):
         metric = _impact(own, reference)
         assert metric is not None and metric.value is None and metric.observed and metric.note
     further = _impact(_struck(0.6, 1.6), _struck(0.6))
@@ -388,7 +444,11 @@ def _jump(at: float, low: float, high: float) -> dict[str, float | None]:
         markers={**OWN.markers, "hook": replace(OWN.marker("hook"), velocity=off[:, None] * [0.0, 1.0])},
     )  # fmt: skip
     changed = _changed(own, reference)
-    return {label: value for label, value in changed.items() if "energy_drift" not in label and "impulse" not in label}
+    return {
+        label: value
+        for label, value in changed.items()
+        if "energy_drift" not in label and "impulse" not in label
+    }
 
 
 SPEEDS_AND_FORCES = {
@@ -417,7 +477,11 @@ def test_an_impact_of_one_of_the_two_only_has_a_window_of_its_own() -> None:
 def test_positions_and_potential_energy_are_compared_at_an_impact_as_well() -> None:
     reference = replace(REFERENCE, impacts=_struck(1.0))
     off = np.abs(T - 1.0) < 1e-6
-    own = replace(reference.trajectory(T), q=OWN.q + _column(0, off), potential_energy=OWN.potential_energy + off)
+    own = replace(
+        reference.trajectory(T),
+        q=OWN.q + _column(0, off),
+        potential_energy=OWN.potential_energy + off,
+    )
     assert {"angle_max (tilt)", "potential_energy_max"} < set(_changed(own, reference))
 
 
@@ -426,9 +490,16 @@ def test_where_every_sample_is_at_an_impact_speeds_are_not_judged() -> None:
     reference = replace(REFERENCE, impacts=_struck(0.7))
     found = _measured(reference.trajectory(coarse), reference)
     unseen = {label for label, metric in found.items() if not metric.observed}
-    assert {"velocity_max (hook)", "kinetic_energy_max", "joint_reaction_max (slot)", "stop_torque_max (rest)"} < unseen
+    assert {
+        "velocity_max (hook)",
+        "kinetic_energy_max",
+        "joint_reaction_max (slot)",
+        "stop_torque_max (rest)",
+    } < unseen
     assert found["velocity_max (hook)"].note == "every sample is at an impact"
-    assert found["velocity_max (hook)"].value is None and "joint_reaction_relative (slot)" not in found
+    assert (
+        found["velocity_max (hook)"].value is None and "joint_reaction_relative (slot)" not in found
+    )
 
 
 # forces that are not there
@@ -441,7 +512,10 @@ def test_what_an_engine_does_not_tell_is_said_for_each_stop_and_joint() -> None:
         "stop_torque_max (buffer)", "stop_torque_max (wall)", "joint_reaction_max (slot)", "joint_reaction_max (pivot)"
     }  # fmt: skip
     assert all(m.value is None and m.note == "the engine does not tell it" for m in blind.values())
-    assert {blind["stop_torque_max (wall)"].unit, blind["stop_torque_max (buffer)"].unit} == {"N", "N m"}
+    assert {blind["stop_torque_max (wall)"].unit, blind["stop_torque_max (buffer)"].unit} == {
+        "N",
+        "N m",
+    }
     assert found["stop_torque_max (rest)"].value == 0.0
 
 
@@ -454,7 +528,9 @@ def test_forces_that_are_not_unique_are_not_compared() -> None:
 
 
 def test_a_joint_without_load_has_no_relative_error() -> None:
-    reference = replace(REFERENCE, reactions={**REFERENCE.reactions, "slot": lambda t: np.zeros((len(t), 2))})
+    reference = replace(
+        REFERENCE, reactions={**REFERENCE.reactions, "slot": lambda t: np.zeros((len(t), 2))}
+    )
     found = _measured(OWN, reference)
     assert found["joint_reaction_max (slot)"].value == 45.0
     assert "joint_reaction_relative (slot)" not in found
@@ -477,8 +553,28 @@ def test_energies_without_a_zero_have_no_relative_error() -> None:
         ({"joints": (SLOT.model_copy(update={"axis": (-1.0, 0.0)}), trolley().joints[1])}, True),
         ({"joints": (SLOT.model_copy(update={"axis": (0.6, 0.8)}), trolley().joints[1])}, False),
         ({"joints": (SLOT.model_copy(update={"axis": (0.0, 1.0)}), trolley().joints[1])}, False),
-        ({"joints": (pin("slot", GROUND, "trolley"), trolley().joints[1]), "start": (0.0, math.pi)}, False),
-        ({"stops": (PointStop(name="wall", body="arm", point=(1, 0), normal=(1, 0), offset=-9, closed=False),)}, False),
+        (
+            {
+                "joints": (pin("slot", GROUND, "trolley"), trolley().joints[1]),
+                "start": (0.0, math.pi),
+            },
+            False,
+        ),
+        (
+            {
+                "stops": (
+                    PointStop(
+                        name="wall",
+                        body="arm",
+                        point=(1, 0),
+                        normal=(1, 0),
+                        offset=-9,
+                        closed=False,
+                    ),
+                )
+            },
+            False,
+        ),
         (pinned(), False),
     ],
     ids=[
@@ -491,7 +587,9 @@ def test_energies_without_a_zero_have_no_relative_error() -> None:
         "a pin on the ground beside",
     ],
 )
-def test_momentum_is_an_invariant_where_nothing_pushes_along_x(changes: dict[str, Any], invariant: bool) -> None:
+def test_momentum_is_an_invariant_where_nothing_pushes_along_x(
+    changes: dict[str, Any], invariant: bool
+) -> None:
     mechanism = trolley(**changes)
     zeros = len(mechanism.coordinates) - 3
     reference = replace(
@@ -506,7 +604,9 @@ def test_momentum_is_an_invariant_where_nothing_pushes_along_x(changes: dict[str
 def test_momentum_is_measured_from_that_at_the_start() -> None:
     """0.3 m/s of 5 kg from the start on: it is the change that counts, along x only."""
     moving = replace(REFERENCE, u=lambda t: [0 * t, TURN * (t > RELEASE), 0.3 + 0 * t])
-    assert _measured(moving.trajectory(T), moving)["horizontal_momentum"].value == pytest.approx(0.0, abs=1e-14)
+    assert _measured(moving.trajectory(T), moving)["horizontal_momentum"].value == pytest.approx(
+        0.0, abs=1e-14
+    )
     slower = replace(moving.trajectory(T), u=moving.trajectory(T).u - _column(2, 0.1 * (T > 1.0)))
     assert _changed(slower, moving)["horizontal_momentum"] == pytest.approx(0.5)
 
@@ -526,21 +626,35 @@ def test_a_stop_is_held_up_to_the_earlier_release() -> None:
         "stop_gap_held (rest)"
     ].value == pytest.approx(0.01)
     at_once = _own(t=np.concatenate([[1e-10], T[1:]]), release_times={"rest": 0.0})
-    assert _measured(at_once, replace(REFERENCE, release_times={"rest": 0.0}))["stop_gap_held (rest)"].value == 0.0
+    assert (
+        _measured(at_once, replace(REFERENCE, release_times={"rest": 0.0}))[
+            "stop_gap_held (rest)"
+        ].value
+        == 0.0
+    )
 
 
 def test_penetration_is_judged_under_the_unilateral_law_only_and_without_torques_too() -> None:
     into = _own(q=OWN.q + _column(1, 0.02 * (T < 0.2) * -1.0))
-    assert not [label for label in _measured(into) if label.startswith(("stop_penetration", "complementarity"))]
+    assert not [
+        label
+        for label in _measured(into)
+        if label.startswith(("stop_penetration", "complementarity"))
+    ]
     law = replace(REFERENCE, law=tb.StopLaw.UNILATERAL)
     found = _measured(into, law)
     assert found["stop_penetration (rest)"].value == pytest.approx(0.02)
-    assert found["stop_penetration (rest)"].unit == "rad" and found["stop_penetration (wall)"].unit == "m"
+    assert (
+        found["stop_penetration (rest)"].unit == "rad"
+        and found["stop_penetration (wall)"].unit == "m"
+    )
     assert found["stop_penetration (buffer)"].value == 0.0
     # 20 N m at most where it gapes: the largest product, of the largest torque.
     assert found["complementarity (rest)"].value == pytest.approx(0.02)
     assert "complementarity (buffer)" not in found
-    assert _measured(replace(into, stop_torques={}), law)["stop_penetration (rest)"].value == pytest.approx(0.02)
+    assert _measured(replace(into, stop_torques={}), law)[
+        "stop_penetration (rest)"
+    ].value == pytest.approx(0.02)
 
 
 def test_a_stop_that_pushes_at_a_distance_is_seen() -> None:

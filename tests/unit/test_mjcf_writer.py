@@ -63,11 +63,27 @@ def test_a_folder_is_complete(name: str) -> None:
 
 
 def test_floats_read_back_to_the_same_bits() -> None:
-    p = TrebuchetParameters(l1=9.1 + 1 / 3, m_b=math.pi * 20, r=math.sqrt(30), theta0=0.1, alpha0=-0.7)
+    p = TrebuchetParameters(
+        l1=9.1 + 1 / 3, m_b=math.pi * 20, r=math.sqrt(30), theta0=0.1, alpha0=-0.7
+    )
     numbers = {
-        float(word) for e in parsed(fixed(p)).iter() for v in e.attrib.values() for word in v.split() if _real(word)
+        float(word)
+        for e in parsed(fixed(p)).iter()
+        for v in e.attrib.values()
+        for word in v.split()
+        if _real(word)
     }
-    assert {p.l1, -p.l2, p.m_b, p.r, p.h, p.theta0, p.phi0 - p.theta0, p.alpha0 - p.theta0, -p.g} <= numbers
+    assert {
+        p.l1,
+        -p.l2,
+        p.m_b,
+        p.r,
+        p.h,
+        p.theta0,
+        p.phi0 - p.theta0,
+        p.alpha0 - p.theta0,
+        -p.g,
+    } <= numbers
 
 
 def _real(word: str) -> bool:
@@ -111,10 +127,19 @@ def test_stops_that_no_joint_can_hold_become_tendons() -> None:
 
 def test_a_stop_between_branches_counts_both_ways() -> None:
     twin = Body(name="twin", angle="c", mass=1, centre=(1, 0), inertia=0.1)
-    joint = PinJoint(name="twin pin", parent="upper", child="twin", parent_point=(1, 0), child_point=(0, 0))
+    joint = PinJoint(
+        name="twin pin", parent="upper", child="twin", parent_point=(1, 0), child_point=(0, 0)
+    )
     stop = Stop(name="between", body="lower", relative_to="twin", sense=1, limit=0.0, closed=False)
     base = chain_of(())
-    root = parsed(chain_of((stop,), bodies=(*base.bodies, twin), joints=(*base.joints, joint), start=(0.3, 0.5, 0.4)))
+    root = parsed(
+        chain_of(
+            (stop,),
+            bodies=(*base.bodies, twin),
+            joints=(*base.joints, joint),
+            start=(0.3, 0.5, 0.4),
+        )
+    )
     assert {(e.get("joint"), e.get("coef")) for e in root.iter("fixed").__next__()} == {
         ("pin", "1"),
         ("twin_pin", "-1"),
@@ -123,21 +148,34 @@ def test_a_stop_between_branches_counts_both_ways() -> None:
 
 def test_start_speeds_are_relative_and_slides_come_first() -> None:
     slot = SlotJoint(
-        name="hook", child="upper", parent_point=(0.3, 2), child_point=(0.1, 0), axis=(0.8, 0.6), coordinate="s"
+        name="hook",
+        child="upper",
+        parent_point=(0.3, 2),
+        child_point=(0.1, 0),
+        axis=(0.8, 0.6),
+        coordinate="s",
     )
     root = parsed(
-        chain_of((), joints=(slot, chain_of(()).joints[1]), start=(0.3, 0.5, 0.7), start_speeds=(1.0, 3.0, 0.25))
+        chain_of(
+            (),
+            joints=(slot, chain_of(()).joints[1]),
+            start=(0.3, 0.5, 0.7),
+            start_speeds=(1.0, 3.0, 0.25),
+        )
     )
     key = next(root.iter("key"))
     assert key.get("qvel") == "0.25 1 2"
     axis = next(e for e in root.iter("joint") if e.get("name") == "hook_slide").attrib["axis"]
     # The axis in the frame of a body turned clockwise by 0.3 rad, where MuJoCo wants it.
     assert [float(x) for x in axis.split()] == pytest.approx(
-        [0.8 * math.cos(0.3) - 0.6 * math.sin(0.3), 0.0, 0.8 * math.sin(0.3) + 0.6 * math.cos(0.3)], abs=1e-15
+        [0.8 * math.cos(0.3) - 0.6 * math.sin(0.3), 0.0, 0.8 * math.sin(0.3) + 0.6 * math.cos(0.3)],
+        abs=1e-15,
     )
 
 
-@pytest.mark.parametrize("mechanism", [*(model(name) for name in models()), everything()], ids=lambda m: m.name)
+@pytest.mark.parametrize(
+    "mechanism", [*(model(name) for name in models()), everything()], ids=lambda m: m.name
+)
 def test_names_have_no_character_that_an_importer_refuses(mechanism: Mechanism) -> None:
     root, names = parsed(mechanism), mjcf_names(mechanism)
     present = {name for e in root.iter() if e.tag != "key" and (name := e.get("name")) is not None}
@@ -146,13 +184,24 @@ def test_names_have_no_character_that_an_importer_refuses(mechanism: Mechanism) 
     # Every reference is to one of them, of the kind that its attribute names.
     for element in root.iter():
         for attribute, name in element.attrib.items():
-            if attribute.rstrip("12") in ("joint", "site", "geom", "tendon", "refsite", "objname", "body"):
+            if attribute.rstrip("12") in (
+                "joint",
+                "site",
+                "geom",
+                "tendon",
+                "refsite",
+                "objname",
+                "body",
+            ):
                 assert name in present, (element.tag, attribute, name)
 
 
 def test_names_that_differ_stay_different() -> None:
     base = chain_of(())
-    markers = [Marker(name=name, body="upper", point=(0, 0)) for name in ("a b", "a_b", "a_b_2", "hook_force")]
+    markers = [
+        Marker(name=name, body="upper", point=(0, 0))
+        for name in ("a b", "a_b", "a_b_2", "hook_force")
+    ]
     mechanism = base.model_copy(update={"markers": tuple(markers)})
     names = mjcf_names(mechanism)
     assert [names[marker.name] for marker in markers] == ["a_b_3", "a_b", "a_b_2", "hook_force"]
@@ -174,14 +223,20 @@ def test_nothing_drawn_has_mass_or_touches(name: str) -> None:
     root = parsed(model(name))
     default = root.find("default/geom")
     assert default is not None
-    assert (default.get("mass"), default.get("contype"), default.get("conaffinity")) == ("0", "0", "0")
+    assert (default.get("mass"), default.get("contype"), default.get("conaffinity")) == (
+        "0",
+        "0",
+        "0",
+    )
     geoms = list(root.find("worldbody").iter("geom"))  # type: ignore[union-attr]
     assert all(not {"mass", "contype", "conaffinity"} & set(geom.attrib) for geom in geoms)
     floor = next(ET.fromstring(scene(model(name), f"{name}.xml")).iter("geom"))
     assert (floor.get("contype"), floor.get("conaffinity")) == ("0", "0")
     # What is drawn has no name, and only what has one can be in a pair that touches.
     named = {geom.get("name") for geom in geoms} - {None}
-    assert named == {pair.get(end) for pair in root.iter("pair") for end in ("geom1", "geom2")} - {None}
+    assert named == {pair.get(end) for pair in root.iter("pair") for end in ("geom1", "geom2")} - {
+        None
+    }
 
 
 def floats(text: str | None) -> list[float]:
@@ -196,7 +251,9 @@ def test_a_stop_on_a_point_is_a_ball_that_rests_on_a_plane() -> None:
     tip = _place(chain_of(()), "lower", (0.1, -1.5))
     normal = (0.6, 0.8)
     offset = normal[0] * tip[0] + normal[1] * tip[1]
-    stop = PointStop(name="wall", body="lower", point=(0.1, -1.5), normal=normal, offset=offset, closed=True)
+    stop = PointStop(
+        name="wall", body="lower", point=(0.1, -1.5), normal=normal, offset=offset, closed=True
+    )
     root = parsed(chain_of((stop,)))
     radius = floats(by_name(root, "geom", "wall_ball").get("size"))[0]
     plane = by_name(root, "geom", "wall_wall")
@@ -204,7 +261,9 @@ def test_a_stop_on_a_point_is_a_ball_that_rests_on_a_plane() -> None:
     behind = floats(plane.get("pos"))
     assert behind[0] * 0.6 + behind[2] * 0.8 == pytest.approx(offset - radius, abs=1e-15)
     # In the frame of its body, whose origin is the joint at (0, 0.1).
-    assert floats(by_name(root, "body", "wall_point").get("pos")) == pytest.approx([0.1, 0.0, -1.6], abs=1e-15)
+    assert floats(by_name(root, "body", "wall_point").get("pos")) == pytest.approx(
+        [0.1, 0.0, -1.6], abs=1e-15
+    )
     default = root.find("default/pair")
     assert default is not None and default.get("condim") == "1"
     assert {sensor.get("name") for sensor in root.iter("contact")} >= {"wall_torque"}
@@ -219,36 +278,54 @@ def _place(mechanism: Mechanism, body: str, point: tuple[float, float]) -> tuple
 
 def test_a_slot_that_closes_a_loop_is_a_ball_between_two_planes() -> None:
     at = _place(chain_of(()), "lower", (0.5, 0.2))
-    slot = SlotJoint(name="rail", child="lower", parent_point=at, child_point=(0.5, 0.2), axis=(0.8, -0.6))
+    slot = SlotJoint(
+        name="rail", child="lower", parent_point=at, child_point=(0.5, 0.2), axis=(0.8, -0.6)
+    )
     root = ET.fromstring(mjcf(chain_of((), joints=(*chain_of(()).joints, slot)), 1e-3))
     left, right = (by_name(root, "geom", f"rail_{side}_wall") for side in ("left", "right"))
-    assert floats(left.get("zaxis")) == [-0.6, 0.0, -0.8] and floats(right.get("zaxis")) == [0.6, 0.0, 0.8]
+    assert floats(left.get("zaxis")) == [-0.6, 0.0, -0.8] and floats(right.get("zaxis")) == [
+        0.6,
+        0.0,
+        0.8,
+    ]
     # The ball fills the room between them.
     apart = np.subtract(floats(left.get("pos")), floats(right.get("pos"))) @ [0.6, 0.0, 0.8]
-    assert apart == pytest.approx(2 * floats(by_name(root, "geom", "rail_ball").get("size"))[0], abs=1e-15)
+    assert apart == pytest.approx(
+        2 * floats(by_name(root, "geom", "rail_ball").get("size"))[0], abs=1e-15
+    )
     margins = {float(pair.attrib["margin"]) for pair in root.iter("pair") if pair.get("name")}
     # Both are pressed in by the same, and by a hundredth of it at a tenth of the step.
     finer = ET.fromstring(mjcf(chain_of((), joints=(*chain_of(()).joints, slot)), 1e-4))
     assert len(margins) == 1
-    assert float(by_name(finer, "pair", "rail_left").attrib["margin"]) == pytest.approx(0.01 * margins.pop())
+    assert float(by_name(finer, "pair", "rail_left").attrib["margin"]) == pytest.approx(
+        0.01 * margins.pop()
+    )
     assert by_name(root, "force", "rail_force").get("site") == "rail_joint"
 
 
 def test_a_pin_that_closes_a_loop_ties_two_sites() -> None:
-    closing = PinJoint(name="loop pin", parent=GROUND, child="lower", parent_point=(1, 1), child_point=(0.2, 0.3))
+    closing = PinJoint(
+        name="loop pin", parent=GROUND, child="lower", parent_point=(1, 1), child_point=(0.2, 0.3)
+    )
     root = parsed(chain_of((), joints=(*chain_of(()).joints, closing)))
     tie = by_name(root, "connect", "loop_pin")
     assert (tie.get("site1"), tie.get("site2")) == ("loop_pin_joint", "loop_pin_anchor")
     assert floats(by_name(root, "site", "loop_pin_anchor").get("pos")) == [1.0, 0.0, 1.0]
-    assert floats(by_name(root, "body", "loop_pin_point").get("pos")) == pytest.approx([0.2, 0.0, 0.2], abs=1e-15)
+    assert floats(by_name(root, "body", "loop_pin_point").get("pos")) == pytest.approx(
+        [0.2, 0.0, 0.2], abs=1e-15
+    )
     assert root.find("option/flag").get("contact") == "disable"  # type: ignore[union-attr]
 
 
 def test_what_cannot_be_written_says_so() -> None:
-    itself = Stop(name="itself", body="upper", relative_to="upper", sense=1, limit=-1.0, closed=False)
+    itself = Stop(
+        name="itself", body="upper", relative_to="upper", sense=1, limit=-1.0, closed=False
+    )
     with pytest.raises(UnsupportedProblemError, match="itself"):
         mjcf(chain_of((itself,)))
-    still = PointStop(name="still", body=GROUND, point=(0, 1), normal=(0, 1), offset=0.0, closed=False)
+    still = PointStop(
+        name="still", body=GROUND, point=(0, 1), normal=(0, 1), offset=0.0, closed=False
+    )
     with pytest.raises(UnsupportedProblemError, match="still"):
         mjcf(chain_of((still,)))
 
@@ -270,7 +347,9 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
         write_model_folder(fixed(), tmp_path / "taken")
 
 
-def test_an_interrupted_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_write_leaves_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     write_model_folder(fixed(), tmp_path)
     before = (tmp_path / "fixed.xml").read_bytes()
 

@@ -25,13 +25,19 @@ def test_one_contact_gives_back_its_restitution() -> None:
     assert impact.left == pytest.approx({"a": 0.6})
     assert MASS @ (impact.speeds - speeds) == pytest.approx([impact.impulses["a"], 0.0])
     # (1 - e^2) v^2 / (2 G M^-1 G^T)
-    assert lost(speeds, impact.speeds) == pytest.approx((1 - 0.3**2) * 2.0**2 / (2 * np.linalg.inv(MASS)[0, 0]))
+    assert lost(speeds, impact.speeds) == pytest.approx(
+        (1 - 0.3**2) * 2.0**2 / (2 * np.linalg.inv(MASS)[0, 0])
+    )
 
 
 def test_contacts_that_would_have_to_pull_take_no_part() -> None:
     """The one that is met accelerates the other away: an impulse at both would have to pull there."""
     impact = resolve_impact(
-        FREE, np.array([0.0, -1.0]), {"a": -AXES["a"], "b": AXES["b"]}, {"a": 0.0, "b": 0.0}, "mujoco"
+        FREE,
+        np.array([0.0, -1.0]),
+        {"a": -AXES["a"], "b": AXES["b"]},
+        {"a": 0.0, "b": 0.0},
+        "mujoco",
     )
     assert impact.impulses["a"] == 0.0 < impact.impulses["b"]
     assert impact.left["a"] > 0.0 == pytest.approx(impact.left["b"], abs=1e-15)
@@ -40,13 +46,17 @@ def test_contacts_that_would_have_to_pull_take_no_part() -> None:
 def test_both_push_where_both_are_met() -> None:
     impact = resolve_impact(FREE, np.array([-1.0, -1.0]), AXES, {"a": 0.0, "b": 0.5}, "mujoco")
     assert impact.speeds == pytest.approx([0.0, 0.5], abs=1e-15)
-    assert MASS @ (impact.speeds + 1.0) == pytest.approx([impact.impulses["a"], impact.impulses["b"]])
+    assert MASS @ (impact.speeds + 1.0) == pytest.approx(
+        [impact.impulses["a"], impact.impulses["b"]]
+    )
 
 
 def test_redundant_contacts_share_one_impulse() -> None:
     row = np.array([1.0, 1.0])
     once = resolve_impact(FREE, np.array([-1.0, -2.0]), {"a": row}, {"a": 0.5}, "mujoco")
-    twice = resolve_impact(FREE, np.array([-1.0, -2.0]), {"a": row, "b": row}, {"a": 0.5, "b": 0.5}, "mujoco")
+    twice = resolve_impact(
+        FREE, np.array([-1.0, -2.0]), {"a": row, "b": row}, {"a": 0.5, "b": 0.5}, "mujoco"
+    )
     assert twice.speeds == pytest.approx(once.speeds)
     assert twice.impulses == pytest.approx(dict.fromkeys("ab", once.impulses["a"] / 2))
 
@@ -63,7 +73,9 @@ def test_impulses_respect_loops_that_are_redundant() -> None:
 def test_drift_of_held_contacts_and_loops_is_no_speed_of_an_impact() -> None:
     inertia = Inertia(MASS, np.array([[1.0, -1.0]]))
     drifting = np.array([1.0 + 1e-8, 1.0])
-    assert inertia.loops @ inertia.without_drift(drifting, np.zeros((0, 2))) == pytest.approx([0.0], abs=1e-15)
+    assert inertia.loops @ inertia.without_drift(drifting, np.zeros((0, 2))) == pytest.approx(
+        [0.0], abs=1e-15
+    )
     assert FREE.without_drift(drifting, AXES["a"][None])[0] == pytest.approx(0.0, abs=1e-15)
 
 

@@ -36,7 +36,9 @@ class WrongCapabilities(_Named):
 
 
 class NoPackage(_Named):
-    capabilities: ClassVar[tb.Capabilities] = replace(Echo.capabilities, joint_reactions=False, stop_torques=False)
+    capabilities: ClassVar[tb.Capabilities] = replace(
+        Echo.capabilities, joint_reactions=False, stop_torques=False
+    )
 
 
 class OwnVersion(NoPackage):
@@ -76,7 +78,10 @@ def _forgotten(monkeypatch: pytest.MonkeyPatch) -> None:  # pyright: ignore[repo
     ("cls", "told"),
     [
         ("NoCapabilities", "its class has no `capabilities`; a trebucheck.Capabilities is needed"),
-        ("WrongCapabilities", "its class has capabilities of type dict; a trebucheck.Capabilities is needed"),
+        (
+            "WrongCapabilities",
+            "its class has capabilities of type dict; a trebucheck.Capabilities is needed",
+        ),
         ("NoPackage", "its class has no `package`, the distribution whose version is reported"),
         ("NoPresets", r"its class has no `presets\(\)`"),
     ],
@@ -111,7 +116,10 @@ _WHOLE = Recording(
     ("given", "told"),
     [
         (None, "_run returned NoneType; a Recording is needed"),
-        (replace(_WHOLE, q=np.zeros(5)), r"q has shape \(5,\); \(5, 1\), \(samples, coordinates\), is needed"),
+        (
+            replace(_WHOLE, q=np.zeros(5)),
+            r"q has shape \(5,\); \(5, 1\), \(samples, coordinates\), is needed",
+        ),
         (replace(_WHOLE, u=np.zeros((1, 5))), r"u has shape \(1, 5\); \(5, 1\)"),
     ],
 )
@@ -126,7 +134,9 @@ def test_what_a_run_returns_is_refused_with_its_shape(
 def test_one_table_of_a_deviation_is_told_from_a_list_of_them(tmp_path: Any) -> None:
     path = tmp_path / "known.toml"
     path.write_text('[deviation]\nid = "a"\nreason = "b"\nowner = "c"\n')
-    with pytest.raises(tb.InputError, match=r"deviation is one table; a list of them is needed: \[\[deviation\]\]"):
+    with pytest.raises(
+        tb.InputError, match=r"deviation is one table; a list of them is needed: \[\[deviation\]\]"
+    ):
         Deviations.read(path)
 
 
@@ -159,13 +169,18 @@ class Euler(OwnVersion):
         fine_t, fine = _catapult_by_euler(1.25e-4, problem.duration)
         state = state.copy()
         for k in range(2):
-            state[:, k] += self.rest * (np.interp(t, coarse_t, coarse[:, k]) - np.interp(t, fine_t, fine[:, k]))
+            state[:, k] += self.rest * (
+                np.interp(t, coarse_t, coarse[:, k]) - np.interp(t, fine_t, fine[:, k])
+            )
         return self._recording(problem, t, state)
 
     def _recording(self, problem: tb.Problem, t: np.ndarray, state: np.ndarray) -> Recording:
         q, u, kinematics = state[:, :1], state[:, 1:], Kinematics(problem.mechanism)
         rows = {m.name: kinematics.point(m.body, m.point) for m in problem.mechanism.markers}
-        markers = {n: PointMotion(kinematics.position(r, q), kinematics.velocity(r, q, u)) for n, r in rows.items()}
+        markers = {
+            n: PointMotion(kinematics.position(r, q), kinematics.velocity(r, q, u))
+            for n, r in rows.items()
+        }
         energies = kinematics.kinetic_energy(q, u), kinematics.potential_energy(q)
         return Recording(t, q, u, markers, *energies, stop_torques={}, release_times={})
 
@@ -186,14 +201,19 @@ class TwoOrders(Euler):
             np.stack([np.interp(t, times, column) for column in states.T], axis=1)
             for times, states in (_catapult_by_euler(h, problem.duration) for h in (1e-3, 1.25e-4))
         )
-        # The shape of both is Euler's own error, c h: what an eighth of the step takes out of it is 7/8.
+        # The shape of both is Euler's own error, c h: what an eighth of the step takes out of it is
+        # 7/8.
         error, part = (coarse - fine) * 8 / 7, self.timestep / 1e-3
         return self._recording(problem, t, coarse - error + (0.6 * part + 0.4 * part**2) * error)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("cls", "named"), [("Euler", True), ("EulerAndRest", False), ("TwoOrders", True)])
-def test_an_error_of_first_order_is_that_of_the_step_and_a_part_that_stays_is_not(cls: str, named: bool) -> None:
+@pytest.mark.parametrize(
+    ("cls", "named"), [("Euler", True), ("EulerAndRest", False), ("TwoOrders", True)]
+)
+def test_an_error_of_first_order_is_that_of_the_step_and_a_part_that_stays_is_not(
+    cls: str, named: bool
+) -> None:
     with pytest.raises(AssertionError) as told:
         tb.check(f"{__name__}:{cls}", "catapult", duration=1.0, isolate=False, angle=1e-5)
     assert ("Likeliest: time step" in str(told.value)) is named

@@ -36,7 +36,14 @@ def _file(folder: Path, change: Callable[[dict[str, Any]], object], name: str = 
 def _mixed() -> tb.Mechanism:
     """The paper's machine over a floor that it does not touch: stops of both kinds, one of them open."""
     fields = tb.fixed().model_dump()
-    floor = {"name": "floor", "body": "sling", "point": (6, 0), "normal": (0, 1), "offset": -50.0, "closed": False}
+    floor = {
+        "name": "floor",
+        "body": "sling",
+        "point": (6, 0),
+        "normal": (0, 1),
+        "offset": -50.0,
+        "closed": False,
+    }
     return tb.Mechanism(**{**fields, "name": "mixed", "stops": [*fields["stops"], floor]})
 
 
@@ -44,7 +51,10 @@ def _mixed() -> tb.Mechanism:
     ("change", "complaint"),
     [
         ({"normal": [0, -1]}, "stop 'trough' is closed, but its gap at the start is 14.1 m, not 0"),
-        ({"normal": [0, math.nan]}, "cannot be built: stops.0.normal.1 = nan: input should be a finite number"),
+        (
+            {"normal": [0, math.nan]},
+            "cannot be built: stops.0.normal.1 = nan: input should be a finite number",
+        ),
         ({"normal": [0, 2]}, "stops.0: normal of 'trough' must have length 1"),
         ({"offset": -8}, "is closed, but its gap at the start is 0.929 m, not 0"),
         ({"closed": False}, "is open, but its gap at the start is 0 m, not positive"),
@@ -64,7 +74,9 @@ def test_a_wrong_stop_gets_a_sentence(
     assert "cannot be built: ." not in said
 
 
-def test_a_stop_without_its_point_misses_a_point(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_stop_without_its_point_misses_a_point(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     path = _file(tmp_path, lambda stop: stop.pop("point"))
     assert main(["throw", "--model", str(path), "--out", str(tmp_path / "out")]) == 2
     assert "stops.0.point is missing." in capsys.readouterr().err
@@ -72,7 +84,9 @@ def test_a_stop_without_its_point_misses_a_point(capsys: pytest.CaptureFixture[s
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NEW)
-def test_a_throw_speaks_of_what_the_machine_has(name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_throw_speaks_of_what_the_machine_has(
+    name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     assert main(["throw", "--model", name, "--out", str(tmp_path)]) == 0
     shown = re.sub(r"\s+", " ", capsys.readouterr().out)
     page = (tmp_path / "throw.html").read_text()
@@ -86,7 +100,9 @@ def test_a_throw_speaks_of_what_the_machine_has(name: str, capsys: pytest.Captur
 
 
 def test_a_catapult_has_no_sling(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    assert main(["throw", "--model", "catapult", "--sling-angle", "90", "--out", str(tmp_path)]) == 2
+    assert (
+        main(["throw", "--model", "catapult", "--sling-angle", "90", "--out", str(tmp_path)]) == 2
+    )
     assert "there is no sling angle: the projectile is part of the 'arm'" in capsys.readouterr().err
 
 
@@ -96,7 +112,10 @@ def test_a_track_that_only_guides_bears_nothing() -> None:
     drop, track = found.supports
     assert (drop.joint, track.joint) == ("drop", "track")
     assert drop.least is None and not drop.rolls and not drop.pulls_down
-    assert drop.peak > 0 and drop.peak_direction in (pytest.approx(0, abs=1e-9), pytest.approx(math.pi, abs=1e-9))
+    assert drop.peak > 0 and drop.peak_direction in (
+        pytest.approx(0, abs=1e-9),
+        pytest.approx(math.pi, abs=1e-9),
+    )
     assert track.least is not None and track.rolls and track.least > 0
     assert not found.warnings
 
@@ -110,24 +129,47 @@ def test_places_of_the_floating_arm_are_measured_from_its_wheel() -> None:
     # The run's launch lies on a polynomial between samples, good to 1e-9 m.
     wheel = 4.0 * math.cos(machine.start[0])
     assert found.launch.time == pytest.approx(launch.time, abs=1e-9)
-    motion = tb.engine("reference", timestep=1e-3).simulate(tb.Problem(machine, duration=found.launch.time))
+    motion = tb.engine("reference", timestep=1e-3).simulate(
+        tb.Problem(machine, duration=found.launch.time)
+    )
     x, y = motion.marker("projectile").position[-1]
-    assert (found.launch.x, found.launch.y) == (pytest.approx(x - wheel, abs=1e-9), pytest.approx(y, abs=1e-9))
+    assert (found.launch.x, found.launch.y) == (
+        pytest.approx(x - wheel, abs=1e-9),
+        pytest.approx(y, abs=1e-9),
+    )
 
 
-def test_a_run_says_what_its_stop_pushes_with(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    arguments = ["run", "--engine", "reference", "--model", "hinged", "--duration", "0.1", "--out", str(tmp_path)]
+def test_a_run_says_what_its_stop_pushes_with(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    arguments = [
+        "run",
+        "--engine",
+        "reference",
+        "--model",
+        "hinged",
+        "--duration",
+        "0.1",
+        "--out",
+        str(tmp_path),
+    ]
     assert main(arguments) == 0
     shown = re.sub(r"[\s│]+", " ", capsys.readouterr().out)
     assert "trough, largest force 588.6 N " in shown
 
 
 def test_units_follow_the_stops() -> None:
-    assert [machine.force_unit for machine in (tb.fixed(), model("hinged"), model("catapult"))] == ["N m", "N", "N m"]
+    assert [machine.force_unit for machine in (tb.fixed(), model("hinged"), model("catapult"))] == [
+        "N m",
+        "N",
+        "N m",
+    ]
     assert _mixed().force_unit == "N m"  # its floor is open at the start
 
 
-@pytest.mark.parametrize("machine", [model(name) for name in NEW] + [_mixed()], ids=lambda machine: machine.name)
+@pytest.mark.parametrize(
+    "machine", [model(name) for name in NEW] + [_mixed()], ids=lambda machine: machine.name
+)
 def test_suspects_are_machines_that_can_move(machine: tb.Mechanism) -> None:
     """Whatever is changed, stops touch and loops close again, for a thousand times the change as well."""
     suspects = machine_suspects(machine)
@@ -155,4 +197,6 @@ def test_points_bring_a_cause_of_their_own() -> None:
         first, *others = causes_of(stock, model(name))
         assert first.name == "moving points"
         assert all("moving points" in cause.after for cause in others)
-        assert "moving points" not in {cause.name for cause in causes_of(MujocoEngine.tuned(), model(name))}
+        assert "moving points" not in {
+            cause.name for cause in causes_of(MujocoEngine.tuned(), model(name))
+        }

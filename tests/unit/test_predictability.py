@@ -30,15 +30,29 @@ def _stretched(mechanism: tb.Mechanism, end: float) -> Stretching:
 def _links(n: int, start: float) -> tb.Mechanism:
     """Equal rods of 1 m and 1 kg, each hung from the end of the one before, at rest."""
     names = ["ground", *(f"rod {i}" for i in range(n))]
-    rods = tuple(Body(name=name, angle=f"{name} angle", mass=1, centre=(0.5, 0), inertia=1 / 12) for name in names[1:])
-    pins = [mechanisms.pin(f"pin {i}", *names[i : i + 2], at=(1.0 if i else 0.0, 0.0)) for i in range(n)]
+    rods = tuple(
+        Body(name=name, angle=f"{name} angle", mass=1, centre=(0.5, 0), inertia=1 / 12)
+        for name in names[1:]
+    )
+    pins = [
+        mechanisms.pin(f"pin {i}", *names[i : i + 2], at=(1.0 if i else 0.0, 0.0)) for i in range(n)
+    ]
     tip = Marker(name="tip", body=names[-1], point=(1, 0))
-    return tb.Mechanism(name="links", bodies=rods, joints=tuple(pins), markers=(tip,), gravity=9.81, start=(start,) * n)
+    return tb.Mechanism(
+        name="links",
+        bodies=rods,
+        joints=tuple(pins),
+        markers=(tip,),
+        gravity=9.81,
+        start=(start,) * n,
+    )
 
 
 def test_errors_of_the_start_of_an_even_turn() -> None:
     """Without gravity an angle keeps its error, and an error of the speed makes one that grows with time."""
-    even = mechanisms.hanging_bob(gravity=0.0, start_speeds=(1.0,))  # 2 m: the natural speed is its own, 1 rad/s
+    even = mechanisms.hanging_bob(
+        gravity=0.0, start_speeds=(1.0,)
+    )  # 2 m: the natural speed is its own, 1 rad/s
     found = _stretched(even, 4.0)
     assert found.start == pytest.approx(np.maximum(1.0, found.t), rel=1e-4)
     assert found.horizon == 4.0
@@ -60,7 +74,9 @@ def test_errors_of_an_upright_pendulum_grow_exponentially() -> None:
 
 def test_a_closed_stop_holds_the_start() -> None:
     """A start that is held by its stop has no error of its own."""
-    held = mechanisms.hanging_bob(mechanisms.angle_stop(0.0).model_copy(update={"closed": True}), gravity=0.0)
+    held = mechanisms.hanging_bob(
+        mechanisms.angle_stop(0.0).model_copy(update={"closed": True}), gravity=0.0
+    )
     assert _stretched(held, 1.0).start.max() < 1e-6
 
 
@@ -103,7 +119,9 @@ def test_many_bodies_are_changed_together(monkeypatch: pytest.MonkeyPatch) -> No
     assert len({tuple(np.sign(each)) for each in changed[1:4]}) == 3 and not np.any(changed[4:])
 
 
-def test_a_changed_mechanism_that_cannot_be_moved_to_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_mechanism_that_cannot_be_moved_to_the_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """It is known until three quarters, half or a quarter of the end."""
 
     def fails_late(problem: tb.Problem, *tolerances: float) -> Any:
@@ -113,7 +131,10 @@ def test_a_changed_mechanism_that_cannot_be_moved_to_the_end(monkeypatch: pytest
 
     monkeypatch.setattr(stretchings, "solve", fails_late)
     found = _stretched(mechanisms.hanging_bob(), 1.0)
-    assert np.isfinite(found.largest[found.t <= 0.5]).all() and np.isinf(found.largest[found.t > 0.5]).all()
+    assert (
+        np.isfinite(found.largest[found.t <= 0.5]).all()
+        and np.isinf(found.largest[found.t > 0.5]).all()
+    )
     assert found.horizon == found.t[found.t <= 0.5][-1]
 
 
@@ -140,8 +161,12 @@ def _parted(base_error: float, stretching: Stretching) -> dict[str, Metric]:
     own = solution.trajectory(t)
     wrong = base_error * np.interp(t, stretching.t, stretching.largest)
     run = replace(own, q=own.q + wrong[:, None])
-    metrics = measure(run, solution, stretching.horizon, own, invariants_to=4.0, stretching=stretching)
-    return {metric.name: metric for metric in metrics if metric.name in ("base_error", "first_parting")}
+    metrics = measure(
+        run, solution, stretching.horizon, own, invariants_to=4.0, stretching=stretching
+    )
+    return {
+        metric.name: metric for metric in metrics if metric.name in ("base_error", "first_parting")
+    }
 
 
 @pytest.mark.parametrize("base_error", [1e-4, 1e-6, 1e-8])
@@ -150,8 +175,12 @@ def test_the_time_of_first_parting_shows_the_base_error(base_error: float) -> No
     found = _parted(base_error, stretching)
     time, shown = found["first_parting"].value, found["base_error"].value
     assert time == pytest.approx(1.5 * math.log(DEFAULT / base_error) / math.log(LIMIT), abs=0.01)
-    assert shown == pytest.approx(base_error, rel=0.05)  # a sample of the stretching is 3 % more than the one before
-    tolerance = DEFAULT * QUANTITIES["base_error"].scale_of(scales_of_bob(), None, mechanisms.hanging_bob())
+    assert shown == pytest.approx(
+        base_error, rel=0.05
+    )  # a sample of the stretching is 3 % more than the one before
+    tolerance = DEFAULT * QUANTITIES["base_error"].scale_of(
+        scales_of_bob(), None, mechanisms.hanging_bob()
+    )
     assert (shown <= tolerance) == (time >= stretching.horizon) == (base_error <= 1e-5)
 
 

@@ -46,11 +46,17 @@ WRITING = {
         ([*RUN, "--option", "cls=1"], "cls is not a field"),
         ([*RUN, "--option", f"rtol={DIGITS}"], "rtol = '999"),
         ([*RUN, "--option", "rtol=" + "[" * 100_000], "rtol = '[[["),
-        ([*RUN, "--timestep", "1e-3", "--option", "timestep=2e-3"], "--timestep 0.001 and --option timestep"),
+        (
+            [*RUN, "--timestep", "1e-3", "--option", "timestep=2e-3"],
+            "--timestep 0.001 and --option timestep",
+        ),
         (["models", "show", "fixed", "--set", f"l1={DIGITS}"], "l1 = inf"),
         (["models", "show", "fixed", "--set", "l1=1e200"], "length of 1e+200 m is too large"),
         (["models", "show", "catapult", "--set", "l1=1e200"], "length of 1e+200 m is too large"),
-        (["models", "show", "floating-arm", "--set", "l2=1e200"], "length of 1e+200 m is too large"),
+        (
+            ["models", "show", "floating-arm", "--set", "l2=1e200"],
+            "length of 1e+200 m is too large",
+        ),
         (["models", "show", "fixed", "--set", "m_a=1e308"], "inertia = inf"),
         (["models", "show", "fixed", "--beam", "1e308"], "length of 1e+308 m is too large"),
         (["throw", "--release-angle", "120"], "release_angle = 120 deg must be between -90 and 90"),
@@ -60,7 +66,9 @@ WRITING = {
         (["paper", "--sections", " "], "--sections is empty"),
     ],
 )
-def test_values_that_nothing_can_be_made_of(arguments: list[str], complaint: str, refused: Callable[..., str]) -> None:
+def test_values_that_nothing_can_be_made_of(
+    arguments: list[str], complaint: str, refused: Callable[..., str]
+) -> None:
     assert complaint in refused(*arguments)
 
 
@@ -76,7 +84,9 @@ def test_places_that_nothing_can_be_written_to(
 
 
 @pytest.mark.parametrize("out", [f"{LONG}.nc", f"deeper/{LONG}.nc", "folder.nc"])
-def test_a_trajectory_that_cannot_be_written(out: str, refused: Callable[..., str], tmp_path: Path) -> None:
+def test_a_trajectory_that_cannot_be_written(
+    out: str, refused: Callable[..., str], tmp_path: Path
+) -> None:
     (tmp_path / "folder.nc").mkdir()
     assert "cannot be written" in refused(*RUN, "--out", out)
 
@@ -103,7 +113,9 @@ def test_a_trajectory_that_cannot_be_written(out: str, refused: Callable[..., st
         [],
     ],
 )
-def test_a_message_does_not_repeat_a_long_input(arguments: list[str], refused: Callable[..., str]) -> None:
+def test_a_message_does_not_repeat_a_long_input(
+    arguments: list[str], refused: Callable[..., str]
+) -> None:
     for text in ("x" * 3_000, f"l1={'y' * 3_000}", f"{'z' * 30_000}=1"):
         assert len(refused(*arguments, text)) < 1200
 
@@ -126,7 +138,9 @@ def test_control_characters_are_shown_as_escapes(refused: Callable[..., str]) ->
     "text",
     ['"gravity": 9.81, "gravity": 1.62', '"gravity": 9.81, "gravity": 9.81'],
 )
-def test_a_field_that_is_there_twice(text: str, refused: Callable[..., str], tmp_path: Path) -> None:
+def test_a_field_that_is_there_twice(
+    text: str, refused: Callable[..., str], tmp_path: Path
+) -> None:
     path = tmp_path / "own.json"
     path.write_text(tb.fixed().to_json().replace('"gravity": 9.81', text))
     assert "the field 'gravity' is there twice" in refused("models", "show", str(path))
@@ -145,7 +159,9 @@ def test_a_wait_without_end() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("duration", ["1e-300", "5e-324", "1e-12"])
-def test_a_comparison_over_no_time_at_all(duration: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_comparison_over_no_time_at_all(
+    duration: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     arguments = ["compare", "--models", "catapult", "--engines", "reference", "--preset", "tuned"]
     assert main([*arguments, "--duration", duration, "--out", str(tmp_path)]) == 1
     assert "must not be longer than the duration" in " ".join(capsys.readouterr().out.split())
@@ -165,7 +181,9 @@ def test_a_failed_write_leaves_what_was_there(
     path = tmp_path / "run.nc"
     save(trajectory, path)
     monkeypatch.setattr(files.os, "fdopen", lambda *_: Path("/dev/full").open("wb", buffering=0))  # noqa: SIM115
-    with pytest.raises(UnwritableError, match=r"run\.nc cannot be written: No space left on device"):
+    with pytest.raises(
+        UnwritableError, match=r"run\.nc cannot be written: No space left on device"
+    ):
         save(trajectory, path)
     assert load(path).mechanism == trajectory.mechanism
     assert list(tmp_path.iterdir()) == [path]
@@ -181,19 +199,33 @@ sys.exit(main({arguments!r}))
 
 def _limited(kind: str, limit: int, arguments: list[str]) -> tuple[int, str]:
     script = textwrap.dedent(_LIMITED.format(kind=kind, limit=limit, arguments=arguments))
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=120, check=False
+    )
     return done.returncode, done.stderr
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are POSIX's")
 def test_a_limit_of_file_sizes_costs_only_what_does_not_fit(tmp_path: Path) -> None:
-    arguments = ["compare", "--models", "catapult,fixed", "--engines", "reference", "--preset", "tuned"]
+    arguments = [
+        "compare",
+        "--models",
+        "catapult,fixed",
+        "--engines",
+        "reference",
+        "--preset",
+        "tuned",
+    ]
     code, said = _limited("FSIZE", 400_000, [*arguments, "--out", str(tmp_path)])
     assert (code, said) == (2, f"error: {tmp_path / 'trajectories' / 'fixed-reference-tuned.nc'} cannot be written: "
                             "File too large.\n")  # fmt: skip
-    assert [path.name for path in (tmp_path / "trajectories").iterdir()] == ["catapult-reference-tuned.nc"]
-    assert load(tmp_path / "trajectories" / "catapult-reference-tuned.nc").mechanism == tb.catapult()
+    assert [path.name for path in (tmp_path / "trajectories").iterdir()] == [
+        "catapult-reference-tuned.nc"
+    ]
+    assert (
+        load(tmp_path / "trajectories" / "catapult-reference-tuned.nc").mechanism == tb.catapult()
+    )
     assert (tmp_path / "runs" / "catapult-reference-tuned.json").is_file()
     assert not (tmp_path / "report.html").exists()
 
@@ -209,5 +241,7 @@ def test_too_few_file_handles(tmp_path: Path) -> None:
 def test_an_output_that_is_full() -> None:
     command = [sys.executable, "-m", "trebucheck", "models", "show", "fixed"]
     with Path("/dev/full").open("w") as full:
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+        done = subprocess.run(
+            command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False
+        )
     assert (done.returncode, done.stderr) == (2, "error: No space left on device.\n")

@@ -34,7 +34,8 @@ def test_scales_of_a_motion_by_formulas() -> None:
     assert scales.angular_speed == pytest.approx(TURN)
     assert (scales.mass, scales.angle) == (5.0, 1.0)
     assert scales.force == 45.0
-    # The rest's 20 N m; of stops that never push a thousandth of the force, times the size where it is a torque.
+    # The rest's 20 N m; of stops that never push a thousandth of the force, times the size where it
+    # is a torque.
     assert scales.torques == pytest.approx({"rest": 20.0, "buffer": 0.045 * 3.0, "wall": 0.045})
     assert scales.energy == pytest.approx(75.0 + 75.0)
     assert scales.largest_energy == pytest.approx(75.0 + 55.0 + 5 * 9 * 3)
@@ -91,14 +92,22 @@ def test_a_body_reaches_to_its_farthest_point() -> None:
     far = trolley(markers=(Marker(name="far", body="arm", point=(3, 4)),))
     assert extent(far, far.body("arm")) == 5.0
     assert size(far) == 6.0
-    wall = PointStop(name="wall", body="trolley", point=(0, -7), normal=(0, 1), offset=-9, closed=False)
+    wall = PointStop(
+        name="wall", body="trolley", point=(0, -7), normal=(0, 1), offset=-9, closed=False
+    )
     assert extent(trolley(stops=(wall,)), trolley().body("trolley")) == 7.0
-    hung = trolley(joints=(trolley().joints[0], mechanisms.pin("pivot", "trolley", "arm", (0, 6), (0, 0))))
+    hung = trolley(
+        joints=(trolley().joints[0], mechanisms.pin("pivot", "trolley", "arm", (0, 6), (0, 0)))
+    )
     assert extent(hung, hung.body("trolley")) == 6.0
-    off = trolley(joints=(trolley().joints[0], mechanisms.pin("pivot", "trolley", "arm", (0, 0), (-1, 0))))
+    off = trolley(
+        joints=(trolley().joints[0], mechanisms.pin("pivot", "trolley", "arm", (0, 0), (-1, 0)))
+    )
     assert extent(off, off.body("arm")) == 3.0
     bar = mechanisms.four_bar()
-    assert extent(bar, bar.body("coupler")) == pytest.approx(2.5)  # to the joint that closes the loop
+    assert extent(bar, bar.body("coupler")) == pytest.approx(
+        2.5
+    )  # to the joint that closes the loop
     assert extent(bar, bar.body("rocker")) == pytest.approx(2.0)
     bob = Body(name="arm", angle="beta", mass=2.0, centre=(0, 9), inertia=0.0)
     assert extent(trolley(bodies=(trolley().bodies[0], bob)), bob) == 9.0
@@ -114,9 +123,19 @@ def test_scales_of_a_mechanism_of_another_size_are_the_same_parts(factor: float)
     )
     small = scales_until(solve(tb.Problem(other, duration=1.0 * math.sqrt(s))), math.sqrt(s))
     usual = scales_until(solve(tb.Problem(own, duration=1.0)), 1.0)
-    powers = {"length": 1, "time": 0.5, "speed": 0.5, "angular_speed": -0.5, "mass": 3, "force": 3, "energy": 4}
+    powers = {
+        "length": 1,
+        "time": 0.5,
+        "speed": 0.5,
+        "angular_speed": -0.5,
+        "mass": 3,
+        "force": 3,
+        "energy": 4,
+    }
     for name, power in powers.items():
-        assert getattr(small, name) == pytest.approx(getattr(usual, name) * s**power, rel=1e-6, abs=0), name
+        assert getattr(small, name) == pytest.approx(
+            getattr(usual, name) * s**power, rel=1e-6, abs=0
+        ), name
 
 
 @pytest.mark.parametrize("start", [math.pi / 2, math.pi / 2 - 1e-6])
@@ -155,15 +174,23 @@ def test_each_quantity_is_measured_in_its_own_scale() -> None:
 
 
 def test_what_follows_is_judged_in_its_place() -> None:
-    follows = {quantity.name: quantity.follows for quantity in QUANTITIES.values() if quantity.follows}
+    follows = {
+        quantity.name: quantity.follows for quantity in QUANTITIES.values() if quantity.follows
+    }
     assert follows == {
         "position_rms": "position_max", "stop_torque_settled": "stop_torque_max", "stop_impulse": "stop_torque_max",
         "joint_reaction_relative": "joint_reaction_max", "energy_drift": "energy_balance",
         "energy_drift_kinetic": "energy_balance", "complementarity": "stop_penetration",
         "first_parting": "base_error",
     }  # fmt: skip
-    assert {q.name for q in QUANTITIES.values() if q.event} == {"launch_time", "release_time", "impact_time"}
-    assert judged_quantity("position") is judged_quantity("position_max") is QUANTITIES["position_max"]
+    assert {q.name for q in QUANTITIES.values() if q.event} == {
+        "launch_time",
+        "release_time",
+        "impact_time",
+    }
+    assert (
+        judged_quantity("position") is judged_quantity("position_max") is QUANTITIES["position_max"]
+    )
     with pytest.raises(tb.InputError, match=f"tolerance '{'x' * 60}' is"):
         judged_quantity("x" * 61)
     refused = r"is not of a judged quantity( \(did you mean .*\?\))?; there are: position, speed"
@@ -214,23 +241,36 @@ def test_a_small_swing_is_stretched_as_its_period_is() -> None:
     bob = mechanisms.hanging_bob(start=math.pi / 2 - 1e-3, length=length, markers=())
     t, stretched = _stretched(bob, end)
     wt = math.sqrt(9.81 / length) * t
-    expected = np.maximum.accumulate(np.abs(np.sin(wt) + wt * np.cos(wt))) / 2  # of the speed, in parts of its largest
+    expected = (
+        np.maximum.accumulate(np.abs(np.sin(wt) + wt * np.cos(wt))) / 2
+    )  # of the speed, in parts of its largest
     assert stretched == pytest.approx(expected, rel=0.02, abs=5e-3)
-    assert stretching_at(solve(tb.Problem(bob, duration=3.0)), end) == pytest.approx(stretched[-1], rel=1e-3)
+    assert stretching_at(solve(tb.Problem(bob, duration=3.0)), end) == pytest.approx(
+        stretched[-1], rel=1e-3
+    )
 
 
 def test_stretching_is_of_everything_in_parts_of_its_scale() -> None:
     slot = mechanisms.chain_on_a_slot()
     t = np.linspace(0.0, 0.2, 3)
     solution = solve(tb.Problem(slot, duration=0.2))
-    scales, motion = scales_until(solution, 0.2).model_copy(update={"angle": 2.0}), solution.trajectory(t)
+    scales, motion = (
+        scales_until(solution, 0.2).model_copy(update={"angle": 2.0}),
+        solution.trajectory(t),
+    )
     q, u, rods = motion.q, motion.u, np.exp(-1j * motion.q[:, :2])
-    arms = (complex(0.5, 0.1) - complex(0.1, 0.1), complex(0.5, -0.1), complex(0.4, -0.5) - complex(0, 0.1))
+    arms = (
+        complex(0.5, 0.1) - complex(0.1, 0.1),
+        complex(0.5, -0.1),
+        complex(0.4, -0.5) - complex(0, 0.1),
+    )
     along = complex(0.8, 0.6)
     upper = complex(1, 2) + q[:, 2] * along + rods[:, 0] * arms[0]
     lower = upper + rods[:, 0] * arms[1] + rods[:, 1] * arms[2]
     upper_speed = u[:, 2] * along - 1j * u[:, 0] * rods[:, 0] * arms[0]
-    lower_speed = upper_speed - 1j * (u[:, 0] * rods[:, 0] * arms[1] + u[:, 1] * rods[:, 1] * arms[2])
+    lower_speed = upper_speed - 1j * (
+        u[:, 0] * rods[:, 0] * arms[1] + u[:, 1] * rods[:, 1] * arms[2]
+    )
     forces = [force[:, 0] + 1j * force[:, 1] for force in motion.joint_reactions.values()]
     expected = [
         upper / scales.length, upper_speed / scales.speed, q[:, 0] / 2.0, u[:, 0] / scales.angular_speed,
@@ -242,12 +282,16 @@ def test_stretching_is_of_everything_in_parts_of_its_scale() -> None:
 
 def test_stretching_is_not_looked_at_where_an_impact_jumps() -> None:
     t = np.linspace(0.0, 1.0, 11)
-    struck = replace(Formula(), impacts=((0.305, {}), (0.52, {}), (0.695, {}), (0.0, {}), (1.0, {})))
+    struck = replace(
+        Formula(), impacts=((0.305, {}), (0.52, {}), (0.695, {}), (0.0, {}), (1.0, {}))
+    )
     left = stretchings._away_from_impacts(struck, t)  # type: ignore[arg-type]
     assert left == pytest.approx([0.0, 0.1, 0.2, 0.4, 0.5, 0.6, 0.8, 0.9, 1.0])
 
 
-def test_a_changed_mechanism_that_cannot_be_moved_is_stretched_without_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_mechanism_that_cannot_be_moved_is_stretched_without_limit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     calls: list[str] = []
 
     def fails(problem: tb.Problem, *tolerances: float) -> Any:
@@ -281,7 +325,19 @@ def test_ends_are_read(given: Any, expected: Until) -> None:
 
 
 @pytest.mark.parametrize(
-    "given", ["launch:", "launch: ", "release", "release:", "release: ", "start", "", "1,5", "x" * 60, "x" * 61]
+    "given",
+    [
+        "launch:",
+        "launch: ",
+        "release",
+        "release:",
+        "release: ",
+        "start",
+        "",
+        "1,5",
+        "x" * 60,
+        "x" * 61,
+    ],
 )
 def test_ends_of_no_form_are_refused(given: str) -> None:
     shown = given if len(given) <= 60 else "x" * 57 + "..."
@@ -311,11 +367,15 @@ LAW = tb.StopLaw.RELEASE_ONCE
 
 def test_a_motion_that_does_not_launch_is_refused_if_the_launch_was_asked_for() -> None:
     bob = mechanisms.hanging_bob()
-    with pytest.raises(tb.InputError, match=r"'pendulum' does not launch within .* s, so there is no end"):
+    with pytest.raises(
+        tb.InputError, match=r"'pendulum' does not launch within .* s, so there is no end"
+    ):
         Until.of("launch").solve(bob, LAW)
     solution, end = Until.of(None).solve(bob, LAW)
     assert end * 1.4 == pytest.approx(solution.problem.duration)
-    with pytest.raises(tb.InputError, match=r"until = 'launch:tip': 'pendulum' has no such marker: \['bob'\]"):
+    with pytest.raises(
+        tb.InputError, match=r"until = 'launch:tip': 'pendulum' has no such marker: \['bob'\]"
+    ):
         Until.of("launch:tip").solve(bob, LAW)
     up = mechanisms.hanging_bob(start=math.pi, start_speeds=(5.0,))
     solution, end = Until.of("launch:bob").solve(up, LAW)
@@ -337,13 +397,23 @@ def test_a_release_is_the_end() -> None:
     assert end == solution.release_times["hanger rest"] == pytest.approx(1.19494, abs=1e-5)
     assert solution.problem.duration >= 1.4 * end
     for name in ("arm stop", "nothing"):
-        with pytest.raises(tb.InputError, match=f"until = 'release:{name}': 'fixed' has no such closed stop"):
+        with pytest.raises(
+            tb.InputError, match=f"until = 'release:{name}': 'fixed' has no such closed stop"
+        ):
             Until.of(f"release:{name}").solve(mechanism, LAW)
-    held = mechanisms.rod_pendulum(mechanisms.angle_stop(0.0, body="rod").model_copy(update={"closed": True}))
-    with pytest.raises(tb.InputError, match="until = 'release:stop': the stop does not open within"):
+    held = mechanisms.rod_pendulum(
+        mechanisms.angle_stop(0.0, body="rod").model_copy(update={"closed": True})
+    )
+    with pytest.raises(
+        tb.InputError, match="until = 'release:stop': the stop does not open within"
+    ):
         Until.of("release:stop").solve(held, LAW)
     lifted = mechanisms.rod_pendulum(
-        mechanisms.angle_stop(0.0, body="rod").model_copy(update={"closed": True, "sense": 1, "limit": 0.0})
+        mechanisms.angle_stop(0.0, body="rod").model_copy(
+            update={"closed": True, "sense": 1, "limit": 0.0}
+        )
     )
-    with pytest.raises(tb.InputError, match="until = 'release:stop': the stop opens at the start; name another end"):
+    with pytest.raises(
+        tb.InputError, match="until = 'release:stop': the stop opens at the start; name another end"
+    ):
         Until.of("release:stop").solve(lifted, LAW)

@@ -45,7 +45,9 @@ def held() -> dict[str, Any]:
         "comparison": with_store,
         "difference": tb.diff(with_store, with_store),
         "convergence": tb.converge("pendulum", ["mujoco"], knobs=["integrator"], **pendulum),
-        "explanation": tb.explain(tb.fixed(), ["mujoco"], ["stock"], timestep=1e-2, until=0.5, isolate=False),
+        "explanation": tb.explain(
+            tb.fixed(), ["mujoco"], ["stock"], timestep=1e-2, until=0.5, isolate=False
+        ),
         "advice": tb.recommend("fixed", ["mujoco"], position=1e-2, neighbours=0, isolate=False),
     }
 
@@ -94,10 +96,14 @@ def test_the_frame_of_a_trajectory_is_the_trajectory() -> None:
 def test_the_frame_of_a_comparison_has_every_metric() -> None:
     frame = comparison().to_dataframe()
     (run,) = comparison().results.runs
-    assert list(frame["value"].astype(object).where(frame["value"].notna(), None)) == [m.value for m in run.metrics]
+    assert list(frame["value"].astype(object).where(frame["value"].notna(), None)) == [
+        m.value for m in run.metrics
+    ]
 
 
-@pytest.mark.parametrize("kind", ["trajectory", "throw", "comparison", "convergence", "explanation"])
+@pytest.mark.parametrize(
+    "kind", ["trajectory", "throw", "comparison", "convergence", "explanation"]
+)
 def test_plots_are_figures_that_a_notebook_shows(kind: str) -> None:
     figure = held()[kind].plot()
     assert any(axes.lines or axes.patches for axes in figure.axes)
@@ -105,7 +111,9 @@ def test_plots_are_figures_that_a_notebook_shows(kind: str) -> None:
 
 
 def test_a_figure_that_is_not_there_is_named_with_those_that_are() -> None:
-    with pytest.raises(tb.InputError, match=r"has no figure 'fixed-nonsense'; there are .*fixed-distances"):
+    with pytest.raises(
+        tb.InputError, match=r"has no figure 'fixed-nonsense'; there are .*fixed-distances"
+    ):
         comparison().plot("fixed-nonsense")
     assert comparison().plot("fixed-distances").axes
 
@@ -133,7 +141,10 @@ def test_a_throw_keeps_its_motion_only_in_the_session() -> None:
 @pytest.mark.parametrize("name", ["reference", "mujoco", "pymunk", "exudyn"])
 def test_simulate_says_what_is_missing(name: str) -> None:
     wrong: Any = tb.fixed()
-    with pytest.raises(tb.InputError, match=r"simulate\(a Mechanism\) .* simulate\(tb\.Problem\(mechanism, duration="):
+    with pytest.raises(
+        tb.InputError,
+        match=r"simulate\(a Mechanism\) .* simulate\(tb\.Problem\(mechanism, duration=",
+    ):
         tb.engine(name).simulate(wrong)
 
 

@@ -25,12 +25,16 @@ from trebucheck.engines.registry import engine_class
 from trebucheck.models.errors import UnwritableError
 
 ANOTHER: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
-    "engine": lambda patch: patch.setattr(engine_class("reference"), "version", classmethod(lambda cls: "another")),
+    "engine": lambda patch: patch.setattr(
+        engine_class("reference"), "version", classmethod(lambda cls: "another")
+    ),
     "NumPy": lambda patch: patch.setattr(store_module.numpy, "__version__", "9.9.9"),
     "SciPy": lambda patch: patch.setattr(store_module.scipy, "__version__", "9.9.9"),
     "trebucheck": lambda patch: patch.setattr(store_module, "__version__", "another"),
     "code": lambda patch: patch.setattr(store_module, "code_digest", lambda: "another"),
-    "Python": lambda patch: patch.setattr(store_module.platform, "python_version", lambda: "another"),
+    "Python": lambda patch: patch.setattr(
+        store_module.platform, "python_version", lambda: "another"
+    ),
     "computer": lambda patch: patch.setattr(store_module.platform, "machine", lambda: "another"),
 }
 
@@ -81,7 +85,9 @@ DAMAGE: dict[str, Callable[[Path], object]] = {
     "number": lambda path: path.write_text("1e400"),
     "long number": lambda path: path.write_text("1" * 5000),
     "deep": lambda path: path.write_text("[" * 100_000),
-    "other types": lambda path: path.write_text('{"conditions": 3, "checksum": [], "content": null}'),
+    "other types": lambda path: path.write_text(
+        '{"conditions": 3, "checksum": [], "content": null}'
+    ),
     "no text": lambda path: path.write_bytes(b"\xff\xfe\x00"),
     "folder": lambda path: (path.unlink(), path.mkdir()),
 }
@@ -101,7 +107,9 @@ def test_a_damaged_file_is_made_anew(name: str, tmp_path: Path) -> None:
         again, _ = _again(tmp_path)
         # The trajectory's own record is not asked for where the measured run is whole.
         assert again.repeated == (name == FILES[1])
-        assert [run.metrics for run in again.results.runs] == [run.metrics for run in first.results.runs]
+        assert [run.metrics for run in again.results.runs] == [
+            run.metrics for run in first.results.runs
+        ]
         again, counts = _again(tmp_path)
         assert again.repeated and counts == (1, 0)
 
@@ -139,7 +147,9 @@ def test_trials_with_and_without_curves_are_not_mixed_up(tmp_path: Path) -> None
     assert trial.deviation is not None and len(trial.deviation.energy) > 1
 
 
-def test_a_plug_in_that_is_being_written_is_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_plug_in_that_is_being_written_is_run_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     package = tmp_path / "written_today"
     (package / "deeper").mkdir(parents=True)
     (package / "__init__.py").write_text("")
@@ -157,7 +167,9 @@ def test_a_plug_in_that_is_being_written_is_run_again(tmp_path: Path, monkeypatc
 def test_a_comparison_read_again_has_the_reference_that_it_was_made_with(tmp_path: Path) -> None:
     """With its impacts, and as far as an engine may end later than the reference."""
     store = Store(tmp_path / "trajectories")
-    made = compare_study(Study(["bouncing"], ["reference"], ["tuned"], until=1.0, store=store, isolate=False))
+    made = compare_study(
+        Study(["bouncing"], ["reference"], ["tuned"], until=1.0, store=store, isolate=False)
+    )
     (tmp_path / "results.json").write_text(made.results.to_json())
     again = stored(tmp_path)
     (machine,), name = again.results.machines, made.results.machines[0].model
@@ -168,8 +180,15 @@ def test_a_comparison_read_again_has_the_reference_that_it_was_made_with(tmp_pat
 
 
 def test_the_settings_of_an_engine_are_among_the_conditions() -> None:
-    engines = [tb.engine("reference"), tb.engine("reference", timestep=2e-3), tb.engine("reference", rtol=1e-11)]
-    all_conditions = {conditions(engine=engine) for engine in engines} | {conditions("1", "2"), conditions("12")}
+    engines = [
+        tb.engine("reference"),
+        tb.engine("reference", timestep=2e-3),
+        tb.engine("reference", rtol=1e-11),
+    ]
+    all_conditions = {conditions(engine=engine) for engine in engines} | {
+        conditions("1", "2"),
+        conditions("12"),
+    }
     assert len(all_conditions) == 5
 
 
@@ -179,7 +198,17 @@ def test_times_taken_from_a_store_are_still_of_as_many_runs_at_once(
 ) -> None:
     """Whether the whole run is taken, or its trajectory alone; what is made anew is disturbed by nothing."""
     monkeypatch.setattr(Study, "worker", lambda study: Worker(isolate=False, jobs=study.jobs))
-    out = ["compare", "--models", "fixed", "--engines", "reference", "--preset", "tuned", "--until", "0.5"]
+    out = [
+        "compare",
+        "--models",
+        "fixed",
+        "--engines",
+        "reference",
+        "--preset",
+        "tuned",
+        "--until",
+        "0.5",
+    ]
     found: list[int] = []
     for more in (["--jobs", "2"], ["--resume"], ["--resume"], []):
         assert main([*out, "--out", str(tmp_path), *more]) == 0

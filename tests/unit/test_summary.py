@@ -26,7 +26,15 @@ def _text(results: Results) -> str:
 
 def _disagreeing(run: Run, number: int = 0) -> Run:
     """The run under another name, with one broken tolerance and a cause."""
-    broken = Metric(name="position_max", subject="tip", value=7.7, unit="m", tolerance=1.0, source="need", reason="so")
+    broken = Metric(
+        name="position_max",
+        subject="tip",
+        value=7.7,
+        unit="m",
+        tolerance=1.0,
+        source="need",
+        reason="so",
+    )
     causes = (Cause(name="another mass", kind="machine", amount="1 kg | 2 kg", explained=1.0),)
     fields = {
         "preset": f"p{number}",
@@ -65,7 +73,9 @@ def test_its_numbers_are_those_of_the_results(results: Results) -> None:
 
 
 def test_what_broke_comes_with_its_likeliest_cause(results: Results) -> None:
-    text = _text(results.model_copy(update={"runs": (_disagreeing(results.runs[0]), *results.runs[1:])}))
+    text = _text(
+        results.model_copy(update={"runs": (_disagreeing(results.runs[0]), *results.runs[1:])})
+    )
     assert text.startswith("✗ Agreement does not hold.")
     line = next(line for line in text.splitlines() if line.startswith("- ✗ **"))
     assert "position_max (tip): 7.7e0 m, tolerance 1.0e0 m" in line
@@ -85,7 +95,11 @@ def test_of_many_runs_those_that_disagree_are_shown(results: Results) -> None:
 
 def test_a_run_without_a_motion_says_why(results: Results) -> None:
     failed = results.runs[0].model_copy(
-        update={"outcome": Outcome.FAILED, "metrics": (), "message": "it left\nthe <img src=x> numbers"}
+        update={
+            "outcome": Outcome.FAILED,
+            "metrics": (),
+            "message": "it left\nthe <img src=x> numbers",
+        }
     )
     text = _text(results.model_copy(update={"runs": (failed,)}))
     assert "It left the &lt;img src=x> numbers." in text and "✗ failed" in text

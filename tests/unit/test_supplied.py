@@ -7,7 +7,18 @@ from pathlib import Path
 
 import pytest
 import trebucheck as tb
-from trebucheck.engines.supplied import HELD, LIMITED, MOVED, NOTHING, Own, Part, concerned, own, sentence, stated
+from trebucheck.engines.supplied import (
+    HELD,
+    LIMITED,
+    MOVED,
+    NOTHING,
+    Own,
+    Part,
+    concerned,
+    own,
+    sentence,
+    stated,
+)
 
 PLUGINS = Path(__file__).parents[2] / "plugins"
 ALL = concerned(stops=True, impacts=True, loops=True, elements=True)
@@ -23,7 +34,9 @@ ALL = concerned(stops=True, impacts=True, loops=True, elements=True)
         (MOVED, Own.DYNAMICS, Own.DYNAMICS),
     ],
 )
-def test_what_a_mechanism_does_not_have_is_not_counted(supplied: dict[str, str], stopped: Own, free: Own) -> None:
+def test_what_a_mechanism_does_not_have_is_not_counted(
+    supplied: dict[str, str], stopped: Own, free: Own
+) -> None:
     assert own(supplied) is own(supplied, ALL) is stopped
     assert own(supplied, concerned(stops=False, impacts=False, loops=False, elements=False)) is free
 
@@ -35,8 +48,14 @@ def test_springs_that_are_pushed_by_trebucheck_leave_most_or_the_steps() -> None
 
 
 def test_impacts_are_of_stops_that_may_be_met() -> None:
-    assert own({Part.IMPACTS: ""}, concerned(stops=True, impacts=False, loops=False, elements=False)) is Own.ALL
-    assert own({Part.IMPACTS: ""}, concerned(stops=True, impacts=True, loops=False, elements=False)) is Own.MOST
+    assert (
+        own({Part.IMPACTS: ""}, concerned(stops=True, impacts=False, loops=False, elements=False))
+        is Own.ALL
+    )
+    assert (
+        own({Part.IMPACTS: ""}, concerned(stops=True, impacts=True, loops=False, elements=False))
+        is Own.MOST
+    )
 
 
 def test_it_is_said_in_a_sentence() -> None:
@@ -48,7 +67,9 @@ def test_it_is_said_in_a_sentence() -> None:
 
 def test_an_engine_that_does_not_say_is_not_taken_to_supply_all() -> None:
     assert stated(object()) is None
-    assert stated(tb.engine("reference")) is None  # the default of an engine that is made from our base class
+    assert (
+        stated(tb.engine("reference")) is None
+    )  # the default of an engine that is made from our base class
 
 
 def test_limits_that_stay_in_the_model_are_mujocos_own() -> None:
@@ -57,11 +78,15 @@ def test_limits_that_stay_in_the_model_are_mujocos_own() -> None:
     assert stated(tb.engine("mujoco", "tuned")) == {Part.EVENTS: "", Part.IMPACTS: ""}
 
 
-@pytest.mark.parametrize("path", sorted(PLUGINS.glob("*/trebucheck_*/engine.py")), ids=lambda path: path.parts[-3])
+@pytest.mark.parametrize(
+    "path", sorted(PLUGINS.glob("*/trebucheck_*/engine.py")), ids=lambda path: path.parts[-3]
+)
 def test_an_adapter_that_uses_a_shared_driver_says_so(path: Path) -> None:
     """Of the plug-ins here, by their text: their engines are not installed."""
     text = path.read_text(encoding="utf-8")
     declared = text.partition("def supplied")[2].partition("def ")[0]
     assert declared
     for call, names in (("EventDriver(", "HELD|MOVED"), ("LimitedMotion(problem, tree", "LIMITED")):
-        assert call not in text or re.search(names, declared), f"it calls {call}...) and does not say so"
+        assert call not in text or re.search(names, declared), (
+            f"it calls {call}...) and does not say so"
+        )

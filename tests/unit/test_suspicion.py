@@ -23,7 +23,9 @@ from trebucheck.reference.solver import solve
 
 
 def _likeliest(*shares: float) -> int:
-    return ranked(Cause(name=f"cause {k}", kind="law", explained=share) for k, share in enumerate(shares))[1]
+    return ranked(
+        Cause(name=f"cause {k}", kind="law", explained=share) for k, share in enumerate(shares)
+    )[1]
 
 
 @pytest.mark.parametrize(
@@ -62,7 +64,9 @@ def test_suspects_of_the_same_effect_keep_their_order_and_names_come_once() -> N
         (Component("", 1.0, "N m"), math.inf, False),
     ],
 )
-def test_sizes_that_make_no_sense_are_refused(component: Component, size: float, sensible: bool) -> None:
+def test_sizes_that_make_no_sense_are_refused(
+    component: Component, size: float, sensible: bool
+) -> None:
     assert component.is_sensible(size) is sensible
 
 
@@ -90,7 +94,10 @@ def test_elements_do_the_work_that_they_store_or_take() -> None:
         found = solve(tb.Problem(mechanism, duration=1.0), equations=equations).trajectory(t)
         return found.kinetic_energy + found.potential_energy
 
-    for equations in (WithJoint(mechanism, "sling pin", stiffness=1e3), WithTiltedGravity(mechanism, 0.3)):
+    for equations in (
+        WithJoint(mechanism, "sling pin", stiffness=1e3),
+        WithTiltedGravity(mechanism, 0.3),
+    ):
         kept = energy(equations)
         assert np.abs(kept - kept[0]).max() < 1e-8 * np.abs(kept).max()
     assert np.all(np.diff(energy(WithDamping(mechanism, 0.1))) < 0)
@@ -102,7 +109,9 @@ def test_turned_gravity_is_the_turned_mechanism() -> None:
     free = mechanism.model_copy(update={"stops": ()})
     turned = free.model_copy(update={"start": tuple(q + angle for q in free.start)})
     t = np.linspace(0.0, 1.0, 20)
-    tilted = solve(tb.Problem(free, duration=1.0), equations=WithTiltedGravity(free, angle)).motion(t)
+    tilted = solve(tb.Problem(free, duration=1.0), equations=WithTiltedGravity(free, angle)).motion(
+        t
+    )
     upright = solve(tb.Problem(turned, duration=1.0)).motion(t)
     assert tilted.q + angle == pytest.approx(upright.q, abs=1e-9)
 
@@ -113,14 +122,19 @@ def _solution() -> Solution:
 
 def _said(trajectory: tb.Trajectory, solution: Solution, end: float = 2.3) -> Diagnosis:
     metric = Metric(name="seeded", value=1.0, unit="1", tolerance=0.5)
-    return diagnose_motion((metric,), trajectory, solution, end, Rerun(tb.engine("reference"), lambda *_: trajectory))
+    return diagnose_motion(
+        (metric,), trajectory, solution, end, Rerun(tb.engine("reference"), lambda *_: trajectory)
+    )
 
 
 def test_a_quantity_that_is_read_strangely_is_named_as_a_reading() -> None:
     """In a way that is no suspect: the motion is right, so the cause is in how that one quantity is read."""
     solution = _solution()
     right = solution.trajectory(np.linspace(0.0, 2.4, 400))
-    strange = {n: PointMotion(m.position, m.velocity + 0.1 * m.velocity**2) for n, m in right.markers.items()}
+    strange = {
+        n: PointMotion(m.position, m.velocity + 0.1 * m.velocity**2)
+        for n, m in right.markers.items()
+    }
     found = _said(replace(right, markers=strange), solution)
     assert found.motion_agrees and found.named[0].name.startswith("reading of the velocity")
     assert found.named[0].kind == "reading"
@@ -133,7 +147,9 @@ def test_a_run_without_samples_or_markers_has_a_diagnosis() -> None:
     assert _said(short, solution).named == ()
     bare = replace(right, markers={}, u=2 * right.u)
     found = _said(bare, solution)
-    assert {"no marker projectile", "scale of the coordinates' speeds"} <= {cause.name for cause in found.causes}
+    assert {"no marker projectile", "scale of the coordinates' speeds"} <= {
+        cause.name for cause in found.causes
+    }
     turned = _said(replace(right, q=right.q.T), solution)
     assert turned.named[0].name == "shape of the coordinates"
 
@@ -149,7 +165,14 @@ def _pendulum(gravity: float = 9.81) -> tb.Mechanism:
         "parent_point": (0, 0),
         "child_point": (0, 0),
     }
-    stop = {"name": "wall", "body": "rod", "sense": -1, "limit": -1.5, "closed": False, "restitution": 0.5}
+    stop = {
+        "name": "wall",
+        "body": "rod",
+        "sense": -1,
+        "limit": -1.5,
+        "closed": False,
+        "restitution": 0.5,
+    }
     return tb.Mechanism(
         name="pendulum", bodies=[rod], joints=[pin], stops=[stop], gravity=gravity, start=(0.0,),
         markers=[{"name": "tip", "body": "rod", "point": (1.5, 0.0)}],
@@ -169,7 +192,9 @@ def test_impacts_are_solved_instead_of_linearised() -> None:
 def test_a_start_speed_has_the_size_asked_for_where_the_mechanism_starts_at_rest() -> None:
     """Left-out start speeds are zeros: the fault was the suspect's own small one whatever its size."""
     mechanism = tb.catapult()
-    (speed,) = [suspect for suspect in machine_suspects(mechanism) if suspect.name == "start speed of theta"]
+    (speed,) = [
+        suspect for suspect in machine_suspects(mechanism) if suspect.name == "start speed of theta"
+    ]
     wrong = combined(mechanism, [speed], [1e4])
     assert mechanism.start_speeds == ()
     assert wrong is not None and wrong.start_speeds == pytest.approx((1e4 * speed.scale,))

@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 import trebucheck as tb
 
-gymnasium = pytest.importorskip("gymnasium", reason="Gymnasium is not installed: pip install trebucheck[gym]")
+gymnasium = pytest.importorskip(
+    "gymnasium", reason="Gymnasium is not installed: pip install trebucheck[gym]"
+)
 pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402
@@ -36,7 +38,9 @@ def held(env: ThrowEnv, steps: int, **reset: Any) -> list[Any]:
 
 
 def test_gymnasium_has_nothing_to_complain_of() -> None:
-    check_env(gymnasium.make(NAME, model="catapult").unwrapped, skip_render_check=True)  # warnings are errors here
+    check_env(
+        gymnasium.make(NAME, model="catapult").unwrapped, skip_render_check=True
+    )  # warnings are errors here
 
 
 @pytest.mark.slow
@@ -61,7 +65,9 @@ print(last.shape, last.dtype, float(last.std()) > 10, int((landed != last).any(a
 env.close()
 """
     run = [sys.executable, "-W", "error::UserWarning", "-c", code]
-    said = subprocess.run(run, capture_output=True, text=True, check=True, env={**os.environ, "MUJOCO_GL": "egl"})
+    said = subprocess.run(
+        run, capture_output=True, text=True, check=True, env={**os.environ, "MUJOCO_GL": "egl"}
+    )
     seen, drawn = said.stdout.splitlines()
     assert seen == held(ThrowEnv("catapult"), 100, seed=1)[-1][0].tobytes().hex()
     if drawn.startswith("SKIP"):
@@ -78,7 +84,9 @@ def test_the_same_seed_plays_the_same_episode() -> None:
         assert a.tobytes() == b.tobytes()
         assert rest == other_rest
     assert one.step(RELEASE)[1] == other.step(RELEASE)[1]
-    assert one.reset()[1]["parameters"] != first[0][1]["parameters"]  # the next episode has another machine
+    assert (
+        one.reset()[1]["parameters"] != first[0][1]["parameters"]
+    )  # the next episode has another machine
     assert other.reset(seed=4)[1]["parameters"] != first[0][1]["parameters"]
 
 
@@ -98,10 +106,14 @@ def test_a_release_flies_as_far_as_the_references(name: str) -> None:
     assert thrown["range"] == pytest.approx(expected, rel=1e-10)
     longest = fly(best, surroundings).range
     assert info["best_range"] == pytest.approx(longest, rel=1e-9)
-    assert info["best_time"] == pytest.approx(best.time, abs=1e-5)  # where the range is flat to 1e-9
+    assert info["best_time"] == pytest.approx(
+        best.time, abs=1e-5
+    )  # where the range is flat to 1e-9
 
 
-@pytest.mark.parametrize(("name", "seeds", "least_impacts"), [("rolling", (0, 1), 2), ("fixed", (3,), 0)])
+@pytest.mark.parametrize(
+    ("name", "seeds", "least_impacts"), [("rolling", (0, 1), 2), ("fixed", (3,), 0)]
+)
 def test_rewards_are_those_of_mujoco_with_its_events_located(
     name: str, seeds: tuple[int, ...], least_impacts: int
 ) -> None:
@@ -133,7 +145,9 @@ def _range(env: ThrowEnv, run: tb.Trajectory, time: float) -> float:
     sample = int(np.argmin(np.abs(run.t - time)))
     assert abs(run.t[sample] - time) < 1e-12
     point = run.markers["projectile"]
-    place, velocity = (tuple(values[sample].tolist()) for values in (point.position, point.velocity))
+    place, velocity = (
+        tuple(values[sample].tolist()) for values in (point.position, point.velocity)
+    )
     try:
         return fly(Release(time, place, velocity), env.machine.best.surroundings).range
     except tb.InputError:
@@ -145,8 +159,15 @@ def test_no_release_earns_more_than_one() -> None:
     env = ThrowEnv("rolling", spread=0.2)
     env.reset(seed=6)
     best = env.machine.best
-    impact = min((time for time, _ in best.projectile.solution.impacts), key=lambda time: abs(time - best.time))
-    times = [*np.linspace(best.projectile.opened, best.sweep_end, 200), np.nextafter(impact, 0.0), impact]
+    impact = min(
+        (time for time, _ in best.projectile.solution.impacts),
+        key=lambda time: abs(time - best.time),
+    )
+    times = [
+        *np.linspace(best.projectile.opened, best.sweep_end, 200),
+        np.nextafter(impact, 0.0),
+        impact,
+    ]
     flights = [Motion(best, float(time)).thrown(1) for time in times[1:]]
     rewards = np.array([0.0 if flight is None else flight.range / best.range for flight in flights])
     assert rewards.max() <= 1 + 1e-12
@@ -161,7 +182,9 @@ def test_reward_is_the_share_of_the_longest_range() -> None:
         assert env.step(HOLD)[1] == 0.0
     _, reward, *_, thrown = env.step(RELEASE)
     assert reward == thrown["range"] / info["best_range"]
-    assert 0.99 < reward <= 1 + 1e-9  # half a control step beside the peak; the catapult's steps err by 1e-12
+    assert (
+        0.99 < reward <= 1 + 1e-9
+    )  # half a control step beside the peak; the catapult's steps err by 1e-12
 
 
 @pytest.mark.parametrize("name", ["rolling", "floating-arm"])
@@ -178,14 +201,18 @@ def test_observations_are_the_references_motion(name: str) -> None:
     length, turning = mechanism.gravity * time**2, len(mechanism.angles)
     expected = [np.cos(q[:turning]), np.sin(q[:turning]), q[turning:] / length]
     expected += [u[:turning] * time, u[turning:] * time / length, velocity * time / length]
-    assert env.observation_names[-4:-2] == tuple(f"d/dt {name}" for name in mechanism.coordinates[-2:])
+    assert env.observation_names[-4:-2] == tuple(
+        f"d/dt {name}" for name in mechanism.coordinates[-2:]
+    )
     assert observed == pytest.approx(np.concatenate(expected), rel=1e-6, abs=1e-6)
 
 
 def test_the_end_of_the_first_sweep_truncates() -> None:
     env = ThrowEnv("catapult", spread=0, control_step=0.1)
     results = held(env, 34)
-    assert [result[3] for result in results[1:]] == [False] * 33 + [True]  # the sweep ends at 3.317 s
+    assert [result[3] for result in results[1:]] == [False] * 33 + [
+        True
+    ]  # the sweep ends at 3.317 s
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.step(HOLD)
 
@@ -227,7 +254,10 @@ def test_several_at_once(mode: str) -> None:
         assert (info["best_time"] > 0).all()
         _, rewards, ended, _, info = envs.step(np.array([HOLD, RELEASE]))
         assert (rewards[0], list(ended)) == (0.0, [False, True])
-        assert list(envs.step(np.array([HOLD, HOLD]))[4]["time"]) == [0.5, 0.0]  # the other one begins again
+        assert list(envs.step(np.array([HOLD, HOLD]))[4]["time"]) == [
+            0.5,
+            0.0,
+        ]  # the other one begins again
     finally:
         envs.close()
 
@@ -237,8 +267,13 @@ def test_a_window_needs_a_display(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(sys, "platform", "linux")
     env = ThrowEnv("catapult", spread=0, render_mode="human")
-    assert (env.metadata["render_modes"], "human" in ThrowEnv.metadata["render_modes"]) == (["rgb_array"], True)
-    with pytest.raises(SimulationError, match=r"^render_mode = 'human' needs a display.*DISPLAY.* is set\.$"):
+    assert (env.metadata["render_modes"], "human" in ThrowEnv.metadata["render_modes"]) == (
+        ["rgb_array"],
+        True,
+    )
+    with pytest.raises(
+        SimulationError, match=r"^render_mode = 'human' needs a display.*DISPLAY.* is set\.$"
+    ):
         env.reset()
 
 
@@ -259,10 +294,14 @@ def test_pictures_have_the_projectile_where_the_flight_has_it() -> None:
         expected = np.array(release.position) + np.array(release.velocity) * instant.aloft
         expected[1] -= 0.5 * env.machine.mechanism.gravity * instant.aloft**2
         assert place == pytest.approx(expected, abs=1e-9)
-    assert arm[0] == pytest.approx(instants[0].state.q[0] - env.machine.mechanism.start[0], abs=1e-12)
+    assert arm[0] == pytest.approx(
+        instants[0].state.q[0] - env.machine.mechanism.start[0], abs=1e-12
+    )
     assert arm[0] == arm[1]
     speed = instants[0].state.u[0]
-    assert np.diff(arm[1:]) == pytest.approx(0.01 * speed, rel=0.1)  # it goes on with the speed that it had
+    assert np.diff(arm[1:]) == pytest.approx(
+        0.01 * speed, rel=0.1
+    )  # it goes on with the speed that it had
 
 
 def test_what_never_comes_up_to_the_landing_earns_nothing() -> None:
@@ -282,7 +321,12 @@ def test_options_of_a_reset_are_those_of_its_episode() -> None:
 def test_lengths_and_masses_are_drawn_within_the_spread() -> None:
     env = ThrowEnv("catapult", spread=0.2)
     nominal = dict(tb.CatapultParameters())
-    ratios = np.array([[env.reset()[1]["parameters"][key] / value for key, value in nominal.items()] for _ in range(3)])
+    ratios = np.array(
+        [
+            [env.reset()[1]["parameters"][key] / value for key, value in nominal.items()]
+            for _ in range(3)
+        ]
+    )
     fixed = [list(nominal).index(key) for key in ("g", "theta0")]
     assert (ratios[:, fixed] == 1).all()
     drawn = np.delete(ratios, fixed, axis=1)
@@ -346,7 +390,9 @@ def test_bad_actions_and_options_are_one_sentence() -> None:
         ThrowEnv(tb.catapult())
 
 
-def test_without_gymnasium_one_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_gymnasium_one_sentence_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setitem(sys.modules, "gymnasium", None)
     for name in [name for name in sys.modules if name.startswith("trebucheck.environments")]:
         monkeypatch.delitem(sys.modules, name)

@@ -25,7 +25,17 @@ from trebucheck.reference.certification.certificate import load_certificate
 
 pytestmark = pytest.mark.usefixtures("kept_processes")
 
-COMPARE = ["compare", "--model", "fixed", "--engines", "reference", "--duration", "0.3", "--timestep", "5e-3"]
+COMPARE = [
+    "compare",
+    "--model",
+    "fixed",
+    "--engines",
+    "reference",
+    "--duration",
+    "0.3",
+    "--timestep",
+    "5e-3",
+]
 
 
 def _said(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
@@ -37,15 +47,22 @@ def _said(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 def test_json_is_the_results_and_nothing_else(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delenv("COLUMNS", raising=False)  # which workers of the tests have, and pipes have not
+    monkeypatch.delenv(
+        "COLUMNS", raising=False
+    )  # which workers of the tests have, and pipes have not
     said = _said([*COMPARE, "--json", "--out", str(tmp_path)], capsys)
     assert json.loads(said) == json.loads((tmp_path / "results.json").read_text())
     quiet = _said([*COMPARE, "--resume", "--quiet", "--out", str(tmp_path)], capsys).splitlines()
-    assert len(quiet) == 2 and re.match(r"Agreement|Nothing", quiet[0]) and "results.json" in quiet[1]
+    assert (
+        len(quiet) == 2 and re.match(r"Agreement|Nothing", quiet[0]) and "results.json" in quiet[1]
+    )
 
 
 def test_quiet_and_json_of_a_throw(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert json.loads(_said(["throw", "--json", "--out", str(tmp_path)], capsys))["mechanism"]["name"] == "fixed"
+    assert (
+        json.loads(_said(["throw", "--json", "--out", str(tmp_path)], capsys))["mechanism"]["name"]
+        == "fixed"
+    )
     first, second = _said(["throw", "-q", "--out", str(tmp_path)], capsys).splitlines()
     assert first.startswith("fixed: 1007.7 m, released at 2.74282 s") and "throw.json" in second
 
@@ -54,10 +71,14 @@ def test_quiet_and_json_of_certificates(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("COLUMNS", raising=False)
-    monkeypatch.setattr(certification, "certify", lambda mechanism, *_, **__: load_certificate(mechanism))
+    monkeypatch.setattr(
+        certification, "certify", lambda mechanism, *_, **__: load_certificate(mechanism)
+    )
     asked = ["certify", "--out", str(tmp_path)]
     found = json.loads(_said([*asked, "--json"], capsys))
-    assert found == [json.loads((tmp_path / f"{name}.json").read_text()) for name in ("fixed", "rolling")]
+    assert found == [
+        json.loads((tmp_path / f"{name}.json").read_text()) for name in ("fixed", "rolling")
+    ]
     assert all((tmp_path / f"{each['model']}.html").is_file() for each in found)
     lines = _said([*asked, "--quiet"], capsys).splitlines()
     assert len(lines) == 4 and lines[0].startswith("fixed: ") and "fixed.json" in lines[1]
@@ -71,7 +92,9 @@ def test_progress_has_the_time_left_on_standard_error(monkeypatch: pytest.Monkey
     with output.progress("reference", 20) as show:
         bar = show.__closure__  # the bar itself is the context's own
         assert bar is not None
-        rich_bar = next(cell.cell_contents for cell in bar if hasattr(cell.cell_contents, "get_time"))
+        rich_bar = next(
+            cell.cell_contents for cell in bar if hasattr(cell.cell_contents, "get_time")
+        )
         rich_bar.get_time = lambda: float(next(clock))
         for done in range(4):
             show(f"part {done}", done, 8)
@@ -98,7 +121,9 @@ def test_progress_without_a_terminal_is_a_line_now_and_then(
 
 def test_quiet_has_no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     screen = StringIO()
-    monkeypatch.setattr(terminal, "progress_console", lambda: Console(file=screen, force_terminal=True))
+    monkeypatch.setattr(
+        terminal, "progress_console", lambda: Console(file=screen, force_terminal=True)
+    )
     with output.progress(told=output.Told(quiet=True)) as show:
         show("part", 1, 2)
     assert not screen.getvalue()
@@ -108,7 +133,10 @@ def test_quiet_has_no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     ("words", "expected"),
     [
         ("trebucheck compare --engines mu", {"mujoco"}),
-        ("trebucheck compare --engines mujoco,", {"mujoco,reference", "mujoco,pymunk", "mujoco,exudyn"}),
+        (
+            "trebucheck compare --engines mujoco,",
+            {"mujoco,reference", "mujoco,pymunk", "mujoco,exudyn"},
+        ),
         ("trebucheck compare --models sque", {"squeezer"}),
         ("trebucheck run --preset ", {"stock", "tuned"}),
         ("trebucheck run --option mujoco.solr", {"mujoco.solref="}),
@@ -136,7 +164,9 @@ def test_completion_of_the_installed_command() -> None:
         "COMP_CWORD": "3",
     }
     run = [sys.executable, "-m", "trebucheck"]
-    done = subprocess.run(run, check=False, env=os.environ | asked, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        run, check=False, env=os.environ | asked, capture_output=True, text=True, timeout=120
+    )
     assert done.stdout.split() == ["mujoco"]
 
 
@@ -157,10 +187,23 @@ def test_values_come_in_order_and_not_further_ahead_than_asked() -> None:
 
 @pytest.mark.slow
 def test_several_processes_give_the_same_study(tmp_path: Path) -> None:
-    arguments = ["explain", "--model", "fixed", "--engines", "pymunk", "--preset", "tuned", "--until", "0.3"]
+    arguments = [
+        "explain",
+        "--model",
+        "fixed",
+        "--engines",
+        "pymunk",
+        "--preset",
+        "tuned",
+        "--until",
+        "0.3",
+    ]
     found: list[object] = []
     for jobs in ("1", "2"):
-        assert main([*arguments, "--timestep", "5e-3", "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
+        assert (
+            main([*arguments, "--timestep", "5e-3", "--jobs", jobs, "--out", str(tmp_path / jobs)])
+            == 0
+        )
         found.append(_without_times(json.loads((tmp_path / jobs / "explain.json").read_text())))
     assert found[0] == found[1]
 
@@ -175,7 +218,9 @@ def _without_times(value: object) -> object:
 
 
 def test_results_say_how_many_were_made_at_once() -> None:
-    found = tb.compare(["fixed"], ["reference"], ["tuned"], duration=0.1, timestep=5e-3, isolate=False).results
+    found = tb.compare(
+        ["fixed"], ["reference"], ["tuned"], duration=0.1, timestep=5e-3, isolate=False
+    ).results
     assert "jobs" not in json.loads(found.made_by("x").to_json())
     assert json.loads(found.made_by("x", 2).to_json())["jobs"] == 2
 
@@ -195,9 +240,21 @@ def test_the_distance_is_the_largest_up_to_the_end(until: float) -> None:
     assert found.distance == pytest.approx(metric.value, rel=1e-12)
 
 
-def test_run_says_how_far_it_is_from_the_reference(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_says_how_far_it_is_from_the_reference(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     pytest.importorskip("pymunk")
-    arguments = ["run", "--engine", "pymunk", "--duration", "0.3", "--out", str(tmp_path / "own.nc")]
+    arguments = [
+        "run",
+        "--engine",
+        "pymunk",
+        "--duration",
+        "0.3",
+        "--out",
+        str(tmp_path / "own.nc"),
+    ]
     said = " ".join(_said(arguments, capsys).split())
-    assert re.search(r"from the reference \d\.\de-\d+ m \(\w+ at [\d.]+ s; compared to 0\.3 s\)", said)
+    assert re.search(
+        r"from the reference \d\.\de-\d+ m \(\w+ at [\d.]+ s; compared to 0\.3 s\)", said
+    )
     assert "from the reference" not in _said([*arguments, "--no-reference"], capsys)

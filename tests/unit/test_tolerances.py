@@ -20,7 +20,13 @@ from trebucheck.comparisons.runs.quantities import QUANTITIES
 from trebucheck.comparisons.runs.results import Machine, Metric, Run
 from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.scales import Scales, scales_until
-from trebucheck.comparisons.runs.tolerances import DEFAULT, Needs, is_table_one, judge, tolerance_for
+from trebucheck.comparisons.runs.tolerances import (
+    DEFAULT,
+    Needs,
+    is_table_one,
+    judge,
+    tolerance_for,
+)
 from trebucheck.comparisons.runs.uncertainty import reference_uncertainties
 from trebucheck.comparisons.runs.until import Until
 from trebucheck.engines.study import EngineStudy, Tolerance
@@ -41,7 +47,10 @@ def _machine(known: Mapping[str, float] | None = None, **changes: Any) -> Machin
 
 
 def _judged(
-    metric: Metric, machine: Machine | None = None, needs: Mapping[str, Any] | None = None, **run: Any
+    metric: Metric,
+    machine: Machine | None = None,
+    needs: Mapping[str, Any] | None = None,
+    **run: Any,
 ) -> Metric:
     fields: dict[str, Any] = {
         "model": "trolley", "engine": "reference", "preset": "tuned", "outcome": "not judged", "engine_version": "1",
@@ -51,7 +60,9 @@ def _judged(
     return judged
 
 
-def _metric(name: str, subject: str | None = None, value: float | None = 0.0, unit: str = "m", **more: Any) -> Metric:
+def _metric(
+    name: str, subject: str | None = None, value: float | None = 0.0, unit: str = "m", **more: Any
+) -> Metric:
     return Metric(name=name, subject=subject, value=value, unit=unit, **more)
 
 
@@ -65,18 +76,36 @@ POSITION = _metric("position_max", "hook")
     ("given", "tolerance"),
     [(1e-4, 1e-4), ("2e-4", 2e-4), ("0.5%", 0.015), (" 10 % ", 0.3), (3, 3.0), (1, 1.0)],
 )
-def test_a_need_is_in_the_quantitys_unit_or_in_parts_of_its_scale(given: Any, tolerance: float) -> None:
+def test_a_need_is_in_the_quantitys_unit_or_in_parts_of_its_scale(
+    given: Any, tolerance: float
+) -> None:
     judged = _judged(POSITION, needs={"position": given})
     assert judged.tolerance == pytest.approx(tolerance, rel=1e-12)
     assert (judged.source, judged.reason) == ("need", f"{str(given).strip()} was asked for")
 
 
-NO_NUMBERS = [0, -1.0, "0%", "nan", "inf", "1e999", "%", "", "1 m", "0.1%%", True, "x" * 60, "x" * 61]
+NO_NUMBERS = [
+    0,
+    -1.0,
+    "0%",
+    "nan",
+    "inf",
+    "1e999",
+    "%",
+    "",
+    "1 m",
+    "0.1%%",
+    True,
+    "x" * 60,
+    "x" * 61,
+]
 
 
 @pytest.mark.parametrize("given", NO_NUMBERS)
 def test_a_need_that_is_no_positive_number_is_refused(given: Any) -> None:
-    with pytest.raises(tb.InputError, match=r"tolerance position = .* must be a positive number") as refused:
+    with pytest.raises(
+        tb.InputError, match=r"tolerance position = .* must be a positive number"
+    ) as refused:
         Needs.of({"position": given})
     shown = str(given) if len(str(given)) <= 60 else "x" * 57 + "..."
     assert f"tolerance position = {shown!r} must" in str(refused.value)
@@ -112,16 +141,24 @@ def test_needs_that_cannot_be_meant_are_refused() -> None:
 @pytest.mark.parametrize(
     ("stated", "complaint"),
     [
-        ("position:tip", r"tolerance position:tip: there is no such marker; there are \['hook', 'projectile'\]"),
+        (
+            "position:tip",
+            r"tolerance position:tip: there is no such marker; there are \['hook', 'projectile'\]",
+        ),
         ("position:rest", "there is no such marker"),
         ("angle:s", r"no such angle; there are \['beta', 'tilt'\]"),
         ("release:buffer", r"no such closed stop; there are \['rest'\]"),
         ("reaction:rest", r"no such joint; there are \['pivot', 'slot'\]"),
-        ("energy:hook", "tolerance energy:hook: there is no such subject; it is of the whole mechanism"),
+        (
+            "energy:hook",
+            "tolerance energy:hook: there is no such subject; it is of the whole mechanism",
+        ),
         ("launch-time:projectile", "it is of the whole mechanism"),
     ],
 )
-def test_a_need_of_a_subject_that_the_quantity_does_not_have_is_refused(stated: str, complaint: str) -> None:
+def test_a_need_of_a_subject_that_the_quantity_does_not_have_is_refused(
+    stated: str, complaint: str
+) -> None:
     """It would never be applied, and an agreement would hide that."""
     with pytest.raises(tb.InputError, match=complaint):
         Needs.of({stated: 1.0}).refuse_unknown_subjects((trolley(),))
@@ -175,9 +212,15 @@ def test_an_engine_that_does_not_locate_events_may_be_late_by_its_step() -> None
     for option in ("locate_releases", "located_releases"):
         late = _judged(release, settings={**settings, option: False})
         assert late.tolerance == pytest.approx(1e-3 * TIME + 1e-2) and late.reason is not None
-        assert late.reason.endswith("for every engine, and the step in which it does not locate an event")
-        assert _judged(release, settings={**settings, option: True}).tolerance == pytest.approx(1e-3 * TIME)
-        assert _judged(POSITION, settings={**settings, option: False}).tolerance == pytest.approx(3e-3)
+        assert late.reason.endswith(
+            "for every engine, and the step in which it does not locate an event"
+        )
+        assert _judged(release, settings={**settings, option: True}).tolerance == pytest.approx(
+            1e-3 * TIME
+        )
+        assert _judged(POSITION, settings={**settings, option: False}).tolerance == pytest.approx(
+            3e-3
+        )
         assert _judged(release, settings={option: False}).tolerance == pytest.approx(1e-3 * TIME)
 
 
@@ -191,10 +234,16 @@ def test_figures_that_are_of_no_quantity_are_left_alone() -> None:
 # uncertainty
 
 
-def test_a_tolerance_finer_than_the_reference_can_vouch_for_is_not_judged_unless_it_is_surely_broken() -> None:
+def test_a_tolerance_finer_than_the_reference_can_vouch_for_is_not_judged_unless_it_is_surely_broken() -> (
+    None
+):
     machine = _machine({"position_max": 1e-3, "position_max (projectile)": 1e-9})
     judged = _judged(POSITION, machine)
-    assert judged.tolerance is None and judged.note is not None and "10 times the reference's own" in judged.note
+    assert (
+        judged.tolerance is None
+        and judged.note is not None
+        and "10 times the reference's own" in judged.note
+    )
     assert judged.unjudged
     assert _judged(_metric("position_max", "projectile"), machine).tolerance == pytest.approx(3e-3)
     # 10 mm of uncertainty beyond a tolerance of 3 mm.
@@ -205,7 +254,9 @@ def test_a_tolerance_finer_than_the_reference_can_vouch_for_is_not_judged_unless
     assert _judged(POSITION, machine, {"position": 0.0099}).holds is None
 
 
-def test_an_event_of_only_one_of_the_two_is_surely_broken_unless_the_reference_does_not_know_it() -> None:
+def test_an_event_of_only_one_of_the_two_is_surely_broken_unless_the_reference_does_not_know_it() -> (
+    None
+):
     missing = _metric("release_time", "rest", None, "s")
     assert _judged(missing).holds is False
     assert _judged(missing, _machine({"release_time": 1e-3})).holds is False
@@ -216,7 +267,9 @@ def _claiming(*tolerances: Tolerance, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "engine_study", lambda _: EngineStudy(tolerances=tolerances))
 
 
-def _claim(metric: str = "position_max", value: float = 1e-4, step: float = 1e-3, **more: Any) -> Tolerance:
+def _claim(
+    metric: str = "position_max", value: float = 1e-4, step: float = 1e-3, **more: Any
+) -> Tolerance:
     return Tolerance("tuned", metric, value, step, 2, "why", **more)
 
 
@@ -232,22 +285,39 @@ def table_one() -> Machine:
 STEP = {"settings": {"timestep": 1e-3}}
 
 
-def test_a_claim_holds_on_table_one_as_it_is_stated(table_one: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_claim_holds_on_table_one_as_it_is_stated(
+    table_one: Machine, monkeypatch: pytest.MonkeyPatch
+) -> None:
     _claiming(_claim(), _claim("joint_reaction_max", 1e9), monkeypatch=monkeypatch)
     metric = _metric("position_max", "projectile")
     judged = _judged(metric, table_one, **STEP)
-    assert (judged.tolerance, judged.source, judged.reason) == (1e-4, "claim", "0.0001 stated at 0.001 s (why)")
+    assert (judged.tolerance, judged.source, judged.reason) == (
+        1e-4,
+        "claim",
+        "0.0001 stated at 0.001 s (why)",
+    )
     grown = _judged(metric, table_one, settings={"timestep": 2e-3})
     assert grown.tolerance == pytest.approx(4e-4)
     assert grown.reason == "0.0001 stated at 0.001 s, grown with order 2 to 0.002 s (why)"
     capped = _judged(metric, table_one, settings={"timestep": 0.1})
-    assert capped.tolerance == pytest.approx(0.026) and capped.source == "default" and capped.reason is not None
-    assert capped.reason.startswith("0.1 % of 26 m, for every engine; the engine's claim is looser: 0.0001 stated")
+    assert (
+        capped.tolerance == pytest.approx(0.026)
+        and capped.source == "default"
+        and capped.reason is not None
+    )
+    assert capped.reason.startswith(
+        "0.1 % of 26 m, for every engine; the engine's claim is looser: 0.0001 stated"
+    )
     assert _judged(metric, table_one).source == "default"  # an engine without a step claims nothing
-    assert _judged(metric, table_one, needs={"default": "1%"}, **STEP).tolerance == pytest.approx(0.26)
+    assert _judged(metric, table_one, needs={"default": "1%"}, **STEP).tolerance == pytest.approx(
+        0.26
+    )
     assert _judged(metric, table_one, needs={"position": "1%"}, **STEP).source == "need"
     assert _judged(metric, table_one, preset="stock", **STEP).source == "default"
-    assert _judged(_metric("joint_reaction_max", "fulcrum", unit="N"), table_one, **STEP).source == "default"
+    assert (
+        _judged(_metric("joint_reaction_max", "fulcrum", unit="N"), table_one, **STEP).source
+        == "default"
+    )
 
 
 def test_a_claim_is_no_finer_than_the_reference_can_vouch_for(
@@ -258,22 +328,31 @@ def test_a_claim_is_no_finer_than_the_reference_can_vouch_for(
 
     def judged(uncertainty: float) -> Metric:
         return _judged(
-            metric, table_one.model_copy(update={"reference_uncertainty": {"position_max": uncertainty}}), **STEP
+            metric,
+            table_one.model_copy(update={"reference_uncertainty": {"position_max": uncertainty}}),
+            **STEP,
         )
 
     assert judged(1e-5).tolerance == 1e-4
     raised = judged(1e-4)
     assert raised.tolerance == pytest.approx(1e-3) and raised.source == "claim"
-    assert raised.reason == "0.0001 stated at 0.001 s (why); raised to ten times the reference's uncertainty"
+    assert (
+        raised.reason
+        == "0.0001 stated at 0.001 s (why); raised to ten times the reference's uncertainty"
+    )
     assert judged(2.6e-3).tolerance == pytest.approx(0.026)
     assert judged(2.7e-3).tolerance is None
     need = _judged(
-        metric, table_one.model_copy(update={"reference_uncertainty": {"position_max": 1e-4}}), {"position": 5e-4}
+        metric,
+        table_one.model_copy(update={"reference_uncertainty": {"position_max": 1e-4}}),
+        {"position": 5e-4},
     )
     assert need.tolerance is None  # a need is not raised
 
 
-def test_claims_beyond_the_launch_of_table_one_grow(table_one: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_claims_beyond_the_launch_of_table_one_grow(
+    table_one: Machine, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """They are stated up to it: further on an error is as much larger as the motion is stretched."""
     _claiming(_claim(value=1e-6), monkeypatch=monkeypatch)
     metric, launch = _metric("position_max", "projectile"), table_one.launch_time
@@ -283,10 +362,14 @@ def test_claims_beyond_the_launch_of_table_one_grow(table_one: Machine, monkeypa
     def judged(**changes: Any) -> float | None:
         return _judged(metric, table_one.model_copy(update=changes), **STEP).tolerance
 
-    assert judged(stretching=3 * usual) == pytest.approx(1e-6)  # to the launch: as stated, whatever it is
+    assert judged(stretching=3 * usual) == pytest.approx(
+        1e-6
+    )  # to the launch: as stated, whatever it is
     assert judged(judged_to=1.01 * launch, stretching=3 * usual) == pytest.approx(3e-4)
     assert judged(judged_to=1.01 * launch, stretching=usual) == pytest.approx(1e-6)
-    assert judged(judged_to=0.5 * launch, stretching=0.1 * usual, thrown="counterweight") == pytest.approx(1e-6)
+    assert judged(
+        judged_to=0.5 * launch, stretching=0.1 * usual, thrown="counterweight"
+    ) == pytest.approx(1e-6)
     assert judged(stretching=3 * usual, thrown="counterweight") == pytest.approx(3e-4)
     assert judged(stretching=3 * usual, launch_time=None) == pytest.approx(3e-4)
 
@@ -302,9 +385,13 @@ def test_a_claim_on_another_machine_is_the_same_part_of_its_scale(
     metric = _metric("position_max", "projectile")
     equal = _judged(metric, machine, settings={"timestep": 0.1**0.5 * 1e-3})
     assert equal.tolerance == pytest.approx(1e-6 * 0.1 * 100) and equal.source == "claim"
-    stated = "1e-06 stated at 0.001 s (why) on Table I, to its launch; the same part of the scale, times"
+    stated = (
+        "1e-06 stated at 0.001 s (why) on Table I, to its launch; the same part of the scale, times"
+    )
     assert equal.reason == f"{stated} 100"
-    assert _judged(metric, machine, settings={"timestep": 2 * 0.1**0.5 * 1e-3}).tolerance == pytest.approx(4e-5)
+    assert _judged(
+        metric, machine, settings={"timestep": 2 * 0.1**0.5 * 1e-3}
+    ).tolerance == pytest.approx(4e-5)
     stretched = machine.model_copy(update={"stretching": 2 * table_one.stretching})
     twice = _judged(metric, stretched, settings={"timestep": 0.1**0.5 * 1e-3})
     assert twice.tolerance == pytest.approx(2e-5)
@@ -313,7 +400,9 @@ def test_a_claim_on_another_machine_is_the_same_part_of_its_scale(
     assert _judged(metric, calm, settings={"timestep": 0.1**0.5 * 1e-3}) == equal
 
 
-def test_claims_per_torque_are_parts_of_it(table_one: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_claims_per_torque_are_parts_of_it(
+    table_one: Machine, monkeypatch: pytest.MonkeyPatch
+) -> None:
     per = {"per": "start", "metric": "stop_torque_max", "value": 1e-6}
     machine = table_one.model_copy(
         update={"start_torques": {"hanger rest": 100.0, "sling rest": 0.0, "arm stop": -1.0}}
@@ -335,10 +424,14 @@ def test_claims_per_torque_are_parts_of_it(table_one: Machine, monkeypatch: pyte
     assert judged("hanger rest") == pytest.approx(1e-6 * scale["hanger rest"])
     # One in N m is the same part of the least torque of a rest.
     _claiming(_claim("stop_torque_max", 1e-3), monkeypatch=monkeypatch)
-    assert judged("hanger rest", elsewhere) == pytest.approx(0.1 * scale["hanger rest"] / scale["sling rest"])
+    assert judged("hanger rest", elsewhere) == pytest.approx(
+        0.1 * scale["hanger rest"] / scale["sling rest"]
+    )
 
 
-def test_claims_are_of_motions_without_impacts(table_one: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_claims_are_of_motions_without_impacts(
+    table_one: Machine, monkeypatch: pytest.MonkeyPatch
+) -> None:
     _claiming(_claim(), monkeypatch=monkeypatch)
     metric = _metric("position_max", "projectile")
     assert _judged(metric, table_one.model_copy(update={"impacts": 1}), **STEP).source == "default"
@@ -350,19 +443,30 @@ def test_claims_are_of_trees_of_pins_slots_and_stops(monkeypatch: pytest.MonkeyP
     metric = _metric("position_max", "projectile")
     damper = tb.RotationalSpringDamper(name="damper", body="arm", damping=0.1)
     sprung = trolley().model_copy(update={"force_elements": (damper,)})
-    prop = tb.PinJoint(name="prop", parent="ground", child="arm", parent_point=(0, 0), child_point=(0, 0))
+    prop = tb.PinJoint(
+        name="prop", parent="ground", child="arm", parent_point=(0, 0), child_point=(0, 0)
+    )
     looped = trolley().model_copy(update={"joints": (*trolley().joints, prop)})
-    found = [_judged(metric, _machine(mechanism=each), **STEP).source for each in (trolley(), sprung, looped)]
+    found = [
+        _judged(metric, _machine(mechanism=each), **STEP).source
+        for each in (trolley(), sprung, looped)
+    ]
     assert found == ["claim", "default", "default"]
 
 
 def test_the_claim_at_the_next_shorter_step_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     _claiming(
-        _claim(value=4e-6, step=1e-4), _claim(value=1e-4), _claim(value=9e-4), _claim("other"), monkeypatch=monkeypatch
+        _claim(value=4e-6, step=1e-4),
+        _claim(value=1e-4),
+        _claim(value=9e-4),
+        _claim("other"),
+        monkeypatch=monkeypatch,
     )
 
     def value(step: float | None, **more: Any) -> float | None:
-        stated = tolerance_for("e", "tuned", "position_max", "tip", TABLE_ONE, step, **{"table_one": True, **more})
+        stated = tolerance_for(
+            "e", "tuned", "position_max", "tip", TABLE_ONE, step, **{"table_one": True, **more}
+        )
         return None if stated is None else stated.value
 
     assert value(1e-3) == value(1e-3 * (1 - 1e-10)) == 1e-4
@@ -371,7 +475,9 @@ def test_the_claim_at_the_next_shorter_step_is_taken(monkeypatch: pytest.MonkeyP
     assert value(3e-3) == pytest.approx(9e-4)
     assert value(1e-3, table_one=False) == pytest.approx(1e-3)
     assert value(None) is None
-    assert tolerance_for("e", "stock", "position_max", "tip", TABLE_ONE, 1e-3, table_one=True) is None
+    assert (
+        tolerance_for("e", "stock", "position_max", "tip", TABLE_ONE, 1e-3, table_one=True) is None
+    )
 
 
 def test_table_one_is_a_named_machine_with_its_own_parameters() -> None:
@@ -434,7 +540,9 @@ def test_an_integration_that_agrees_leaves_sixty_four_roundings_of_the_scale(
         scale = quantity.scale_of(scales, metric.subject, mechanism)
         scale = scales.largest_energy if quantity.scale == "energy" else scale
         if not metric.name.startswith(("missing_time", "energy_drift", "energy_balance")):
-            assert known[metric.label] == pytest.approx(rounding * scale, rel=1e-9, abs=0), metric.label
+            assert known[metric.label] == pytest.approx(rounding * scale, rel=1e-9, abs=0), (
+                metric.label
+            )
     assert known["energy_balance"] >= rounding * scales.largest_energy
     assert "missing_time" not in known
 
@@ -458,14 +566,23 @@ class _Shifted:
     def trajectory(self, t: Any) -> tb.Trajectory:
         found = self._solution.trajectory(t)
         motion = found.marker("bob")
-        moved = replace(motion, position=motion.position + np.outer(np.minimum(t, 1.0), [0.03, -0.04]))
-        return replace(found, markers={"bob": moved}, q=found.q + 0.01 * np.minimum(t, 1.0)[:, None])
+        moved = replace(
+            motion, position=motion.position + np.outer(np.minimum(t, 1.0), [0.03, -0.04])
+        )
+        return replace(
+            found, markers={"bob": moved}, q=found.q + 0.01 * np.minimum(t, 1.0)[:, None]
+        )
 
 
 def test_a_certificate_goes_before_the_estimate_up_to_the_launch(table_one: Machine) -> None:
     assert table_one.uncertainty_source == "certificate"
     known = table_one.reference_uncertainty
-    assert {"position_max", "release_time (hanger rest)", "velocity_max (projectile)", "energy_balance"} <= set(known)
+    assert {
+        "position_max",
+        "release_time (hanger rest)",
+        "velocity_max (projectile)",
+        "energy_balance",
+    } <= set(known)
     assert "position_max (projectile)" not in known  # the certificate has one for all
     further = Runner(TABLE_ONE, until=Until.of(3.0))
     assert further.uncertainties.source == "estimate"
@@ -477,7 +594,9 @@ def test_a_certificate_goes_before_the_estimate_up_to_the_launch(table_one: Mach
 def test_what_only_files_tell_is_no_need_of_an_engine(name: str) -> None:
     """It would be in no row, and so seem kept."""
     title = name.partition(":")[0]
-    with pytest.raises(tb.InputError, match=rf"tolerance '{title}' is of files only \(trebucheck judge\)"):
+    with pytest.raises(
+        tb.InputError, match=rf"tolerance '{title}' is of files only \(trebucheck judge\)"
+    ):
         Needs.of({name: 1.0}).refuse_what_only_files_tell()
     with pytest.raises(tb.InputError, match="is of files only"):
         tb.compare(["bouncing"], ["reference"], tolerances={"impulse": 1.0})

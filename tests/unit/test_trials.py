@@ -17,7 +17,10 @@ from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import SimulationError
 from trebucheck.reference.solution import Solution
 
-SHORT, LONG = 0.01, 2.0  # [s] claimed wall times, far below and above what is long enough to be timed once
+SHORT, LONG = (
+    0.01,
+    2.0,
+)  # [s] claimed wall times, far below and above what is long enough to be timed once
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,9 @@ class Claims(plugins.Echo):
 @pytest.fixture
 def trials(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Trials:
     for module in ("trials", "store"):
-        monkeypatch.setattr(f"trebucheck.comparisons.runs.{module}.engine_class", lambda _: plugins.Echo)
+        monkeypatch.setattr(
+            f"trebucheck.comparisons.runs.{module}.engine_class", lambda _: plugins.Echo
+        )
     return Trials(tb.fixed(), store=Store(tmp_path, resume=True, records=tmp_path))
 
 
@@ -79,7 +84,9 @@ def test_a_run_that_fails_is_not_repeated(trials: Trials) -> None:
     assert isinstance(trials.trial(engine, repeats=3), Trial) and len(engine.runs) == 1
 
 
-def test_the_reference_is_evaluated_once_a_grid(trials: Trials, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_reference_is_evaluated_once_a_grid(
+    trials: Trials, monkeypatch: pytest.MonkeyPatch
+) -> None:
     asked: list[int] = []
     evaluate = Solution.trajectory
 
@@ -91,7 +98,9 @@ def test_the_reference_is_evaluated_once_a_grid(trials: Trials, monkeypatch: pyt
     monkeypatch.setattr(Solution, "trajectory", counted)
     trials.trial(Claims(timestep=0.01))
     assert len(asked) == 1
-    trials.trial(Claims(timestep=0.01, takes=LONG))  # another engine to the trials, on the same grid
+    trials.trial(
+        Claims(timestep=0.01, takes=LONG)
+    )  # another engine to the trials, on the same grid
     assert len(asked) == 1
     trials.trial(Claims(timestep=0.02))
     assert len(asked) == 2 and asked[0] > asked[1]

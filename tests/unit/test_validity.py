@@ -15,7 +15,11 @@ from trebucheck.models.trajectory import PointMotion
 T = times(0.5)
 OWN = Formula().trajectory(T)
 TOLD = tb.Capabilities(
-    joint_reactions=True, joint_gaps=False, located_releases=True, stop_laws=frozenset(tb.StopLaw), formulation="-"
+    joint_reactions=True,
+    joint_gaps=False,
+    located_releases=True,
+    stop_laws=frozenset(tb.StopLaw),
+    formulation="-",
 )
 HOOK = OWN.marker("hook")
 
@@ -64,7 +68,9 @@ def test_reactions_may_be_missing_where_none_were_promised() -> None:
     blind = replace(OWN, joint_reactions={})
     assert refuse_invalid("stranger", blind, trolley(), untold) is blind
     assert "joint_reactions lacks 'pivot'" in _complaint(blind)
-    assert "joint_reactions lacks 'slot'" in _complaint(replace(OWN, joint_reactions={"pivot": HOOK.position}))
+    assert "joint_reactions lacks 'slot'" in _complaint(
+        replace(OWN, joint_reactions={"pivot": HOOK.position})
+    )
 
 
 def _at(values: Any, i: int, value: float) -> Any:

@@ -27,12 +27,27 @@ from trebucheck.models.launch import Launch
 def _metric(value: float | None = 1.0, tolerance: float | None = 2.0, **more: Any) -> Metric:
     source = None if tolerance is None else "default"
     return Metric(
-        **{"name": "position_max", "value": value, "unit": "m", "tolerance": tolerance, "source": source, **more}
+        **{
+            "name": "position_max",
+            "value": value,
+            "unit": "m",
+            "tolerance": tolerance,
+            "source": source,
+            **more,
+        }
     )
 
 
 def _run(outcome: Outcome = Outcome.AGREES, *metrics: Metric, **more: Any) -> Run:
-    return Run(model="m", engine="e", preset="tuned", outcome=outcome, engine_version="1", metrics=metrics, **more)
+    return Run(
+        model="m",
+        engine="e",
+        preset="tuned",
+        outcome=outcome,
+        engine_version="1",
+        metrics=metrics,
+        **more,
+    )
 
 
 def _results(*runs: Run) -> Results:
@@ -77,7 +92,9 @@ def test_what_was_compared_or_asked_for_and_has_no_tolerance_is_unjudged() -> No
         ((BARE,), Outcome.NOT_JUDGED),
     ],
 )
-def test_a_verdict_needs_figures_and_every_figure_a_verdict(metrics: tuple[Metric, ...], outcome: Outcome) -> None:
+def test_a_verdict_needs_figures_and_every_figure_a_verdict(
+    metrics: tuple[Metric, ...], outcome: Outcome
+) -> None:
     assert verdict_on(metrics) is outcome
 
 
@@ -106,7 +123,11 @@ def test_figures_of_a_run() -> None:
 def test_a_comparison_passes_if_nothing_is_wrong_and_something_was_judged(
     outcomes: tuple[Outcome, ...], passed: bool
 ) -> None:
-    figures = {Outcome.AGREES: (HELD,), Outcome.DISAGREES: (HELD, BROKEN), Outcome.NOT_JUDGED: (BARE,)}
+    figures = {
+        Outcome.AGREES: (HELD,),
+        Outcome.DISAGREES: (HELD, BROKEN),
+        Outcome.NOT_JUDGED: (BARE,),
+    }
     results = _results(*(_run(outcome, *figures.get(outcome, ())) for outcome in outcomes))
     assert results.passed is passed
     assert [run.outcome for run in results.ran] == [each for each in outcomes if each in COMPARED]
@@ -137,7 +158,10 @@ def test_the_causes_that_are_named() -> None:
 def test_the_headline_counts_every_verdict() -> None:
     equal, other, dark = (
         Equality(exposed=True),
-        Equality(exposed=True, checks=(Check(name="start", value=1, unit="1", tolerance=0.1, reason="-"),)),
+        Equality(
+            exposed=True,
+            checks=(Check(name="start", value=1, unit="1", tolerance=0.1, reason="-"),),
+        ),
         Equality(exposed=False),
     )
     assert verdict(_results(_run(Outcome.AGREES, HELD, HELD, equality=equal))) == (
@@ -163,15 +187,28 @@ def test_complaints_are_worst_first_and_the_rest_is_counted() -> None:
         _metric(8.0, subject="worst", reason="why"),
         _metric(None, subject="missing", note="only one has it"),
     )
-    run = _run(Outcome.DISAGREES, _metric(-3.0, subject="mild"), worst, HELD, missing, _metric(4.0, subject="middle"))
+    run = _run(
+        Outcome.DISAGREES,
+        _metric(-3.0, subject="mild"),
+        worst,
+        HELD,
+        missing,
+        _metric(4.0, subject="middle"),
+    )
     sentences = complaints(run)
     assert [sentence.split(":")[0] for sentence in sentences] == [
         f"position_max ({name})" for name in ("missing", "worst", "middle", "mild")
     ]
     assert sentences[1] == "position_max (worst): 8.0e0 m, tolerance 2.0e0 m (default: why)"
     assert "only one has it, tolerance 2.0e0 m" in sentences[0]
-    assert complaints(run, 3) == [*sentences[:3], "1 more of 5 judged quantities break their tolerance."]
-    assert complaints(run, 1) == [*sentences[:1], "3 more of 5 judged quantities break their tolerance."]
+    assert complaints(run, 3) == [
+        *sentences[:3],
+        "1 more of 5 judged quantities break their tolerance.",
+    ]
+    assert complaints(run, 1) == [
+        *sentences[:1],
+        "3 more of 5 judged quantities break their tolerance.",
+    ]
     assert complaints(run, 4) == complaints(run, 9) == sentences
     assert complaints(_run(Outcome.AGREES, HELD)) == []
 
@@ -180,7 +217,11 @@ def test_complaints_are_worst_first_and_the_rest_is_counted() -> None:
 
 
 def _compared(
-    t: Any, off: Any = 0.0, rest: float | None = 0.5, speed: float | None = 2.0, markers: tuple[str, ...] = ("hook",)
+    t: Any,
+    off: Any = 0.0,
+    rest: float | None = 0.5,
+    speed: float | None = 2.0,
+    markers: tuple[str, ...] = ("hook",),
 ) -> Compared:
     launch = None if speed is None else Launch(1.0, speed, (0.0, 0.0))
     errors = {name: np.stack([0 * t, off + 0 * t], axis=1) for name in markers}
@@ -195,20 +236,27 @@ def test_two_runs_are_compared_at_the_times_of_the_coarser_one() -> None:
     assert (pair.model, pair.first, pair.second) == ("m", "a", "b")
     assert pair.position_max == pytest.approx(4.5e-3)
     assert pair.release_time_max == 0.0 and pair.launch_speed == 0.0
-    swapped = pair_of("m", ("b", "a"), _compared(T, -1e-3 * T, speed=1.0), _compared(times(0.1), 3e-3), END)
+    swapped = pair_of(
+        "m", ("b", "a"), _compared(T, -1e-3 * T, speed=1.0), _compared(times(0.1), 3e-3), END
+    )
     assert swapped.position_max == pytest.approx(4.5e-3) and swapped.launch_speed == -1.0
 
 
 def test_what_lies_between_samples_is_interpolated_and_what_is_missing_left_out() -> None:
     step = (T > 0.505) * 1.0  # between two samples of the finer one
-    assert pair_of("m", ("a", "b"), _compared(np.array([0.0, 0.505, 1.0])), _compared(T, T), END).position_max == 1.0
+    assert (
+        pair_of(
+            "m", ("a", "b"), _compared(np.array([0.0, 0.505, 1.0])), _compared(T, T), END
+        ).position_max
+        == 1.0
+    )
     assert pair_of(
         "m", ("a", "b"), _compared(np.array([0.0, 0.505])), _compared(T, step), END
     ).position_max == pytest.approx(0.5)
     short = _compared(T[T < 1.0], 0.0)
-    assert pair_of("m", ("a", "b"), short, _compared(times(0.005), times(0.005)), END).position_max == pytest.approx(
-        0.99
-    )
+    assert pair_of(
+        "m", ("a", "b"), short, _compared(times(0.005), times(0.005)), END
+    ).position_max == pytest.approx(0.99)
     short = _compared(times(0.001, 0.8), 0.0)
     assert pair_of("m", ("a", "b"), short, _compared(T, T), END).position_max == pytest.approx(0.8)
     across = Compared(T, {"hook": np.stack([3 + 0 * T, 4 + 0 * T], axis=1)}, {}, None)
@@ -228,7 +276,9 @@ def test_only_markers_of_both_are_compared_and_the_worst_counts() -> None:
     [(0.5, 0.7, 0.2), (0.7, 0.5, 0.2), (None, 0.5, None), (0.5, None, None), (None, None, None), (1.6, None, None),
      (None, END, None), (1.4, 1.6, 0.2), (1.6, 1.7, None)],
 )  # fmt: skip
-def test_releases_of_two_runs(first: float | None, second: float | None, difference: float | None) -> None:
+def test_releases_of_two_runs(
+    first: float | None, second: float | None, difference: float | None
+) -> None:
     pair = pair_of("m", ("a", "b"), _compared(T, rest=first), _compared(T, rest=second), END)
     assert pair.release_time_max == (None if difference is None else pytest.approx(difference))
 
@@ -243,7 +293,9 @@ def test_a_release_after_the_end_does_not_hide_an_earlier_one() -> None:
 
 
 def test_speeds_need_two_launches() -> None:
-    assert pair_of("m", ("a", "b"), _compared(T, speed=None), _compared(T), END).launch_speed is None
+    assert (
+        pair_of("m", ("a", "b"), _compared(T, speed=None), _compared(T), END).launch_speed is None
+    )
 
 
 def test_what_a_run_brings_to_its_pairs() -> None:

@@ -43,8 +43,14 @@ def parallel_cranks(start: float = 1.0) -> Mechanism:
     """
     # Three cranks and two translating rods are a pendulum of 3 kg m^2 and a moment of 3.5 kg m.
     speed = -math.sqrt(2 * 3.5 / 3 * 9.81 * math.sin(start))
-    cranks = [Body(name=f"crank {k}", angle=f"a{k}", mass=1, centre=(0.5, 0), inertia=1 / 12) for k in range(3)]
-    rods = [Body(name=f"rod {k}", angle=f"b{k}", mass=1, centre=(0.5, 0), inertia=1 / 12) for k in range(2)]
+    cranks = [
+        Body(name=f"crank {k}", angle=f"a{k}", mass=1, centre=(0.5, 0), inertia=1 / 12)
+        for k in range(3)
+    ]
+    rods = [
+        Body(name=f"rod {k}", angle=f"b{k}", mass=1, centre=(0.5, 0), inertia=1 / 12)
+        for k in range(2)
+    ]
     joints = [pin(f"foot {k}", GROUND, f"crank {k}", (k, 0)) for k in range(3)]
     joints += [pin(f"head {k}", f"crank {k}", f"rod {k}", (1, 0)) for k in range(2)]
     joints += [pin(f"loop {k}", f"rod {k}", f"crank {k + 1}", (1, 0), (1, 0)) for k in range(2)]
@@ -98,9 +104,12 @@ def test_a_long_motion_is_within_the_limit() -> None:
 
 
 @pytest.mark.parametrize(
-    "changes", [{"m_cw": 1e300}, {"m_b": 1e300}, {"h": 1e-160}, {"g": 1e300}, {"m_a": 1e308, "l1": 1e9}]
+    "changes",
+    [{"m_cw": 1e300}, {"m_b": 1e300}, {"h": 1e-160}, {"g": 1e300}, {"m_a": 1e308, "l1": 1e9}],
 )
-def test_numbers_beyond_doubles_end_with_a_sentence_and_without_a_warning(changes: dict[str, float]) -> None:
+def test_numbers_beyond_doubles_end_with_a_sentence_and_without_a_warning(
+    changes: dict[str, float],
+) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         with pytest.raises(tb.TrebucheckError) as caught:
@@ -110,7 +119,8 @@ def test_numbers_beyond_doubles_end_with_a_sentence_and_without_a_warning(change
 
 def test_energies_beyond_doubles_are_a_sentence_without_a_warning() -> None:
     heavy = hanging_bob(
-        bodies=(Body(name="bob", angle="beta", mass=1e300, centre=(2, 0), inertia=0.0),), start_speeds=(1e10,)
+        bodies=(Body(name="bob", angle="beta", mass=1e300, centre=(2, 0), inertia=0.0),),
+        start_speeds=(1e10,),
     )
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -119,7 +129,9 @@ def test_energies_beyond_doubles_are_a_sentence_without_a_warning() -> None:
 
 
 def test_a_body_without_inertia_is_a_sentence() -> None:
-    still = hanging_bob(bodies=(Body(name="bob", angle="beta", mass=3.0, centre=(0, 0), inertia=0.0),))
+    still = hanging_bob(
+        bodies=(Body(name="bob", angle="beta", mass=3.0, centre=(0, 0), inertia=0.0),)
+    )
     with pytest.raises(SimulationError, match="a body without inertia"):
         solve(tb.Problem(still, duration=1.0))
 
@@ -153,7 +165,10 @@ def test_a_reference_that_fails_in_its_process_is_a_sentence(
     fault: object, sentence: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(runs, "_computed", fault)
-    with Worker(timeout=0.5 if fault is _hang else 60.0) as worker, pytest.raises(SimulationError) as caught:
+    with (
+        Worker(timeout=0.5 if fault is _hang else 60.0) as worker,
+        pytest.raises(SimulationError) as caught,
+    ):
         _ = Runner(tb.fixed(), worker).solution
     assert str(caught.value).startswith(sentence)
 
@@ -178,10 +193,21 @@ def test_a_worker_that_was_closed_leaves_no_process_behind() -> None:
 # the commands
 
 
-def test_one_machine_whose_reference_fails_costs_only_its_rows(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+def test_one_machine_whose_reference_fails_costs_only_its_rows(
+    tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
     file = tmp_path / "cranks.json"
     file.write_text(parallel_cranks().to_json())
-    options = ["--engine", "reference", "--preset", "tuned,stock", "--duration", "1", "--out", str(tmp_path / "out")]
+    options = [
+        "--engine",
+        "reference",
+        "--preset",
+        "tuned,stock",
+        "--duration",
+        "1",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     assert main(["compare", "--models", f"{file},fixed", *options]) == 1
     results = Results.load(tmp_path / "out" / "results.json")
     assert [machine.model for machine in results.machines] == ["fixed"]
@@ -205,18 +231,25 @@ def test_one_machine_whose_reference_fails_costs_only_its_rows(tmp_path: Path, c
     ],
 )
 def test_every_command_stops_the_reference_in_time(
-    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+    command: list[str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(runs, "_computed", _hang)
     began = time.perf_counter()
     assert main([*command, "--model", "fixed", "--timeout", "0.3", "--out", str(tmp_path)]) == 1
     assert time.perf_counter() - began < 20
     said = capsys.readouterr()
-    assert "the reference did not finish within 0.3 s and was stopped." in " ".join((said.out + said.err).split())
+    assert "the reference did not finish within 0.3 s and was stopped." in " ".join(
+        (said.out + said.err).split()
+    )
     assert "Traceback" not in said.err
 
 
-@pytest.mark.parametrize(("command", "knobs"), [("converge", ["--knob", "iterations"]), ("explain", [])])
+@pytest.mark.parametrize(
+    ("command", "knobs"), [("converge", ["--knob", "iterations"]), ("explain", [])]
+)
 def test_a_study_goes_on_after_a_machine_whose_reference_fails(
     command: str, knobs: list[str], tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
@@ -226,7 +259,10 @@ def test_a_study_goes_on_after_a_machine_whose_reference_fails(
     options = ["--engine", "pymunk", "--models", ",".join(map(str, files)), "--out", str(tmp_path)]
     assert main([command, *knobs, *options]) == 1
     failures = json.loads((tmp_path / f"{command}.json").read_text())["failures"]
-    page, said = (tmp_path / f"{command}.html").read_text(), " ".join(capsys.readouterr().out.split())
+    page, said = (
+        (tmp_path / f"{command}.html").read_text(),
+        " ".join(capsys.readouterr().out.split()),
+    )
     for name in ("one", "two"):
         assert failures[name].startswith("the reference gave up at t = 0.42")
         assert f"{name}: the reference gave up" in said
@@ -241,7 +277,10 @@ def test_certificates_go_on_after_a_machine_that_cannot_be_moved(
     certify = partial(certification.certify, ladder=(1e-10, 1e-11))
     monkeypatch.setattr(certification, "certify", certify)
     assert main(["certify", "--models", f"{file},catapult", "--out", str(tmp_path / "out")]) == 1
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"catapult.json", "catapult.html"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        "catapult.json",
+        "catapult.html",
+    }
     assert "error: cranks: the reference gave up at t = 0.42" in capsys.readouterr().err
 
 
@@ -280,9 +319,20 @@ def test_the_available_memory_is_a_number_of_bytes() -> None:
     assert 1e7 < available_memory() < 1e15
 
 
-def test_a_step_of_a_nanosecond_is_refused_at_once(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+def test_a_step_of_a_nanosecond_is_refused_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
     """The short run before the one that is timed has at most a hundred steps."""
-    options = ["--engine", "pymunk,reference", "--preset", "tuned", "--timeout", "20", "--out", str(tmp_path)]
+    options = [
+        "--engine",
+        "pymunk,reference",
+        "--preset",
+        "tuned",
+        "--timeout",
+        "20",
+        "--out",
+        str(tmp_path),
+    ]
     assert main(["compare", "--models", "fixed", "--timestep", "1e-9", *options]) == 1
     assert "did not finish" not in (text := " ".join(capsys.readouterr().out.split()))
     assert text.count("timestep = 1e-09 s makes more than 20000000 steps of") == 2

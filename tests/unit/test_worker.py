@@ -71,7 +71,12 @@ def _corrupt(*_: object) -> int:
 
 
 def _state(*_: object) -> tuple[object, ...]:
-    found = os.environ.get("TREBUCHECK_TEST"), tuple(sys.path), str(np.geterr()), callable(math.sqrt)
+    found = (
+        os.environ.get("TREBUCHECK_TEST"),
+        tuple(sys.path),
+        str(np.geterr()),
+        callable(math.sqrt),
+    )
     return Path.cwd(), *found, np.random.get_state()[2]
 
 
@@ -83,7 +88,9 @@ FAULTS: dict[Callable[..., object], str] = {
     _fail: "_OddError: 1 and 2",
     _give_a_generator: "TypeError: cannot pickle 'generator' object",
 }
-linux = pytest.mark.skipif(not forked.AVAILABLE, reason="each call has a process that is started for it here")
+linux = pytest.mark.skipif(
+    not forked.AVAILABLE, reason="each call has a process that is started for it here"
+)
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +101,9 @@ def worker() -> Iterator[Worker]:
 
 @linux
 @pytest.mark.parametrize("fault", FAULTS)
-def test_what_a_call_does_to_its_process_is_a_sentence(fault: Callable[..., object], worker: Worker) -> None:
+def test_what_a_call_does_to_its_process_is_a_sentence(
+    fault: Callable[..., object], worker: Worker
+) -> None:
     with pytest.raises((SimulationError, TypeError)) as caught:
         worker.call(fault, _Engine(), None)
     assert FAULTS[fault].removeprefix("TypeError: ") in str(caught.value)
@@ -118,7 +127,9 @@ def test_a_call_that_hangs_is_ended_and_the_next_one_is_served(worker: Worker) -
 
 
 @linux
-def test_a_process_in_which_imports_start_threads_forks_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_in_which_imports_start_threads_forks_no_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     assert forked._import(("no_such_module", "math"))
     thread, go_on = Event(), Event()
     other = Thread(target=lambda: (thread.set(), go_on.wait(60)))

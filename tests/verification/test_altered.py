@@ -57,7 +57,9 @@ def test_damping_takes_energy_as_fast_as_it_should(build: Build) -> None:
     relative = trajectory.u[:, 2] - trajectory.u[:, 0]
     taken = trapezoid(damping * relative**2, t)
     lost = trajectory.total_energy[0] - trajectory.total_energy[-1]
-    assert lost == pytest.approx(taken, rel=1e-6)  # the trapezoidal rule's h^2 on a motion over some tenths of a second
+    assert lost == pytest.approx(
+        taken, rel=1e-6
+    )  # the trapezoidal rule's h^2 on a motion over some tenths of a second
 
 
 def test_armature_is_kinetic_energy_of_the_relative_speed(build: Build) -> None:

@@ -35,12 +35,16 @@ def _shaken(spec: Spec, random: np.random.Generator) -> Spec:
             fields[name] = tuple(_shaken(part, random) for part in value)
         elif isinstance(value, float):
             fields[name] = value * random.uniform(0.999, 1.001)
-        elif isinstance(value, tuple) and all(isinstance(component, float | int) for component in value):
+        elif isinstance(value, tuple) and all(
+            isinstance(component, float | int) for component in value
+        ):
             fields[name] = tuple(component * random.uniform(0.999, 1.001) for component in value)
     return spec.model_copy(update=fields)
 
 
-@pytest.mark.parametrize("mechanism", [everything(), *(random_mechanism(seed) for seed in range(12))])
+@pytest.mark.parametrize(
+    "mechanism", [everything(), *(random_mechanism(seed) for seed in range(12))]
+)
 def test_stacked_mechanisms_have_the_numbers_of_each(mechanism: Mechanism) -> None:
     random = np.random.default_rng(5)
     each = [_shaken(mechanism, random) for _ in range(3)]
@@ -48,33 +52,52 @@ def test_stacked_mechanisms_have_the_numbers_of_each(mechanism: Mechanism) -> No
     assert indices.tolist() == [0, 1, 2]
 
     def values(mechanism: Mechanism) -> tuple[object, ...]:
-        problem = Problem(everything(), 1.0, stop_law=StopLaw.UNILATERAL).model_copy(update={"mechanism": mechanism})
+        problem = Problem(everything(), 1.0, stop_law=StopLaw.UNILATERAL).model_copy(
+            update={"mechanism": mechanism}
+        )
         kinematics, q = Kinematics(mechanism), np.array(mechanism.start).T
-        gaps = np.stack([kinematics.gap(stop.name, q) for stop in mechanism.stops] or [np.zeros_like(q[..., 0])])
+        gaps = np.stack(
+            [kinematics.gap(stop.name, q) for stop in mechanism.stops] or [np.zeros_like(q[..., 0])]
+        )
         scale = kinematics.speed_scale(projectile_row(mechanism, kinematics))
-        return numbers_of(problem, kinematics, np.float64), kinematics.loop_residual(q), gaps.T, scale
+        return (
+            numbers_of(problem, kinematics, np.float64),
+            kinematics.loop_residual(q),
+            gaps.T,
+            scale,
+        )
 
     for i, alone in enumerate(each):
         for together, expected in zip(values(one), values(alone), strict=True):  # type: ignore[arg-type]
-            assert np.array(together)[i] == pytest.approx(np.array(expected), rel=ROUNDING, abs=ROUNDING)
+            assert np.array(together)[i] == pytest.approx(
+                np.array(expected), rel=ROUNDING, abs=ROUNDING
+            )
 
 
 def test_mechanisms_of_several_kinds_are_stacked_apart() -> None:
-    machines = [tb.fixed(), tb.rolling(), tb.fixed(tb.TrebuchetParameters(l1=9.0)).model_copy(update={"name": "third"})]
+    machines = [
+        tb.fixed(),
+        tb.rolling(),
+        tb.fixed(tb.TrebuchetParameters(l1=9.0)).model_copy(update={"name": "third"}),
+    ]
     groups = list(stacked(machines))
     assert [indices.tolist() for indices, _ in groups] == [[0, 2], [1]]
     pins = {joint.name: joint for joint in groups[0][1].joints}
     assert np.array_equal(pins["sling pin"].parent_point[0], [10.0, 9.0])
 
 
-def _overarm(stiffness: float = 0.0, damping: float = 0.0, rest_length: float = 0.0, speed: float = 9.0) -> Mechanism:
+def _overarm(
+    stiffness: float = 0.0, damping: float = 0.0, rest_length: float = 0.0, speed: float = 9.0
+) -> Mechanism:
     """A bob that is swung over the top from the left, tied to a point aside."""
     tie = SpringDamper(
         name="tie", body="bob", point=(2.0, 0), relative_point=(0.5, 3.0), stiffness=stiffness, damping=damping,
         rest_length=rest_length,
     )  # fmt: skip
     marker = Marker(name="projectile", body="bob", point=(2.0, 0))
-    return hanging_bob(start=math.pi, start_speeds=(speed,), force_elements=(tie,), markers=(marker,))
+    return hanging_bob(
+        start=math.pi, start_speeds=(speed,), force_elements=(tie,), markers=(marker,)
+    )
 
 
 def _assert_as_alone(machines: Sequence[Mechanism], duration: float) -> None:
@@ -112,7 +135,11 @@ def test_a_batch_may_come_from_an_iterator_and_in_parts(monkeypatch: pytest.Monk
 
 def _four_bar(speed: float, start: float) -> Mechanism:
     """A02 of the IFToMM benchmarks with one window: rods of 1 m and 1 kg; singular where all of them are level."""
-    rods = (("crank", "ground", (0, 0)), ("follower", "ground", (1.0, 0)), ("coupler", "crank", (1.0, 0)))
+    rods = (
+        ("crank", "ground", (0, 0)),
+        ("follower", "ground", (1.0, 0)),
+        ("coupler", "crank", (1.0, 0)),
+    )
     return Mechanism(
         name="four-bar",
         bodies=tuple(body_of(name, f"{name} angle", 1.0, (0.5, 0), 1 / 12) for name, _, _ in rods),
@@ -132,8 +159,12 @@ def test_machines_pass_singular_positions_or_say_why_not() -> None:
     """From the top two singular positions come before the launch at 5 pi / 4; below, some swing into one and back."""
     pytest.importorskip("heyoka")
     speeds = (0.5, 1.6, 3.0)
-    machines = [_four_bar(speed, start) for start in (-math.pi / 2, math.pi + 0.5) for speed in speeds]
-    machines.append(_four_bar(2.0, 0.0))  # it starts in a singular position, and swings to the other one and back
+    machines = [
+        _four_bar(speed, start) for start in (-math.pi / 2, math.pi + 0.5) for speed in speeds
+    ]
+    machines.append(
+        _four_bar(2.0, 0.0)
+    )  # it starts in a singular position, and swings to the other one and back
     found = launch_batch(machines, duration=3.0)
     for i, machine in enumerate(machines):
         solution = solve(Problem(machine, 3.0))
@@ -152,6 +183,11 @@ def test_machines_pass_singular_positions_or_say_why_not() -> None:
 def test_constraints_that_depend_on_each_other_are_refused() -> None:
     pytest.importorskip("heyoka")
     beam = parallel_cranks(3, start=0.3)
-    marked = beam.model_copy(update={"markers": (Marker(name="projectile", body=beam.bodies[0].name, point=(1.0, 0)),)})
-    with pytest.raises(UnsupportedProblemError, match="the Taylor integrator needs constraints that are independent"):
+    marked = beam.model_copy(
+        update={"markers": (Marker(name="projectile", body=beam.bodies[0].name, point=(1.0, 0)),)}
+    )
+    with pytest.raises(
+        UnsupportedProblemError,
+        match="the Taylor integrator needs constraints that are independent",
+    ):
         launch_batch([marked], duration=1.0)

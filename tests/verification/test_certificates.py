@@ -39,7 +39,8 @@ def committed(request: pytest.FixtureRequest) -> Certificate:
     return found
 
 
-# PHYSICS.md, checked figures, as printed: the last digit's unit is the allowance beside the uncertainty.
+# PHYSICS.md, checked figures, as printed: the last digit's unit is the allowance beside the
+# uncertainty.
 CHECKED: dict[str, dict[tuple[str, str | None, str], str]] = {
     "fixed": {
         ("stop_torque", "hanger rest", "start"): "79630.193261",
@@ -99,7 +100,8 @@ def test_the_checked_figures_are_covered(committed: Certificate) -> None:
     for (name, subject, at), printed in CHECKED[committed.model].items():
         figure = committed.figure(name, subject, at)
         assert figure is not None, (name, subject, at)
-        # Half a unit of the last printed digit is rounding, a whole one allows for a figure that was cut off.
+        # Half a unit of the last printed digit is rounding, a whole one allows for a figure that
+        # was cut off.
         digit = 10.0 ** -len(printed.partition(".")[2])
         assert abs(figure.value - float(printed)) <= figure.uncertainty + digit, figure.label
     angle = committed.figure("best_release_angle")
@@ -119,8 +121,9 @@ def test_certificates_are_as_sharp_as_needed(committed: Certificate) -> None:
 def _left_out(certificate: Certificate) -> list[tuple[float, str, str]]:
     """Distance over uncertainty for every figure and every independent computation that is left out.
 
-    With it go the coarser rungs of its own ladder, but not those of the reference itself: that its interpolant is
-    less exact than its steps cannot be learned from computations that have no such fault.
+    With it go the coarser rungs of its own ladder, but not those of the reference itself: that its
+    interpolant is less exact than its steps cannot be learned from computations that have no such
+    fault.
     """
     found = {Key(f.name, f.subject, f.at, f.unit, f.time): f.values for f in certificate.figures}
     ratios: list[tuple[float, str, str]] = []
@@ -129,7 +132,11 @@ def _left_out(certificate: Certificate) -> list[tuple[float, str, str]]:
             continue
         kin = (out.formulation, out.integrator)
         own = out.name.startswith("minimal")
-        rest = [c for c in certificate.computations if c != out and (own or (c.formulation, c.integrator) != kin)]
+        rest = [
+            c
+            for c in certificate.computations
+            if c != out and (own or (c.formulation, c.integrator) != kin)
+        ]
         for key, (value, uncertainty) in judge(found, rest).items():
             if out.name in found[key]:
                 ratios.append((abs(found[key][out.name] - value) / uncertainty, out.name, str(key)))
@@ -155,7 +162,14 @@ def test_a_computation_left_out_is_covered_on_random_machines(
 def test_a_fault_in_one_computation_is_not_covered(committed: Certificate) -> None:
     """The check can fail: a launch speed that is off by a millionth lies outside what the others allow."""
     figures = tuple(
-        f.model_copy(update={"values": {**f.values, "redundant, 3e-14": f.values["redundant, 3e-14"] * (1 + 1e-6)}})
+        f.model_copy(
+            update={
+                "values": {
+                    **f.values,
+                    "redundant, 3e-14": f.values["redundant, 3e-14"] * (1 + 1e-6),
+                }
+            }
+        )
         if f.name == "launch_speed"
         else f
         for f in committed.figures
@@ -167,7 +181,11 @@ def test_a_fault_in_one_computation_is_not_covered(committed: Certificate) -> No
 
 def test_the_reference_of_today_lies_within(committed: Certificate) -> None:
     solution = solve(tb.Problem(BUILD[committed.model](), duration=3.0))
-    launch, time, speed = solution.launch, committed.figure("launch_time"), committed.figure("launch_speed")
+    launch, time, speed = (
+        solution.launch,
+        committed.figure("launch_time"),
+        committed.figure("launch_speed"),
+    )
     assert launch is not None and time is not None and speed is not None
     assert abs(launch.time - time.value) <= time.uncertainty
     assert abs(launch.speed - speed.value) <= speed.uncertainty
@@ -182,7 +200,9 @@ def test_certificate_belongs_to_one_mechanism_only() -> None:
 
 
 def test_schema_and_round_trip(committed: Certificate) -> None:
-    text = (module.files("trebucheck.reference.certification") / "certificates" / module.SCHEMA).read_text()
+    text = (
+        module.files("trebucheck.reference.certification") / "certificates" / module.SCHEMA
+    ).read_text()
     assert text == schema_text(Certificate)
     assert Certificate.from_json(committed.to_json()) == committed
 
@@ -194,34 +214,52 @@ def test_ladder_must_fall() -> None:
 
 def test_a_machine_without_launch_and_marker_is_certified() -> None:
     bob = tb.Body(name="bob", angle="beta", mass=3.0, centre=(2.0, 0), inertia=0.1)
-    pivot = tb.PinJoint(name="pivot", parent="ground", child="bob", parent_point=(0, 0), child_point=(0, 0))
-    machine = tb.Mechanism(name="pendulum", bodies=(bob,), joints=(pivot,), gravity=9.81, start=(0.3,))
+    pivot = tb.PinJoint(
+        name="pivot", parent="ground", child="bob", parent_point=(0, 0), child_point=(0, 0)
+    )
+    machine = tb.Mechanism(
+        name="pendulum", bodies=(bob,), joints=(pivot,), gravity=9.81, start=(0.3,)
+    )
     certificate = certify(machine, ladder=(1e-10, 1e-12))
     assert certificate.figure("total_energy") is not None
     assert any("paper" in sentence for sentence in certificate.absent)
 
 
-def test_any_mechanism_is_certified_in_parts_of_its_own_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_any_mechanism_is_certified_in_parts_of_its_own_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Springs, slides on bodies and no projectile: coordinates and markers at instants of the duration asked for."""
-    monkeypatch.setattr("trebucheck.reference.certification.certify.why_not_taylor", lambda _: "compilation takes long")
+    monkeypatch.setattr(
+        "trebucheck.reference.certification.certify.why_not_taylor",
+        lambda _: "compilation takes long",
+    )
     mechanism = everything()
     certificate = certify(mechanism, duration=0.05, ladder=(1e-10, 1e-13))
     end = [f for f in certificate.figures if f.at == "0.05 s"]
-    assert {f.subject for f in end} == {*mechanism.coordinates, *(marker.name for marker in mechanism.markers)}
+    assert {f.subject for f in end} == {
+        *mechanism.coordinates,
+        *(marker.name for marker in mechanism.markers),
+    }
     units = {f.subject: f.unit for f in end if f.name == "coordinate"}
     assert {name for name, unit in units.items() if unit == "rad"} == set(mechanism.angles)
-    # 1e-13 a step over some ten steps, tripled, and the extrapolation from 1e-10, which is no better than a bound.
+    # 1e-13 a step over some ten steps, tripled, and the extrapolation from 1e-10, which is no
+    # better than a bound.
     assert max(f.uncertainty for f in end) < 1e-11
     assert {c.name.split(",")[0] for c in certificate.computations} == {"minimal", "redundant"}
     assert "taylor, double: compilation takes long" in certificate.absent
     energy = certificate.figure("total_energy")
     assert energy is not None
-    assert energy.values["minimal, 1e-13"] == pytest.approx(energy.values["redundant, 1e-13"], rel=1e-13)
+    assert energy.values["minimal, 1e-13"] == pytest.approx(
+        energy.values["redundant, 1e-13"], rel=1e-13
+    )
 
 
 def test_rebounds_are_certified_without_the_formulation_that_has_none() -> None:
     certificate = certify(
-        hanging_bob(angle_stop(1.0, 0.5)), duration=2.0, stop_law=StopLaw.UNILATERAL, ladder=(1e-10, 1e-12)
+        hanging_bob(angle_stop(1.0, 0.5)),
+        duration=2.0,
+        stop_law=StopLaw.UNILATERAL,
+        ladder=(1e-10, 1e-12),
     )
     assert not any(c.name.startswith("redundant") for c in certificate.computations)
     assert any(sentence.startswith("redundant") for sentence in certificate.absent)
@@ -239,7 +277,14 @@ def test_uncertainty_comes_from_the_certificate_where_there_is_one(committed: Ce
 
 def test_certified_metrics_have_a_figure_each(committed: Certificate) -> None:
     found = certified(committed)
-    for metric in ("position_max", "release_time", "launch_time", "launch_speed", "stop_torque_max", "energy_drift"):
+    for metric in (
+        "position_max",
+        "release_time",
+        "launch_time",
+        "launch_speed",
+        "stop_torque_max",
+        "energy_drift",
+    ):
         assert (found.of(metric) or 0.0) > 0, metric
     assert found.of("release_time", "sling rest") is not None
     assert found.of("no such metric") is None
@@ -247,7 +292,10 @@ def test_certified_metrics_have_a_figure_each(committed: Certificate) -> None:
 
 def test_values_are_printed_to_the_place_of_their_uncertainty() -> None:
     common = {"name": "speed", "at": "launch", "unit": "m/s", "values": {}}
-    assert module.Figure(value=99.40051525627, uncertainty=2.3e-6, **common).texts == ("99.4005153", "2.3e-06")
+    assert module.Figure(value=99.40051525627, uncertainty=2.3e-6, **common).texts == (
+        "99.4005153",
+        "2.3e-06",
+    )
     assert module.Figure(value=1234.5, uncertainty=40.0, **common).texts == ("1234", "4.0e+01")
 
 
@@ -256,4 +304,6 @@ def test_an_unknown_uncertainty_refuses_nothing() -> None:
 
 
 def test_computation_is_described() -> None:
-    assert Computation(name="x", formulation="f", integrator="i", independent=True).tolerance is None
+    assert (
+        Computation(name="x", formulation="f", integrator="i", independent=True).tolerance is None
+    )

@@ -1,6 +1,7 @@
 """Table I, both machines: the figures that two independent formulations and integrators agreed on.
 
-Tolerances are the stated needs: times 1e-10 s, speed 1e-8 m/s, angles 1e-9 rad, torques 1e-8 relative.
+Tolerances are the stated needs: times 1e-10 s, speed 1e-8 m/s, angles 1e-9 rad, torques 1e-8
+relative.
 """
 
 from __future__ import annotations
@@ -90,7 +91,9 @@ def test_launch(case: tuple[Solution, Figures]) -> None:
     assert launch.speed == pytest.approx(checked.launch_speed, abs=SPEED)
     at_launch = solution.trajectory(np.array([launch.time]))
     assert at_launch.q[0] == pytest.approx(checked.at_launch, abs=ANGLE)
-    assert at_launch.marker("projectile").position[0] == pytest.approx(checked.projectile, abs=LENGTH)
+    assert at_launch.marker("projectile").position[0] == pytest.approx(
+        checked.projectile, abs=LENGTH
+    )
 
 
 def test_energy_ratio(case: tuple[Solution, Figures]) -> None:
@@ -103,7 +106,8 @@ def test_energy_ratio(case: tuple[Solution, Figures]) -> None:
 
 def test_counterweight_swings_out(case: tuple[Solution, Figures]) -> None:
     solution, checked = case
-    # Sampled: the maximum is missed by less than half a step's curvature, 1/2 a (dt/2)^2 with a < 100 m/s^2.
+    # Sampled: the maximum is missed by less than half a step's curvature, 1/2 a (dt/2)^2 with a <
+    # 100 m/s^2.
     t = np.arange(0.0, checked.launch_time, 1e-4)
     x = solution.trajectory(t).marker("counterweight").position[:, 0]
     assert x[0] == pytest.approx(3.071068, abs=5e-7)

@@ -109,7 +109,11 @@ def test_mass_matrix_of_the_fixed_machine_is_the_books() -> None:
     inertia = p.m_a * (p.l1**3 + p.l2**3) / (p.l1 + p.l2) / 3
     c = np.array(
         [
-            [inertia + p.m_b * p.l1**2 + p.m_cw * p.l2**2, p.m_b * p.l1 * p.r, -p.m_cw * p.l2 * p.h],
+            [
+                inertia + p.m_b * p.l1**2 + p.m_cw * p.l2**2,
+                p.m_b * p.l1 * p.r,
+                -p.m_cw * p.l2 * p.h,
+            ],
             [p.m_b * p.l1 * p.r, p.m_b * p.r**2, 0.0],
             [-p.m_cw * p.l2 * p.h, 0.0, p.m_cw * p.h**2],
         ]

@@ -11,7 +11,9 @@ from trebucheck.reference.solver import solve
 
 pytest.importorskip("numba", reason="Numba is not installed: the equations are NumPy's")
 
-_ROUNDING = 1e-12  # of the largest: some hundred roundings of matrices that lose two or three digits
+_ROUNDING = (
+    1e-12  # of the largest: some hundred roundings of matrices that lose two or three digits
+)
 
 
 def _machines() -> list[tb.Mechanism]:
@@ -25,7 +27,9 @@ def _machines() -> list[tb.Mechanism]:
 
 
 @pytest.mark.parametrize("mechanism", _machines(), ids=lambda m: m.name)
-def test_accelerations_and_multipliers_are_numpys(mechanism: tb.Mechanism, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_accelerations_and_multipliers_are_numpys(
+    mechanism: tb.Mechanism, monkeypatch: pytest.MonkeyPatch
+) -> None:
     random, (q, u) = np.random.default_rng(4), initial_state(mechanism)
     states = q + random.uniform(-0.3, 0.3, (5, len(q))), u + random.uniform(-1, 1, (5, len(u)))
     for closed in ((), tuple(stop.name for stop in mechanism.stops if stop.closed)):
@@ -48,7 +52,9 @@ def test_motion_is_that_of_scipys_integrator(monkeypatch: pytest.MonkeyPatch) ->
     assert quick.evaluations == slow.evaluations
     assert quick.release_times == pytest.approx(slow.release_times, abs=1e-11)
     t = np.linspace(0.0, 2.6, 101)
-    assert quick.motion(t).q == pytest.approx(slow.motion(t).q, abs=1e-9)  # stretched 43 times by the launch
+    assert quick.motion(t).q == pytest.approx(
+        slow.motion(t).q, abs=1e-9
+    )  # stretched 43 times by the launch
 
 
 def test_body_without_inertia_about_its_pin_has_one_sentence() -> None:

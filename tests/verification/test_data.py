@@ -60,7 +60,9 @@ def _refuse_other_values(old: xr.Dataset, new: xr.Dataset) -> None:
 def test_a_file_made_again_is_the_same_within_its_uncertainty(name: str) -> None:
     old, new = _read(name), certified_dataset(library_problem(name) or model(name))
     assert set(old.variables) == set(new.variables)
-    assert old.attrs["predictability_horizon"] == pytest.approx(new.attrs["predictability_horizon"], rel=0.1)
+    assert old.attrs["predictability_horizon"] == pytest.approx(
+        new.attrs["predictability_horizon"], rel=0.1
+    )
     _refuse_other_values(old, new)
     with pytest.raises(AssertionError, match="position"):
         _refuse_other_values(old, new.assign(position=new["position"] * (1 + 1e-9)))
@@ -80,7 +82,9 @@ def _four_bar(t: FloatArray) -> FloatArray:
         ("incline", lambda t: -2 * t + 9.81 * math.sin(0.3) * t**2 / 2),
     ],
 )
-def test_an_uncertainty_covers_the_error(name: str, exact: Callable[[FloatArray], FloatArray]) -> None:
+def test_an_uncertainty_covers_the_error(
+    name: str, exact: Callable[[FloatArray], FloatArray]
+) -> None:
     dataset = _read(name)
     error = abs(dataset["q"].values[:, 0] - exact(dataset["time"].values))
     bound = dataset["q_uncertainty"].values[:, 0]
@@ -94,7 +98,9 @@ def test_events_are_in_the_files() -> None:
     assert float(bouncing["rest_time"][0]) == pytest.approx(3 * math.sqrt(2 / 9.81), abs=1e-10)
     first = bouncing["impact_impulse"].sel(struck_stop="floor")[0]
     assert float(first) == pytest.approx(1.5 * 2.0 * math.sqrt(2 * 9.81), rel=1e-11)
-    assert float(_read("fixed")["launch_speed"]) == pytest.approx(tb.throw(tb.fixed()).launch.speed, rel=1e-9)
+    assert float(_read("fixed")["launch_speed"]) == pytest.approx(
+        tb.throw(tb.fixed()).launch.speed, rel=1e-9
+    )
     assert float(_read("hinged")["release_time"].sel(releasable_stop="trough")) > 0
 
 

@@ -29,7 +29,9 @@ def test_a_tree_hangs_down_with_every_angle_for_itself(parameters: tb.TrebuchetP
     kinematics = Kinematics(machine)
     amplitudes = np.abs(kinematics.masses @ kinematics.centres)[: len(machine.bodies)]
     start = float(kinematics.potential_energy(np.array(machine.start)))
-    assert available_energy(machine) == pytest.approx(start + machine.gravity * amplitudes.sum(), rel=1e-9)
+    assert available_energy(machine) == pytest.approx(
+        start + machine.gravity * amplitudes.sum(), rel=1e-9
+    )
 
 
 def test_a_linkage_goes_as_low_as_its_tracks_let_it() -> None:
@@ -48,7 +50,9 @@ def test_no_machine_gives_more_than_there_is() -> None:
         machine = model(name)
         launch = solve_to_launch(machine).launch
         assert launch is not None
-        mass = next(machine.thrown_mass(marker) for marker in machine.markers if marker.name == "projectile")
+        mass = next(
+            machine.thrown_mass(marker) for marker in machine.markers if marker.name == "projectile"
+        )
         assert mass == 60.0
         assert 0 < 0.5 * mass * launch.speed**2 < available_energy(machine)
 
@@ -77,18 +81,23 @@ def test_no_machine_within_the_bounds_is_more_efficient(name: str) -> None:
     if best is None:
         pytest.skip("heyoka, which makes the search fast enough, is not installed")
     assert best.efficiency == pytest.approx(_efficiency_of(name, best.chosen), rel=1e-8)
-    assert all(low <= best.chosen[key] <= high for key, (low, high) in BOUNDS.items() if key in best.chosen)
+    assert all(
+        low <= best.chosen[key] <= high for key, (low, high) in BOUNDS.items() if key in best.chosen
+    )
     for key, value in best.chosen.items():
         for aside in (-0.1, 0.1):
             beside = best.chosen | {key: float(np.clip(value + aside, *BOUNDS[key]))}
-            # The last places stand 4 cm apart: between them the efficiency can be a thousandth larger, not more.
+            # The last places stand 4 cm apart: between them the efficiency can be a thousandth
+            # larger, not more.
             assert _efficiency_of(name, beside) <= best.efficiency * 1.001
 
 
 def _efficiency_of(name: str, chosen: dict[str, float]) -> float:
     machine = model(name, parameters_type(name)(**chosen, l2=14.0 - chosen["l1"]))
     launch = solve_to_launch(machine).launch
-    return 0.0 if launch is None else kinetic_energy(machine, launch.speed) / available_energy(machine)
+    return (
+        0.0 if launch is None else kinetic_energy(machine, launch.speed) / available_energy(machine)
+    )
 
 
 def test_a_catapult_has_no_sling() -> None:

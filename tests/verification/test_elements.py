@@ -61,7 +61,8 @@ def test_forces_are_those_of_their_energies_and_powers(seed: int) -> None:
     q, u = _state(mechanism, seed)
     conservative = -_slope(lambda p: float(equations.potential_energy(p)), q)
     at_rest = equations.gravity_forces(q) + applied.generalized(q, 0 * u)
-    # Of constant forces and torques: their power per speed, without that of the dampers, which is even in it.
+    # Of constant forces and torques: their power per speed, without that of the dampers, which is
+    # even in it.
     constant = np.array([(applied.power(q, e) - applied.power(q, -e)) / 2 for e in np.eye(len(u))])
     assert at_rest == pytest.approx(conservative + constant, abs=1e-8)
     damping = applied.generalized(q, u) - applied.generalized(q, 0 * u)
@@ -81,8 +82,13 @@ def test_walls_and_points_move_as_their_derivatives_say(seed: int) -> None:
     gap_speed, velocity = kinematics.gap_jacobian("deck", q) @ u, kinematics.velocity(row, q, u)
     assert along(lambda p: kinematics.gap("deck", p)) == pytest.approx(gap_speed, abs=1e-9)
     assert along(lambda p: kinematics.position(row, p)) == pytest.approx(velocity, abs=1e-9)
-    gap_bias, acceleration = kinematics.gap_bias("deck", q, u), kinematics.acceleration(row, q, u, 0 * u)
-    assert along(lambda p: kinematics.gap_jacobian("deck", p) @ u) == pytest.approx(gap_bias, abs=1e-8)
+    gap_bias, acceleration = (
+        kinematics.gap_bias("deck", q, u),
+        kinematics.acceleration(row, q, u, 0 * u),
+    )
+    assert along(lambda p: kinematics.gap_jacobian("deck", p) @ u) == pytest.approx(
+        gap_bias, abs=1e-8
+    )
     assert along(lambda p: kinematics.velocity(row, p, u)) == pytest.approx(acceleration, abs=1e-8)
 
 
@@ -115,12 +121,28 @@ def test_loop_of_a_slot_in_a_turningbody_of() -> None:
     crank, distance = 0.3, 1.0
     mechanism = tb.Mechanism(
         name="quick return",
-        bodies=(body_of("crank", "a", 1.0, (0.15, 0.0), 0.01), body_of("rocker", "b", 2.0, (0.6, 0.0), 0.2)),
+        bodies=(
+            body_of("crank", "a", 1.0, (0.15, 0.0), 0.01),
+            body_of("rocker", "b", 2.0, (0.6, 0.0), 0.2),
+        ),
         joints=(
-            tb.PinJoint(name="O", parent="ground", child="crank", parent_point=(distance, 0), child_point=(0, 0)),
-            tb.PinJoint(name="C", parent="ground", child="rocker", parent_point=(0, 0), child_point=(0, 0)),
+            tb.PinJoint(
+                name="O",
+                parent="ground",
+                child="crank",
+                parent_point=(distance, 0),
+                child_point=(0, 0),
+            ),
+            tb.PinJoint(
+                name="C", parent="ground", child="rocker", parent_point=(0, 0), child_point=(0, 0)
+            ),
             tb.SlotJoint(
-                name="slot", parent="rocker", child="crank", parent_point=(0, 0), child_point=(crank, 0), axis=(1, 0)
+                name="slot",
+                parent="rocker",
+                child="crank",
+                parent_point=(0, 0),
+                child_point=(crank, 0),
+                axis=(1, 0),
             ),
         ),
         gravity=0.0,
@@ -129,7 +151,9 @@ def test_loop_of_a_slot_in_a_turningbody_of() -> None:
     )
     solution = solve(tb.Problem(mechanism, duration=3.0))
     a, b = solution.motion(np.linspace(0, 3, 50)).q.T
-    assert np.unwrap(np.arctan2(crank * np.sin(a), distance + crank * np.cos(a))) == pytest.approx(b, abs=1e-10)
+    assert np.unwrap(np.arctan2(crank * np.sin(a), distance + crank * np.cos(a))) == pytest.approx(
+        b, abs=1e-10
+    )
     kinetic = solution.trajectory(np.array([0.0, 3.0])).kinetic_energy
     assert kinetic[1] == pytest.approx(kinetic[0], rel=1e-11)
 
@@ -159,7 +183,9 @@ def test_sprung_and_damped_oscillator() -> None:
     decay = c / (2 * m)
     w = math.sqrt(k / m - decay**2)
     expected = x0 * np.exp(-decay * t) * (np.cos(w * t) + decay / w * np.sin(w * t))
-    assert solve(tb.Problem(mechanism, duration=5.0)).motion(t).q[:, 0] == pytest.approx(expected, abs=1e-12)
+    assert solve(tb.Problem(mechanism, duration=5.0)).motion(t).q[:, 0] == pytest.approx(
+        expected, abs=1e-12
+    )
 
 
 @pytest.mark.parametrize(
@@ -168,14 +194,19 @@ def test_sprung_and_damped_oscillator() -> None:
         (lambda d: d["bodies"][2].update(angle="phi"), "needs no angle of its own"),
         (lambda d: d["bodies"][1].update(angle=None), "needs a name for its angle"),
         (lambda d: d["joints"][1].pop("coordinate"), "needs a coordinate for its slide"),
-        (lambda d: d["joints"][0].update(parent="arm"), "a free joint has the ground as its parent"),
+        (
+            lambda d: d["joints"][0].update(parent="arm"),
+            "a free joint has the ground as its parent",
+        ),
         (lambda d: d["force_elements"][0].update(stiffness=-1.0), "greater than or equal to 0"),
         (lambda d: d["force_elements"][0].update(body="boat"), "names the body 'boat'"),
         (lambda d: d["force_elements"][1].update(relative_to="bob"), "between 'bob' and itself"),
         (lambda d: d.update(gravity_direction=[0.0, -2.0]), "gravity_direction must have length 1"),
     ],
 )
-def test_wrong_elements_are_refused_with_their_name(change: Callable[[dict[str, Any]], Any], says: str) -> None:
+def test_wrong_elements_are_refused_with_their_name(
+    change: Callable[[dict[str, Any]], Any], says: str
+) -> None:
     fields = everything().model_dump(mode="json")
     change(fields)
     with pytest.raises(tb.InputError, match=says):
@@ -192,5 +223,7 @@ def test_an_engine_without_an_element_names_it() -> None:
 def test_a_restitution_is_needed_under_the_unilateral_law_only() -> None:
     bouncing = tb.model("bouncing")
     refuse_features(bouncing, set(Feature), "an engine", {Basic.REBOUND}, tb.StopLaw.RELEASE_ONCE)
-    with pytest.raises(tb.UnsupportedProblemError, match=r"no stops with a restitution \('floor'\)"):
+    with pytest.raises(
+        tb.UnsupportedProblemError, match=r"no stops with a restitution \('floor'\)"
+    ):
         refuse_features(bouncing, set(Feature), "an engine", {Basic.REBOUND}, tb.StopLaw.UNILATERAL)

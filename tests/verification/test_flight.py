@@ -12,7 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 from trebucheck.reference.solver import solve
-from trebucheck.reference.throw.flight import WORLDS, Air, Release, Surroundings, fly, range_rate, world
+from trebucheck.reference.throw.flight import (
+    WORLDS,
+    Air,
+    Release,
+    Surroundings,
+    fly,
+    range_rate,
+    world,
+)
 from trebucheck.reference.throw.release import Projectile
 
 G = 9.81
@@ -46,7 +54,9 @@ def test_range_in_vacuum_is_the_school_formula() -> None:
     y=st.floats(0.1, 20.0),
     drag=st.sampled_from([0.0, 1e-4, 1e-2]),
 )
-def test_every_flight_from_above_lands(speed: float, angle: float, x: float, y: float, drag: float) -> None:
+def test_every_flight_from_above_lands(
+    speed: float, angle: float, x: float, y: float, drag: float
+) -> None:
     surroundings = Surroundings(gravity=G, drag=drag, origin=3.0)
     flight = fly(shot(speed, angle, x, y), surroundings)
     first, landing = flight.state(np.array([0.0, flight.time]))
@@ -55,7 +65,8 @@ def test_every_flight_from_above_lands(speed: float, angle: float, x: float, y: 
     path = flight.path(50)
     assert path[1:-1, 1].min(initial=1.0) > 0
     assert path[:, 1].max() <= flight.apex_height + FLIGHT
-    # What the search for the best release with drag rests on: drag turns no velocity, so it never flies farther.
+    # What the search for the best release with drag rests on: drag turns no velocity, so it never
+    # flies farther.
     vacuum = fly(flight.release, surroundings.model_copy(update={"drag": 0.0}))
     assert flight.range <= max(vacuum.range, x - 3.0) + FLIGHT * max(1.0, abs(vacuum.range))
 
@@ -64,7 +75,9 @@ def test_velocity_is_the_derivative_of_the_path_across_the_apex() -> None:
     flight = fly(shot(100.0, 0.8), Surroundings(gravity=G, drag=5e-4))
     t, h = np.linspace(0.1, flight.time - 0.1, 40), 1e-3
     slope = (flight.state(t + h)[:, :2] - flight.state(t - h)[:, :2]) / (2 * h)
-    assert slope == pytest.approx(flight.state(t)[:, 2:], abs=1e-5)  # h^2/6 of the jerk, which is below 10 m/s^3
+    assert slope == pytest.approx(
+        flight.state(t)[:, 2:], abs=1e-5
+    )  # h^2/6 of the jerk, which is below 10 m/s^3
 
 
 def test_vanishing_drag_is_no_drag() -> None:
@@ -84,8 +97,12 @@ def test_a_vertical_fall_from_rest(drop: float) -> None:
     drag = Air.around(density=1.2, drag_coefficient=0.5, area=0.1).drag(mass=60.0)
     terminal = math.sqrt(G / drag)
     flight = fly(Release(0.0, (0.0, drop), (0.0, 0.0)), Surroundings(gravity=G, drag=drag))
-    assert terminal**2 / G * math.log(math.cosh(G * flight.time / terminal)) == pytest.approx(drop, rel=FLIGHT)
-    assert flight.impact_speed == pytest.approx(terminal * math.tanh(G * flight.time / terminal), rel=FLIGHT)
+    assert terminal**2 / G * math.log(math.cosh(G * flight.time / terminal)) == pytest.approx(
+        drop, rel=FLIGHT
+    )
+    assert flight.impact_speed == pytest.approx(
+        terminal * math.tanh(G * flight.time / terminal), rel=FLIGHT
+    )
 
 
 def test_a_vertical_throw() -> None:
@@ -122,9 +139,14 @@ def test_the_range_s_rate_is_its_derivative(drag: float, ground: float) -> None:
 
 @pytest.mark.parametrize(
     ("name", "time", "angle", "speed", "farthest"),
-    [("fixed", 2.744505, 44.0995, 99.4228, 1008.2591), ("rolling", 2.516365, 40.4214, 114.1360, 1320.8773)],
+    [
+        ("fixed", 2.744505, 44.0995, 99.4228, 1008.2591),
+        ("rolling", 2.516365, 40.4214, 114.1360, 1320.8773),
+    ],
 )
-def test_the_checked_best_releases(name: str, time: float, angle: float, speed: float, farthest: float) -> None:
+def test_the_checked_best_releases(
+    name: str, time: float, angle: float, speed: float, farthest: float
+) -> None:
     surroundings = Surroundings(gravity=G)
     best = projectile(name).best_release(surroundings)
     assert best is not None
@@ -143,18 +165,24 @@ def test_the_best_release_is_the_best_of_its_sweep(name: str, drag: float) -> No
     farthest = fly(best, surroundings).range
     for t in np.linspace(*thrown.sweep(), 150):
         try:
-            assert fly(thrown.release_at(float(t)), surroundings).range <= farthest + FLIGHT * farthest
+            assert (
+                fly(thrown.release_at(float(t)), surroundings).range <= farthest + FLIGHT * farthest
+            )
         except tb.InputError as error:  # let go below the fulcrum, on the way down
             assert "never comes up" in str(error)  # noqa: PT017
     # The stated need is 1e-9 s: the rate changes its sign within it.
-    before, after = (range_rate(thrown.release_at(best.time + d), surroundings) for d in (-1e-9, 1e-9))
+    before, after = (
+        range_rate(thrown.release_at(best.time + d), surroundings) for d in (-1e-9, 1e-9)
+    )
     assert before > 0 > after
 
 
 def _best_angle(name: str, drag_area: float) -> float:
     place = world(name)
     drag = Air(density=place.density, drag_area=drag_area).drag(60.0)
-    best = projectile("fixed", place.gravity).best_release(Surroundings(gravity=place.gravity, drag=drag))
+    best = projectile("fixed", place.gravity).best_release(
+        Surroundings(gravity=place.gravity, drag=drag)
+    )
     assert best is not None
     return math.degrees(best.angle)
 

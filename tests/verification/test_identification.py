@@ -28,14 +28,18 @@ TABLE = TrebuchetParameters()
 PAPER = (0.0, math.pi, -math.pi / 4)
 
 
-def _printed_of(parameters: TrebuchetParameters, angles: tuple[float, float, float]) -> tuple[PrintedQuantity, ...]:
+def _printed_of(
+    parameters: TrebuchetParameters, angles: tuple[float, float, float]
+) -> tuple[PrintedQuantity, ...]:
     """What the paper would have printed of another machine, with as many digits."""
     release = computed(parameters, angles, PRINTED[0].value)[PRINTED[0].name]
     step = 2 * PRINTED[0].half
     on_grid = round(release / step) * step
     values = computed(parameters, angles, on_grid) | {PRINTED[0].name: release}
     rounded = {f.name: round(values[f.name] / (2 * f.half)) * 2 * f.half for f in PRINTED}
-    return tuple(quantity.model_copy(update={"value": rounded[quantity.name]}) for quantity in PRINTED)
+    return tuple(
+        quantity.model_copy(update={"value": rounded[quantity.name]}) for quantity in PRINTED
+    )
 
 
 def test_slopes_are_the_exact_derivatives() -> None:
@@ -44,7 +48,9 @@ def test_slopes_are_the_exact_derivatives() -> None:
     headlines = Headlines(TABLE)
     row = [quantity.name for quantity in PRINTED].index(SPEED)
     # Central differences over 1e-5 rad of speeds good to 1e-11: 1e-6 m/s per rad, of some ten.
-    assert headlines.jacobian(PAPER)[row] * PRINTED[row].half == pytest.approx(expected, rel=1e-6, abs=2e-6)
+    assert headlines.jacobian(PAPER)[row] * PRINTED[row].half == pytest.approx(
+        expected, rel=1e-6, abs=2e-6
+    )
 
 
 @pytest.mark.slow
@@ -80,7 +86,8 @@ def test_ends_of_the_compatible_set_are_where_a_figure_leaves_its_digits() -> No
 @pytest.mark.slow
 def test_figures_that_contradict_each_other_leave_nothing() -> None:
     printed = tuple(
-        quantity.model_copy(update={"value": 1.93}) if quantity.name == R_ROLLING else quantity for quantity in PRINTED
+        quantity.model_copy(update={"value": 1.93}) if quantity.name == R_ROLLING else quantity
+        for quantity in PRINTED
     )
     found = identify(TABLE, printed, globally=False)
     assert not found.fit.compatible
@@ -106,7 +113,9 @@ def test_a_start_that_does_not_launch_is_refused() -> None:
 @pytest.mark.slow  # some ten seconds: the search over all starts
 def test_the_paper_singles_out_its_start() -> None:
     pytest.importorskip("heyoka")
-    elsewhere = TABLE.model_copy(update={"theta0": 0.5, "phi0": 2.0, "alpha0": 0.3})  # of no use to the search
+    elsewhere = TABLE.model_copy(
+        update={"theta0": 0.5, "phi0": 2.0, "alpha0": 0.3}
+    )  # of no use to the search
     found = identify(elsewhere)
     assert found.singled_out == pytest.approx(PAPER, abs=1e-12)
     assert found.fit.compatible

@@ -30,7 +30,15 @@ JOINTS = (
         axis=(math.cos(RAIL), math.sin(RAIL)), coordinate="s",
     ),
 )  # fmt: skip
-FLOOR = PointStop(name="floor", body="arm", point=(0.5, 0.4), normal=(0, 1), offset=0.65, closed=False, restitution=0.5)
+FLOOR = PointStop(
+    name="floor",
+    body="arm",
+    point=(0.5, 0.4),
+    normal=(0, 1),
+    offset=0.65,
+    closed=False,
+    restitution=0.5,
+)
 IDLE = (
     PointStop(
         name="welded", body="arm", point=(-0.24, -0.26), relative_to="head", closed=True, offset=0,
@@ -72,7 +80,9 @@ def test_they_are_found() -> None:
 
 @pytest.mark.parametrize("law", StopLaw)
 @pytest.mark.parametrize("idle", [*((stop,) for stop in IDLE), IDLE], ids=[*NAMES, "all"])
-def test_the_reference_moves_as_without_them(idle: tuple[Stop | PointStop, ...], law: StopLaw) -> None:
+def test_the_reference_moves_as_without_them(
+    idle: tuple[Stop | PointStop, ...], law: StopLaw
+) -> None:
     free, held = solve(_problem(FREE, law)), solve(_problem(_mechanism(*idle), law))
     assert bool(free.impacts) == (law is StopLaw.UNILATERAL)
     assert [t for t, _ in held.impacts] == pytest.approx([t for t, _ in free.impacts], abs=1e-9)
@@ -84,8 +94,12 @@ def test_the_reference_moves_as_without_them(idle: tuple[Stop | PointStop, ...],
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk", "exudyn"])
 def test_engines_move_as_without_them(engine: str) -> None:
     with_options = tb.engine(engine, timestep=1e-3)
-    free, held = (with_options.simulate(_problem(each, StopLaw.UNILATERAL)) for each in (FREE, HELD))
+    free, held = (
+        with_options.simulate(_problem(each, StopLaw.UNILATERAL)) for each in (FREE, HELD)
+    )
     assert len(free.impacts) > 0
     assert np.array_equal(held.q, free.q)
-    assert all(held.release_times[name] is None and not held.stop_torques[name].any() for name in NAMES)
+    assert all(
+        held.release_times[name] is None and not held.stop_torques[name].any() for name in NAMES
+    )
     assert check_model(with_options, HELD).holds

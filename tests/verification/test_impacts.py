@@ -23,15 +23,27 @@ LEVEL, DOWN = 0.0, math.pi / 2
 
 def _bob(name: str, angle: str, where: float = 0.0) -> tuple[tb.Body, tb.PinJoint]:
     body = tb.Body(name=name, angle=angle, mass=MASS, centre=(LENGTH, 0), inertia=0.0)
-    pin = tb.PinJoint(name=f"{name} pin", parent="ground", child=name, parent_point=(where, 0), child_point=(0, 0))
+    pin = tb.PinJoint(
+        name=f"{name} pin", parent="ground", child=name, parent_point=(where, 0), child_point=(0, 0)
+    )
     return body, pin
 
 
-def _pendulum(restitution: float, limit: float = DOWN, gravity: float = G, **changes: object) -> tb.Mechanism:
+def _pendulum(
+    restitution: float, limit: float = DOWN, gravity: float = G, **changes: object
+) -> tb.Mechanism:
     """A bob let go level, with a stop at `limit`."""
     body, pin = _bob("bob", "beta")
-    stop = tb.Stop(name="stop", body="bob", sense=-1, limit=-limit, closed=False, restitution=restitution)
-    fields = {"name": "pendulum", "bodies": (body,), "joints": (pin,), "stops": (stop,), "gravity": gravity}
+    stop = tb.Stop(
+        name="stop", body="bob", sense=-1, limit=-limit, closed=False, restitution=restitution
+    )
+    fields = {
+        "name": "pendulum",
+        "bodies": (body,),
+        "joints": (pin,),
+        "stops": (stop,),
+        "gravity": gravity,
+    }
     return tb.Mechanism(**{**fields, "start": (LEVEL,), **changes})
 
 
@@ -83,11 +95,24 @@ def test_two_stops_at_once_on_a_double_pendulum() -> None:
         name="double pendulum",
         bodies=(upper, lower),
         joints=(
-            tb.PinJoint(name="shoulder", parent="ground", child="upper", parent_point=(0, 0), child_point=(0, 0)),
-            tb.PinJoint(name="elbow", parent="upper", child="lower", parent_point=(1.5, 0), child_point=(0, 0)),
+            tb.PinJoint(
+                name="shoulder",
+                parent="ground",
+                child="upper",
+                parent_point=(0, 0),
+                child_point=(0, 0),
+            ),
+            tb.PinJoint(
+                name="elbow",
+                parent="upper",
+                child="lower",
+                parent_point=(1.5, 0),
+                child_point=(0, 0),
+            ),
         ),
         stops=tuple(
-            tb.Stop(name=f"{name} stop", body=name, sense=-1, limit=-DOWN, closed=False) for name in ("upper", "lower")
+            tb.Stop(name=f"{name} stop", body=name, sense=-1, limit=-DOWN, closed=False)
+            for name in ("upper", "lower")
         ),
         gravity=0.0,
         start=(0.0, 0.0),
@@ -126,7 +151,8 @@ def test_two_bodies_that_meet_their_stops_together_do_not_disturb_each_other() -
 def test_bouncing_settles(e: float) -> None:
     """Against a stop at 30 degrees below level gravity presses on: rebounds die away, then the stop carries m g l cos.
 
-    Close to the stop the motion is a fall with constant acceleration a, so the bounces sum up to 2 e v / ((1 - e) a).
+    Close to the stop the motion is a fall with constant acceleration a, so the bounces sum up to 2
+    e v / ((1 - e) a).
     """
     limit = math.pi / 6
     solution = _unilateral(_pendulum(e, limit), 12.0)
@@ -135,8 +161,12 @@ def test_bouncing_settles(e: float) -> None:
     end = solution.motion(np.array([12.0]))
     assert end.u[0, 0] == pytest.approx(0.0, abs=1e-12)
     assert end.q[0, 0] == pytest.approx(limit, abs=1e-12)
-    assert end.stop_torques["stop"][0] == pytest.approx(MASS * G * LENGTH * math.cos(limit), rel=1e-12)
-    gaps = np.array([b[0] - a[0] for a, b in zip(solution.impacts, solution.impacts[1:], strict=False)])
+    assert end.stop_torques["stop"][0] == pytest.approx(
+        MASS * G * LENGTH * math.cos(limit), rel=1e-12
+    )
+    gaps = np.array(
+        [b[0] - a[0] for a, b in zip(solution.impacts, solution.impacts[1:], strict=False)]
+    )
     # Late rebounds are short: each lasts e times the one before.
     assert gaps[-4:-1] / gaps[-5:-2] == pytest.approx(e, rel=1e-3)
 
@@ -152,7 +182,13 @@ def test_a_start_that_drives_into_a_closed_stop_is_an_impact_at_once() -> None:
     body, pin = _bob("bob", "beta")
     rest = tb.Stop(name="rest", body="bob", sense=-1, limit=0.0, closed=True, restitution=0.0)
     machine = tb.Mechanism(
-        name="pressed", bodies=(body,), joints=(pin,), stops=(rest,), gravity=G, start=(0.0,), start_speeds=(2.0,)
+        name="pressed",
+        bodies=(body,),
+        joints=(pin,),
+        stops=(rest,),
+        gravity=G,
+        start=(0.0,),
+        start_speeds=(2.0,),
     )
     solution = _unilateral(machine, 0.5)
     ((time, impulses),) = solution.impacts
@@ -164,7 +200,13 @@ def test_a_start_that_leaves_a_closed_stop_opens_it() -> None:
     body, pin = _bob("bob", "beta")
     rest = tb.Stop(name="rest", body="bob", sense=-1, limit=0.0, closed=True)
     machine = tb.Mechanism(
-        name="leaving", bodies=(body,), joints=(pin,), stops=(rest,), gravity=G, start=(0.0,), start_speeds=(-2.0,)
+        name="leaving",
+        bodies=(body,),
+        joints=(pin,),
+        stops=(rest,),
+        gravity=G,
+        start=(0.0,),
+        start_speeds=(-2.0,),
     )
     solution = _unilateral(machine, 0.1)
     assert solution.release_times["rest"] == 0.0
@@ -173,8 +215,12 @@ def test_a_start_that_leaves_a_closed_stop_opens_it() -> None:
 
 def test_a_loop_that_does_not_close_at_the_start_is_refused() -> None:
     body, pin = _bob("bob", "beta")
-    slot = tb.SlotJoint(name="rail", child="bob", parent_point=(0, -0.5), child_point=(LENGTH, 0), axis=(1, 0))
-    open_loop = tb.Mechanism(name="open", bodies=(body,), joints=(pin, slot), gravity=G, start=(0.0,))
+    slot = tb.SlotJoint(
+        name="rail", child="bob", parent_point=(0, -0.5), child_point=(LENGTH, 0), axis=(1, 0)
+    )
+    open_loop = tb.Mechanism(
+        name="open", bodies=(body,), joints=(pin, slot), gravity=G, start=(0.0,)
+    )
     with pytest.raises(tb.InputError, match=r"start does not fit .*rail.* 0\.5 m"):
         solve(tb.Problem(open_loop, duration=0.1))
 
@@ -229,7 +275,8 @@ def test_a_small_kick_against_the_rests_changes_little(
     trajectory = kicked.trajectory(np.linspace(0.0, 2.5, 1000))
     assert min(trajectory.stop_gap(name).min() for name in ("hanger rest", "sling rest")) > -1e-12
     assert kicked.launch is not None and plain.launch is not None
-    # Linear in the kick: at most two seconds of launch time per rad/s and thirty m/s of speed, on either machine.
+    # Linear in the kick: at most two seconds of launch time per rad/s and thirty m/s of speed, on
+    # either machine.
     assert abs(kicked.launch.time - plain.launch.time) < 2.0 * abs(kick)
     assert abs(kicked.launch.speed - plain.launch.speed) < 30.0 * abs(kick)
 
@@ -238,4 +285,6 @@ def test_stops_that_stand_against_each_other_do_not_jam_by_rounding() -> None:
     """Two stops hold a body from both sides; both seem to be approached, by a rounding, and no speeds undo both."""
     found = _unilateral(random_mechanism(257), 1.0)
     assert found.problem.duration == 1.0
-    assert all(abs(impulse) < 1e-12 for _, impulses in found.impacts for impulse in impulses.values())
+    assert all(
+        abs(impulse) < 1e-12 for _, impulses in found.impacts for impulse in impulses.values()
+    )

@@ -34,7 +34,8 @@ def _to_launch(build: Build, parameters: tb.TrebuchetParameters) -> tuple[Soluti
 @given(parameters=machine_parameters())
 def test_energy_is_kept(build: Build, parameters: tb.TrebuchetParameters) -> None:
     _, trajectory = _to_launch(build, parameters)
-    # Stated need: 1e-12, of the energy in play (a total energy may be near zero by the choice of the height).
+    # Stated need: 1e-12, of the energy in play (a total energy may be near zero by the choice of
+    # the height).
     scale = max(abs(trajectory.total_energy[0]), trajectory.kinetic_energy.max())
     assert np.abs(trajectory.total_energy - trajectory.total_energy[0]).max() < 1e-12 * scale
 
@@ -56,7 +57,9 @@ def test_rolling_machine_keeps_its_horizontal_momentum(parameters: tb.TrebuchetP
 
 @same_machines
 @given(parameters=machine_parameters())
-def test_reactions_carry_the_whole_machine(build: Build, parameters: tb.TrebuchetParameters) -> None:
+def test_reactions_carry_the_whole_machine(
+    build: Build, parameters: tb.TrebuchetParameters
+) -> None:
     """The fulcrum's force is the rate of the total momentum plus the weight, from q and u alone."""
     solution, trajectory = _to_launch(build, parameters)
     h, mid = 1e-4, trajectory.t[20:-20:50]
@@ -89,7 +92,9 @@ def test_stops_are_complementary(build: Build, parameters: tb.TrebuchetParameter
 def test_lengths_scale_and_time_with_their_root(build: Build, scale: float) -> None:
     p = tb.TrebuchetParameters()
     lengths = {name: getattr(p, name) * scale for name in ("l1", "l2", "h", "r")}
-    small = solve(tb.Problem(build(tb.TrebuchetParameters(**lengths)), duration=3.0 * scale**0.5)).launch
+    small = solve(
+        tb.Problem(build(tb.TrebuchetParameters(**lengths)), duration=3.0 * scale**0.5)
+    ).launch
     full = solve(tb.Problem(build(p), duration=3.0)).launch
     assert small is not None and full is not None
     assert small.time == pytest.approx(full.time * scale**0.5, rel=1e-12)

@@ -31,11 +31,14 @@ def end(mechanism: Mechanism, direction: Direction, step: float, t: float) -> np
     return np.asarray(solution.segments[-1].interpolant(t), dtype=np.float64)
 
 
-def slope(mechanism: Mechanism, direction: Direction, side: float, t: float) -> tuple[np.ndarray, float]:
+def slope(
+    mechanism: Mechanism, direction: Direction, side: float, t: float
+) -> tuple[np.ndarray, float]:
     """One-sided, extrapolated twice, and how far the differences can be trusted."""
     start = end(mechanism, direction, 0.0, t)
     first, second, third = (
-        (end(mechanism, direction, side * k * STEP, t) - start) / (side * k * STEP) for k in (1, 2, 4)
+        (end(mechanism, direction, side * k * STEP, t) - start) / (side * k * STEP)
+        for k in (1, 2, 4)
     )
     fine, coarse = 2 * first - second, 2 * second - third
     size = np.abs(start).max() + np.abs(first).max()
@@ -44,9 +47,14 @@ def slope(mechanism: Mechanism, direction: Direction, side: float, t: float) -> 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("seed", "number"), [(12, "start_speeds.2"), (23, "start_speeds.0")])
-def test_a_stop_that_opens_at_the_start_is_struck_by_steps_to_one_side(seed: int, number: str) -> None:
+def test_a_stop_that_opens_at_the_start_is_struck_by_steps_to_one_side(
+    seed: int, number: str
+) -> None:
     mechanism, t = random_mechanism(seed), 0.2
-    everything, speed = random_direction(mechanism, 0.1), consistent_direction(mechanism, {number: 1.0})
+    everything, speed = (
+        random_direction(mechanism, 0.1),
+        consistent_direction(mechanism, {number: 1.0}),
+    )
     mass = {f"bodies.{mechanism.bodies[0].name}.mass": 1.0}
     found = derivatives(mechanism, [everything, speed, mass], t, LAW)
     held = sides(found.kinks, 3)
@@ -72,7 +80,8 @@ def test_bouncing_to_rest_against_differences() -> None:
     assert len(found.d_impact_times) == 21
     assert found.closed == ("stop 0",)
     near, far = (
-        (end(mechanism, direction, k * step, t) - end(mechanism, direction, -k * step, t)) / (2 * k * step)
+        (end(mechanism, direction, k * step, t) - end(mechanism, direction, -k * step, t))
+        / (2 * k * step)
         for k in (1, 2)
     )
     expected = (4 * near - far) / 3
@@ -104,7 +113,9 @@ def beside_a_floor(restitution: float, gravity: float) -> Mechanism:
     (floor,) = ball.stops
     force = ConstantForce(name="push", body="ball", point=(0, 0), force=(0, 0))
     closed = floor.model_copy(update={"closed": True})
-    return ball.model_copy(update={"start": (0.0,), "stops": (closed,), "gravity": gravity, "force_elements": (force,)})
+    return ball.model_copy(
+        update={"start": (0.0,), "stops": (closed,), "gravity": gravity, "force_elements": (force,)}
+    )
 
 
 def test_a_stop_without_a_force_holds_against_pushes_one_way() -> None:
@@ -139,7 +150,8 @@ def test_a_kick_on_a_stop_that_throws_all_back_has_no_derivative() -> None:
 
 def test_two_stops_that_hold_for_opposite_steps_leave_none() -> None:
     up, down = (
-        Kink(name, 0.0, np.array([side, side, 0.0]), f"strikes {name}") for name, side in (("a", 1.0), ("b", -1.0))
+        Kink(name, 0.0, np.array([side, side, 0.0]), f"strikes {name}")
+        for name, side in (("a", 1.0), ("b", -1.0))
     )
     held = sides([up, down], 3)
     assert np.isnan(held[:2]).all()
@@ -166,5 +178,9 @@ def test_a_throw_says_which_start_speeds_hold_one_way() -> None:
         launch = solve(Problem(kicked, duration=found.launch_time + 0.1)).launch
         return math.inf if launch is None else launch.time
 
-    assert (found.launch_time - time(-step)) / step == pytest.approx(found.d_launch_time[i], rel=1e-3)
-    assert not abs(time(step) - found.launch_time) < 10 * step  # the other rest is struck open, and the throw another
+    assert (found.launch_time - time(-step)) / step == pytest.approx(
+        found.d_launch_time[i], rel=1e-3
+    )
+    assert (
+        not abs(time(step) - found.launch_time) < 10 * step
+    )  # the other rest is struck open, and the throw another

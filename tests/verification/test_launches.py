@@ -18,11 +18,22 @@ from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import characteristic_time, solve
 from trebucheck.reference.taylor.solve import solve_taylor, taylor_launch
 
-_SAME = 1e-12  # relative: a later end changes only the last step of a motion, whose error is some 3e-14
+_SAME = (
+    1e-12  # relative: a later end changes only the last step of a motion, whose error is some 3e-14
+)
 _FINE = 1e-5  # of the characteristic time
 
 WHIRLING = tb.TrebuchetParameters(
-    l1=103.3, l2=105.3, m_b=35130, m_cw=620.1, m_a=72.35, h=184.4, r=24.84, theta0=-1.098, phi0=3.201, alpha0=0.09984
+    l1=103.3,
+    l2=105.3,
+    m_b=35130,
+    m_cw=620.1,
+    m_a=72.35,
+    h=184.4,
+    r=24.84,
+    theta0=-1.098,
+    phi0=3.201,
+    alpha0=0.09984,
 )
 """A counterweight that whirls about a heavy projectile: its velocity turns through a right angle in milliseconds."""
 
@@ -30,12 +41,18 @@ WHIRLING = tb.TrebuchetParameters(
 def _scanned(solution: Solution, angle: float) -> float | None:
     """The first fall through the launch direction, forwards, by a very fine scan."""
     kinematics, mechanism = solution.equations.kinematics, solution.problem.mechanism
-    row = kinematics.point("sling", next(m.point for m in mechanism.markers if m.name == "projectile"))
+    row = kinematics.point(
+        "sling", next(m.point for m in mechanism.markers if m.name == "projectile")
+    )
     after, end = solution.release_times["sling rest"], solution.segments[-1].end
     if after is None:
         return None
     t = np.linspace(after, end, int((end - after) / (_FINE * characteristic_time(mechanism))) + 2)
-    q, u = np.split(np.concatenate([_states(solution, part) for part in np.array_split(t, len(t) // 5000 + 1)]), 2, 1)
+    q, u = np.split(
+        np.concatenate([_states(solution, part) for part in np.array_split(t, len(t) // 5000 + 1)]),
+        2,
+        1,
+    )
     velocity = kinematics.velocity(row, q, u)
     across, forward = lead(velocity, angle), lead(velocity, angle - math.pi / 2)
     falls = np.flatnonzero((across[:-1] > 0) & (across[1:] <= 0) & (forward[1:] > 0))
@@ -55,9 +72,18 @@ def _random_machines() -> Iterator[tuple[str, tb.TrebuchetParameters, float, flo
         size = 10 ** random.uniform(-4, 2)
         lengths = {name: size * 10 ** random.uniform(-0.3, 0.3) for name in ("l1", "l2", "h", "r")}
         masses = {name: 10 ** random.uniform(0, 3) for name in ("m_b", "m_cw", "m_a")}
-        start = {"theta0": random.uniform(-1, 1), "phi0": random.uniform(2, 4), "alpha0": random.uniform(-3, 3)}
+        start = {
+            "theta0": random.uniform(-1, 1),
+            "phi0": random.uniform(2, 4),
+            "alpha0": random.uniform(-3, 3),
+        }
         angle = math.pi / 4 if i % 2 else random.uniform(-1.5, 1.5)
-        yield ("fixed", "rolling")[i % 2], tb.TrebuchetParameters(**lengths, **masses, **start), angle, 1.0 + i / 10
+        yield (
+            ("fixed", "rolling")[i % 2],
+            tb.TrebuchetParameters(**lengths, **masses, **start),
+            angle,
+            1.0 + i / 10,
+        )
 
 
 @pytest.mark.parametrize(("kind", "parameters", "angle", "spans"), list(_random_machines()))
@@ -66,7 +92,10 @@ def test_the_first_launch_whatever_the_end(
 ) -> None:
     machine = {"fixed": tb.fixed, "rolling": tb.rolling}[kind](parameters)
     duration = spans * characteristic_time(machine)
-    long, short = solve(tb.Problem(machine, duration=1.7 * duration)), solve(tb.Problem(machine, duration=duration))
+    long, short = (
+        solve(tb.Problem(machine, duration=1.7 * duration)),
+        solve(tb.Problem(machine, duration=duration)),
+    )
     launch, scanned = long.launch_at(angle), _scanned(long, angle)
     assert (launch is None) == (scanned is None)
     if launch is None or scanned is None:
@@ -92,7 +121,11 @@ def test_a_velocity_that_whirls_through_the_direction() -> None:
 def test_models_of_any_scale_launch_alike(name: str) -> None:
     p = tb.TrebuchetParameters()
     lengths = {key: 1e-4 * getattr(p, key) for key in ("l1", "l2", "h", "r")}
-    small = solve(tb.Problem({"fixed": tb.fixed, "rolling": tb.rolling}[name](p.model_copy(update=lengths)), 0.028))
+    small = solve(
+        tb.Problem(
+            {"fixed": tb.fixed, "rolling": tb.rolling}[name](p.model_copy(update=lengths)), 0.028
+        )
+    )
     full = solve(tb.Problem(TABLE_ONE[name], 2.8))
     assert small.launch is not None and full.launch is not None
     assert 100 * small.launch.time == pytest.approx(full.launch.time, rel=1e-10)
@@ -134,7 +167,10 @@ def test_a_motion_may_end_with_its_launch() -> None:
 
 
 def test_a_rest_that_pushes_again_starts_the_search_anew() -> None:
-    above, below = (_piece(t, t + 1, across=np.polynomial.Polynomial([side])) for t, side in ((0.0, 1.0), (1.0, -1.0)))
+    above, below = (
+        _piece(t, t + 1, across=np.polynomial.Polynomial([side]))
+        for t, side in ((0.0, 1.0), (1.0, -1.0))
+    )
     assert first_launch([above, None, below]) is None
     launch = first_launch([above, below])
     assert launch is not None
@@ -148,7 +184,10 @@ def test_an_impact_that_turns_the_velocity_through_the_direction() -> None:
     problem = tb.Problem(machine, duration=1.0, stop_law=tb.StopLaw.UNILATERAL)
     solution = solve(problem)
     impact = solution.impacts[0][0]
-    before, after = (solution.trajectory(np.array([impact + dt])).marker("projectile").velocity[0] for dt in (-1e-9, 0))
+    before, after = (
+        solution.trajectory(np.array([impact + dt])).marker("projectile").velocity[0]
+        for dt in (-1e-9, 0)
+    )
     assert lead(before) > 0.1 and lead(after) < -0.1
     launch = solution.launch
     assert launch is not None and launch.time == impact
@@ -163,7 +202,9 @@ def test_an_impact_that_turns_the_velocity_through_the_direction() -> None:
         assert other.speed == pytest.approx(launch.speed, rel=1e-10)
 
 
-def test_a_launch_that_the_coarser_solution_lacks_is_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_launch_that_the_coarser_solution_lacks_is_unknown(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Its uncertainty is not that of the releases, which both solutions have."""
     solution = solve(tb.Problem(tb.fixed(tb.TrebuchetParameters(l1=9.5)), 3.0))
     launch = solution.launch

@@ -74,11 +74,17 @@ def test_a_catapult_is_a_quadrature(machine: tb.Mechanism) -> None:
     arm, start = machine.bodies[0], machine.start[0]
     assume(arm.centre[0] < -0.2)  # a longer arm outweighs the counterweight, or turns for minutes
     about_pivot = arm.inertia + arm.mass * arm.centre[0] ** 2
-    fall = -2 * arm.mass * machine.gravity * arm.centre[0] / about_pivot  # omega^2 = fall (sin q0 - sin q)
+    fall = (
+        -2 * arm.mass * machine.gravity * arm.centre[0] / about_pivot
+    )  # omega^2 = fall (sin q0 - sin q)
     turned = 5 * math.pi / 4  # the tip moves across the arm
     # q = start + s^2 takes the singularity of the start away.
-    time, error = quad(lambda s: 2 * s / math.sqrt(fall * (math.sin(start) - math.sin(start + s * s))), 0, 1)
-    rest, error_of_rest = quad(lambda q: 1 / math.sqrt(fall * (math.sin(start) - math.sin(q))), start + 1, turned)
+    time, error = quad(
+        lambda s: 2 * s / math.sqrt(fall * (math.sin(start) - math.sin(start + s * s))), 0, 1
+    )
+    rest, error_of_rest = quad(
+        lambda q: 1 / math.sqrt(fall * (math.sin(start) - math.sin(q))), start + 1, turned
+    )
     launch = solve(tb.Problem(machine, duration=1.1 * (time + rest))).launch
     assert launch is not None
     omega = math.sqrt(fall * (math.sin(start) - math.sin(turned)))

@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 from trebucheck.models.errors import InputError
 from trebucheck.models.machines.trebuchet import fixed
-from trebucheck.paper.drag.motion import AngleReading, DragInterval, PrintedAngle, Throwing, common, interval, on_grid
+from trebucheck.paper.drag.motion import (
+    AngleReading,
+    DragInterval,
+    PrintedAngle,
+    Throwing,
+    common,
+    interval,
+    on_grid,
+)
 from trebucheck.paper.drag.study import PRINTED, DragStudy, GravityReading, drag_study
 from trebucheck.reference.solver import solve_to_launch
 from trebucheck.reference.throw.flight import fly, world
@@ -32,9 +40,12 @@ def test_the_drag_area_of_a_release_makes_it_the_reference_s_best() -> None:
     assert at is not None
     best = earth.projectile.best_release(earth.surroundings(earth.optimal_with(at)))
     assert best is not None
-    # Air moves the best release by some 5 ms in all; RESOLVED of that, and the peak's asymmetry over 0.25 ms.
+    # Air moves the best release by some 5 ms in all; RESOLVED of that, and the peak's asymmetry
+    # over 0.25 ms.
     assert best.time == pytest.approx(at, abs=2e-6)
-    assert best.angle == pytest.approx(ROWS["earth"].value, abs=1e-3 * ROWS["earth"].half + 2e-6 * 10)
+    assert best.angle == pytest.approx(
+        ROWS["earth"].value, abs=1e-3 * ROWS["earth"].half + 2e-6 * 10
+    )
 
 
 def test_with_g_in_the_throw_only_the_product_of_density_and_drag_area_counts() -> None:
@@ -52,11 +63,15 @@ def test_across_the_sling_is_the_paper_s_own_way_from_phi_to_the_angle() -> None
     times = np.array([2.74, 2.745, 2.75])
     phi = np.degrees(earth.projectile.solution.motion(times).q[:, 1])
     # 585 deg and 90 more are 675 deg clockwise, which is 45 deg above the horizontal.
-    assert np.degrees(earth.angle(times, AngleReading.ACROSS_SLING)) == pytest.approx(720 - (phi + 90), abs=1e-9)
+    assert np.degrees(earth.angle(times, AngleReading.ACROSS_SLING)) == pytest.approx(
+        720 - (phi + 90), abs=1e-9
+    )
 
 
 @pytest.mark.parametrize("reading", list(AngleReading))
-def test_a_grid_s_point_is_the_best_within_its_drag_areas_and_not_beyond(reading: AngleReading) -> None:
+def test_a_grid_s_point_is_the_best_within_its_drag_areas_and_not_beyond(
+    reading: AngleReading,
+) -> None:
     earth, step = throwing("earth"), 0.005
     (found,) = on_grid([earth], [ROWS["earth"]], step, reading).worlds
     inside = found.nearest.drag_areas
@@ -65,11 +80,17 @@ def test_a_grid_s_point_is_the_best_within_its_drag_areas_and_not_beyond(reading
     times = step * np.arange(540, 560)
 
     def best(area: float) -> float:
-        flights = [fly(earth.projectile.release_at(t), earth.surroundings(area)) for t in times.tolist()]
+        flights = [
+            fly(earth.projectile.release_at(t), earth.surroundings(area)) for t in times.tolist()
+        ]
         return float(times[np.argmax([flight.range for flight in flights])])
 
     margin = 10 * RESOLVED
-    assert best(inside.low * (1 + margin)) == best(inside.high * (1 - margin)) == pytest.approx(found.nearest.time)
+    assert (
+        best(inside.low * (1 + margin))
+        == best(inside.high * (1 - margin))
+        == pytest.approx(found.nearest.time)
+    )
     assert best(inside.low * (1 - margin)) == pytest.approx(found.nearest.time - step)
     assert best(inside.high * (1 + margin)) == pytest.approx(found.nearest.time + step)
 
@@ -97,17 +118,25 @@ def test_a_drag_area_is_found_again_from_the_angles_it_gives() -> None:
         best = there.projectile.best_release(there.surroundings(area))
         assert best is not None
         printed = f"{math.degrees(best.angle):.1f}"
-        rows.append(ROWS[name].model_copy(update={"printed": printed, "value": math.radians(float(printed))}))
+        rows.append(
+            ROWS[name].model_copy(
+                update={"printed": printed, "value": math.radians(float(printed))}
+            )
+        )
     study = drag_study(printed=rows, steps=())
     reading = next(
-        r for r in study.readings if r.angle == AngleReading.VELOCITY and r.gravity == GravityReading.THROW_AND_FLIGHT
+        r
+        for r in study.readings
+        if r.angle == AngleReading.VELOCITY and r.gravity == GravityReading.THROW_AND_FLIGHT
     )
     assert reading.shared is not None
     assert reading.shared.high is not None
     assert reading.shared.low <= area <= reading.shared.high
     assert all(fit.agrees for fit in reading.worlds)
     # Half a printed digit of either angle is worth less than the interval it leaves.
-    assert reading.common_drag_area == pytest.approx(area, abs=reading.shared.high - reading.shared.low)
+    assert reading.common_drag_area == pytest.approx(
+        area, abs=reading.shared.high - reading.shared.low
+    )
     assert any("one drag area gives all printed angles" in sentence for sentence in study.findings)
     assert DragStudy.from_json(study.to_json()) == study
 
@@ -124,6 +153,7 @@ def test_table_ii_on_the_paper_s_grid() -> None:
     assert set(found.agreeing) == {"moon", "earth"}
     assert found.shared is not None
     mars = next(each for each in found.worlds if each.world == "mars")
-    # Printed above what is best without air: both points beside it are none that air could make the best.
+    # Printed above what is best without air: both points beside it are none that air could make the
+    # best.
     assert mars.beside[0].drag_areas is None
     assert mars.nearest.angle < ROWS["mars"].value

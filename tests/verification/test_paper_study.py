@@ -11,7 +11,14 @@ import pytest
 import trebucheck as tb
 from trebucheck.paper.design.first_forward_swing import Reading, first_forward_swing_of
 from trebucheck.paper.design.search import NEARNESS, RANGE, Family
-from trebucheck.paper.design.study import FARTHEST, NEAREST, Bounds, Design, design_rolling, tolerances
+from trebucheck.paper.design.study import (
+    FARTHEST,
+    NEAREST,
+    Bounds,
+    Design,
+    design_rolling,
+    tolerances,
+)
 from trebucheck.paper.evidence.claims import Quantity, Study, Verdict
 from trebucheck.paper.report import summary
 from trebucheck.paper.rows.machines import design_rows
@@ -39,17 +46,26 @@ def design() -> Design:
 
 
 def _cells(markdown: str) -> list[list[str]]:
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in markdown.strip().splitlines()]
+    return [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in markdown.strip().splitlines()
+    ]
 
 
 def test_what_becomes_of_the_paper() -> None:
     """Verdicts and our own values are the reference's: no engine is needed to have them."""
-    block = PAGE.read_text().partition("<!-- generated: paper -->\n")[2].partition("<!-- end -->")[0]
+    block = (
+        PAGE.read_text().partition("<!-- generated: paper -->\n")[2].partition("<!-- end -->")[0]
+    )
     found, printed = _cells(summary(paper())), _cells(block)
     assert [row[:3] for row in found] == [row[:3] for row in printed]
     for mine, theirs in zip(found, printed, strict=True):
-        if mine[-1] != theirs[-1]:  # four printed digits, the last of which another machine may round otherwise
-            assert float(mine[-1].split()[0]) == pytest.approx(float(theirs[-1].split()[0]), rel=2e-3), mine
+        if (
+            mine[-1] != theirs[-1]
+        ):  # four printed digits, the last of which another machine may round otherwise
+            assert float(mine[-1].split()[0]) == pytest.approx(
+                float(theirs[-1].split()[0]), rel=2e-3
+            ), mine
 
 
 def test_table_one_is_read_as_the_checked_figures_have_it() -> None:
@@ -79,17 +95,31 @@ def test_the_two_instants_coincide_by_another_reading(name: str) -> None:
     times = best.time + np.linspace(-0.05, 0.05, 2001)
     _, velocity, _ = projectile.states(times)
     fastest = times[np.argmax(np.sum(velocity**2, axis=1))]
-    assert fastest == pytest.approx(best.time, abs=5e-5)  # half the scan's interval, and its rounding
-    assert fly(best, Surroundings(gravity=9.81)).range == pytest.approx(found.throwing.range, rel=1e-9)
+    assert fastest == pytest.approx(
+        best.time, abs=5e-5
+    )  # half the scan's interval, and its rounding
+    assert fly(best, Surroundings(gravity=9.81)).range == pytest.approx(
+        found.throwing.range, rel=1e-9
+    )
 
 
 def test_the_rows_on_designs_name_the_bounds_within_which_they_hold() -> None:
     """Outside of them a coinciding machine does throw as far: the same one, with its lengths scaled as the row says."""
-    rows = {row.name: row.judged(row.ours) for row in design_rows(design()) if isinstance(row.ours, Quantity)}
+    rows = {
+        row.name: row.judged(row.ours)
+        for row in design_rows(design())
+        if isinstance(row.ours, Quantity)
+    }
     for name in ("such a machine throws farther", "coinciding gives the largest range"):
         assert rows[name].verdict is Verdict.FAILS
         for text in (rows[name].quantity, rows[name].why):
-            for bound in ("r 2 to 12 m", "h 2 to 14 m", "l1 7 to 13 m", "l1 + l2 = 14 m", "masses and start angles"):
+            for bound in (
+                "r 2 to 12 m",
+                "h 2 to 14 m",
+                "l1 7 to 13 m",
+                "l1 + l2 = 14 m",
+                "masses and start angles",
+            ):
                 assert bound in text
     paper, farthest = design().paper_rolling, design().designs[0].throwing
     size = paper.range / farthest.range
@@ -106,7 +136,8 @@ def test_the_rows_on_designs_name_the_bounds_within_which_they_hold() -> None:
 def test_the_conditions_of_an_optimum_hold(name: str) -> None:
     found = design().named(name)
     assert found is not None
-    # Central differences of 1e-4 know slopes to some 1e-6; the search stops at 1e-9 km, whose root is 3e-5.
+    # Central differences of 1e-4 know slopes to some 1e-6; the search stops at 1e-9 km, whose root
+    # is 3e-5.
     assert found.optimality.residual < 1e-4
     assert len(found.optimality.neighbours) == 4
     assert max(found.optimality.neighbours) < 0
@@ -147,7 +178,9 @@ def test_within_all_constraints() -> None:
 
 
 def test_a_machine_that_throws_nothing_is_no_design() -> None:
-    parameters = tb.TrebuchetParameters.with_beam(9.0, r=8.0, h=4.0)  # its best release only goes over the fulcrum
+    parameters = tb.TrebuchetParameters.with_beam(
+        9.0, r=8.0, h=4.0
+    )  # its best release only goes over the fulcrum
     assert first_forward_swing_of(tb.rolling(parameters)) is None
 
 
@@ -176,9 +209,12 @@ def test_other_starts_lead_to_the_same_designs() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fields", "message"), [({"r": (5.0, 4.0)}, "r = "), ({"l1": (7.0, 14.0)}, "below the arm's length")]
+    ("fields", "message"),
+    [({"r": (5.0, 4.0)}, "r = "), ({"l1": (7.0, 14.0)}, "below the arm's length")],
 )
-def test_bounds_that_make_no_sense_are_refused(fields: dict[str, tuple[float, float]], message: str) -> None:
+def test_bounds_that_make_no_sense_are_refused(
+    fields: dict[str, tuple[float, float]], message: str
+) -> None:
     with pytest.raises(tb.InputError, match=message):
         design_rolling(bounds=Bounds(**fields), engines=())
 

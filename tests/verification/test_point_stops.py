@@ -27,15 +27,31 @@ def ladder(lean: float, tilt: float = 0.0) -> tb.Mechanism:
         tilt: both slot and wall turned by this, counter-clockwise; gravity stays [rad].
     """
     along, up = (math.cos(tilt), math.sin(tilt)), (-math.sin(tilt), math.cos(tilt))
-    rod = tb.Body(name="rod", angle="beta", mass=MASS, centre=(LENGTH / 2, 0), inertia=MASS * LENGTH**2 / 12)
+    rod = tb.Body(
+        name="rod", angle="beta", mass=MASS, centre=(LENGTH / 2, 0), inertia=MASS * LENGTH**2 / 12
+    )
     return tb.Mechanism(
         name="ladder",
         bodies=(rod,),
         joints=(
-            tb.SlotJoint(name="foot", child="rod", parent_point=(0, 0), child_point=(0, 0), axis=along, coordinate="s"),
+            tb.SlotJoint(
+                name="foot",
+                child="rod",
+                parent_point=(0, 0),
+                child_point=(0, 0),
+                axis=along,
+                coordinate="s",
+            ),
         ),
-        stops=(tb.PointStop(name="wall", body="rod", point=(LENGTH, 0), normal=along, offset=0.0, closed=True),),
-        markers=(tb.Marker(name="top", body="rod", point=(LENGTH, 0)), tb.Marker(name="up", body="ground", point=up)),
+        stops=(
+            tb.PointStop(
+                name="wall", body="rod", point=(LENGTH, 0), normal=along, offset=0.0, closed=True
+            ),
+        ),
+        markers=(
+            tb.Marker(name="top", body="rod", point=(LENGTH, 0)),
+            tb.Marker(name="up", body="ground", point=up),
+        ),
         gravity=G,
         start=(math.pi + lean - tilt, LENGTH * math.cos(lean)),
     )
@@ -70,7 +86,9 @@ def test_after_the_wall_nothing_pushes_along_the_floor() -> None:
     t = np.linspace(time, solution.segments[-1].end, 20)
     motion = solution.motion(t)
     momentum = solution.equations.kinematics.momentum(motion.q, motion.u)[:, 0]
-    assert momentum == pytest.approx(MASS * math.sqrt(G * LENGTH * math.sin(lean) ** 3) / 3, rel=1e-11)
+    assert momentum == pytest.approx(
+        MASS * math.sqrt(G * LENGTH * math.sin(lean) ** 3) / 3, rel=1e-11
+    )
 
 
 def test_a_tilted_wall_is_the_same_in_every_formulation() -> None:
@@ -90,7 +108,9 @@ def test_a_bob_falls_on_a_floor(depth: float) -> None:
     assert impulses["floor"] == pytest.approx(3.0 * math.sqrt(2 * G * depth) / along, rel=1e-10)
     end = solution.motion(np.array([2.0]))
     assert end.u[0, 0] == pytest.approx(0.0, abs=1e-12)
-    assert end.stop_torques["floor"][0] == pytest.approx(3.0 * G, rel=1e-12)  # the rod carries nothing: it lies still
+    assert end.stop_torques["floor"][0] == pytest.approx(
+        3.0 * G, rel=1e-12
+    )  # the rod carries nothing: it lies still
 
 
 def test_a_bob_bounces_on_a_floor() -> None:
@@ -100,14 +120,18 @@ def test_a_bob_bounces_on_a_floor() -> None:
     (first, _), (second, _) = solution.impacts[:2]
     t = np.linspace(first, second, 2001)
     heights = -2.0 * np.sin(solution.motion(t).q[:, 0])
-    assert heights.max() == pytest.approx(-depth + e**2 * depth, abs=1e-5)  # the top lies between two samples
+    assert heights.max() == pytest.approx(
+        -depth + e**2 * depth, abs=1e-5
+    )  # the top lies between two samples
 
 
 def test_what_cannot_be_is_refused() -> None:
     with pytest.raises(tb.InputError, match=r"normal of 'wall' must have length 1"):
         tb.PointStop(name="wall", body="rod", point=(0, 0), normal=(1, 1), offset=0.0, closed=True)
     machine = ladder(1.0)
-    with pytest.raises(tb.InputError, match=r"'wall' is closed, but its gap at the start is .* m, not 0"):
+    with pytest.raises(
+        tb.InputError, match=r"'wall' is closed, but its gap at the start is .* m, not 0"
+    ):
         tb.Mechanism(**machine.model_dump() | {"start": (math.pi + 1.0, 2.0)})
     wall = machine.stops[0].model_dump() | {"body": "roof"}
     with pytest.raises(tb.InputError, match=r"stop 'wall' names the body 'roof'"):
@@ -115,7 +139,9 @@ def test_what_cannot_be_is_refused() -> None:
     assert tb.Mechanism.from_json(machine.to_json()) == machine
 
 
-@pytest.mark.skipif(find_spec("heyoka") is None, reason="heyoka, the Taylor integrator, is not installed here")
+@pytest.mark.skipif(
+    find_spec("heyoka") is None, reason="heyoka, the Taylor integrator, is not installed here"
+)
 @pytest.mark.parametrize("restitution", [0.0, 0.6])
 def test_taylor_meets_the_same_floor(restitution: float) -> None:
     """The gap is an expression of its own there, found on the series."""
@@ -123,9 +149,13 @@ def test_taylor_meets_the_same_floor(restitution: float) -> None:
 
     problem = tb.Problem(hanging_bob(floor(1.0, restitution)), duration=1.2, stop_law="unilateral")
     expected, found = solve(problem), solve_taylor(problem)
-    assert [t for t, _ in found.impacts[:3]] == pytest.approx([t for t, _ in expected.impacts[:3]], abs=1e-11)
+    assert [t for t, _ in found.impacts[:3]] == pytest.approx(
+        [t for t, _ in expected.impacts[:3]], abs=1e-11
+    )
     wall = tb.Problem(ladder(1.0, tilt=0.3), duration=1.0)
-    assert solve_taylor(wall).release_times["wall"] == pytest.approx(solve(wall).release_times["wall"], abs=1e-11)
+    assert solve_taylor(wall).release_times["wall"] == pytest.approx(
+        solve(wall).release_times["wall"], abs=1e-11
+    )
 
 
 def test_the_release_s_derivative_follows_from_its_closed_form() -> None:

@@ -40,7 +40,11 @@ OTHERS = [
 
 
 def _refuse_what_fails(checked: Check) -> None:
-    missed = [(each.figure.name, each.measured, each.figure.value) for each in checked.figures if not each.holds]
+    missed = [
+        (each.figure.name, each.measured, each.figure.value)
+        for each in checked.figures
+        if not each.holds
+    ]
     assert not missed
     # Every condition of a source is met by a factor of a hundred.
     assert all(each.error <= each.condition.limit / 100 for each in checked.conditions)
@@ -54,7 +58,9 @@ def test_every_figure_is_met(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "changes"), OTHERS, ids=[f"{name}-{next(iter(changes.values()))}" for name, changes in OTHERS]
+    ("name", "changes"),
+    OTHERS,
+    ids=[f"{name}-{next(iter(changes.values()))}" for name, changes in OTHERS],
 )
 def test_figures_hold_for_other_parameters(name: str, changes: dict[str, float]) -> None:
     entry = benchmark(name)
@@ -82,18 +88,23 @@ def test_closed_forms_in_forty_digits() -> None:
     with mpmath.workdps(40):
         for omega, amplitude in ((3.1, 0.2), (0.7, 2.0), (3.1320919526731650, math.radians(179.9))):
             m = mpmath.sin(mpmath.mpf(amplitude) / 2) ** 2
-            assert swing_period(omega, amplitude) == pytest.approx(float(4 * mpmath.ellipk(m) / omega), rel=3e-15)
+            assert swing_period(omega, amplitude) == pytest.approx(
+                float(4 * mpmath.ellipk(m) / omega), rel=3e-15
+            )
             for t in (0.1, 1.0, 4.0):
                 ratio = mpmath.ellipfun("cd", omega * mpmath.mpf(t), m=m)
                 exact = 2 * mpmath.asin(mpmath.sqrt(m) * ratio)
-                assert swing(omega, amplitude, np.array([t]))[0] == pytest.approx(float(exact), abs=2e-13)
+                assert swing(omega, amplitude, np.array([t]))[0] == pytest.approx(
+                    float(exact), abs=2e-13
+                )
         for omega, speed in ((4.2, 1.0), (1.0, 7.0)):
             bottom = mpmath.sqrt(mpmath.mpf(speed) ** 2 + 4 * mpmath.mpf(omega) ** 2)
             m = (2 * omega / bottom) ** 2
             exact = 4 * mpmath.ellipk(m) / bottom
             assert turn_period(omega, speed) == pytest.approx(float(exact), rel=3e-15)
             for t in (0.2, 1.7, 9.0):
-                # From the lowest position the angle is twice Jacobi's amplitude, the inverse of an elliptic integral.
+                # From the lowest position the angle is twice Jacobi's amplitude, the inverse of an
+                # elliptic integral.
                 angle = mpmath.mpf(float(turn(omega, speed, np.array([t]))[0])) - mpmath.pi
                 since = 2 * mpmath.ellipf(angle / 2, m) / bottom
                 assert float(since + exact / 2) == pytest.approx(t, abs=1e-13)
@@ -101,7 +112,11 @@ def test_closed_forms_in_forty_digits() -> None:
 
 def test_names_numbers_and_tags() -> None:
     entries = benchmarks()
-    assert len({entry.number for entry in entries}) == len({entry.name for entry in entries}) == len(entries)
+    assert (
+        len({entry.number for entry in entries})
+        == len({entry.name for entry in entries})
+        == len(entries)
+    )
     assert [entry.number for entry in entries] == sorted(entry.number for entry in entries)
     for entry in entries:
         assert benchmark(entry.number) is entry
@@ -122,7 +137,9 @@ def test_the_squeezer_in_redundant_coordinates() -> None:
     motion = solve_redundant(problem, 1e-12)
     q, _ = motion.state(problem.duration)
     mechanism = problem.mechanism
-    relative = [q[mechanism.coordinates.index(name)] for name in ("k1", "k2", "k3", "k4", "k5", "k6", "k7")]
+    relative = [
+        q[mechanism.coordinates.index(name)] for name in ("k1", "k2", "k3", "k4", "k5", "k6", "k7")
+    ]
     k1, k2, k3, k4, k5, k6, k7 = relative
     angles = (-k1, k1 - k2, -k3, k5 - k4, -k5, k7 - k6, -k7)
     for figure, angle in zip(SQUEEZER.figures(SQUEEZER.parameters()), angles, strict=True):
@@ -130,7 +147,9 @@ def test_the_squeezer_in_redundant_coordinates() -> None:
 
 
 def test_a_problem_brings_its_own_end_and_law() -> None:
-    study = Study(["D02", "pendulum", tb.Problem(tb.catapult(), duration=0.7, stop_law="unilateral"), "fixed"])
+    study = Study(
+        ["D02", "pendulum", tb.Problem(tb.catapult(), duration=0.7, stop_law="unilateral"), "fixed"]
+    )
     stopped, pendulum, catapult, fixed = study.mechanisms
     assert study.end_of(stopped).time == benchmark("stopped-pendulum").problem().duration
     assert study.end_of(pendulum).time == 10.0
@@ -144,7 +163,9 @@ def test_a_problem_brings_its_own_end_and_law() -> None:
 
 
 def test_a_compared_problem_runs_under_its_own_law() -> None:
-    (bouncing,) = tb.compare(["bouncing"], engines=["reference"], presets=["tuned"], isolate=False).results.machines
+    (bouncing,) = tb.compare(
+        ["bouncing"], engines=["reference"], presets=["tuned"], isolate=False
+    ).results.machines
     assert bouncing.compared_to == pytest.approx(benchmark("bouncing").problem().duration)
     assert bouncing.impacts > 10
 
@@ -170,6 +191,8 @@ def test_a_problem_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> No
     ({"rod": 0.5}, r"rod = 0\.5 m is shorter than crank = 1 m"),
     ({"speed": 5.42}, r"speed = 5\.42 rad/s brings the crank to rest upright.* than 0\.5 % from 5\.42494 rad/s"),
 ])  # fmt: skip
-def test_a_slider_crank_that_would_stick_is_refused(changes: dict[str, float], sentence: str) -> None:
+def test_a_slider_crank_that_would_stick_is_refused(
+    changes: dict[str, float], sentence: str
+) -> None:
     with pytest.raises(tb.InputError, match=sentence):
         benchmark("singular-slider-crank").parameters(**changes)

@@ -1,6 +1,7 @@
 """Redundant coordinates against minimal ones: two formulations, two event finders, one motion.
 
-Needs: release times to 1e-9 s, states up to the launch to 1e-9 (rad, m, rad/s, m/s), forces to 1e-9 relative.
+Needs: release times to 1e-9 s, states up to the launch to 1e-9 (rad, m, rad/s, m/s), forces to 1e-9
+relative.
 """
 
 from __future__ import annotations
@@ -17,7 +18,11 @@ from hypothesis import given, seed, settings
 from mechanisms import everything, slider_crank
 from random_mechanisms import random_mechanism
 from trebucheck.reference.certification.certificate import estimate_uncertainty
-from trebucheck.reference.certification.redundant import RedundantMotion, RedundantSystem, solve_redundant
+from trebucheck.reference.certification.redundant import (
+    RedundantMotion,
+    RedundantSystem,
+    solve_redundant,
+)
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
@@ -29,7 +34,8 @@ NEED, DRIFT = 1e-9, 1e-11
 
 def _both(mechanism: tb.Mechanism) -> tuple[Solution, RedundantMotion, float]:
     solution = solve(tb.Problem(mechanism, duration=4.0))
-    # A machine that does not launch spins on, and soon every rounding grows: two seconds are compared.
+    # A machine that does not launch spins on, and soon every rounding grows: two seconds are
+    # compared.
     end = solution.launch.time if solution.launch else 2.0
     return solution, solve_redundant(tb.Problem(mechanism, duration=end + 0.02)), end
 
@@ -55,11 +61,15 @@ def _agree(solution: Solution, motion: RedundantMotion, end: float, samples: int
         assert motion.drift(float(time)) < DRIFT
 
 
-same_machines = seed(1)  # motion and estimate are asked of the same machines, each of which is solved once
+same_machines = seed(
+    1
+)  # motion and estimate are asked of the same machines, each of which is solved once
 
 
 @cache
-def _both_of(build: Build, parameters: tb.TrebuchetParameters) -> tuple[Solution, RedundantMotion, float]:
+def _both_of(
+    build: Build, parameters: tb.TrebuchetParameters
+) -> tuple[Solution, RedundantMotion, float]:
     return _both(build(parameters))
 
 
@@ -104,7 +114,9 @@ def test_same_motion_on_table_one(table_one: tuple[Solution, RedundantMotion, fl
     _agree(*table_one, samples=100)
 
 
-def test_multipliers_are_the_newtonian_reactions(table_one: tuple[Solution, RedundantMotion, float]) -> None:
+def test_multipliers_are_the_newtonian_reactions(
+    table_one: tuple[Solution, RedundantMotion, float],
+) -> None:
     solution, motion, end = table_one
     times = np.linspace(0.0, end, 60)
     trajectory = solution.trajectory(times)
@@ -148,11 +160,15 @@ def test_a_loop_of_joints(moving: bool) -> None:
     for i, t in enumerate(times):
         assert motion.state(float(t))[0] == pytest.approx(trajectory.q[i], abs=NEED)
         for name, force in motion.joint_reactions(float(t)).items():
-            assert force == pytest.approx(trajectory.joint_reaction(name)[i], abs=1e-7)  # 1e-9 of some 100 N
+            assert force == pytest.approx(
+                trajectory.joint_reaction(name)[i], abs=1e-7
+            )  # 1e-9 of some 100 N
 
 
 def test_a_stop_that_would_have_to_pull_is_gone_at_the_start() -> None:
-    machine = tb.fixed(tb.TrebuchetParameters.with_beam(13.0))  # PHYSICS: beyond 12.7255 m the hanger's rest would pull
+    machine = tb.fixed(
+        tb.TrebuchetParameters.with_beam(13.0)
+    )  # PHYSICS: beyond 12.7255 m the hanger's rest would pull
     solution, motion, _ = _both(machine)
     assert motion.release_times["hanger rest"] == 0.0 == solution.release_times["hanger rest"]
 
@@ -162,7 +178,9 @@ def test_projection_puts_a_state_back_on_its_joints() -> None:
     broken = system.start + 1e-6 * np.random.default_rng(1).normal(size=len(system.start))
     held = ("hanger rest", "sling rest")
     back = system.projected(broken, held)
-    assert np.abs(system.joint_errors(back[: system.n])).max() < 1e-14 * 10  # a few roundings of 10 m
+    assert (
+        np.abs(system.joint_errors(back[: system.n])).max() < 1e-14 * 10
+    )  # a few roundings of 10 m
     assert max(abs(system.gap(back[: system.n], name)) for name in held) < 1e-14
 
 
@@ -175,8 +193,13 @@ def test_another_law_is_refused() -> None:
 def test_every_element_has_the_same_accelerations_and_energy(closed: tuple[str, ...]) -> None:
     """To rounding: both solve linear equations of condition 1e3 or so."""
     mechanism, random = everything(), np.random.default_rng(3)
-    q, u = (np.array(start) + random.uniform(-1, 1, 7) for start in (mechanism.start, mechanism.start_speeds))
-    system = RedundantSystem(mechanism.model_copy(update={"start": tuple(q), "start_speeds": tuple(u)}))
+    q, u = (
+        np.array(start) + random.uniform(-1, 1, 7)
+        for start in (mechanism.start, mechanism.start_speeds)
+    )
+    system = RedundantSystem(
+        mechanism.model_copy(update={"start": tuple(q), "start_speeds": tuple(u)})
+    )
     equations, y = Equations(mechanism), system.start
     accelerations, forces = equations.solve(q, u, closed)
     assert system.coordinates(y[: system.n]) == pytest.approx(q, abs=1e-12)
@@ -197,7 +220,9 @@ def test_every_element_makes_the_same_motion() -> None:
         assert motion.state(float(t))[1] == pytest.approx(trajectory.u[i], abs=NEED)
         for name, force in motion.joint_reactions(float(t)).items():
             if name in trajectory.joint_reactions:
-                assert force == pytest.approx(trajectory.joint_reaction(name)[i], abs=1e-8)  # 1e-9 of some 10 N
+                assert force == pytest.approx(
+                    trajectory.joint_reaction(name)[i], abs=1e-8
+                )  # 1e-9 of some 10 N
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -23,7 +23,9 @@ def _as_one_pendulum(n: int) -> Mechanism:
     mass, moment = n * 1.0 + 3.0, n * 0.25 + 3.0 * 0.5
     inertia = n * (0.02 + 0.25**2) + 3.0 * 0.5**2 - moment**2 / mass
     body = Body(name="all", angle="a", mass=mass, centre=(moment / mass, 0), inertia=inertia)
-    return Mechanism(name="one", bodies=(body,), joints=(pin("foot", "ground", "all"),), gravity=G, start=(0.3,))
+    return Mechanism(
+        name="one", bodies=(body,), joints=(pin("foot", "ground", "all"),), gravity=G, start=(0.3,)
+    )
 
 
 @pytest.mark.parametrize("n", [2, 3, 5])
@@ -44,15 +46,22 @@ def test_redundant_coordinates_find_the_same_motion() -> None:
 
 def test_forces_that_are_not_unique_are_named_and_others_are_right() -> None:
     mechanism = parallel_cranks(3, hung=True)
-    solution, simple = solve(Problem(mechanism, 1.0)), solve(Problem(parallel_cranks(2, hung=True), 1.0))
-    assert set(solution.undetermined_joints) == {joint.name for joint in mechanism.joints} - {"hook"}
+    solution, simple = (
+        solve(Problem(mechanism, 1.0)),
+        solve(Problem(parallel_cranks(2, hung=True), 1.0)),
+    )
+    assert set(solution.undetermined_joints) == {joint.name for joint in mechanism.joints} - {
+        "hook"
+    }
     assert not solution.undetermined_stops
     assert not simple.undetermined_joints
     hook = solution.trajectory(TIMES[:20]).joint_reaction("hook")
     weight = np.array([0.0, 0.5 * G])
     bob = solution.equations.kinematics.point("bob", (0.4, 0))
     motion = solution.motion(TIMES[:20])
-    needed = 0.5 * solution.equations.kinematics.acceleration(bob, motion.q, motion.u, motion.a) + weight
+    needed = (
+        0.5 * solution.equations.kinematics.acceleration(bob, motion.q, motion.u, motion.a) + weight
+    )
     assert np.allclose(hook, needed, rtol=0, atol=1e-12)
 
 
@@ -62,7 +71,8 @@ def test_forces_of_the_cranks_hold_the_beam() -> None:
     trajectory, motion = solution.trajectory(TIMES[:20]), solution.motion(TIMES[:20])
     centre = solution.equations.kinematics.point("beam", (0.7, 0.1))
     acceleration = solution.equations.kinematics.acceleration(centre, motion.q, motion.u, motion.a)
-    # The beam is the child of every head: together they carry it, and without a moment about its centre.
+    # The beam is the child of every head: together they carry it, and without a moment about its
+    # centre.
     heads = [trajectory.joint_reaction(f"head {k}") for k in range(4)]
     assert np.allclose(np.sum(heads, axis=0), 3.0 * (acceleration + np.array([0.0, G])), atol=1e-10)
     moment = sum((k - 0.7) * head[:, 1] + 0.1 * head[:, 0] for k, head in enumerate(heads))
@@ -74,11 +84,15 @@ def test_a_stop_held_twice_releases_when_a_single_one_does() -> None:
     again = machine.stop(HANGER_REST).model_copy(update={"name": "again"})
     twice = Mechanism.model_validate({**machine.model_dump(), "stops": (*machine.stops, again)})
     one, two = solve(Problem(machine, 1.5)), solve(Problem(twice, 1.5))
-    assert two.release_times[HANGER_REST] == pytest.approx(one.release_times[HANGER_REST], abs=1e-10)
+    assert two.release_times[HANGER_REST] == pytest.approx(
+        one.release_times[HANGER_REST], abs=1e-10
+    )
     assert two.release_times["again"] == pytest.approx(one.release_times[HANGER_REST], abs=1e-10)
     t = np.array([0.05])
     torques = two.motion(t).stop_torques
-    assert torques[HANGER_REST] + torques["again"] == pytest.approx(one.motion(t).stop_torques[HANGER_REST], rel=1e-9)
+    assert torques[HANGER_REST] + torques["again"] == pytest.approx(
+        one.motion(t).stop_torques[HANGER_REST], rel=1e-9
+    )
     assert set(two.undetermined_stops) == {HANGER_REST, "again"}
 
 
@@ -96,20 +110,27 @@ def test_a_position_beside_a_redundant_one_is_made_consistent() -> None:
 
 @pytest.mark.parametrize("n", [2, 3])
 def test_a_start_at_rest_in_a_singular_position_is_told(n: int) -> None:
-    with pytest.raises(SimulationError, match="is in a singular position: the constraints of head 1"):
+    with pytest.raises(
+        SimulationError, match="is in a singular position: the constraints of head 1"
+    ):
         solve(Problem(parallel_cranks(n, start=0.0), 1.0))
 
 
 def test_what_needs_independent_constraints_says_so() -> None:
     pytest.importorskip("heyoka")
-    with pytest.raises(UnsupportedProblemError, match="the Taylor integrator needs constraints that are independent"):
+    with pytest.raises(
+        UnsupportedProblemError,
+        match="the Taylor integrator needs constraints that are independent",
+    ):
         tb.engine("reference", integrator="taylor").simulate(Problem(parallel_cranks(3), 1.0))
 
 
 def test_a_slot_through_a_fixed_point_adds_nothing() -> None:
     """Its constraint is zero in every position."""
     linkage = four_bar()
-    rail = SlotJoint(name="rail", child="crank", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0))
+    rail = SlotJoint(
+        name="rail", child="crank", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0)
+    )
     held = Mechanism.model_validate({**linkage.model_dump(), "joints": (*linkage.joints, rail)})
     motion = solve(Problem(held, 1.0)).motion(TIMES[:20])
     free = solve(Problem(linkage, 1.0)).motion(TIMES[:20])
@@ -125,7 +146,13 @@ def test_a_weld_that_repeats_a_pin_is_followed_from_a_start_with_speeds() -> Non
         joints=(
             pin("foot", "ground", "free"),
             pin("hook", "ground", "held", (0.7, 0.4), (0.3, -0.2)),
-            WeldJoint(name="weld", parent="ground", child="held", parent_point=(0.9, 0.9), child_point=(0.5, 0.3)),
+            WeldJoint(
+                name="weld",
+                parent="ground",
+                child="held",
+                parent_point=(0.9, 0.9),
+                child_point=(0.5, 0.3),
+            ),
         ),
         gravity=G,
         start=(0.3, 0.0),

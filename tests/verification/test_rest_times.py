@@ -56,7 +56,10 @@ def _rest_of_a_bob(e: float, limit: float) -> float:
             """Time from the stop to the turning point, by quadrature of the energy."""
             highest = mpmath.asin(mpmath.sin(limit) - speed**2 / (2 * rate))
             # a = highest + x^2 takes the root at the turning point away.
-            slowness = lambda x: x / mpmath.sqrt(rate * mpmath.sin(x**2 / 2) * mpmath.cos(highest + x**2 / 2))  # noqa: E731
+            def slowness(x: object) -> object:
+                height = mpmath.sin(x**2 / 2) * mpmath.cos(highest + x**2 / 2)
+                return x / mpmath.sqrt(rate * height)
+
             return mpmath.quad(slowness, [0, mpmath.sqrt(limit - highest)])
 
         speed = mpmath.sqrt(2 * rate * mpmath.sin(limit))
@@ -82,7 +85,9 @@ def _lower_rod_swings(e: float) -> tb.Problem:
 
 
 @pytest.mark.parametrize("e", [0.3, 0.5])
-def test_the_time_does_not_depend_on_where_the_sum_begins(monkeypatch: pytest.MonkeyPatch, e: float) -> None:
+def test_the_time_does_not_depend_on_where_the_sum_begins(
+    monkeypatch: pytest.MonkeyPatch, e: float
+) -> None:
     rests: list[float] = []
     for begins in (1e-3, 1e-4, 1e-5):
         monkeypatch.setattr(bouncing, "_SUMMED", begins)
@@ -97,5 +102,7 @@ def test_a_tiny_mechanism_bounces_like_a_large_one() -> None:
     _, large = _bouncing(restitution=0.6, height=100.0)
     _, tiny = _bouncing(restitution=0.6, height=1e-4)
     assert len(tiny.impacts) == len(large.impacts)
-    times = np.array([[a, b * 1e3] for (a, _), (b, _) in zip(large.impacts, tiny.impacts, strict=True)])
+    times = np.array(
+        [[a, b * 1e3] for (a, _), (b, _) in zip(large.impacts, tiny.impacts, strict=True)]
+    )
     assert times[:, 1] == pytest.approx(times[:, 0], rel=1e-9)

@@ -37,8 +37,9 @@ LENGTHS, MASSES = ("l1", "l2", "r", "h"), ("m_b", "m_cw", "m_a")
 RESTS = ("hanger rest", "sling rest")
 IDENTITY = 1e-9
 
-# Steps relative to the value (absolute below 1). The solver's own error is that of values off by some 1e-13 (its
-# releases and launch are known to that), times 1 / h in a difference; what truncation leaves, the extrapolation tells.
+# Steps relative to the value (absolute below 1). The solver's own error is that of values off by
+# some 1e-13 (its releases and launch are known to that), times 1 / h in a difference; what
+# truncation leaves, the extrapolation tells.
 STEP, SOLVER = 1e-4, 1e-13
 STEPS = (1, 2, 4)  # times that
 NEED = 1e-6  # stated need: relative agreement with the differences
@@ -89,16 +90,24 @@ def changed(build: Build, p: tb.TrebuchetParameters, name: str, step: float) -> 
         return build(p.model_copy(update={name: getattr(p, name) + step}))
     mechanism = build(p)
     if name == "x_p0":
-        return mechanism.model_copy(update={"start": (*mechanism.start[:3], mechanism.start[3] + step)})
+        return mechanism.model_copy(
+            update={"start": (*mechanism.start[:3], mechanism.start[3] + step)}
+        )
     kick = np.array([step * (f"u_{c}" == name) for c in mechanism.coordinates])
-    return mechanism.model_copy(update={"start_speeds": tuple((let_through(mechanism) @ kick).tolist())})
+    return mechanism.model_copy(
+        update={"start_speeds": tuple((let_through(mechanism) @ kick).tolist())}
+    )
 
 
 @cache
 def let_through(mechanism: tb.Mechanism) -> np.ndarray:
     """The mass-metric projector on speeds that keep the rests closed which hold at the start."""
     solution = solve(tb.Problem(mechanism, duration=1e-3))
-    equations, closed, q = Equations(mechanism), solution.segments[0].closed, np.array(mechanism.start)
+    equations, closed, q = (
+        Equations(mechanism),
+        solution.segments[0].closed,
+        np.array(mechanism.start),
+    )
     mass = equations.mass_matrix(q)
     basis = null_space(equations.constraint_jacobian(q, closed)) if closed else np.eye(len(q))
     return basis @ np.linalg.solve(basis.T @ mass @ basis, basis.T @ mass)
@@ -122,21 +131,35 @@ def assert_differences_agree(
 ) -> None:
     duration = found.launch_time + 0.1
     exact = np.array(
-        [found.d_launch_time, found.d_launch_speed, found.d_range, *(found.d_release_times[r] for r in RESTS)]
+        [
+            found.d_launch_time,
+            found.d_launch_speed,
+            found.d_range,
+            *(found.d_release_times[r] for r in RESTS),
+        ]
     )
     scale = np.maximum(np.abs(found.values), 1.0)
     kept = [(i, name) for i, name in enumerate(found.names) if name not in leave_out]
     machines = [
-        changed(build, p, name, sign * k * STEP * scale[i]) for i, name in kept for sign in (1, -1) for k in STEPS
+        changed(build, p, name, sign * k * STEP * scale[i])
+        for i, name in kept
+        for sign in (1, -1)
+        for k in STEPS
     ]
     nominal, *others = figures_of_all([build(p), *machines], duration)
     noise = SOLVER * (np.abs(nominal) + np.abs(exact) @ scale)
-    for (i, name), values in zip(kept, np.reshape(others, (len(kept), 2 * len(STEPS), -1)), strict=True):
+    for (i, name), values in zip(
+        kept, np.reshape(others, (len(kept), 2 * len(STEPS), -1)), strict=True
+    ):
         step = STEP * scale[i]
         expected, truncation = differences(values, step)
         # Own error of the differences, or the stated need, whichever is larger.
         own = truncation + noise / step
-        assert not (own > BLIND * np.maximum(np.abs(expected), np.abs(nominal))).any(), (name, expected, own)
+        assert not (own > BLIND * np.maximum(np.abs(expected), np.abs(nominal))).any(), (
+            name,
+            expected,
+            own,
+        )
         tolerance = np.maximum(NEED * np.abs(expected), own)
         assert np.array_equal(np.isnan(exact[:, i]), np.isnan(expected)), name
         wrong = np.abs(exact[:, i] - expected) > tolerance
@@ -150,8 +173,11 @@ def test_names_and_figures(table_one: tuple[Build, Sensitivities]) -> None:
     expected = (*tb.TrebuchetParameters.model_fields, *(f"u_{c}" for c in coordinates), *slides)
     assert found.names == expected
     checked = figures(build(tb.TrebuchetParameters()), 3.0)
-    # The solver's own figures, to its stated accuracy times the number of figures' conditioning (about 10).
-    assert [found.launch_time, found.launch_speed, found.range] == pytest.approx(checked[:3], rel=1e-11)
+    # The solver's own figures, to its stated accuracy times the number of figures' conditioning
+    # (about 10).
+    assert [found.launch_time, found.launch_speed, found.range] == pytest.approx(
+        checked[:3], rel=1e-11
+    )
     assert np.isnan(found.d_release_times["arm stop"]).all()
 
 
@@ -173,7 +199,8 @@ def test_a_rest_gone_at_the_start_against_differences() -> None:
     found = sensitivities(tb.fixed, p)
     assert np.isnan(found.d_release_times["hanger rest"]).all()
     assert not np.isnan(found.d_release_times["sling rest"]).any()
-    # A kick towards the rest that has gone would still strike it: there is no difference to both sides.
+    # A kick towards the rest that has gone would still strike it: there is no difference to both
+    # sides.
     kicks = tuple(name for name in found.names if name.startswith("u_"))
     assert_differences_agree(tb.fixed, p, found, leave_out=kicks)
 
@@ -186,7 +213,9 @@ def homogeneity(
     return sum(terms), max(map(abs, terms))
 
 
-def assert_degrees(found: Sensitivities, names: tuple[str, ...], time: float, speed: float, range_: float) -> None:
+def assert_degrees(
+    found: Sensitivities, names: tuple[str, ...], time: float, speed: float, range_: float
+) -> None:
     rows = [
         (found.d_launch_time, found.launch_time, time),
         (found.d_launch_speed, found.launch_speed, speed),
@@ -219,7 +248,9 @@ def test_release_times_scale_like_the_launch_s(table_one: tuple[Build, Sensitivi
             assert sum_ == pytest.approx(degree, abs=IDENTITY * max(1.0, largest))
 
 
-def test_a_head_start_shifts_all_times_and_nothing_else(table_one: tuple[Build, Sensitivities]) -> None:
+def test_a_head_start_shifts_all_times_and_nothing_else(
+    table_one: tuple[Build, Sensitivities],
+) -> None:
     """At rest, start speeds a(0) s are where the machine itself is a time s later: autonomy."""
     build, found = table_one
     motion = solve(tb.Problem(build(tb.TrebuchetParameters()), duration=0.1)).motion(np.zeros(1))
@@ -260,7 +291,8 @@ def test_a_kick_that_the_rests_take_up_by_impacts(coordinate: str, kick: float) 
     launch = solve(tb.Problem(kicked, duration=3.0, stop_law="unilateral")).launch
     assert launch is not None
     expected = found.d_launch_time[found.names.index(f"u_{coordinate}")]
-    # A one-sided difference: its error is of the order of the kick, relative to some rad/s of the motion.
+    # A one-sided difference: its error is of the order of the kick, relative to some rad/s of the
+    # motion.
     assert (launch.time - found.launch_time) / kick == pytest.approx(expected, rel=10 * abs(kick))
 
 
@@ -270,8 +302,12 @@ def test_the_state_s_rate_does_not_jump_at_a_release(build: Build) -> None:
     for before, after in zip(solution.segments[:-1], solution.segments[1:], strict=True):
         y = np.asarray(before.interpolant(before.end))
         q, u = np.split(y, 2)
-        old, new = (solution.equations.solve(q, u, segment.closed)[0] for segment in (before, after))
-        assert np.abs(new - old).max() < 1e-9 * np.abs(old).max()  # the event is known to some 1e-13 s
+        old, new = (
+            solution.equations.solve(q, u, segment.closed)[0] for segment in (before, after)
+        )
+        assert (
+            np.abs(new - old).max() < 1e-9 * np.abs(old).max()
+        )  # the event is known to some 1e-13 s
 
 
 @given(p=machine_parameters())
@@ -282,15 +318,21 @@ def test_the_table_of_numbers_is_the_machine(build: Build, p: tb.TrebuchetParame
 
 
 @given(p=machine_parameters())
-def test_directions_are_the_derivatives_of_the_machine_s_numbers(build: Build, p: tb.TrebuchetParameters) -> None:
+def test_directions_are_the_derivatives_of_the_machine_s_numbers(
+    build: Build, p: tb.TrebuchetParameters
+) -> None:
     """Every number is of degree 2 at most in each parameter: a central difference has no truncation error."""
     for name, direction in parameter_directions(build, p).items():
         step = 2.0**-4
-        above, below = (numbers(build(p.model_copy(update={name: getattr(p, name) + s}))) for s in (step, -step))
+        above, below = (
+            numbers(build(p.model_copy(update={name: getattr(p, name) + s}))) for s in (step, -step)
+        )
         for number, value in above.items():
             expected = (value - below[number]) / (2 * step)
             # Rounding of the two values, over the step.
-            assert direction.get(number, 0.0) == pytest.approx(expected, rel=1e-9, abs=1e-13 * (1 + abs(value)) / step)
+            assert direction.get(number, 0.0) == pytest.approx(
+                expected, rel=1e-9, abs=1e-13 * (1 + abs(value)) / step
+            )
 
 
 def test_a_mechanism_with_a_loop() -> None:
@@ -314,19 +356,27 @@ def test_a_mechanism_with_a_loop() -> None:
     exact = np.concatenate([state.dq, state.du, tip.d_position, tip.d_velocity], axis=1)
 
     def end(**change: float) -> np.ndarray:
-        trajectory = solve(tb.Problem(slider_crank(**change), duration=1.5)).trajectory(np.array([1.5]))
+        trajectory = solve(tb.Problem(slider_crank(**change), duration=1.5)).trajectory(
+            np.array([1.5])
+        )
         motion = trajectory.marker("tip")
-        return np.concatenate([trajectory.q[0], trajectory.u[0], motion.position[0], motion.velocity[0]])
+        return np.concatenate(
+            [trajectory.q[0], trajectory.u[0], motion.position[0], motion.velocity[0]]
+        )
 
     nominal = {"length": 2.0, "tilt": 0.0, "mass": 1.0, "gravity": 9.81}
     for row, (name, value) in zip(exact, nominal.items(), strict=True):
-        central = [(end(**{name: value + h}) - end(**{name: value - h})) / (2 * h) for h in (1e-3, 2e-3)]
+        central = [
+            (end(**{name: value + h}) - end(**{name: value - h})) / (2 * h) for h in (1e-3, 2e-3)
+        ]
         expected = (4 * central[0] - central[1]) / 3
         assert row == pytest.approx(expected, rel=NEED, abs=1e-8)  # h^4 of a state near 1
 
 
 def test_a_machine_that_does_not_launch_is_refused() -> None:
-    with pytest.raises(tb.InputError, match=r"'fixed' machine does not launch within duration = 1 s"):
+    with pytest.raises(
+        tb.InputError, match=r"'fixed' machine does not launch within duration = 1 s"
+    ):
         sensitivities(tb.fixed, duration=1.0)
 
 
@@ -334,7 +384,9 @@ def test_another_machine_is_refused() -> None:
     def tied(p: tb.TrebuchetParameters) -> tb.Mechanism:
         return tb.fixed(p.model_copy(update={"l2": 0.4 * p.l1}))
 
-    with pytest.raises(tb.InputError, match=r"build makes bodies.arm.centre.0 = .* where the whipper trebuchet has"):
+    with pytest.raises(
+        tb.InputError, match=r"build makes bodies.arm.centre.0 = .* where the whipper trebuchet has"
+    ):
         sensitivities(tied)
 
 
@@ -344,5 +396,7 @@ def test_directions_that_do_not_fit_are_refused() -> None:
         state_tangent(solution, VariationalEquations(tb.fixed(), [{"start.2": 1.0}]), 0.5)
     with pytest.raises(tb.InputError, match=r"there is no number 'bodies.arm.weight' in 'fixed'"):
         VariationalEquations(tb.fixed(), [{"bodies.arm.weight": 1.0}])
-    with pytest.raises(tb.InputError, match=r"t = 2 s lies outside the solution, which covers 0 to 1 s"):
+    with pytest.raises(
+        tb.InputError, match=r"t = 2 s lies outside the solution, which covers 0 to 1 s"
+    ):
         state_tangent(solution, VariationalEquations(tb.fixed(), [{"gravity": 1.0}]), 2.0)

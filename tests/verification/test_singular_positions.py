@@ -24,10 +24,14 @@ from trebucheck.reference.taylor.solve import solve_taylor
 
 
 def _rod(name: str, length: float) -> Body:
-    return Body(name=name, angle=f"{name} angle", mass=1.0, centre=(length / 2, 0), inertia=length**2 / 12)
+    return Body(
+        name=name, angle=f"{name} angle", mass=1.0, centre=(length / 2, 0), inertia=length**2 / 12
+    )
 
 
-def _windows(n: int, start: float, speed: float, length: float = 1.0, width: float = 1.0) -> Mechanism:
+def _windows(
+    n: int, start: float, speed: float, length: float = 1.0, width: float = 1.0
+) -> Mechanism:
     """Four-bars in a row (A02 of the IFToMM benchmarks): slender rods of 1 kg, n + 1 cranks and n couplers.
 
     Args:
@@ -40,11 +44,17 @@ def _windows(n: int, start: float, speed: float, length: float = 1.0, width: flo
     cranks, couplers = range(n + 1), range(n)
     return Mechanism(
         name="four-bars",
-        bodies=(*(_rod(f"crank {k}", length) for k in cranks), *(_rod(f"coupler {k}", width) for k in couplers)),
+        bodies=(
+            *(_rod(f"crank {k}", length) for k in cranks),
+            *(_rod(f"coupler {k}", width) for k in couplers),
+        ),
         joints=(
             *(pin(f"foot {k}", GROUND, f"crank {k}", (k * width, 0)) for k in cranks),
             *(pin(f"head {k}", f"crank {k}", f"coupler {k}", (length, 0)) for k in couplers),
-            *(pin(f"loop {k}", f"coupler {k}", f"crank {k + 1}", (width, 0), (length, 0)) for k in couplers),
+            *(
+                pin(f"loop {k}", f"coupler {k}", f"crank {k + 1}", (width, 0), (length, 0))
+                for k in couplers
+            ),
         ),
         markers=(Marker(name="B0", body="crank 0", point=(length, 0)),),
         gravity=G,
@@ -59,19 +69,23 @@ def _by_taylor(problem: Problem) -> Solution:
 
 
 @pytest.mark.parametrize(
-    ("by", "n", "speed"), [(solve, 1, 1.0), (solve, 3, -0.7), pytest.param(_by_taylor, 1, 0.9, marks=pytest.mark.slow)]
+    ("by", "n", "speed"),
+    [(solve, 1, 1.0), (solve, 3, -0.7), pytest.param(_by_taylor, 1, 0.9, marks=pytest.mark.slow)],
 )
 def test_four_bars_pass_their_singular_positions_for_ten_seconds(
     by: Callable[[Problem], Solution], n: int, speed: float
 ) -> None:
     solution, t = by(Problem(_windows(n, -math.pi / 2, speed), 10.0)), np.linspace(0.0, 10.0, 101)
-    # Together they are a pendulum that goes round: half its angle from the lowest position is Jacobi's am.
+    # Together they are a pendulum that goes round: half its angle from the lowest position is
+    # Jacobi's am.
     omega = math.sqrt(G * ((n + 1) / 2 + n) / ((n + 1) / 3 + n))
     half_speed = math.sqrt(speed**2 + 4 * omega**2) / 2
     modulus = (omega / half_speed) ** 2
     turned = math.copysign(2.0, speed) * ellipj(half_speed * t - ellipk(modulus), modulus)[3]
     motion = solution.motion(t)
-    assert np.abs(motion.q[:, : n + 1] - (motion.q[0, 0] + turned - turned[0])[:, None]).max() < 1e-9
+    assert (
+        np.abs(motion.q[:, : n + 1] - (motion.q[0, 0] + turned - turned[0])[:, None]).max() < 1e-9
+    )
     assert np.abs(motion.q[:, n + 1 :]).max() < 1e-12
     flat = np.flatnonzero(np.diff(np.floor(motion.q[:, 0] / math.pi)))
     assert len(solution.singular_passages) == len(flat) > 5
@@ -89,32 +103,60 @@ def test_redundant_cranks_pass_theirs_as_one_pendulum() -> None:
         mass, moment = n * 1.0 + 3.0, n * 0.25 + 3.0 * 0.5
         inertia = n * (0.02 + 0.25**2) + 3.0 * 0.5**2 - moment**2 / mass
         body = Body(name="all", angle="a", mass=mass, centre=(moment / mass, 0), inertia=inertia)
-        one = Mechanism(name="one", bodies=(body,), joints=(pin("foot", GROUND, "all"),), gravity=G, start=(-1.0,))
-        assert np.abs(solution.motion(t).q[:, 0] - solve(Problem(one, 2.0)).motion(t).q[:, 0]).max() < 1e-11
-        assert len(solution.singular_passages) == np.abs(np.diff(np.floor(solution.motion(t).q[:, 0] / np.pi))).sum()
+        one = Mechanism(
+            name="one",
+            bodies=(body,),
+            joints=(pin("foot", GROUND, "all"),),
+            gravity=G,
+            start=(-1.0,),
+        )
+        assert (
+            np.abs(solution.motion(t).q[:, 0] - solve(Problem(one, 2.0)).motion(t).q[:, 0]).max()
+            < 1e-11
+        )
+        assert (
+            len(solution.singular_passages)
+            == np.abs(np.diff(np.floor(solution.motion(t).q[:, 0] / np.pi))).sum()
+        )
 
 
 def test_loops_pass_their_own_positions_shortly_one_after_the_other() -> None:
     level, tilt = _windows(2, -1.0, 2.0), 0.05
     foot = pin("foot 2", GROUND, "crank 2", (1 + math.cos(tilt), -math.sin(tilt)))
     joints = tuple(foot if joint.name == "foot 2" else joint for joint in level.joints)
-    solution = solve(Problem(level.model_copy(update={"joints": joints, "start": (-1.0,) * 3 + (0.0, tilt)}), 3.0))
+    solution = solve(
+        Problem(
+            level.model_copy(update={"joints": joints, "start": (-1.0,) * 3 + (0.0, tilt)}), 3.0
+        )
+    )
     t = np.linspace(0.0, 3.0, 301)
     assert (
-        np.abs(solution.motion(t).q - solution.motion(t).q[:, :1] * [1, 1, 1, 0, 0] - [0, 0, 0, 0, tilt]).max() < 1e-12
+        np.abs(
+            solution.motion(t).q
+            - solution.motion(t).q[:, :1] * [1, 1, 1, 0, 0]
+            - [0, 0, 0, 0, tilt]
+        ).max()
+        < 1e-12
     )
     turned = solution.motion(t).q[:, 0] / math.pi
     counted = [np.abs(np.diff(np.floor(turned - aside / math.pi))).sum() for aside in (0.0, tilt)]
-    passed = [solution.motion(np.array([passage.time])).q[0, 0] for passage in solution.singular_passages]
+    passed = [
+        solution.motion(np.array([passage.time])).q[0, 0] for passage in solution.singular_passages
+    ]
     for count, aside in zip(counted, (0.0, tilt), strict=True):
-        assert count == sum(abs(math.remainder(angle - aside, math.pi)) < 1e-12 for angle in passed) > 2
+        assert (
+            count
+            == sum(abs(math.remainder(angle - aside, math.pi)) < 1e-12 for angle in passed)
+            > 2
+        )
 
 
 class _ChangePoint:
     """A four-bar whose shortest and longest links are together as long as the others: ground + coupler = the rest.
 
-    With all links on one line two branches cross. With r the distance from the crank's tip to the rocker's foot,
-    16 area^2 = (r^2 - (b - c)^2) ((b + c)^2 - r^2) has a double zero there, whose root changes its sign on the branch.
+    With all links on one line two branches cross. With r the distance from the crank's tip to the
+    rocker's foot, 16 area^2 = (r^2 - (b - c)^2) ((b + c)^2 - r^2) has a double zero there, whose
+    root changes its sign on the branch.
     """
 
     a, b, c, d = 1.0, 3.0, 2.5, 1.5
@@ -197,7 +239,9 @@ def test_a_slider_crank_with_equal_links_keeps_to_its_branch(start: float) -> No
     motion = solution.motion(np.linspace(0.0, 3.0, 61))
     a, u = motion.q[:, 0], motion.u[:, 0]
     assert np.abs(motion.q[:, 1] + a).max() < 1e-12
-    inertia = 1 / 3 + 1 / 12 + 0.25 + 2 * np.sin(a) ** 2  # the rod's centre: 1.5 cos a to the side, sin a / 2 down
+    inertia = (
+        1 / 3 + 1 / 12 + 0.25 + 2 * np.sin(a) ** 2
+    )  # the rod's centre: 1.5 cos a to the side, sin a / 2 down
     energy = 0.5 * inertia * u**2 - G * np.sin(a)
     assert np.ptp(energy) < 1e-11
     assert len(solution.singular_passages) >= 2
@@ -205,7 +249,10 @@ def test_a_slider_crank_with_equal_links_keeps_to_its_branch(start: float) -> No
 
 def test_both_ways_out_of_a_singular_position_are_told_apart_by_the_speed() -> None:
     """Crank and rod that turn as one are a pendulum of a third of the inertia, and the slot does not hold them."""
-    solution, t = solve(Problem(_slider_crank(math.pi / 2, 3.0, mirrored=False), 1.0)), np.linspace(0.0, 1.0, 21)
+    solution, t = (
+        solve(Problem(_slider_crank(math.pi / 2, 3.0, mirrored=False), 1.0)),
+        np.linspace(0.0, 1.0, 21),
+    )
     motion = solution.motion(t)
     assert np.abs(motion.q[:, 1] - motion.q[:, 0] - (motion.q[0, 1] - motion.q[0, 0])).max() < 1e-11
 
@@ -240,11 +287,16 @@ def test_loops_that_all_but_have_a_singular_position_are_no_passage() -> None:
 
     def solved(longer: float) -> Solution:
         nearly = _windows(1, -1.3, 0.0, width=2.0)
-        bodies = tuple(body if body.name != "coupler 0" else _rod("coupler 0", 2.0 + longer) for body in nearly.bodies)
+        bodies = tuple(
+            body if body.name != "coupler 0" else _rod("coupler 0", 2.0 + longer)
+            for body in nearly.bodies
+        )
         joints = tuple(
             joint
             if joint.name != "loop 0"
-            else joint.model_copy(update={"child_point": (1.0, 0.0), "parent_point": (2.0 + longer, 0.0)})
+            else joint.model_copy(
+                update={"child_point": (1.0, 0.0), "parent_point": (2.0 + longer, 0.0)}
+            )
             for joint in nearly.joints
         )
         equal = nearly.model_copy(update={"bodies": bodies, "joints": joints})
@@ -283,7 +335,8 @@ class _TouchingBranches(Equations):
 def test_branches_with_one_tangent_are_not_told_apart() -> None:
     moving = _slider_crank(0.3, 1.0).model_copy(update={"start_speeds": (1.0, 0.0)})
     with pytest.raises(
-        SimulationError, match=r"gave up at t = 0\.\d+ s in a singular position.* branches of its motion"
+        SimulationError,
+        match=r"gave up at t = 0\.\d+ s in a singular position.* branches of its motion",
     ):
         solve(Problem(moving, 1.0), equations=_TouchingBranches(moving))
 

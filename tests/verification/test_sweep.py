@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.paper.sweep.laws import Searches, bilateral, pulls_at_start
-from trebucheck.paper.sweep.rigid_swing import RigidSwing, gravity_and_inertia, hanger_torque_on_beam, on_beam
+from trebucheck.paper.sweep.rigid_swing import (
+    RigidSwing,
+    gravity_and_inertia,
+    hanger_torque_on_beam,
+    on_beam,
+)
 from trebucheck.paper.sweep.study import Sweep, fulcrum_sweep
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.perturbed import solve_scheduled
@@ -19,7 +24,9 @@ from trebucheck.reference.throw.sensitivity import sensitivities
 pytestmark = pytest.mark.slow  # one sweep for all of them: some 7 s
 
 BEAM = 14.0
-AWAY = tb.TrebuchetParameters(l1=9.3, l2=4.7, r=5.0, h=8.0, m_a=700.0, theta0=0.15, phi0=3.3, alpha0=-0.6)
+AWAY = tb.TrebuchetParameters(
+    l1=9.3, l2=4.7, r=5.0, h=8.0, m_a=700.0, theta0=0.15, phi0=3.3, alpha0=-0.6
+)
 RESTS = ("hanger rest", "sling rest")
 
 
@@ -30,12 +37,17 @@ def sweep() -> Sweep:
 
 
 @pytest.mark.parametrize("parameters", [tb.TrebuchetParameters(), AWAY], ids=["Table I", "away"])
-def test_the_whole_machine_swings_as_the_held_one_is_integrated(parameters: tb.TrebuchetParameters) -> None:
+def test_the_whole_machine_swings_as_the_held_one_is_integrated(
+    parameters: tb.TrebuchetParameters,
+) -> None:
     rigid = RigidSwing(parameters)
     t = np.linspace(0.0, 0.6 * rigid.period, 60)
-    held = solve_scheduled(tb.Problem(rigid.mechanism, duration=float(t[-1])), dict.fromkeys(RESTS)).motion(t)
+    held = solve_scheduled(
+        tb.Problem(rigid.mechanism, duration=float(t[-1])), dict.fromkeys(RESTS)
+    ).motion(t)
     turned, rate = rigid.turned(t)
-    # The integrator's local error is 1e-12; a pendulum multiplies it by its turns, not exponentially.
+    # The integrator's local error is 1e-12; a pendulum multiplies it by its turns, not
+    # exponentially.
     assert np.abs(turned - (held.q[:, 0] - parameters.theta0)).max() < 1e-10
     assert np.abs(rate - held.u[:, 0]).max() < 1e-10
     for name in RESTS:
@@ -49,7 +61,9 @@ def test_the_whole_machine_swings_as_the_held_one_is_integrated(parameters: tb.T
 
 
 @pytest.mark.parametrize("parameters", [tb.TrebuchetParameters(), AWAY], ids=["Table I", "away"])
-def test_the_polynomials_on_the_beam_are_the_equations_of_motion(parameters: tb.TrebuchetParameters) -> None:
+def test_the_polynomials_on_the_beam_are_the_equations_of_motion(
+    parameters: tb.TrebuchetParameters,
+) -> None:
     torque, inertia = gravity_and_inertia(parameters, BEAM)
     product = hanger_torque_on_beam(parameters, BEAM)
     for l1 in (6.0, 9.0, 12.5):
@@ -63,7 +77,9 @@ def test_the_polynomials_on_the_beam_are_the_equations_of_motion(parameters: tb.
 def test_the_peak_is_where_the_exact_derivative_vanishes() -> None:
     peak = sweep().peak
     assert peak.interior
-    assert 8.9 < peak.l1.value < 9.1 and 107.5 < peak.speed.value < 107.8  # about, as PHYSICS.md has it
+    assert (
+        8.9 < peak.l1.value < 9.1 and 107.5 < peak.speed.value < 107.8
+    )  # about, as PHYSICS.md has it
 
     def slope(l1: float) -> float:
         found = sensitivities(tb.fixed, on_beam(tb.TrebuchetParameters(), BEAM, l1))
@@ -80,11 +96,16 @@ def test_nothing_falls_backward_on_the_swept_range() -> None:
     found = sweep().backward
     assert found.least_torque > 0
     assert found.furthest_back >= 0.0
-    assert all(p.arm_acceleration > 0 and p.counterweight_acceleration[1] < 0 for p in sweep().positions)
+    assert all(
+        p.arm_acceleration > 0 and p.counterweight_acceleration[1] < 0 for p in sweep().positions
+    )
     assert found.l1 is not None and found.counterweight_past_pivot is not None
     assert found.counterweight_past_pivot == pytest.approx(BEAM - 10 * math.sqrt(0.5), rel=1e-14)
     for l1, sign in ((found.l1 + 1e-6, 1), (found.l1 - 1e-6, -1)):
-        assert math.copysign(1, RigidSwing(on_beam(tb.TrebuchetParameters(), BEAM, l1)).acceleration) == sign
+        assert (
+            math.copysign(1, RigidSwing(on_beam(tb.TrebuchetParameters(), BEAM, l1)).acceleration)
+            == sign
+        )
 
 
 def test_a_machine_beyond_that_does_fall_backward() -> None:
@@ -97,21 +118,36 @@ def test_a_machine_beyond_that_does_fall_backward() -> None:
 def test_at_the_suspect_the_curve_is_as_smooth_as_its_neighbours() -> None:
     found = sweep().suspect
     assert found.speed == pytest.approx(95.75, abs=0.01)
-    assert abs(found.speed - found.from_neighbours) < 1e-9  # the batch's 1e-12 through a whip of some 1e3
-    # Central differences leave h^2 / 12 of the fourth derivative, of the order of the second itself.
+    assert (
+        abs(found.speed - found.from_neighbours) < 1e-9
+    )  # the batch's 1e-12 through a whip of some 1e3
+    # Central differences leave h^2 / 12 of the fourth derivative, of the order of the second
+    # itself.
     assert found.second_difference == pytest.approx(found.second_derivative, rel=1e-3)
 
 
 def test_the_regime_changes_where_the_rest_would_have_to_pull() -> None:
     regime = sweep().regime
-    assert regime.l1 is not None and regime.root is not None and regime.below and regime.above and regime.swing
+    assert (
+        regime.l1 is not None
+        and regime.root is not None
+        and regime.below
+        and regime.above
+        and regime.swing
+    )
     assert regime.l1.value == pytest.approx(12.725456, abs=1e-6)
     assert regime.root == pytest.approx(regime.l1.value, abs=1e-9)
     assert regime.needed == pytest.approx(regime.available, rel=1e-12)
     assert regime.below.rest_torques["hanger rest"] > 0 > regime.above.rest_torques["hanger rest"]
     assert regime.above.release_times["hanger rest"] == 0.0
-    assert regime.below.speed and regime.above.speed and regime.below.bilateral_speed and regime.above.bilateral_speed
-    # A rest that can only push: continuous, with the curve's own slope of some -16 m/s per m over 2e-6 m.
+    assert (
+        regime.below.speed
+        and regime.above.speed
+        and regime.below.bilateral_speed
+        and regime.above.bilateral_speed
+    )
+    # A rest that can only push: continuous, with the curve's own slope of some -16 m/s per m over
+    # 2e-6 m.
     assert abs(regime.above.speed.value - regime.below.speed.value) < 1e-4
     assert regime.below.bilateral_speed == regime.below.speed.value
     assert regime.above.bilateral_speed == pytest.approx(48, abs=0.5)  # about, as PHYSICS.md has it
@@ -126,7 +162,9 @@ def test_under_the_bilateral_law_stops_go_at_their_zeros() -> None:
     for name in RESTS:
         time = solution.release_times[name]
         assert time is not None
-        before, after = (solution.motion(np.array([time + dt])).stop_torques[name][0] for dt in (-1e-6, 1e-6))
+        before, after = (
+            solution.motion(np.array([time + dt])).stop_torques[name][0] for dt in (-1e-6, 1e-6)
+        )
         assert after == 0.0
         assert abs(before) < 1.0  # N m, a microsecond before a zero that is approached at 1e4 N m/s
     held = solution.motion(np.linspace(0.0, 1.0, 20)).stop_torques["hanger rest"]

@@ -51,7 +51,8 @@ def test_mirror_image(build: Build, parameters: tb.TrebuchetParameters) -> None:
     one, other = first.trajectory(t), second.trajectory(t)
     for name, time in first.release_times.items():
         mine = second.release_times[name]
-        # Two runs of the integrator: its tolerance of 3e-14 per step, grown by some hundreds in the swing.
+        # Two runs of the integrator: its tolerance of 3e-14 per step, grown by some hundreds in the
+        # swing.
         assert (mine is None) == (time is None)
         assert mine is None or mine == pytest.approx(time, abs=1e-11)
     for name, motion in one.markers.items():
@@ -93,7 +94,9 @@ def test_the_hanger_is_released_by_the_torque_of_the_true_active_set(build: Buil
     q, u = np.split(np.asarray(before.interpolant(hanger)), 2)
     start = solution.motion(np.zeros(1)).stop_torques["hanger rest"][0]
     n_loops = solution.equations.n_loops
-    true = solution.equations.solve(q, u, before.closed)[1][n_loops + before.closed.index("hanger rest")]
+    true = solution.equations.solve(q, u, before.closed)[1][
+        n_loops + before.closed.index("hanger rest")
+    ]
     trap = solution.equations.solve(q, u, ("hanger rest",))[1][n_loops]
     assert abs(true) < 1e-6 * start  # the stated need; it is a root, so much less
     assert abs(trap) > 1e-6 * start

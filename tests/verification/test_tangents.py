@@ -24,7 +24,9 @@ SOLVER = 1e-12  # of the largest number of a state: what the solver may err by, 
 BLIND = 1e-4  # differences that know less than this of themselves would prove nothing
 
 
-def assert_differences_agree(mechanism: Mechanism, t: float, law: StopLaw, least: float = 0.1) -> None:
+def assert_differences_agree(
+    mechanism: Mechanism, t: float, law: StopLaw, least: float = 0.1
+) -> None:
     """State and times of releases and impacts along one random direction of all numbers."""
     direction = random_direction(mechanism, least)
     found = derivatives(mechanism, [direction], t, law)
@@ -36,11 +38,17 @@ def assert_differences_agree(mechanism: Mechanism, t: float, law: StopLaw, least
     active = solve(Problem(mechanism, duration=1e-6, stop_law=law)).segments[0].closed
 
     def figures(step: float) -> np.ndarray:
-        solution = solve(Problem(stepped(mechanism, direction, step, active), duration=t, stop_law=law))
-        times = [solution.release_times[name] for name in releases] + [time for time, _ in solution.impacts if time > 0]
+        solution = solve(
+            Problem(stepped(mechanism, direction, step, active), duration=t, stop_law=law)
+        )
+        times = [solution.release_times[name] for name in releases] + [
+            time for time, _ in solution.impacts if time > 0
+        ]
         return np.array([*solution.segments[-1].interpolant(t), *times], dtype=np.float64)
 
-    first, second, third = ((figures(k * STEP) - figures(-k * STEP)) / (2 * k * STEP) for k in (1, 2, 4))
+    first, second, third = (
+        (figures(k * STEP) - figures(-k * STEP)) / (2 * k * STEP) for k in (1, 2, 4)
+    )
     fine, coarse = (4 * first - second) / 3, (4 * second - third) / 3
     expected = (16 * fine - coarse) / 15  # Richardson: O(step^6)
     size = np.abs(np.concatenate([found.q, found.u, exact])).max()
@@ -62,18 +70,27 @@ def test_random_mechanisms_against_differences(seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "part"), [("squeezer", 0.3), ("n-four-bar", 0.06), ("stopped-pendulum", 0.5)])
+@pytest.mark.parametrize(
+    ("name", "part"), [("squeezer", 0.3), ("n-four-bar", 0.06), ("stopped-pendulum", 0.5)]
+)
 def test_problems_of_the_library_against_differences(name: str, part: float) -> None:
     """Up to some part of their durations; the N-four-bar, from its first position to one near the singular one."""
     problem = benchmark(name).problem()
-    assert_differences_agree(problem.mechanism, part * problem.duration, problem.stop_law, least=1e-4)
+    assert_differences_agree(
+        problem.mechanism, part * problem.duration, problem.stop_law, least=1e-4
+    )
 
 
 def test_an_impact_in_closed_form() -> None:
     """y = e g t1 s - g s^2 / 2 a time s after the first impact at t1 = sqrt(2 h / g)."""
     h, e, s = 2.0, 0.6, 0.3
     t1 = math.sqrt(2 * h / G)
-    directions = [{"start.0": 1.0}, {"gravity": 1.0}, {"stops.floor.restitution": 1.0}, {"stops.floor.offset": 1.0}]
+    directions = [
+        {"start.0": 1.0},
+        {"gravity": 1.0},
+        {"stops.floor.restitution": 1.0},
+        {"stops.floor.offset": 1.0},
+    ]
     found = derivatives(bouncing(h, e), directions, t1 + s, StopLaw.UNILATERAL)
     d_t1 = np.array([t1 / (2 * h), -t1 / (2 * G), 0.0, -t1 / (2 * h)])
     d_explicit = np.array([0.0, e * t1 * s - s**2 / 2, G * t1 * s, 1.0])
@@ -81,7 +98,9 @@ def test_an_impact_in_closed_form() -> None:
     ((time, shifts),) = found.d_impact_times
     assert time == pytest.approx(t1, rel=1e-13)
     assert shifts == pytest.approx(d_t1, abs=1e-11)
-    assert found.dq[:, 0] == pytest.approx(d_explicit + (e * G * (s - t1) + G * s) * d_t1, abs=1e-10)
+    assert found.dq[:, 0] == pytest.approx(
+        d_explicit + (e * G * (s - t1) + G * s) * d_t1, abs=1e-10
+    )
     assert found.du[:, 0] == pytest.approx(d_speed + (e * G + G) * d_t1, abs=1e-10)
 
 
@@ -98,11 +117,19 @@ def test_a_sprung_and_damped_wheel_in_closed_form() -> None:
     """I a'' + c a' + k (a - r) = T: a damped oscillation about r + T / k, differentiated by a complex step."""
 
     def angle(
-        t: float, inertia: complex, c: complex, k: complex, r: complex, torque: complex, start: complex
+        t: float,
+        inertia: complex,
+        c: complex,
+        k: complex,
+        r: complex,
+        torque: complex,
+        start: complex,
     ) -> complex:
         rest, decay = r + torque / k, c / (2 * inertia)
         rate = np.sqrt(k / inertia - decay**2)
-        return rest + (start - rest) * np.exp(-decay * t) * (np.cos(rate * t) + decay / rate * np.sin(rate * t))
+        return rest + (start - rest) * np.exp(-decay * t) * (
+            np.cos(rate * t) + decay / rate * np.sin(rate * t)
+        )
 
     spring = {"stiffness": 20.0, "damping": 0.3, "rest_angle": 0.5}
     wheel = Mechanism(
@@ -145,7 +172,8 @@ def test_redundant_loops_follow_what_they_can_and_refuse_what_tears_them() -> No
 
     h = 1e-3
     expected = (8 * (end(h) - end(-h)) - (end(2 * h) - end(-2 * h))) / (12 * h)
-    # The difference errs by h^4 times a fifth derivative of some 10, over 30; rounding by 1e-13 / h.
+    # The difference errs by h^4 times a fifth derivative of some 10, over 30; rounding by 1e-13 /
+    # h.
     assert np.concatenate([found.dq[0], found.du[0]]) == pytest.approx(expected, abs=1e-9)
     torn = consistent_direction(mechanism, {"joints.head 1.parent_point.0": 1.0})
     with pytest.raises(tb.InputError, match="off its closed stops \\(\\) or loops by"):
@@ -182,5 +210,7 @@ def test_a_marker_s_place_and_velocity() -> None:
     (q,), (u,), dq, du = state.q, state.u, state.dq[0, 0], state.du[0, 0]
     along, across = np.array([math.cos(q), -math.sin(q)]), np.array([-math.sin(q), -math.cos(q)])
     assert point.d_position[0] == pytest.approx(along + 2 * dq * across, abs=1e-12)
-    assert point.d_velocity[0] == pytest.approx((u + 2 * du) * across - 2 * u * dq * along, abs=1e-12)
+    assert point.d_velocity[0] == pytest.approx(
+        (u + 2 * du) * across - 2 * u * dq * along, abs=1e-12
+    )
     assert point.d_position[1] == pytest.approx(-across, abs=1e-12)

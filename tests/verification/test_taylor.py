@@ -1,8 +1,8 @@
 """The Taylor integrator: an integrator and an event finder that share neither steps nor roots with DOP853.
 
-Tolerances are the stated needs of two independent integrators: releases and launch 3e-13 relative on Table I, 1e-11 s
-for releases and 1e-9 for the state at the launch on random machines. Compiled once for each structure, which is why
-few structures are used here.
+Tolerances are the stated needs of two independent integrators: releases and launch 3e-13 relative
+on Table I, 1e-11 s for releases and 1e-9 for the state at the launch on random machines. Compiled
+once for each structure, which is why few structures are used here.
 """
 
 from __future__ import annotations
@@ -16,7 +16,15 @@ import pytest
 import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given
-from mechanisms import angle_stop, body_of, everything, hanging_bob, parallel_cranks, pin, slider_crank
+from mechanisms import (
+    angle_stop,
+    body_of,
+    everything,
+    hanging_bob,
+    parallel_cranks,
+    pin,
+    slider_crank,
+)
 from random_mechanisms import random_mechanism
 from scipy.special import ellipk
 from trebucheck.engines.reference.engine import ReferenceEngine
@@ -38,7 +46,9 @@ RELATIVE, RELEASE, STATE = 3e-13, 1e-11, 1e-9
 
 @pytest.fixture
 def _heyoka() -> None:
-    pytest.importorskip("heyoka", reason="the Taylor integrator is optional: heyoka has wheels for Linux only")
+    pytest.importorskip(
+        "heyoka", reason="the Taylor integrator is optional: heyoka has wheels for Linux only"
+    )
 
 
 needs_heyoka = pytest.mark.usefixtures("_heyoka")
@@ -49,7 +59,9 @@ def test_table_one_agrees_with_dop853(build: Build) -> None:
     problem = tb.Problem(build(tb.TrebuchetParameters()), duration=3.0)
     taylor, dop853 = solve_taylor(problem), solve(problem)
     for name in ("hanger rest", "sling rest"):
-        assert taylor.release_times[name] == pytest.approx(dop853.release_times[name], rel=RELATIVE, abs=0)
+        assert taylor.release_times[name] == pytest.approx(
+            dop853.release_times[name], rel=RELATIVE, abs=0
+        )
     assert taylor.release_times["arm stop"] is None
     assert taylor.launch is not None and dop853.launch is not None
     assert taylor.launch.time == pytest.approx(dop853.launch.time, rel=RELATIVE, abs=0)
@@ -79,7 +91,9 @@ def test_energy_is_kept_to_rounding(build: Build) -> None:
 
 @needs_heyoka
 @given(parameters=machine_parameters())
-def test_random_machines_agree_with_dop853(build: Build, parameters: tb.TrebuchetParameters) -> None:
+def test_random_machines_agree_with_dop853(
+    build: Build, parameters: tb.TrebuchetParameters
+) -> None:
     problem = tb.Problem(build(parameters), duration=4.0)
     figures, dop853 = taylor_quantities(problem, "double"), solve(problem)
     # A projectile that never leaves its rest is not launched.
@@ -97,13 +111,17 @@ def test_random_machines_agree_with_dop853(build: Build, parameters: tb.Trebuche
 
 @needs_heyoka
 @pytest.mark.skipif(
-    np.finfo(np.longdouble).eps >= np.finfo(np.float64).eps, reason="this machine has no long double of its own"
+    np.finfo(np.longdouble).eps >= np.finfo(np.float64).eps,
+    reason="this machine has no long double of its own",
 )
 def test_extended_precision_confirms_the_double_one() -> None:
     problem = tb.Problem(tb.fixed(), duration=3.0)
-    double, extended = (taylor_quantities(problem, precision) for precision in ("double", "extended"))
+    double, extended = (
+        taylor_quantities(problem, precision) for precision in ("double", "extended")
+    )
     assert isinstance(extended.launch_time, np.longdouble)
-    # Forty steps of a few roundings each; were "extended" computed in doubles, the two would be equal.
+    # Forty steps of a few roundings each; were "extended" computed in doubles, the two would be
+    # equal.
     assert 0 < abs(extended.launch_time - double.launch_time) < 40 * np.finfo(np.float64).eps * 10
     # The checked figures' last printed digit.
     assert float(extended.launch_time) == pytest.approx(2.742817755771455, abs=1e-15)
@@ -116,12 +134,17 @@ def test_extended_precision_confirms_the_double_one() -> None:
 def test_impacts_agree_with_dop853() -> None:
     """The fixed machine under the unilateral law: its arm meets the arm stop after the launch and bounces."""
     machine = tb.fixed()
-    stops = [s.model_copy(update={"restitution": 0.5}) if s.name == "arm stop" else s for s in machine.stops]
+    stops = [
+        s.model_copy(update={"restitution": 0.5}) if s.name == "arm stop" else s
+        for s in machine.stops
+    ]
     machine = tb.Mechanism(**{**dict(machine), "stops": tuple(stops)})
     problem = tb.Problem(machine, duration=3.5, stop_law="unilateral")
     taylor, dop853 = solve_taylor(problem), solve(problem)
     assert len(taylor.impacts) == len(dop853.impacts) > 0
-    for (time, impulses), (expected_time, expected) in zip(taylor.impacts, dop853.impacts, strict=True):
+    for (time, impulses), (expected_time, expected) in zip(
+        taylor.impacts, dop853.impacts, strict=True
+    ):
         # After the launch errors grow with every swing: a stated need of 1e-9 s and 1e-7 relative.
         assert time == pytest.approx(expected_time, abs=1e-9)
         assert impulses == pytest.approx(expected, rel=1e-7, abs=1e-6)
@@ -140,11 +163,18 @@ def test_a_motion_in_every_fourth_power_of_time_keeps_its_step_short() -> None:
 @pytest.mark.parametrize("e", [0.3, 0.7])
 def test_bouncing_settles(e: float) -> None:
     """Down to rebounds of 1e-6 rad/s; a missed one would leave the bob beyond its stop."""
-    problem = tb.Problem(hanging_bob(angle_stop(math.pi / 6, e)), duration=6.0, stop_law="unilateral")
+    problem = tb.Problem(
+        hanging_bob(angle_stop(math.pi / 6, e)), duration=6.0, stop_law="unilateral"
+    )
     taylor, dop853 = solve_taylor(problem), solve(problem)
     assert abs(len(taylor.impacts) - len(dop853.impacts)) <= 1
-    # Rebounds above 1e-4 rad/s: flight times of 1e-5 s and more, located in angles rounded to 1e-16.
-    shared = [(a[0], b[0]) for a, b in zip(taylor.impacts, dop853.impacts, strict=False) if a[1]["stop"] > 1e-3]
+    # Rebounds above 1e-4 rad/s: flight times of 1e-5 s and more, located in angles rounded to
+    # 1e-16.
+    shared = [
+        (a[0], b[0])
+        for a, b in zip(taylor.impacts, dop853.impacts, strict=False)
+        if a[1]["stop"] > 1e-3
+    ]
     assert len(shared) > 5
     assert all(first == pytest.approx(second, abs=1e-10) for first, second in shared)
     end = taylor.motion(np.array([6.0]))
@@ -160,8 +190,11 @@ def test_rattling_between_two_rests_ends() -> None:
         kicked = tb.Mechanism(**{**dict(machine), "start_speeds": kick})
         solution = solve_taylor(tb.Problem(kicked, duration=2.8, stop_law="unilateral"))
         trajectory = solution.trajectory(np.linspace(0.0, 2.5, 500))
-        # As wide as the smallest rebound that is followed (1e-6 rad/s at an acceleration of 1 rad/s^2 and more).
-        assert min(trajectory.stop_gap(name).min() for name in ("hanger rest", "sling rest")) > -1e-12
+        # As wide as the smallest rebound that is followed (1e-6 rad/s at an acceleration of 1
+        # rad/s^2 and more).
+        assert (
+            min(trajectory.stop_gap(name).min() for name in ("hanger rest", "sling rest")) > -1e-12
+        )
         assert solution.launch is not None
 
 
@@ -180,7 +213,9 @@ def test_a_loop_of_joints_holds() -> None:
 def test_a_batch_is_its_machines_one_by_one(build: Build) -> None:
     """More machines than lanes; among them one that drops a rest at the start and one that throws nothing in time."""
     parameters = [tb.TrebuchetParameters(l1=l1) for l1 in np.linspace(8.0, 12.5, 19)]
-    parameters.append(tb.TrebuchetParameters(l1=12.9, l2=1.1))  # beyond 12.725 on this beam a rest would have to pull
+    parameters.append(
+        tb.TrebuchetParameters(l1=12.9, l2=1.1)
+    )  # beyond 12.725 on this beam a rest would have to pull
     parameters.append(tb.TrebuchetParameters(g=0.1))
     machines = [build(p) for p in parameters]
     batch = launch_batch(machines, duration=3.5)
@@ -215,7 +250,9 @@ def test_what_cannot_be_asked_for() -> None:
 def test_without_heyoka_one_sentence_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "heyoka", None)
     machine = tb.fixed(tb.TrebuchetParameters())
-    with pytest.raises(tb.EngineNotInstalledError, match=r"^the Taylor integrator needs heyoka.*brings it\.$"):
+    with pytest.raises(
+        tb.EngineNotInstalledError, match=r"^the Taylor integrator needs heyoka.*brings it\.$"
+    ):
         # Another tolerance than elsewhere here: what is compiled already needs no import.
         solve_taylor(tb.Problem(machine, duration=1.0), tolerance=3e-5)
 
@@ -224,10 +261,14 @@ def test_every_element_moves_as_by_dop853() -> None:
     """Slides on turning bodies, a wall that meets the bob, springs, dampers and motors."""
     mechanism = everything()
     deck = mechanism.stops[0].model_copy(update={"offset": 0.1})
-    problem = tb.Problem(mechanism.model_copy(update={"stops": (deck,)}), duration=1.0, stop_law="unilateral")
+    problem = tb.Problem(
+        mechanism.model_copy(update={"stops": (deck,)}), duration=1.0, stop_law="unilateral"
+    )
     taylor, solution = solve_taylor(problem), solve(problem)
     assert taylor.impacts
-    assert [time for time, _ in taylor.impacts] == pytest.approx([time for time, _ in solution.impacts], abs=RELEASE)
+    assert [time for time, _ in taylor.impacts] == pytest.approx(
+        [time for time, _ in solution.impacts], abs=RELEASE
+    )
     times = np.linspace(0.0, 1.0, 9)
     assert taylor.motion(times).q == pytest.approx(solution.motion(times).q, abs=STATE)
     assert taylor.motion(times).u == pytest.approx(solution.motion(times).u, abs=STATE)
@@ -247,12 +288,22 @@ def test_loops_of_every_joint_have_the_accelerations_of_the_equations() -> None:
             pin("O", "ground", "crank", (1.0, 0)),
             pin("C", "ground", "rocker"),
             SlotJoint(
-                name="slot", parent="rocker", child="crank", parent_point=(0, 0), child_point=(0.3, 0), axis=(1, 0)
+                name="slot",
+                parent="rocker",
+                child="crank",
+                parent_point=(0, 0),
+                child_point=(0.3, 0),
+                axis=(1, 0),
             ),
             pin("P", "rocker", "rod", (1.5, 0)),
             pin("Q", "rod", "block", (0.8, 0)),
             PrismaticJoint(
-                name="rail", parent="ground", child="block", parent_point=(2.3, 0), child_point=(0, 0), axis=(1, 0)
+                name="rail",
+                parent="ground",
+                child="block",
+                parent_point=(2.3, 0),
+                child_point=(0, 0),
+                axis=(1, 0),
             ),
         ),
         gravity=9.81,
@@ -268,7 +319,9 @@ def test_loops_of_every_joint_have_the_accelerations_of_the_equations() -> None:
     solved = heyoka().cfunc(system.solved, [*system.q, *system.u], compact_mode=True)
     found = solved(np.concatenate([q, u]), pars=numbers[numbers != 0])
     accelerations, multipliers = equations.solve(q, u, ())
-    assert found == pytest.approx(np.concatenate([accelerations, -multipliers]), rel=1e-12, abs=1e-11)
+    assert found == pytest.approx(
+        np.concatenate([accelerations, -multipliers]), rel=1e-12, abs=1e-11
+    )
 
 
 def test_auto_says_why_it_does_not_take_taylor_series() -> None:
@@ -277,7 +330,8 @@ def test_auto_says_why_it_does_not_take_taylor_series() -> None:
         name="chain",
         bodies=tuple(body_of(f"link {i}", f"a{i}", 1.0, (0.5, 0.0), 0.1) for i in range(n)),
         joints=tuple(
-            pin(f"pin {i}", f"link {i - 1}" if i else "ground", f"link {i}", (1.0 if i else 0.0, 0)) for i in range(n)
+            pin(f"pin {i}", f"link {i - 1}" if i else "ground", f"link {i}", (1.0 if i else 0.0, 0))
+            for i in range(n)
         ),
         gravity=9.81,
         start=(0.1,) * n,

@@ -40,7 +40,9 @@ def sprung_catapult() -> Mechanism:
     ends = {"point": (2.0, 0.1), "relative_point": (1.0, -5.0)}
     elements = (
         SpringDamper(name="strut", body="arm", **ends, stiffness=3e3, damping=50, rest_length=2),
-        RotationalSpringDamper(name="coil spring", body="arm", stiffness=2e3, damping=50, rest_angle=0.3),
+        RotationalSpringDamper(
+            name="coil spring", body="arm", stiffness=2e3, damping=50, rest_angle=0.3
+        ),
     )
     return model("catapult").model_copy(update={"force_elements": elements})
 
@@ -67,7 +69,9 @@ def test_all_numbers_against_differences(mechanism: Mechanism, release: dict[str
     performance = performed(mechanism, release)
     found, sentences = sensitivities_of(performance)
     assert not sentences
-    known = {number.name: number.direction for number in physical_numbers(mechanism, "projectile")[0]}
+    known = {
+        number.name: number.direction for number in physical_numbers(mechanism, "projectile")[0]
+    }
     assert sorted(known) == sorted(each.name for each in found)
     random, direction, exact = np.random.default_rng(1), dict[str, float](), np.zeros(4)
     for each in found:
@@ -105,7 +109,11 @@ def test_numbers_have_names_and_units_and_stand_in_order_of_their_effect() -> No
 
 def test_a_singular_position_is_a_sentence() -> None:
     found, sentences = sensitivities_of(
-        performed(with_projectile(benchmark("n-four-bar").problem().mechanism), {"release_time": 0.9}, height=-30.0)
+        performed(
+            with_projectile(benchmark("n-four-bar").problem().mechanism),
+            {"release_time": 0.9},
+            height=-30.0,
+        )
     )
     assert found == ()
     assert "passes a singular position at t = 0.7" in sentences[0]
@@ -116,4 +124,7 @@ def test_numbers_that_would_tear_redundant_loops_are_sentences() -> None:
         performed(with_projectile(parallel_cranks(3)), {"release_time": 0.4}, height=-30.0)
     )
     assert "mass of beam" in {each.name for each in found}
-    assert any("place of head 1 on" in sentence and "lock the mechanism" in sentence for sentence in sentences)
+    assert any(
+        "place of head 1 on" in sentence and "lock the mechanism" in sentence
+        for sentence in sentences
+    )

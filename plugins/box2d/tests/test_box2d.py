@@ -22,7 +22,9 @@ def test_limits_where_the_stops_are_let_go_at_once() -> None:
     """A limit is active only where the angle is not short of it, which rounding decides."""
     problem = tb.Problem(tb.fixed(), duration=0.3)
     assert tb.engine("box2d").simulate(problem).release_times["sling rest"] is None
-    assert tb.engine("box2d", set_back=0.0).simulate(problem).release_times["sling rest"] is not None
+    assert (
+        tb.engine("box2d", set_back=0.0).simulate(problem).release_times["sling rest"] is not None
+    )
 
 
 def test_reactions_are_forces_on_the_child() -> None:
@@ -33,7 +35,9 @@ def test_reactions_are_forces_on_the_child() -> None:
         assert np.abs(force - truth[name]).max() < 0.02 * np.abs(truth[name]).max()
 
 
-@pytest.mark.parametrize("name", ["slider-crank", "quick-return", "oscillator", "motor", "thrown-plate", "welded-rods"])
+@pytest.mark.parametrize(
+    "name", ["slider-crank", "quick-return", "oscillator", "motor", "thrown-plate", "welded-rods"]
+)
 def test_it_builds_every_element(name: str) -> None:
     problem = benchmark(name).problem().model_copy(update={"duration": 0.5})
     truth, errors = solve(problem), list[float]()
@@ -41,7 +45,10 @@ def test_it_builds_every_element(name: str) -> None:
         found = tb.engine("box2d", timestep=step).simulate(problem)
         right = truth.trajectory(found.t).markers
         size = max(float(np.abs(motion.position).max()) for motion in right.values())
-        errors.append(max(np.abs(m.position - right[key].position).max() for key, m in found.markers.items()) / size)
+        errors.append(
+            max(np.abs(m.position - right[key].position).max() for key, m in found.markers.items())
+            / size
+        )
         assert all(gap.max() < 1e-3 for gap in found.joint_gaps.values())
     # Of first order, down to what single precision leaves.
     assert errors[1] < 1e-3 or np.log2(errors[0] / errors[1]) == pytest.approx(1.0, abs=0.3)
@@ -58,7 +65,9 @@ def test_the_world_is_read_back_and_a_fault_in_it_is_found(name: str) -> None:
     assert check_model(engine, mechanism).holds
     first = mechanism.bodies[0]
     heavy = mechanism.model_copy(
-        update={"bodies": (first.model_copy(update={"mass": 1.001 * first.mass}), *mechanism.bodies[1:])}
+        update={
+            "bodies": (first.model_copy(update={"mass": 1.001 * first.mass}), *mechanism.bodies[1:])
+        }
     )
     wrong = SimpleNamespace(name="box2d", inspect=lambda _, states: engine.inspect(heavy, states))  # type: ignore[attr-defined]
     assert not check_model(wrong, mechanism).holds  # type: ignore[arg-type]
@@ -69,6 +78,9 @@ def test_the_rounding_of_the_iterations_is_less_with_many() -> None:
     right = solve(FREE_SWING).trajectory(np.array([2.0]))
     end = np.array([motion.position[-1] for motion in right.markers.values()])
     ends = {n: [_end(step, n) for step in (8e-3, 4e-3, 2e-3)] for n in (100, 20_000)}
-    left = {n: [np.abs(2 * fine - coarse - end).max() for coarse, fine in pairwise(each)] for n, each in ends.items()}
+    left = {
+        n: [np.abs(2 * fine - coarse - end).max() for coarse, fine in pairwise(each)]
+        for n, each in ends.items()
+    }
     assert left[20_000][0] / left[20_000][1] == pytest.approx(4.0, rel=0.4)
     assert left[100][1] > 3 * left[20_000][1]

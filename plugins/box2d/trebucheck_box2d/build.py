@@ -30,9 +30,15 @@ class Built:
         self.world: Any = Box2D.b2World(gravity=mechanism.gravity_vector, doSleep=False)
         self.ground: Any = self.world.CreateStaticBody(position=(0.0, 0.0))
         self.bodies: dict[str, Any] = {GROUND: self.ground}
-        self.centres: dict[str, Vector] = {GROUND: (0.0, 0.0)} | {b.name: b.centre for b in mechanism.bodies}
+        self.centres: dict[str, Vector] = {GROUND: (0.0, 0.0)} | {
+            b.name: b.centre for b in mechanism.bodies
+        }
         self._add_bodies()
-        self.joints = {joint.name: self._joint(joint) for joint in mechanism.joints if not isinstance(joint, FreeJoint)}
+        self.joints = {
+            joint.name: self._joint(joint)
+            for joint in mechanism.joints
+            if not isinstance(joint, FreeJoint)
+        }
         self.pins = [self.joints[joint.name] for joint in self._pins]
         """Revolute joints, those that close loops among them."""
 
@@ -48,10 +54,15 @@ class Built:
             UnsupportedProblemError: it is on no pin.
         """
         for index, joint in enumerate(self._pins):
-            if isinstance(stop, Stop) and {joint.parent, joint.child} == {stop.body, stop.relative_to}:
+            if isinstance(stop, Stop) and {joint.parent, joint.child} == {
+                stop.body,
+                stop.relative_to,
+            }:
                 sense = -stop.sense if stop.body == joint.child else stop.sense
                 return Limit(index, sense, sense * (stop.limit + set_back))
-        raise UnsupportedProblemError(f"box2d has limits on revolute joints alone, and stop {stop.name!r} is on none.")
+        raise UnsupportedProblemError(
+            f"box2d has limits on revolute joints alone, and stop {stop.name!r} is on none."
+        )
 
     @property
     def _pins(self) -> list[AnyJoint]:
@@ -84,14 +95,21 @@ class Built:
         }
         turned = -(joint.turned_by or 0.0)
         if isinstance(joint, PinJoint):
-            return self.world.CreateRevoluteJoint(**ends, referenceAngle=0.0, lowerAngle=-WIDE, upperAngle=WIDE)
+            return self.world.CreateRevoluteJoint(
+                **ends, referenceAngle=0.0, lowerAngle=-WIDE, upperAngle=WIDE
+            )
         if isinstance(joint, WeldJoint):
             return self.world.CreateWeldJoint(**ends, referenceAngle=turned)
         if joint.holds_angle:
-            return self.world.CreatePrismaticJoint(**ends, localAxisA=joint.axis, referenceAngle=turned)
-        # A wheel joint slides along its axis and turns. Without a spring (frequency 0) it multiplies zero by numbers
-        # that it has not set (erincatto/box2d#491), which may be no numbers; the force of this one is below rounding.
-        return self.world.CreateWheelJoint(**ends, localAxisA=joint.axis, frequencyHz=1e-9, dampingRatio=0.0)
+            return self.world.CreatePrismaticJoint(
+                **ends, localAxisA=joint.axis, referenceAngle=turned
+            )
+        # A wheel joint slides along its axis and turns. Without a spring (frequency 0) it
+        # multiplies zero by numbers that it has not set (erincatto/box2d#491), which may be no
+        # numbers; the force of this one is below rounding.
+        return self.world.CreateWheelJoint(
+            **ends, localAxisA=joint.axis, frequencyHz=1e-9, dampingRatio=0.0
+        )
 
 
 def turned(angle: float) -> FloatArray:

@@ -23,7 +23,8 @@ from .study import STUDY
 class Box2DEngine(BuiltinEngine):
     """Box2D's world; the defaults are the tuned preset: many iterations a step, closed stops held by a margin.
 
-    The stock preset has the iterations that Box2D's manual suggests, and limits where the stops are.
+    The stock preset has the iterations that Box2D's manual suggests, and limits where the stops
+    are.
 
     Raises:
         InputError: an option is unknown or outside its range.

@@ -1,8 +1,8 @@
 """The built Box2D world in single states.
 
-Box2D tells neither mass matrix nor accelerations. What it holds of a mechanism is read back from its bodies and joints:
-masses, inertias, centres, anchors, axes, gravity; accelerations and torques are those of the equations of motion of
-the mechanism that this describes.
+Box2D tells neither mass matrix nor accelerations. What it holds of a mechanism is read back from
+its bodies and joints: masses, inertias, centres, anchors, axes, gravity; accelerations and torques
+are those of the equations of motion of the mechanism that this describes.
 """
 
 from __future__ import annotations
@@ -44,9 +44,12 @@ def read_back(built: Built) -> Mechanism:
         "bodies": tuple(_body(built, body) for body in mechanism.bodies),
         "joints": tuple(_joint(built, joint) for joint in mechanism.joints),
         "gravity": size,
-        "gravity_direction": tuple((gravity / size).tolist()) if size else mechanism.gravity_direction,
+        "gravity_direction": tuple((gravity / size).tolist())
+        if size
+        else mechanism.gravity_direction,
     }
-    # Not validated: single precision does not close the loops to the digits that are asked of a description.
+    # Not validated: single precision does not close the loops to the digits that are asked of a
+    # description.
     return mechanism.model_copy(update=changed)
 
 
@@ -54,7 +57,9 @@ def _body(built: Built, body: Body) -> Body:
     made = built.bodies[body.name]
     data = made.massData
     centre = np.array(body.centre) + np.array(data.center)
-    return body.model_copy(update={"mass": data.mass, "inertia": data.I, "centre": tuple(centre.tolist())})
+    return body.model_copy(
+        update={"mass": data.mass, "inertia": data.I, "centre": tuple(centre.tolist())}
+    )
 
 
 def _joint(built: Built, joint: AnyJoint) -> AnyJoint:
@@ -76,8 +81,12 @@ def _dynamics(equations: Equations, state: State) -> Dynamics:
     k = equations.kinematics
     return Dynamics(
         accelerations=accelerations,
-        stop_torques=dict(zip(state.closed, multipliers[equations.n_loops :].tolist(), strict=True)),
+        stop_torques=dict(
+            zip(state.closed, multipliers[equations.n_loops :].tolist(), strict=True)
+        ),
         mass_matrix=equations.mass_matrix(q),
         forces=equations.forces(q, u),
-        centres={body.name: k.position(k.point(body.name, body.centre), q) for body in mechanism.bodies},
+        centres={
+            body.name: k.position(k.point(body.name, body.centre), q) for body in mechanism.bodies
+        },
     )

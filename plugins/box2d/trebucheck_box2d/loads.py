@@ -6,7 +6,12 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.force_elements import AnyForceElement, ConstantForce, ConstantTorque, SpringDamper
+from trebucheck.models.force_elements import (
+    AnyForceElement,
+    ConstantForce,
+    ConstantTorque,
+    SpringDamper,
+)
 
 PointMotion = Callable[[str, tuple[float, float]], tuple[FloatArray, FloatArray]]
 """Position and velocity of a body's point, by the body's name and the point in its frame."""
@@ -14,7 +19,9 @@ Turning = Callable[[str], tuple[float, float]]
 """Angle of a body and its speed, clockwise."""
 
 
-def forces(element: AnyForceElement, point: PointMotion) -> Iterator[tuple[str, FloatArray, FloatArray]]:
+def forces(
+    element: AnyForceElement, point: PointMotion
+) -> Iterator[tuple[str, FloatArray, FloatArray]]:
     """Forces of an element on bodies: the body's name, where it acts and the force, in the world."""
     if isinstance(element, ConstantForce):
         yield element.body, point(element.body, element.point)[0], np.array(element.force)
@@ -36,6 +43,8 @@ def torques(element: AnyForceElement, turning: Turning) -> Iterator[tuple[str, f
     torque = element.torque if isinstance(element, ConstantTorque) else 0.0
     if not isinstance(element, ConstantTorque):
         (angle, speed), (other, other_speed) = turning(element.body), turning(element.relative_to)
-        torque = -element.stiffness * (angle - other - element.rest_angle) - element.damping * (speed - other_speed)
+        torque = -element.stiffness * (angle - other - element.rest_angle) - element.damping * (
+            speed - other_speed
+        )
     yield element.body, torque
     yield element.relative_to, -torque

@@ -38,11 +38,15 @@ class Motion(StepAhead):
     def __init__(self, problem: Problem, options: Options) -> None:
         self.mechanism, self.timestep, self.options = problem.mechanism, options.timestep, options
         self.once = problem.stop_law is StopLaw.RELEASE_ONCE
-        stops = {stop.name: stop for stop in problem.mechanism.stops if stop.closed or not self.once}
+        stops = {
+            stop.name: stop for stop in problem.mechanism.stops if stop.closed or not self.once
+        }
         self.spread = NoPointMasses(problem.mechanism, options.least_inertia)
         self.built = Built(self.spread.mechanism)
         self.applied = AppliedForces(Kinematics(problem.mechanism))
-        self.limits = {name: self.built.limit(stop, options.set_back) for name, stop in stops.items()}
+        self.limits = {
+            name: self.built.limit(stop, options.set_back) for name, stop in stops.items()
+        }
         self.reader = Reader(self.built)
         self._set_limits()
         self.step()
@@ -51,18 +55,24 @@ class Motion(StepAhead):
         state, seen = self.reader.state(), self.reader.look()
         before = self._velocities()
         self._apply()
-        self.built.world.Step(self.timestep, self.options.velocity_iterations, self.options.position_iterations)
+        self.built.world.Step(
+            self.timestep, self.options.velocity_iterations, self.options.position_iterations
+        )
         rate = 1.0 / self.timestep
         reactions = {
             name: self.spread.reaction(
-                name, np.array(self.built.joints[name].GetReactionForce(rate)), (velocity - before[name]) * rate
+                name,
+                np.array(self.built.joints[name].GetReactionForce(rate)),
+                (velocity - before[name]) * rate,
             )
             for name, velocity in self._velocities().items()
         }
         contacts = {name: max(0.0, limit.sense * float(self.built.pins[limit.index].GetReactionTorque(rate)))
                     for name, limit in self.limits.items()}  # fmt: skip
         if self.once:
-            self.limits = {name: limit for name, limit in self.limits.items() if contacts[name] > 0.0}
+            self.limits = {
+                name: limit for name, limit in self.limits.items() if contacts[name] > 0.0
+            }
             self._set_limits()
         spring = float(self.applied.potential_energy(state[0]))
         potential = seen.potential_energy - self.spread.extra_potential_energy + spring
@@ -71,9 +81,12 @@ class Motion(StepAhead):
     def _velocities(self) -> dict[str, FloatArray]:
         """Of the joints' points, by the joints' names [m/s]."""
         joints = [joint for joint in self.mechanism.joints if joint.name in self.built.joints]
-        return {joint.name: self.reader.point(joint.child, joint.child_point)[1] for joint in joints}
+        return {
+            joint.name: self.reader.point(joint.child, joint.child_point)[1] for joint in joints
+        }
 
-    # --- Limits and forces -------------------------------------------------------------------------------------------
+    # --- Limits and forces
+    # -------------------------------------------------------------------------------------------
 
     def _set_limits(self) -> None:
         """Set the ranges of the joints; a limit that is gone leaves none."""
@@ -91,5 +104,7 @@ class Motion(StepAhead):
         for element in self.mechanism.force_elements:
             for name, at, force in forces(element, reader.point):
                 bodies[name].ApplyForce(force.tolist(), at.tolist(), True)
-            for name, torque in torques(element, lambda name: (-reader.angle(name), -reader.turning(name))):
+            for name, torque in torques(
+                element, lambda name: (-reader.angle(name), -reader.turning(name))
+            ):
                 bodies[name].ApplyTorque(-torque, True)

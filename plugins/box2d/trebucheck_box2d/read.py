@@ -25,7 +25,10 @@ class Reader:
                 q[body.angle] = -self.built.bodies[body.name].angle
                 u[body.angle] = -self.built.bodies[body.name].angularVelocity
         for joint in self.mechanism.tree_joints:
-            child, parent = self.point(joint.child, joint.child_point), self.point(joint.parent, joint.parent_point)
+            child, parent = (
+                self.point(joint.child, joint.child_point),
+                self.point(joint.parent, joint.parent_point),
+            )
             apart, speed = child[0] - parent[0], child[1] - parent[1]
             turning = self.turning(joint.parent)
             for name, direction in zip(joint.slides, joint.free_directions, strict=True):
@@ -42,17 +45,28 @@ class Reader:
         for body in self.mechanism.bodies:
             made = self.built.bodies[body.name]
             speed = np.array(made.linearVelocity)
-            kinetic += 0.5 * (made.mass * float(speed @ speed) + made.inertia * made.angularVelocity**2)
+            kinetic += 0.5 * (
+                made.mass * float(speed @ speed) + made.inertia * made.angularVelocity**2
+            )
             potential -= made.mass * float(gravity @ np.array(made.worldCenter))
         return Observation(
-            points={each.name: self.point(each.body, each.point) for each in self.mechanism.markers},
+            points={
+                each.name: self.point(each.body, each.point) for each in self.mechanism.markers
+            },
             kinetic_energy=kinetic,
             potential_energy=potential,
-            gaps={joint.name: self._gap(joint) for joint in self.mechanism.joints if not isinstance(joint, FreeJoint)},
+            gaps={
+                joint.name: self._gap(joint)
+                for joint in self.mechanism.joints
+                if not isinstance(joint, FreeJoint)
+            },
         )
 
     def _gap(self, joint: AnyJoint) -> float:
-        apart = self.point(joint.child, joint.child_point)[0] - self.point(joint.parent, joint.parent_point)[0]
+        apart = (
+            self.point(joint.child, joint.child_point)[0]
+            - self.point(joint.parent, joint.parent_point)[0]
+        )
         held = [
             turned(self.angle(joint.parent)) @ np.array([complex(d).real, complex(d).imag])
             for d in joint.held_directions
@@ -73,6 +87,6 @@ class Reader:
         arm = turned(made.angle) @ np.array(self.built.anchor(name, point))
         if name == GROUND:
             return arm, np.zeros(2)
-        return np.array(made.worldCenter) + arm, np.array(made.linearVelocity) + made.angularVelocity * np.array(
-            [-arm[1], arm[0]]
-        )
+        return np.array(made.worldCenter) + arm, np.array(
+            made.linearVelocity
+        ) + made.angularVelocity * np.array([-arm[1], arm[0]])

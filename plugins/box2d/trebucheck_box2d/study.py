@@ -31,12 +31,17 @@ _REASON = "semi-implicit Euler in Cartesian coordinates, down to what single pre
 _TORQUE = "a step's change of speed in single precision, 1e3 times by the matrix of pin and limit"
 STUDY = EngineStudy(
     causes=_causes,
-    step_orders={"tuned": StepOrder(1.0, _REASON, _SCHEME), "stock": StepOrder(1.0, _REASON, _SCHEME)},
+    step_orders={
+        "tuned": StepOrder(1.0, _REASON, _SCHEME),
+        "stock": StepOrder(1.0, _REASON, _SCHEME),
+    },
     option_sets=(STOCK_SET, TUNED_SET),
     single_precision=True,
     tolerances=(
         Tolerance("tuned", "position_max", 4e-2, 1e-3, 1, "first order: up to 40 m/s times a step"),
-        Tolerance("tuned", "release_time", 5e-3, 1e-3, 1, "two steps by scheme and end, three by rounding"),
+        Tolerance(
+            "tuned", "release_time", 5e-3, 1e-3, 1, "two steps by scheme and end, three by rounding"
+        ),
         Tolerance("tuned", "stop_torque_max", 2e-2, 1e-3, 1, _TORQUE, per="peak"),
     ),
     colour="#ff8c00",

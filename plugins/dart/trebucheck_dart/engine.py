@@ -23,8 +23,9 @@ from .study import STUDY
 class DartEngine(BuiltinEngine):
     """A skeleton of DART's; the defaults are the tuned preset.
 
-    Tuned, its mass matrix and its Coriolis and gravity forces are moved by RK4, stops and joints that close loops are
-    constraint multipliers on them, and events are located by trebucheck's driver.
+    Tuned, its mass matrix and its Coriolis and gravity forces are moved by RK4, stops and joints
+    that close loops are constraint multipliers on them, and events are located by trebucheck's
+    driver.
 
     The stock preset is `World.step` with DART's joint limits, every other setting DART's default.
 
@@ -47,13 +48,18 @@ class DartEngine(BuiltinEngine):
     stock_options: ClassVar[Mapping[str, object]] = {"mode": "step"}
 
     mode: Literal["dynamics", "step"] = Field(
-        default="dynamics", description="DART's dynamics in RK4, or its own `World.step` with joint limits"
+        default="dynamics",
+        description="DART's dynamics in RK4, or its own `World.step` with joint limits",
     )
 
     @property
     def lacking(self) -> frozenset[Basic | Feature]:
         """DART's own steps are of trees, with limits of joints, without restitution."""
-        return frozenset() if self.mode == "dynamics" else frozenset({Basic.LOOP, Basic.POINT_STOP, Basic.REBOUND})
+        return (
+            frozenset()
+            if self.mode == "dynamics"
+            else frozenset({Basic.LOOP, Basic.POINT_STOP, Basic.REBOUND})
+        )
 
     @property
     def supplied(self) -> Supplied:
@@ -67,7 +73,9 @@ class DartEngine(BuiltinEngine):
             tree = DartTree(problem.mechanism, self.timestep)
             motion = LimitedMotion(problem, tree, self.timestep, "dart's own step")
             return plain_run(problem, motion, self.name, self.timestep)
-        return EventDriver(problem, TreeMotion(DartTree(problem.mechanism)), self.name, self.timestep).run()
+        return EventDriver(
+            problem, TreeMotion(DartTree(problem.mechanism)), self.name, self.timestep
+        ).run()
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The built model's mass matrix, forces and accelerations in each state."""

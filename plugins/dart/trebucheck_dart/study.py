@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from trebucheck.engines.scheme_tables import EULER_STEPS, EULER_TOLERANCES, RK4_LOCATED, located_tolerances
+from trebucheck.engines.scheme_tables import (
+    EULER_STEPS,
+    EULER_TOLERANCES,
+    RK4_LOCATED,
+    located_tolerances,
+)
 from trebucheck.engines.study import (
     REFINEMENT,
     STOCK_SET,

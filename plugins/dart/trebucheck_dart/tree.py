@@ -1,7 +1,7 @@
 """A mechanism as a DART skeleton: its dynamics, its limits and steps, and what it shows.
 
-Every joint of the skeleton has one coordinate: a slide is a prismatic joint onto a body without mass, which a revolute
-joint follows. The tree turns about -z, which is clockwise.
+Every joint of the skeleton has one coordinate: a slide is a prismatic joint onto a body without
+mass, which a revolute joint follows. The tree turns about -z, which is clockwise.
 """
 
 from __future__ import annotations
@@ -39,17 +39,23 @@ class DartTree:
         self.world.addSkeleton(self.skeleton)
         self.markers = {each.name: (each.body, _in_space(each.point)) for each in mechanism.markers}
 
-    # --- Building ----------------------------------------------------------------------------------------------------
+    # --- Building
+    # ----------------------------------------------------------------------------------------------------
 
     def _add(self, body: Body, joint: AnyJoint) -> None:
-        parent, frame = self.bodies[joint.parent], _frame(joint.turned_by or 0.0, joint.parent_point)
+        parent, frame = (
+            self.bodies[joint.parent],
+            _frame(joint.turned_by or 0.0, joint.parent_point),
+        )
         slides = list(joint.free_directions)
         for k, direction in enumerate(slides):
             last = k == len(slides) - 1 and body.angle is None
             properties = dartpy.dynamics.PrismaticJointProperties()
             # The axis is in the joint's frame, which may be turned from the parent's.
             properties.mAxis = frame.rotation().T @ _in_space((direction.real, direction.imag))
-            parent = self._joined(parent, "Prismatic", properties, f"{joint.name} {k}", frame, body, joint, last)
+            parent = self._joined(
+                parent, "Prismatic", properties, f"{joint.name} {k}", frame, body, joint, last
+            )
             frame = _frame(0.0, (0.0, 0.0))
         if body.angle is not None:
             properties = dartpy.dynamics.RevoluteJointProperties()
@@ -59,7 +65,15 @@ class DartTree:
             self._weld(parent, frame, body, joint)
 
     def _joined(
-        self, parent: Any, kind: str, properties: Any, name: str, frame: Any, body: Body, joint: AnyJoint, last: bool
+        self,
+        parent: Any,
+        kind: str,
+        properties: Any,
+        name: str,
+        frame: Any,
+        body: Body,
+        joint: AnyJoint,
+        last: bool,
     ) -> Any:
         """A body of DART's on a joint: the mechanism's if it is the joint's last one, or one without mass."""
         properties.mName, properties.mT_ParentBodyToJoint = name, frame
@@ -68,7 +82,9 @@ class DartTree:
         aspect = dartpy.dynamics.BodyNodeAspectProperties(body.name if last else f"{name} carrier")
         create = getattr(self.skeleton, f"create{kind}JointAndBodyNodePair")
         made, node = create(parent, properties, dartpy.dynamics.BodyNodeProperties(aspect))
-        node.setInertia(_inertia(body) if last else dartpy.dynamics.Inertia(0.0, np.zeros(3), np.zeros((3, 3))))
+        node.setInertia(
+            _inertia(body) if last else dartpy.dynamics.Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+        )
         self.moving.append(made)
         if last:
             self.bodies[body.name] = node
@@ -76,7 +92,9 @@ class DartTree:
 
     def _weld(self, parent: Any, frame: Any, body: Body, joint: AnyJoint) -> None:
         """Properties of a weld are not to be had in Python: it is set after it has been made."""
-        made, node = self.skeleton.createWeldJointAndBodyNodePair(*([] if parent is None else [parent]))
+        made, node = self.skeleton.createWeldJointAndBodyNodePair(
+            *([] if parent is None else [parent])
+        )
         made.setName(joint.name)
         made.setTransformFromParentBodyNode(frame)
         made.setTransformFromChildBodyNode(_frame(0.0, joint.child_point))
@@ -84,7 +102,8 @@ class DartTree:
         node.setInertia(_inertia(body))
         self.bodies[body.name] = node
 
-    # --- Dynamics ----------------------------------------------------------------------------------------------------
+    # --- Dynamics
+    # ----------------------------------------------------------------------------------------------------
 
     def mass_matrix(self, j: FloatArray) -> FloatArray:
         """By `getMassMatrix`."""
@@ -103,9 +122,13 @@ class DartTree:
     def centres(self, j: FloatArray) -> dict[str, FloatArray]:
         """Centre of mass of each body in the world [m]."""
         self.skeleton.setPositions(j)
-        return {each.name: np.array(self.bodies[each.name].getCOM()[:2]) for each in self.mechanism.bodies}
+        return {
+            each.name: np.array(self.bodies[each.name].getCOM()[:2])
+            for each in self.mechanism.bodies
+        }
 
-    # --- Steps -------------------------------------------------------------------------------------------------------
+    # --- Steps
+    # -------------------------------------------------------------------------------------------------------
 
     def place(self, j: FloatArray, v: FloatArray) -> None:
         """Set the state."""
@@ -133,7 +156,8 @@ class DartTree:
             for joint in self.mechanism.tree_joints
         }
 
-    # --- What it shows -----------------------------------------------------------------------------------------------
+    # --- What it shows
+    # -----------------------------------------------------------------------------------------------
 
     def observe(self, j: FloatArray, v: FloatArray, a: FloatArray) -> Observation:
         """What the skeleton shows; reactions are the body forces of its inverse dynamics."""
@@ -146,7 +170,8 @@ class DartTree:
             kinetic_energy=float(skeleton.computeKineticEnergy()),
             potential_energy=float(skeleton.computePotentialEnergy()),
             reactions={
-                joint.name: self._pose(joint.child)[:2, :2] @ self.bodies[joint.child].getBodyForce()[3:5]
+                joint.name: self._pose(joint.child)[:2, :2]
+                @ self.bodies[joint.child].getBodyForce()[3:5]
                 for joint in self.mechanism.tree_joints
             },
         )
@@ -156,7 +181,9 @@ class DartTree:
 
     def _point(self, name: str, point: FloatArray) -> tuple[FloatArray, FloatArray]:
         pose = self._pose(name)
-        return (pose[:3, :3] @ point + pose[:3, 3])[:2], np.array(self.bodies[name].getLinearVelocity(point)[:2])
+        return (pose[:3, :3] @ point + pose[:3, 3])[:2], np.array(
+            self.bodies[name].getLinearVelocity(point)[:2]
+        )
 
 
 def _inertia(body: Body) -> Any:

@@ -11,7 +11,10 @@ def _error(problem: tb.Problem, **options: object) -> float:
     """Greatest distance of a marker from where it should be [m]."""
     found = tb.engine("drake", **options).simulate(problem)  # type: ignore[arg-type]
     truth = solve(problem).trajectory(found.t)
-    return max(float(np.abs(m.position - truth.markers[name].position).max()) for name, m in found.markers.items())
+    return max(
+        float(np.abs(m.position - truth.markers[name].position).max())
+        for name, m in found.markers.items()
+    )
 
 
 def test_the_continuous_plant_follows_its_accuracy_and_not_the_step() -> None:

@@ -1,7 +1,7 @@
 """The Drake plant of a mechanism: a tree of joints in the x-y plane, turning about -z, which is clockwise.
 
-A slide is a prismatic joint. Where the child turns as well, it is on a body without mass that slides, which a revolute
-joint follows; welds are Drake's.
+A slide is a prismatic joint. Where the child turns as well, it is on a body without mass that
+slides, which a revolute joint follows; welds are Drake's.
 """
 
 from __future__ import annotations
@@ -61,7 +61,9 @@ class Built:
     def coordinates_of(self, state: FloatArray) -> State:
         """The mechanism's coordinates and speeds of Drake's positions and velocities."""
         n, to = self.plant.num_positions(), self.coordinates
-        return to.mechanism_positions(state[:n][self.positions]), to.mechanism_speeds(state[n:][self.speeds])
+        return to.mechanism_positions(state[:n][self.positions]), to.mechanism_speeds(
+            state[n:][self.speeds]
+        )
 
     def _add(self, body: Body, joint: AnyJoint) -> None:
         # Of a flat body the inertias in its plane are half of that about its normal.
@@ -69,19 +71,26 @@ class Built:
         inertia = SpatialInertia.MakeFromCentralInertia(body.mass, in_space(body.centre), inertia)
         self.bodies[body.name] = link = self.plant.AddRigidBody(body.name, inertia)
         at = RigidTransform(_turned(joint.turned_by or 0.0), in_space(joint.parent_point))
-        before, onto = self._frame(self.bodies[joint.parent], at, joint.name), self._child_frame(link, joint)
+        before, onto = (
+            self._frame(self.bodies[joint.parent], at, joint.name),
+            self._child_frame(link, joint),
+        )
         slides = list(joint.free_directions)
         for k, direction in enumerate(slides):
             last = k == len(slides) - 1 and body.angle is None
             after = onto if last else self._massless(f"{joint.name} slide {k}").body_frame()
             # The direction is in the parent's frame, and the joint's frame may be turned from it.
-            axis = _turned(joint.turned_by or 0.0).inverse() @ in_space((direction.real, direction.imag))
+            axis = _turned(joint.turned_by or 0.0).inverse() @ in_space(
+                (direction.real, direction.imag)
+            )
             self._add_joint(joint, PrismaticJoint(f"{joint.name} {k}", before, after, axis))
             before = after
         if body.angle is not None:
             self._add_joint(joint, RevoluteJoint(joint.name, before, onto, _CLOCKWISE))
         elif not slides:
-            self.carriers[joint.name] = self.plant.AddJoint(WeldJoint(joint.name, before, onto, RigidTransform()))
+            self.carriers[joint.name] = self.plant.AddJoint(
+                WeldJoint(joint.name, before, onto, RigidTransform())
+            )
 
     def _add_joint(self, joint: AnyJoint, made: Any) -> None:
         self.carriers[joint.name] = self.plant.AddJoint(made)

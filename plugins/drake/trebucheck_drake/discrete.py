@@ -21,14 +21,17 @@ from trebucheck.models.problem import Problem
 from .build import Built
 from .read import Reader
 
-_ROUNDING = 1e-10  # of the largest reaction: what is left of a torque about an axis where nothing acts
+_ROUNDING = (
+    1e-10  # of the largest reaction: what is left of a torque about an axis where nothing acts
+)
 
 
 def run(problem: Problem, timestep: float) -> Recording:
     """Simulate a problem.
 
     Raises:
-        UnsupportedProblemError: the mechanism has elements whose forces a discrete plant does not tell.
+        UnsupportedProblemError: the mechanism has elements whose forces a discrete plant does not
+            tell.
     """
     return plain_run(problem, Motion(problem.mechanism, timestep), "drake", timestep)
 
@@ -71,7 +74,9 @@ class Motion:
     def contacts(self) -> Mapping[str, float]:
         """Torques of the limits: the reaction torques about their joints' axes, which z points against."""
         forces = self.plant.get_reaction_forces_output_port().Eval(self.context)
-        rounding = _ROUNDING * max((float(np.abs(force.get_coeffs()).max()) for force in forces), default=0.0)
+        rounding = _ROUNDING * max(
+            (float(np.abs(force.get_coeffs()).max()) for force in forces), default=0.0
+        )
         torques = {
             name: -sense * float(forces[int(joint.index())].rotational()[2])
             for name, (joint, sense) in self.limited.items()

@@ -22,13 +22,13 @@ from .study import STUDY
 class DrakeEngine(BuiltinEngine):
     """Drake's MultibodyPlant; the defaults are the tuned preset.
 
-    Tuned, the plant is continuous and moved by an error-controlled integrator of Drake's. Such a plant has no limits,
-    no contacts without compliance and no constraints (Drake refuses them by a warning or an error), so that stops and
-    joints that close loops are held by generalized forces from its mass matrix and accelerations, and events are
-    located by trebucheck's driver.
+    Tuned, the plant is continuous and moved by an error-controlled integrator of Drake's. Such a
+    plant has no limits, no contacts without compliance and no constraints (Drake refuses them by a
+    warning or an error), so that stops and joints that close loops are held by generalized forces
+    from its mass matrix and accelerations, and events are located by trebucheck's driver.
 
-    The stock preset is the discrete plant that Drake's documentation leads to, with joint limits (a compliant penalty
-    of Drake's choice) and ball and weld constraints of its own.
+    The stock preset is the discrete plant that Drake's documentation leads to, with joint limits (a
+    compliant penalty of Drake's choice) and ball and weld constraints of its own.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -52,17 +52,22 @@ class DrakeEngine(BuiltinEngine):
     mode: Literal["continuous", "discrete"] = Field(
         default="continuous", description="the plant: continuous, or with time steps of its own"
     )
-    integrator: Literal["runge_kutta5", "runge_kutta3", "bogacki_shampine3", "radau3", "implicit_euler"] = Field(
-        default="runge_kutta5", description="Drake's integrator of a continuous plant"
-    )
+    integrator: Literal[
+        "runge_kutta5", "runge_kutta3", "bogacki_shampine3", "radau3", "implicit_euler"
+    ] = Field(default="runge_kutta5", description="Drake's integrator of a continuous plant")
     accuracy: Annotated[Real, Field(ge=1e-15, le=1e-1)] = Field(
-        default=1e-10, description="relative local error that the integrator of a continuous plant is asked for"
+        default=1e-10,
+        description="relative local error that the integrator of a continuous plant is asked for",
     )
 
     @property
     def lacking(self) -> frozenset[Basic | Feature]:
         """A discrete plant's limits are those of joints, without rebound, and forces that close loops untold."""
-        return frozenset() if self.mode == "continuous" else frozenset({Basic.LOOP, Basic.POINT_STOP, Basic.REBOUND})
+        return (
+            frozenset()
+            if self.mode == "continuous"
+            else frozenset({Basic.LOOP, Basic.POINT_STOP, Basic.REBOUND})
+        )
 
     @property
     def supplied(self) -> Supplied:

@@ -18,7 +18,9 @@ def inspect(mechanism: Mechanism, states: Sequence[State]) -> Inspection:
     q, u = initial_state(mechanism)
     motion.drake.place(q, u)
     plant, context = motion.drake.plant, motion.drake.context
-    start, start_speeds = motion.drake.built.coordinates_of(plant.get_state_output_port().Eval(context))
+    start, start_speeds = motion.drake.built.coordinates_of(
+        plant.get_state_output_port().Eval(context)
+    )
     return Inspection(
         start=start,
         start_speeds=start_speeds,
@@ -39,6 +41,9 @@ def _dynamics(motion: Motion, state: State) -> Dynamics:
         stop_torques=solved.contacts,
         mass_matrix=mass,
         forces=forces + motion.applied.generalized(state.q, state.u),
-        centres={body.name: motion.reader.centre(drake.context, body.name) for body in motion.mechanism.bodies},
+        centres={
+            body.name: motion.reader.centre(drake.context, body.name)
+            for body in motion.mechanism.bodies
+        },
         stop_gaps={name: float(motion.kinematics.gap(name, state.q)) for name in state.closed},
     )

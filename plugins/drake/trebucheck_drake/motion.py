@@ -47,14 +47,18 @@ class Model:
         """By Drake's articulated-body algorithm."""
         self.place(q, u)
         self.apply(applied)
-        rates = self.plant.EvalTimeDerivatives(self.context).CopyToVector()[self.plant.num_positions() :]
+        rates = self.plant.EvalTimeDerivatives(self.context).CopyToVector()[
+            self.plant.num_positions() :
+        ]
         return self.built.coordinates.mechanism_speeds(rates[self.built.speeds])
 
     def mass_matrix(self, q: FloatArray) -> FloatArray:
         """Drake's."""
         self.place(q, np.zeros_like(q))
         rows = self.built.speeds
-        return self.built.coordinates.mass_matrix(self.plant.CalcMassMatrix(self.context)[np.ix_(rows, rows)])
+        return self.built.coordinates.mass_matrix(
+            self.plant.CalcMassMatrix(self.context)[np.ix_(rows, rows)]
+        )
 
 
 class Held(LeafSystem):
@@ -78,7 +82,9 @@ class Held(LeafSystem):
 class Motion(ConstrainedDynamics):
     """The plant moved by one of Drake's integrators, stops and loops held by multipliers."""
 
-    def __init__(self, mechanism: Mechanism, integrator: str, accuracy: float, timestep: float) -> None:
+    def __init__(
+        self, mechanism: Mechanism, integrator: str, accuracy: float, timestep: float
+    ) -> None:
         self.timestep, built = timestep, Built(mechanism)
         built.finalize()
         self.drake = Model(built)
@@ -90,15 +96,22 @@ class Motion(ConstrainedDynamics):
         plant = builder.AddSystem(built.plant)
         builder.AddSystem(self.system)
         builder.Connect(plant.get_state_output_port(), self.system.get_input_port())
-        builder.Connect(self.system.get_output_port(), plant.get_applied_generalized_force_input_port())
+        builder.Connect(
+            self.system.get_output_port(), plant.get_applied_generalized_force_input_port()
+        )
         self.simulator: Any = Simulator(builder.Build())
         config = SimulatorConfig(
-            integration_scheme=integrator, max_step_size=timestep, accuracy=accuracy, use_error_control=True
+            integration_scheme=integrator,
+            max_step_size=timestep,
+            accuracy=accuracy,
+            use_error_control=True,
         )
         ApplySimulatorConfig(config, self.simulator)
         if self.loops:  # at a singular position no step is small enough: it has to be stepped over
             self.simulator.get_mutable_integrator().set_throw_on_minimum_step_size_violation(False)
-        self.state_context: Any = plant.GetMyMutableContextFromRoot(self.simulator.get_mutable_context())
+        self.state_context: Any = plant.GetMyMutableContextFromRoot(
+            self.simulator.get_mutable_context()
+        )
 
     def forces(self, q: FloatArray, u: FloatArray, held: Contacts) -> FloatArray:
         """Drake's joint forces of springs, motors, and of what is held."""
@@ -112,7 +125,9 @@ class Motion(ConstrainedDynamics):
         self.system.held = held
         context = self.simulator.get_mutable_context()
         context.SetTime(0.0)
-        plant.SetPositions(self.state_context, built.in_order(to.positions(state[0]), built.positions))
+        plant.SetPositions(
+            self.state_context, built.in_order(to.positions(state[0]), built.positions)
+        )
         plant.SetVelocities(self.state_context, built.in_order(to.speeds(state[1]), built.speeds))
         integrator: Any = self.simulator.get_mutable_integrator()
         integrator.request_initial_step_size_target(min(step, self.timestep))
@@ -133,5 +148,6 @@ class Motion(ConstrainedDynamics):
             points=seen.points,
             kinetic_energy=seen.kinetic_energy,
             potential_energy=seen.potential_energy + float(self.applied.potential_energy(q)),
-            reactions={name: force - others[name] for name, force in seen.reactions.items()} | dict(solved.loops),
+            reactions={name: force - others[name] for name, force in seen.reactions.items()}
+            | dict(solved.loops),
         )

@@ -31,7 +31,9 @@ class Reader:
         """World position of a body's centre of mass [m]."""
         return self._point(context, body, self.built.mechanism.body(body).centre)[0]
 
-    def _point(self, context: Any, body: str, point: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+    def _point(
+        self, context: Any, body: str, point: tuple[float, float]
+    ) -> tuple[FloatArray, FloatArray]:
         link, place = self.built.bodies[body], in_space(point)
         pose = self.plant.EvalBodyPoseInWorld(context, link)
         motion = self.plant.EvalBodySpatialVelocityInWorld(context, link)

@@ -17,7 +17,9 @@ def _run(problem: tb.Problem, preset: str, step: float) -> tuple[float, float]:
     truth = solve(problem).trajectory(found.t)
     forces = [np.abs(f - truth.joint_reactions[n]).max() for n, f in found.joint_reactions.items()]
     peak = max(np.abs(force).max() for force in truth.joint_reactions.values())
-    points = [np.abs(m.position - truth.markers[name].position).max() for name, m in found.markers.items()]
+    points = [
+        np.abs(m.position - truth.markers[name].position).max() for name, m in found.markers.items()
+    ]
     return float(max(points)), float(max(forces) / peak)
 
 
@@ -26,7 +28,9 @@ def test_single_precision_has_its_floor() -> None:
     assert 1e-7 < positions < 1e-3 and forces < 1e-3
 
 
-def test_nothing_is_said_of_warp_and_what_is_printed_stays(capsys: pytest.CaptureFixture[str]) -> None:
+def test_nothing_is_said_of_warp_and_what_is_printed_stays(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     from trebucheck_mjx import build
 
     with build._without_words_on_warp():  # pyright: ignore[reportPrivateUsage]
@@ -34,4 +38,9 @@ def test_nothing_is_said_of_warp_and_what_is_printed_stays(capsys: pytest.Captur
         print("a user's line")
     assert capsys.readouterr().out == "a user's line\n"
     code = "import trebucheck_mjx.build"
-    assert subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout == ""
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", code], check=True, capture_output=True, text=True
+        ).stdout
+        == ""
+    )

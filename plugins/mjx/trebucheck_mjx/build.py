@@ -25,7 +25,11 @@ def _without_words_on_warp() -> Generator[None, None, None]:
         with redirect_stdout(printed):
             yield
     finally:
-        kept = [line for line in printed.getvalue().splitlines(keepends=True) if not line.startswith(_WITHOUT_WARP)]
+        kept = [
+            line
+            for line in printed.getvalue().splitlines(keepends=True)
+            if not line.startswith(_WITHOUT_WARP)
+        ]
         print("".join(kept), end="")
 
 
@@ -89,8 +93,11 @@ class Built:
         try:
             self.on_device, self.data = mjx.put_model(self.model), mjx.put_data(self.model, data)
         except NotImplementedError as error:
-            raise UnsupportedProblemError(f"mjx cannot build {mechanism.name!r}: {error}") from error
-        # The model is a constant of what is compiled: to pass its hundreds of arrays takes longer than a step.
+            raise UnsupportedProblemError(
+                f"mjx cannot build {mechanism.name!r}: {error}"
+            ) from error
+        # The model is a constant of what is compiled: to pass its hundreds of arrays takes longer
+        # than a step.
         self._dynamics = jax.jit(partial(_dynamics, self.on_device, self.data))
         self._forward = jax.jit(partial(_forward, self.on_device, self.data))
         self._step = jax.jit(partial(_step, self.on_device, self.data))
@@ -105,7 +112,9 @@ class Built:
         j, v = np.asarray(positions, dtype=np.float64), np.asarray(speeds, dtype=np.float64)
         return np.array(self.mechanism.start) + self.sums @ j, self.sums @ v
 
-    def dynamics(self, q: FloatArray, u: FloatArray, generalized: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def dynamics(
+        self, q: FloatArray, u: FloatArray, generalized: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Accelerations of MJX's joints and full mass matrix in a state, under generalized forces, nothing held."""
         j, v = self.joint_state(q, u)
         a, mass = self._dynamics(j, v, self.sums.T @ generalized)
@@ -126,7 +135,9 @@ class Built:
 
 def _placed(data: Any, positions: Any, speeds: Any, forces: Any) -> Any:
     as_number = partial(jax.numpy.asarray, dtype=data.qpos.dtype)
-    return data.replace(qpos=as_number(positions), qvel=as_number(speeds), qfrc_applied=as_number(forces))
+    return data.replace(
+        qpos=as_number(positions), qvel=as_number(speeds), qfrc_applied=as_number(forces)
+    )
 
 
 def _dynamics(model: Any, data: Any, positions: Any, speeds: Any, forces: Any) -> tuple[Any, Any]:
@@ -134,7 +145,9 @@ def _dynamics(model: Any, data: Any, positions: Any, speeds: Any, forces: Any) -
     return seen.qacc_smooth, mjx.full_m(model, seen)
 
 
-def _forward(model: Any, data: Any, positions: Any, speeds: Any, forces: Any, warm: Any) -> tuple[Any, ...]:
+def _forward(
+    model: Any, data: Any, positions: Any, speeds: Any, forces: Any, warm: Any
+) -> tuple[Any, ...]:
     data = _placed(data, positions, speeds, forces).replace(qacc_warmstart=warm)
     seen = mjx.forward(model, data)
     # `forward` leaves internal forces, and with them force sensors, at zero.
@@ -142,7 +155,11 @@ def _forward(model: Any, data: Any, positions: Any, speeds: Any, forces: Any, wa
     return mjx.full_m(model, seen), seen.qfrc_constraint, seen.sensordata, seen.xipos, internal
 
 
-def _step(model: Any, data: Any, positions: Any, speeds: Any, forces: Any, warm: Any, step: Any) -> tuple[Any, ...]:
-    model = model.replace(opt=model.opt.replace(timestep=jax.numpy.asarray(step, dtype=data.qpos.dtype)))
+def _step(
+    model: Any, data: Any, positions: Any, speeds: Any, forces: Any, warm: Any, step: Any
+) -> tuple[Any, ...]:
+    model = model.replace(
+        opt=model.opt.replace(timestep=jax.numpy.asarray(step, dtype=data.qpos.dtype))
+    )
     after = mjx.step(model, _placed(data, positions, speeds, forces).replace(qacc_warmstart=warm))
     return after.qpos, after.qvel, after.qacc_warmstart

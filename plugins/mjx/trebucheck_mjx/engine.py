@@ -27,11 +27,12 @@ _OF_MULTIPLIERS = frozenset(
 class MjxEngine(BuiltinEngine):
     """MJX on the MJCF of trebucheck; the defaults are the tuned preset.
 
-    Tuned, in double precision, MJX moves the tree of joints by its RK4 while nothing is held. Stops, loops and springs
-    are multipliers and generalized forces from its mass matrix and accelerations, integrated by RK4 as well; events
-    are located by trebucheck's driver.
+    Tuned, in double precision, MJX moves the tree of joints by its RK4 while nothing is held.
+    Stops, loops and springs are multipliers and generalized forces from its mass matrix and
+    accelerations, integrated by RK4 as well; events are located by trebucheck's driver.
 
-    The stock preset is MJX as it comes: single precision, joint limits that are soft constraints, RK4.
+    The stock preset is MJX as it comes: single precision, joint limits that are soft constraints,
+    RK4.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -53,7 +54,8 @@ class MjxEngine(BuiltinEngine):
     stock_options: ClassVar[Mapping[str, object]] = {"limits": "soft", "precision": "single"}
 
     limits: Literal["multipliers", "soft"] = Field(
-        default="multipliers", description="what holds a stop: multipliers, or MJX's soft limits of joints and tendons"
+        default="multipliers",
+        description="what holds a stop: multipliers, or MJX's soft limits of joints and tendons",
     )
     precision: Literal["double", "single"] = Field(
         default="double", description="of MJX's numbers; multipliers ask for double"
@@ -67,13 +69,19 @@ class MjxEngine(BuiltinEngine):
     @property
     def supplied(self) -> Supplied:
         """With multipliers all but the tree's dynamics, and its RK4 where nothing is held."""
-        return {Part.STEPS: "while something is held", **HELD} if self.limits == "multipliers" else NOTHING
+        return (
+            {Part.STEPS: "while something is held", **HELD}
+            if self.limits == "multipliers"
+            else NOTHING
+        )
 
     def _run(self, problem: Problem) -> Recording:
         if self.limits == "multipliers":
             from .motion import Motion
 
-            return EventDriver(problem, Motion(problem.mechanism, self.timestep), self.name, self.timestep).run()
+            return EventDriver(
+                problem, Motion(problem.mechanism, self.timestep), self.name, self.timestep
+            ).run()
         from .limits import LimitedMotion
 
         limited = LimitedMotion(problem.mechanism, self.timestep, double=self.precision == "double")

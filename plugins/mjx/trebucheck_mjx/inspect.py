@@ -28,13 +28,19 @@ def _dynamics(motion: Motion, state: State) -> Dynamics:
     solved = motion.solve(state.q, state.u, state.closed)
     built, back = motion.mjx.built, motion.mjx.built.differences
     applied = motion.applied.generalized(state.q, state.u)
-    seen, (a, mass) = built.forward(state.q, state.u, applied), built.dynamics(state.q, state.u, applied)
+    seen, (a, mass) = (
+        built.forward(state.q, state.u, applied),
+        built.dynamics(state.q, state.u, applied),
+    )
     return Dynamics(
         accelerations=solved.accelerations,
         stop_torques=solved.contacts,
         mass_matrix=back.T @ mass @ back,
         # MJX tells accelerations: what makes them is its mass matrix times these.
         forces=back.T @ mass @ a,
-        centres={body.name: np.array(motion.mjx.reader.centre(seen, body.name)) for body in motion.mechanism.bodies},
+        centres={
+            body.name: np.array(motion.mjx.reader.centre(seen, body.name))
+            for body in motion.mechanism.bodies
+        },
         stop_gaps={name: float(motion.kinematics.gap(name, state.q)) for name in state.closed},
     )

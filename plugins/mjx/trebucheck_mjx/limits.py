@@ -42,7 +42,9 @@ class LimitedMotion:
         """Torques of the limits: MJX's constraint forces, which are theirs alone, by the rows of their gaps."""
         kinematics, q = self.kinematics, self.present[0]
         names = [stop.name for stop in self.mechanism.stops]
-        rows = np.reshape([kinematics.gap_jacobian(name, q) @ self.built.sums for name in names], (-1, len(q)))
+        rows = np.reshape(
+            [kinematics.gap_jacobian(name, q) @ self.built.sums for name in names], (-1, len(q))
+        )
         torques = np.linalg.lstsq(rows.T, self.seen.constraint)[0] if names else []
         return {name: max(0.0, float(torque)) for name, torque in zip(names, torques, strict=True)}
 

@@ -61,5 +61,6 @@ class Motion(ConstrainedDynamics):
             points=shown.points,
             kinetic_energy=shown.kinetic_energy,
             potential_energy=shown.potential_energy + float(self.applied.potential_energy(q)),
-            reactions={name: force - others[name] for name, force in shown.reactions.items()} | dict(solved.loops),
+            reactions={name: force - others[name] for name, force in shown.reactions.items()}
+            | dict(solved.loops),
         )

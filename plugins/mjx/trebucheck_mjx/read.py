@@ -25,7 +25,10 @@ class Reader:
         weight = model.body_mass[:, None] * model.opt.gravity
         return Observation(
             points={
-                m.name: (self._value(seen, position_sensor(m.name)), self._value(seen, velocity_sensor(m.name)))
+                m.name: (
+                    self._value(seen, position_sensor(m.name)),
+                    self._value(seen, velocity_sensor(m.name)),
+                )
                 for m in mechanism.markers
             },
             kinetic_energy=float(0.5 * v @ seen.mass @ v),

@@ -31,7 +31,9 @@ STUDY = EngineStudy(
     causes=_causes,
     step_orders={
         "tuned": RK4_LOCATED,
-        "stock": StepOrder(None, "RK4 in single precision: its floor, and soft limits", RK4_LOCATED.scheme),
+        "stock": StepOrder(
+            None, "RK4 in single precision: its floor, and soft limits", RK4_LOCATED.scheme
+        ),
     },
     option_sets=(STOCK_SET, TUNED_SET),
     tolerances=located_tolerances(),

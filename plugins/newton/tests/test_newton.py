@@ -16,7 +16,10 @@ def _error(preset: str, step: float) -> float:
     """Greatest distance of a marker from where it should be [m]."""
     found = tb.engine("newton", preset, timestep=step).simulate(FREE_SWING)
     truth = solve(FREE_SWING).trajectory(found.t)
-    return max(float(np.abs(m.position - truth.markers[name].position).max()) for name, m in found.markers.items())
+    return max(
+        float(np.abs(m.position - truth.markers[name].position).max())
+        for name, m in found.markers.items()
+    )
 
 
 def test_featherstone_is_of_first_order() -> None:
@@ -37,7 +40,8 @@ def test_its_limits_release_in_the_step_of_the_reference(model: str, preset: str
     for name, time in truth.release_times.items():
         assert (found.release_times[name] is None) == (time is None)
         assert time is None or abs(found.release_times[name] - time) <= 2e-3
-        # 25 times of the limits' time constant (damping over stiffness, 0.02 s) after the start they have settled.
+        # 25 times of the limits' time constant (damping over stiffness, 0.02 s) after the start
+        # they have settled.
         settled = found.t > 0.5
         error = np.abs(found.stop_torques[name] - truth.stop_torques[name])[settled].max()
         assert error <= 1e-2 * max(truth.stop_torques[name].max(), 1.0)
@@ -48,13 +52,18 @@ def test_loops_are_refused() -> None:
         tb.engine("newton").simulate(benchmark("slider-crank").problem())
 
 
-@pytest.mark.parametrize("mechanism", [tb.fixed(), tb.rolling(), benchmark("thrown-plate").problem().mechanism])
+@pytest.mark.parametrize(
+    "mechanism", [tb.fixed(), tb.rolling(), benchmark("thrown-plate").problem().mechanism]
+)
 def test_the_built_model_is_shown_and_a_fault_in_it_is_found(mechanism: tb.Mechanism) -> None:
     engine, first = tb.engine("newton"), mechanism.bodies[0]
     assert check_model(engine, mechanism).holds
-    # Its inspection of a mechanism whose first body is too heavy by 1e-3, for one of the right mass.
+    # Its inspection of a mechanism whose first body is too heavy by 1e-3, for one of the right
+    # mass.
     heavy = mechanism.model_copy(
-        update={"bodies": (first.model_copy(update={"mass": 1.001 * first.mass}), *mechanism.bodies[1:])}
+        update={
+            "bodies": (first.model_copy(update={"mass": 1.001 * first.mass}), *mechanism.bodies[1:])
+        }
     )
     wrong = SimpleNamespace(name="newton", inspect=lambda _, states: engine.inspect(heavy, states))  # type: ignore[attr-defined]
     assert not check_model(wrong, mechanism).holds  # type: ignore[arg-type]

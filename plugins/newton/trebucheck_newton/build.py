@@ -1,7 +1,7 @@
 """The Newton model of a mechanism: an articulation in the x-y plane, turning about -z, which is clockwise.
 
-A slide is a prismatic joint; where the child turns as well, it is onto a link almost without mass, which a revolute
-joint follows.
+A slide is a prismatic joint; where the child turns as well, it is onto a link almost without mass,
+which a revolute joint follows.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ _LEAST = 1e-9  # of a carrier's mass, as a part of its body's; of inertias, of m
 class Built:
     """A mechanism's model; `bodies` and `joints` are indices of Newton's by the mechanism's names."""
 
-    def __init__(self, mechanism: Mechanism, limits: dict[int, tuple[float, float]], frequency: float) -> None:
+    def __init__(
+        self, mechanism: Mechanism, limits: dict[int, tuple[float, float]], frequency: float
+    ) -> None:
         """Build the model, with ranges of its joint coordinates and the frequency of their limits [rad/s]."""
         self.mechanism, self.coordinates = mechanism, JointCoordinates(mechanism)
         self.limits, self.frequency = limits, frequency
@@ -48,18 +50,24 @@ class Built:
             ends = _ends(turn, place, joint.child_point if last else (0.0, 0.0))
             axis_in_space = (axis.real, axis.imag, 0.0)
             self.joints.append(
-                self.builder.add_joint_prismatic(parent, child, axis=axis_in_space, **ends, **self._range(body, joint))
+                self.builder.add_joint_prismatic(
+                    parent, child, axis=axis_in_space, **ends, **self._range(body, joint)
+                )
             )
             parent, turn, place = child, 0.0, (0.0, 0.0)
         if body.angle is not None:
             ends = _ends(turn, place, joint.child_point)
             child = self._link(body)
             self.joints.append(
-                self.builder.add_joint_revolute(parent, child, axis=_CLOCKWISE, **ends, **self._range(body, joint))
+                self.builder.add_joint_revolute(
+                    parent, child, axis=_CLOCKWISE, **ends, **self._range(body, joint)
+                )
             )
         elif not slides:
             self.joints.append(
-                self.builder.add_joint_fixed(parent, self._link(body), **_ends(turn, place, joint.child_point))
+                self.builder.add_joint_fixed(
+                    parent, self._link(body), **_ends(turn, place, joint.child_point)
+                )
             )
 
     def _range(self, body: Body, joint: AnyJoint) -> dict[str, float]:
@@ -91,7 +99,11 @@ class Built:
 
     def _carrier(self, body: Body, name: str) -> int:
         mass = _LEAST * body.mass
-        return int(self.builder.add_link(mass=mass, inertia=wp.mat33((mass * np.eye(3)).tolist()), label=name))
+        return int(
+            self.builder.add_link(
+                mass=mass, inertia=wp.mat33((mass * np.eye(3)).tolist()), label=name
+            )
+        )
 
 
 def _ends(turn: float, place: tuple[float, float], child: tuple[float, float]) -> dict[str, Any]:

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 class NewtonEngine(BuiltinEngine):
     """An articulation of Newton's; the defaults are the tuned preset.
 
-    Tuned, it is moved by `SolverMuJoCo` on the processor, by RK4. The stock preset is `SolverFeatherstone`.
+    Tuned, it is moved by `SolverMuJoCo` on the processor, by RK4. The stock preset is
+    `SolverFeatherstone`.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -50,9 +51,12 @@ class NewtonEngine(BuiltinEngine):
     )
     stock_options: ClassVar[Mapping[str, object]] = {"solver": "featherstone"}
 
-    solver: Literal["mujoco", "featherstone"] = Field(default="mujoco", description="Newton's solver")
+    solver: Literal["mujoco", "featherstone"] = Field(
+        default="mujoco", description="Newton's solver"
+    )
     limit_frequency: Positive = Field(
-        default=100.0, description="of a joint's limit, critically damped for its body alone [rad/s]"
+        default=100.0,
+        description="of a joint's limit, critically damped for its body alone [rad/s]",
     )
 
     @property

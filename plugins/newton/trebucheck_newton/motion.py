@@ -27,7 +27,12 @@ class Motion(StepAhead):
         self.applied = AppliedForces(Kinematics(problem.mechanism))
         self.closed = [stop.name for stop in problem.mechanism.stops if stop.closed]
         solver = newton.solvers.SolverMuJoCo(
-            tree.model, use_mujoco_cpu=True, integrator="rk4", disable_contacts=True, iterations=100, tolerance=0.0
+            tree.model,
+            use_mujoco_cpu=True,
+            integrator="rk4",
+            disable_contacts=True,
+            iterations=100,
+            tolerance=0.0,
         )
         tree.solve_by(solver, *(["qfrc_constraint"] if self.closed else []))
         q, u = initial_state(problem.mechanism)
@@ -38,12 +43,21 @@ class Motion(StepAhead):
         j, v = self.tree.state()
         q, u = self.to.mechanism_positions(j), self.to.mechanism_speeds(v)
         seen = self.tree.look()
-        seen = replace(seen, reactions=self.tree.step(self.to.forces(self.applied.generalized(q, u))))
-        return (q, u), self._torques(), without_others(seen, self.applied, (q, u), self.applied.on_bodies(q, u))
+        seen = replace(
+            seen, reactions=self.tree.step(self.to.forces(self.applied.generalized(q, u)))
+        )
+        return (
+            (q, u),
+            self._torques(),
+            without_others(seen, self.applied, (q, u), self.applied.on_bodies(q, u)),
+        )
 
     def _torques(self) -> dict[str, float]:
         if not self.closed:
             return {}
         torques = np.ravel(self.tree.told.qfrc_constraint.numpy())
         places = self.places
-        return {name: max(0.0, places[name][1] * float(torques[places[name][0]])) for name in self.closed}
+        return {
+            name: max(0.0, places[name][1] * float(torques[places[name][0]]))
+            for name in self.closed
+        }

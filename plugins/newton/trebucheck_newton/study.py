@@ -8,14 +8,23 @@ from trebucheck.engines.study import STOCK_SET, TUNED_SET, EngineStudy, StepOrde
 STUDY = EngineStudy(
     step_orders={
         "tuned": StepOrder(
-            None, "MuJoCo's RK4 between states of single precision, whose floor it is at", "RK4, joint coordinates"
+            None,
+            "MuJoCo's RK4 between states of single precision, whose floor it is at",
+            "RK4, joint coordinates",
         ),
         "stock": EULER_STEPS,
     },
     option_sets=(STOCK_SET, TUNED_SET),
     single_precision=True,
     tolerances=(
-        Tolerance("tuned", "release_time", 2e-3, 1e-3, 1, "at a step's end, of limits that have settled in 0.1 s"),
+        Tolerance(
+            "tuned",
+            "release_time",
+            2e-3,
+            1e-3,
+            1,
+            "at a step's end, of limits that have settled in 0.1 s",
+        ),
         *EULER_TOLERANCES,
     ),
     colour="#76b900",

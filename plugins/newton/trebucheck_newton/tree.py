@@ -24,13 +24,21 @@ class NewtonTree:
     """Of the largest term of a limit's torque: a speed's rounding, 6e-8 of it, in a thousandth of a second or less."""
 
     def __init__(
-        self, mechanism: Mechanism, limits: dict[int, tuple[float, float]], frequency: float, timestep: float = 1e-3
+        self,
+        mechanism: Mechanism,
+        limits: dict[int, tuple[float, float]],
+        frequency: float,
+        timestep: float = 1e-3,
     ) -> None:
         """Build it, with the ranges of its joint coordinates and the frequency of their limits [rad/s]."""
         self.mechanism, self.timestep = mechanism, timestep
         self.built = Built(mechanism, limits, frequency)
         self.model: Any = self.built.model
-        self.now, self.next, self.control = self.model.state(), self.model.state(), self.model.control()
+        self.now, self.next, self.control = (
+            self.model.state(),
+            self.model.state(),
+            self.model.control(),
+        )
         self.mass = self.model.body_mass.numpy().astype(float)
         self.inertia = self.model.body_inertia.numpy()[:, 2, 2].astype(float)
         self.solver: Any = None
@@ -41,7 +49,8 @@ class NewtonTree:
         """Its joint coordinates."""
         return self.built.coordinates
 
-    # --- Dynamics ----------------------------------------------------------------------------------------------------
+    # --- Dynamics
+    # ----------------------------------------------------------------------------------------------------
 
     def mass_matrix(self, j: FloatArray) -> FloatArray:
         """By `eval_mass_matrix`."""
@@ -52,7 +61,9 @@ class NewtonTree:
         """By `eval_inverse_dynamics_passive`."""
         self.place(j, v)
         motion, gravity = (wp.zeros(len(j), dtype=wp.float32, device="cpu") for _ in range(2))
-        newton.eval_inverse_dynamics_passive(self.model, self.now, coriolis_force=motion, gravity_force=gravity)
+        newton.eval_inverse_dynamics_passive(
+            self.model, self.now, coriolis_force=motion, gravity_force=gravity
+        )
         return motion.numpy().astype(float) + gravity.numpy().astype(float)
 
     def total_mass(self) -> float:
@@ -62,11 +73,17 @@ class NewtonTree:
     def centres(self, j: FloatArray) -> dict[str, FloatArray]:
         """Centre of mass of each body in the world [m]."""
         self.place(j, np.zeros_like(j))
-        poses, local = self.now.body_q.numpy().astype(float), self.model.body_com.numpy().astype(float)
+        poses, local = (
+            self.now.body_q.numpy().astype(float),
+            self.model.body_com.numpy().astype(float),
+        )
         places = {body.name: self.built.bodies[body.name] for body in self.mechanism.bodies}
-        return {name: poses[k][:2] + turn_of(poses[k][3:]) @ local[k][:2] for name, k in places.items()}
+        return {
+            name: poses[k][:2] + turn_of(poses[k][3:]) @ local[k][:2] for name, k in places.items()
+        }
 
-    # --- Steps -------------------------------------------------------------------------------------------------------
+    # --- Steps
+    # -------------------------------------------------------------------------------------------------------
 
     def place(self, j: FloatArray, v: FloatArray) -> None:
         """Set the state."""
@@ -76,7 +93,10 @@ class NewtonTree:
 
     def limit(self, index: int, low: float, high: float) -> None:
         """Set the range of a joint coordinate."""
-        for ends, value in ((self.model.joint_limit_lower, low), (self.model.joint_limit_upper, high)):
+        for ends, value in (
+            (self.model.joint_limit_lower, low),
+            (self.model.joint_limit_upper, high),
+        ):
             numbers = ends.numpy()
             numbers[index] = np.clip(value, -1e6, 1e6)
             ends.assign(numbers)
@@ -96,14 +116,18 @@ class NewtonTree:
             self.solve_by(newton.solvers.SolverFeatherstone(self.model, angular_damping=0.0))
         self.control.joint_f.assign(forces.astype(np.float32))
         self.now.clear_forces()
-        self.solver.step(self.now, self.next, self.control, None, self.timestep, observables=self.told)
+        self.solver.step(
+            self.now, self.next, self.control, None, self.timestep, observables=self.told
+        )
         self.now, self.next = self.next, self.now
         told = self.told.body_parent_f.numpy()
         return {
-            joint.name: told[self.built.bodies[joint.child]][:2].astype(float) for joint in self.mechanism.tree_joints
+            joint.name: told[self.built.bodies[joint.child]][:2].astype(float)
+            for joint in self.mechanism.tree_joints
         }
 
-    # --- What it shows -----------------------------------------------------------------------------------------------
+    # --- What it shows
+    # -----------------------------------------------------------------------------------------------
 
     def observe(self, j: FloatArray, v: FloatArray, a: FloatArray) -> Observation:
         """What Newton's bodies show in a state; reactions are told by steps alone."""
@@ -112,12 +136,17 @@ class NewtonTree:
 
     def look(self) -> Observation:
         """The same in the present state."""
-        poses, speeds = (array.numpy().astype(float) for array in (self.now.body_q, self.now.body_qd))
+        poses, speeds = (
+            array.numpy().astype(float) for array in (self.now.body_q, self.now.body_qd)
+        )
         gravity, kinetic, potential = np.array(self.mechanism.gravity_vector), 0.0, 0.0
         for body in self.mechanism.bodies:
             k = self.built.bodies[body.name]
             centre = poses[k][:2] + turn_of(poses[k][3:]) @ body.centre
-            kinetic += 0.5 * (self.mass[k] * float(speeds[k][:2] @ speeds[k][:2]) + self.inertia[k] * speeds[k][5] ** 2)
+            kinetic += 0.5 * (
+                self.mass[k] * float(speeds[k][:2] @ speeds[k][:2])
+                + self.inertia[k] * speeds[k][5] ** 2
+            )
             potential -= self.mass[k] * float(gravity @ centre)
         points: dict[str, tuple[FloatArray, FloatArray]] = {}
         for marker in self.mechanism.markers:

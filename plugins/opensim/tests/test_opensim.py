@@ -13,14 +13,19 @@ def _error(problem: tb.Problem, preset: str = "tuned", **options: object) -> flo
     """Greatest distance of a marker from where it should be [m]."""
     found = tb.engine("opensim", preset, **options).simulate(problem)
     truth = solve(problem).trajectory(found.t)
-    return max(float(np.abs(m.position - truth.markers[name].position).max()) for name, m in found.markers.items())
+    return max(
+        float(np.abs(m.position - truth.markers[name].position).max())
+        for name, m in found.markers.items()
+    )
 
 
 def test_the_free_swing_follows_the_accuracy() -> None:
     problem = tb.Problem(FREE_SWING, duration=2.0)
     assert _error(problem) < 1e-8
     loose, tight = (_error(problem, timestep=0.1, accuracy=accuracy) for accuracy in (1e-4, 1e-9))
-    assert tight < loose / 1e5**0.5  # at the least: local errors that are controlled add up to their power 4/5
+    assert (
+        tight < loose / 1e5**0.5
+    )  # at the least: local errors that are controlled add up to their power 4/5
 
 
 def test_points_move_with_the_state() -> None:
@@ -34,6 +39,9 @@ def test_limit_forces_hold_the_stops_softly() -> None:
 
 def test_loops_and_springs() -> None:
     for name in ("slider-crank", "oscillator"):
-        assert _error(benchmark(name).problem().model_copy(update={"duration": 0.5}), timestep=2e-3) < 1e-6
+        assert (
+            _error(benchmark(name).problem().model_copy(update={"duration": 0.5}), timestep=2e-3)
+            < 1e-6
+        )
         with pytest.raises(tb.UnsupportedProblemError, match=r"no (loops of joints|springs)"):
             tb.engine("opensim", "stock").simulate(benchmark(name).problem())

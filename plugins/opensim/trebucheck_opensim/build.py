@@ -1,7 +1,8 @@
 """The OpenSim model of a mechanism: a tree of custom joints in the x-y plane, turning about -z, which is clockwise.
 
-One custom joint has all the slides and the turn of a body: translations along directions of its parent, then the
-rotation. Every coordinate has an actuator, which takes the generalized forces of springs, motors and what is held.
+One custom joint has all the slides and the turn of a body: translations along directions of its
+parent, then the rotation. Every coordinate has an actuator, which takes the generalized forces of
+springs, motors and what is held.
 """
 
 from __future__ import annotations
@@ -40,7 +41,9 @@ class Built:
         self.state = self.model.initSystem()
         for actuator in self.actuators:
             actuator.overrideActuation(self.state, True)
-        self.moving = [self.model.getCoordinateSet().get(name) for _, name in sorted(self._names.items())]
+        self.moving = [
+            self.model.getCoordinateSet().get(name) for _, name in sorted(self._names.items())
+        ]
         """OpenSim's coordinates in the order of the joint coordinates."""
         self.places = self._places(self.state.getNU())
 
@@ -59,7 +62,9 @@ class Built:
 
     def apply(self, generalized: FloatArray, state: osim.State) -> None:
         """Set the generalized forces on the mechanism's coordinates [N m, N] in a state."""
-        for actuator, force in zip(self.actuators, self.coordinates.forces(generalized), strict=True):
+        for actuator, force in zip(
+            self.actuators, self.coordinates.forces(generalized), strict=True
+        ):
             actuator.setOverrideActuation(state, float(force))
 
     def _places(self, n: int) -> FloatArray:
@@ -76,7 +81,12 @@ class Built:
     def _add(self, body: Body, joint: AnyJoint) -> None:
         # Of a flat body the inertias in its plane are half of that about its normal.
         half = 0.5 * body.inertia
-        link = osim.Body(_named(body.name), body.mass, in_space(body.centre), osim.Inertia(half, half, body.inertia))
+        link = osim.Body(
+            _named(body.name),
+            body.mass,
+            in_space(body.centre),
+            osim.Inertia(half, half, body.inertia),
+        )
         self.bodies[body.name] = link
         self.model.addBody(link)
         turned = joint.turned_by or 0.0
@@ -84,7 +94,9 @@ class Built:
             self.bodies[joint.parent], in_space(joint.parent_point), osim.Vec3(0.0, 0.0, -turned),
             link, in_space(joint.child_point), osim.Vec3(0.0),
         )  # fmt: skip
-        freedoms = [(k, f) for k, f in enumerate(self.coordinates.freedoms) if f.joint.name == joint.name]
+        freedoms = [
+            (k, f) for k, f in enumerate(self.coordinates.freedoms) if f.joint.name == joint.name
+        ]
         if not freedoms:
             made = osim.WeldJoint(_named(joint.name), *frames)
         else:
@@ -100,12 +112,22 @@ class Built:
         axes = [transform.upd_rotation1(), transform.upd_rotation2(), transform.upd_rotation3()]
         for axis, vector in zip(axes, ((0, 0, -1), (1, 0, 0), (0, 1, 0)), strict=True):
             axis.setAxis(osim.Vec3(*map(float, vector)))
-        slides = [transform.upd_translation1(), transform.upd_translation2(), transform.upd_translation3()]
-        # Directions are in the parent's frame, and the joint's frame may be turned from it; all three axes are set,
-        # because none may be along another.
-        along = [f.direction * np.exp(1j * turned) for _, f in freedoms if f.direction is not None] or [1.0 + 0j]
+        slides = [
+            transform.upd_translation1(),
+            transform.upd_translation2(),
+            transform.upd_translation3(),
+        ]
+        # Directions are in the parent's frame, and the joint's frame may be turned from it; all
+        # three axes are set, because none may be along another.
+        along = [
+            f.direction * np.exp(1j * turned) for _, f in freedoms if f.direction is not None
+        ] or [1.0 + 0j]
         across = along[1] if len(along) > 1 else 1j * along[0]
-        vectors = (in_space((along[0].real, along[0].imag)), in_space((across.real, across.imag)), osim.Vec3(0, 0, 1))
+        vectors = (
+            in_space((along[0].real, along[0].imag)),
+            in_space((across.real, across.imag)),
+            osim.Vec3(0, 0, 1),
+        )
         for axis, vector in zip(slides, vectors, strict=True):
             axis.setAxis(vector)
         for k, freedom in freedoms:

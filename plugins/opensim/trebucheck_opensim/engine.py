@@ -28,12 +28,13 @@ _OF_LOCKS = frozenset(
 class OpenSimEngine(BuiltinEngine):
     """OpenSim's models of rigid bodies, which Simbody moves; the defaults are the tuned preset.
 
-    Tuned, stops lock the coordinates that they are on, and Simbody's integrator moves the rest; which stops hold is
-    found by multipliers on Simbody's mass matrix and accelerations, events are located by trebucheck's driver. Where
-    something else is held, or springs act, OpenSim's accelerations are integrated by RK4 instead.
+    Tuned, stops lock the coordinates that they are on, and Simbody's integrator moves the rest;
+    which stops hold is found by multipliers on Simbody's mass matrix and accelerations, events are
+    located by trebucheck's driver. Where something else is held, or springs act, OpenSim's
+    accelerations are integrated by RK4 instead.
 
-    The stock preset has OpenSim's `CoordinateLimitForce` for stops: springs with dampers, of a stiffness of one's
-    choice, and the accuracy of its forward tool.
+    The stock preset has OpenSim's `CoordinateLimitForce` for stops: springs with dampers, of a
+    stiffness of one's choice, and the accuracy of its forward tool.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -53,18 +54,25 @@ class OpenSimEngine(BuiltinEngine):
     )
     stock_options: ClassVar[Mapping[str, object]] = {"limits": "springs", "accuracy": 1e-5}
 
-    integrator: Literal["RungeKuttaMerson", "RungeKuttaFeldberg", "RungeKutta3", "SemiExplicitEuler2"] = Field(
-        default="RungeKuttaMerson", description="Simbody's integrator"
-    )
+    integrator: Literal[
+        "RungeKuttaMerson", "RungeKuttaFeldberg", "RungeKutta3", "SemiExplicitEuler2"
+    ] = Field(default="RungeKuttaMerson", description="Simbody's integrator")
     accuracy: Annotated[Real, Field(ge=1e-14, le=1e-1)] = Field(
         default=1e-11, description="relative local error that the integrator is asked for"
     )
     limits: Literal["locks", "springs"] = Field(
-        default="locks", description="what a stop is: a locked coordinate while it holds, or a coordinate limit force"
+        default="locks",
+        description="what a stop is: a locked coordinate while it holds, or a coordinate limit force",
     )
-    limit_stiffness: Positive = Field(default=1e6, description="of a coordinate limit force [N m/degree]")
-    limit_damping: Positive = Field(default=1e3, description="of a coordinate limit force [N m s/degree]")
-    limit_transition: Positive = Field(default=0.01, description="angle to a limit force's full stiffness [degrees]")
+    limit_stiffness: Positive = Field(
+        default=1e6, description="of a coordinate limit force [N m/degree]"
+    )
+    limit_damping: Positive = Field(
+        default=1e3, description="of a coordinate limit force [N m s/degree]"
+    )
+    limit_transition: Positive = Field(
+        default=0.01, description="angle to a limit force's full stiffness [degrees]"
+    )
 
     @property
     def lacking(self) -> frozenset[Basic | Feature]:

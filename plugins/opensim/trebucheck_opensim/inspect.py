@@ -29,7 +29,10 @@ def _dynamics(motion: Motion, state: State) -> Dynamics:
     solved = motion.solve(state.q, state.u, state.closed)
     applied = motion.applied.generalized(state.q, state.u)
     # Simbody tells accelerations: what makes them is the mass matrix times these.
-    free, mass = motion.opensim.accelerations(state.q, state.u, applied), motion.opensim.mass_matrix(state.q)
+    free, mass = (
+        motion.opensim.accelerations(state.q, state.u, applied),
+        motion.opensim.mass_matrix(state.q),
+    )
     built = motion.opensim.built
     built.model.realizeVelocity(built.state)
     return Dynamics(
@@ -37,6 +40,9 @@ def _dynamics(motion: Motion, state: State) -> Dynamics:
         stop_torques=solved.contacts,
         mass_matrix=mass,
         forces=mass @ free,
-        centres={body.name: motion.reader.centre(built.state, body.name) for body in motion.mechanism.bodies},
+        centres={
+            body.name: motion.reader.centre(built.state, body.name)
+            for body in motion.mechanism.bodies
+        },
         stop_gaps={name: float(motion.kinematics.gap(name, state.q)) for name in state.closed},
     )

@@ -24,7 +24,9 @@ _DEGREE = 180.0 / math.pi
 class LimitedMotion:
     """The model with coordinate limit forces, in its present state."""
 
-    def __init__(self, mechanism: Mechanism, motion: Motion, stiffness: float, damping: float, width: float) -> None:
+    def __init__(
+        self, mechanism: Mechanism, motion: Motion, stiffness: float, damping: float, width: float
+    ) -> None:
         """Build it.
 
         Args:
@@ -40,7 +42,9 @@ class LimitedMotion:
         self.motion, self.limits = motion, motion.limits
         for stop in mechanism.stops:
             if stop.name not in self.limits:
-                raise UnsupportedProblemError(f"opensim has limits on joints alone, and stop {stop.name!r} is on none.")
+                raise UnsupportedProblemError(
+                    f"opensim has limits on joints alone, and stop {stop.name!r} is on none."
+                )
         self.stiffness, self.damping, self.width = stiffness, damping, width
         self.forces: dict[str, osim.CoordinateLimitForce] = {}
         motion.opensim.built = self.built = Built(mechanism, self._add)
@@ -58,7 +62,9 @@ class LimitedMotion:
         lower, end = limit.sense > 0, limit.value * _DEGREE
         upper_end, lower_end = (_FAR, end) if lower else (end, -_FAR)
         k = self.stiffness
-        return osim.CoordinateLimitForce(coordinate, upper_end, k, lower_end, k, self.damping, self.width, False)
+        return osim.CoordinateLimitForce(
+            coordinate, upper_end, k, lower_end, k, self.damping, self.width, False
+        )
 
     def step(self) -> None:
         """One interval of the integrator."""
@@ -77,7 +83,9 @@ class LimitedMotion:
     def contacts(self) -> Mapping[str, float]:
         """Torques of the limits."""
         torques = {name: force.calcLimitForce(self.present) for name, force in self.forces.items()}
-        return {name: max(0.0, self.limits[name].sense * torque) for name, torque in torques.items()}
+        return {
+            name: max(0.0, self.limits[name].sense * torque) for name, torque in torques.items()
+        }
 
     def observe(self) -> Observation:
         """What the model shows."""

@@ -28,7 +28,9 @@ class Model:
         built.apply(applied, built.state)
         built.model.realizeAcceleration(built.state)
         rates = built.state.getUDot()
-        return built.coordinates.mechanism_speeds(np.array([rates.get(int(k)) for k in built.places]))
+        return built.coordinates.mechanism_speeds(
+            np.array([rates.get(int(k)) for k in built.places])
+        )
 
     def mass_matrix(self, q: FloatArray) -> FloatArray:
         """Simbody's."""
@@ -42,11 +44,13 @@ class Model:
 class Motion(ConstrainedDynamics):
     """The model moved by one of Simbody's integrators, coordinates locked while their stops hold.
 
-    Where something else is held (a stop on a point or on no joint, a loop), or springs act, accelerations are
-    integrated by RK4: a model made in Python has no forces of its own making.
+    Where something else is held (a stop on a point or on no joint, a loop), or springs act,
+    accelerations are integrated by RK4: a model made in Python has no forces of its own making.
     """
 
-    def __init__(self, mechanism: Mechanism, integrator: str, accuracy: float, timestep: float) -> None:
+    def __init__(
+        self, mechanism: Mechanism, integrator: str, accuracy: float, timestep: float
+    ) -> None:
         self.opensim = Model(Built(mechanism))
         self.reader = Reader(self.opensim.built)
         super().__init__(mechanism, self.opensim)
@@ -91,5 +95,6 @@ class Motion(ConstrainedDynamics):
             points=seen.points,
             kinetic_energy=seen.kinetic_energy,
             potential_energy=seen.potential_energy + float(self.applied.potential_energy(q)),
-            reactions={name: force - others[name] for name, force in seen.reactions.items()} | dict(solved.loops),
+            reactions={name: force - others[name] for name, force in seen.reactions.items()}
+            | dict(solved.loops),
         )

@@ -24,16 +24,25 @@ class Reader:
             points={m.name: self._point(state, m.body, m.point) for m in mechanism.markers},
             kinetic_energy=model.calcKineticEnergy(state),
             potential_energy=model.calcPotentialEnergy(state),
-            reactions={j.name: self._reaction(state, j.name) for j in mechanism.tree_joints if j.held_directions},
+            reactions={
+                j.name: self._reaction(state, j.name)
+                for j in mechanism.tree_joints
+                if j.held_directions
+            },
         )
 
     def centre(self, state: osim.State, body: str) -> FloatArray:
         """World position of a body's centre of mass [m]."""
         return self._point(state, body, self.built.mechanism.body(body).centre)[0]
 
-    def _point(self, state: osim.State, body: str, point: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+    def _point(
+        self, state: osim.State, body: str, point: tuple[float, float]
+    ) -> tuple[FloatArray, FloatArray]:
         link, place = self.built.bodies[body], in_space(point)
-        at, velocity = link.findStationLocationInGround(state, place), link.findStationVelocityInGround(state, place)
+        at, velocity = (
+            link.findStationLocationInGround(state, place),
+            link.findStationVelocityInGround(state, place),
+        )
         return _plane(at), _plane(velocity)
 
     def _reaction(self, state: osim.State, joint: str) -> FloatArray:

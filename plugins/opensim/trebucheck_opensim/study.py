@@ -30,11 +30,14 @@ STUDY = EngineStudy(
     causes=_causes,
     step_orders={
         "tuned": error_controlled("Runge-Kutta-Merson: the step is only an upper bound"),
-        "stock": error_controlled("Runge-Kutta-Merson, stops as springs: the step is only an upper bound"),
+        "stock": error_controlled(
+            "Runge-Kutta-Merson, stops as springs: the step is only an upper bound"
+        ),
     },
     option_sets=(STOCK_SET, TUNED_SET),
     tolerances=located_tolerances(
-        4, "error-controlled Runge-Kutta-Merson of order 4, at most 1 ms a step, an accuracy of 1e-11"
+        4,
+        "error-controlled Runge-Kutta-Merson of order 4, at most 1 ms a step, an accuracy of 1e-11",
     ),
     colour="#a0522d",
 )

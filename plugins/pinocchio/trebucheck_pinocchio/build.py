@@ -1,7 +1,8 @@
 """The Pinocchio model of a mechanism: a tree of joints in the x-y plane, turning about -z, which is clockwise.
 
-Each body is on the last of its joints: a prismatic one for every slide, then a revolute one if it turns. That joint's
-frame has the body's directions and lies at its `child_point`. A welded body is part of the joint of its parent.
+Each body is on the last of its joints: a prismatic one for every slide, then a revolute one if it
+turns. That joint's frame has the body's directions and lies at its `child_point`. A welded body is
+part of the joint of its parent.
 """
 
 from __future__ import annotations
@@ -42,7 +43,10 @@ class Built:
         for body, joint in self.coordinates.links:
             self._add(body, joint)
         self.markers = {m.name: self._add_frame(m.name, m.body, m.point) for m in mechanism.markers}
-        self.centres = {b.name: self._add_frame(f"centre of {b.name}", b.name, b.centre) for b in mechanism.bodies}
+        self.centres = {
+            b.name: self._add_frame(f"centre of {b.name}", b.name, b.centre)
+            for b in mechanism.bodies
+        }
         self.data: Any = self.model.createData()
 
     def _add(self, body: Body, joint: AnyJoint) -> None:
@@ -50,11 +54,17 @@ class Built:
         at = parent.frame * pin.SE3(_turned(joint.turned_by or 0.0), _in_space(joint.parent_point))
         carrier = parent.joint
         for direction in joint.free_directions:
-            axis = at.rotation.T @ parent.frame.rotation @ _in_space((direction.real, direction.imag))
-            carrier = self._add_joint(carrier, pin.JointModelPrismaticUnaligned(axis), at, joint.name)
+            axis = (
+                at.rotation.T @ parent.frame.rotation @ _in_space((direction.real, direction.imag))
+            )
+            carrier = self._add_joint(
+                carrier, pin.JointModelPrismaticUnaligned(axis), at, joint.name
+            )
             at = pin.SE3.Identity()
         if body.angle is not None:
-            carrier = self._add_joint(carrier, pin.JointModelRevoluteUnaligned(_CLOCKWISE), at, joint.name)
+            carrier = self._add_joint(
+                carrier, pin.JointModelRevoluteUnaligned(_CLOCKWISE), at, joint.name
+            )
             at = pin.SE3.Identity()
         frame = at * pin.SE3(np.eye(3), -_in_space(joint.child_point))
         inertia = pin.Inertia(body.mass, _in_space(body.centre), np.diag([0.0, 0.0, body.inertia]))

@@ -21,12 +21,13 @@ from .study import STUDY
 class PinocchioEngine(BuiltinEngine):
     """Pinocchio's forward dynamics in a time-stepping scheme of one's own; the defaults are the tuned preset.
 
-    Accelerations are those of `aba`, the mass matrix that of `crba`, energies and points Pinocchio's, reactions the
-    joint forces of `rnea` at the accelerations found. Stops and joints that close loops are held by constraint
-    multipliers on these quantities; springs, dampers and motors are joint torques.
+    Accelerations are those of `aba`, the mass matrix that of `crba`, energies and points
+    Pinocchio's, reactions the joint forces of `rnea` at the accelerations found. Stops and joints
+    that close loops are held by constraint multipliers on these quantities; springs, dampers and
+    motors are joint torques.
 
-    The stock preset is the loop of Pinocchio's examples: `v += a h; q = integrate(q, v h)`, a stop let go at the end
-    of the first step after which it would pull.
+    The stock preset is the loop of Pinocchio's examples: `v += a h; q = integrate(q, v h)`, a stop
+    let go at the end of the first step after which it would pull.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -45,12 +46,17 @@ class PinocchioEngine(BuiltinEngine):
         "(stock: semi-implicit Euler, releases at a step's end)",
         features=frozenset(Feature),
     )
-    stock_options: ClassVar[Mapping[str, object]] = {"scheme": "semi-implicit Euler", "locate_releases": False}
+    stock_options: ClassVar[Mapping[str, object]] = {
+        "scheme": "semi-implicit Euler",
+        "locate_releases": False,
+    }
 
     scheme: Literal["RK4", "semi-implicit Euler"] = Field(
         default="RK4", description="time-stepping scheme, in joint coordinates"
     )
-    locate_releases: bool = Field(default=True, description="find a release inside its step, not at its end")
+    locate_releases: bool = Field(
+        default=True, description="find a release inside its step, not at its end"
+    )
 
     @property
     def supplied(self) -> Supplied:

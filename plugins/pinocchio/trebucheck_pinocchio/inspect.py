@@ -34,7 +34,10 @@ def _dynamics(motion: Motion, state: State) -> Dynamics:
         accelerations=solved.accelerations,
         stop_torques=solved.contacts,
         mass_matrix=motion.pinocchio.mass_matrix(state.q),
-        forces=motion.applied.generalized(state.q, state.u) - motion.pinocchio.bias(state.q, state.u),
-        centres={name: np.array(data.oMf[frame].translation[:2]) for name, frame in built.centres.items()},
+        forces=motion.applied.generalized(state.q, state.u)
+        - motion.pinocchio.bias(state.q, state.u),
+        centres={
+            name: np.array(data.oMf[frame].translation[:2]) for name, frame in built.centres.items()
+        },
         stop_gaps={name: float(motion.kinematics.gap(name, state.q)) for name in state.closed},
     )

@@ -19,7 +19,11 @@ class Model:
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.built = Built(mechanism)
-        self.model, self.data, self.coordinates = self.built.model, self.built.data, self.built.coordinates
+        self.model, self.data, self.coordinates = (
+            self.built.model,
+            self.built.data,
+            self.built.coordinates,
+        )
 
     def accelerations(self, q: FloatArray, u: FloatArray, applied: FloatArray) -> FloatArray:
         """By `aba`."""
@@ -77,17 +81,24 @@ class Motion(ConstrainedDynamics):
     def _needed_by_subtrees(self) -> dict[str, FloatArray]:
         """Force that each joint of the tree would give if only gravity acted beyond it [N], by its name.
 
-        It is the joint force of `rnea`. A weld is no joint of Pinocchio's: there it is what the welded body's
-        acceleration and the joints on it ask for.
+        It is the joint force of `rnea`. A weld is no joint of Pinocchio's: there it is what the
+        welded body's acceleration and the joints on it ask for.
         """
         built, mechanism = self.pinocchio.built, self.mechanism
         needed: dict[str, FloatArray] = {}
-        for body, joint in reversed(list(zip(mechanism.bodies, mechanism.tree_joints, strict=True))):
+        for body, joint in reversed(
+            list(zip(mechanism.bodies, mechanism.tree_joints, strict=True))
+        ):
             if joint.free_directions or body.angle is not None:
                 needed[joint.name] = self._joint_force(built.places[body.name].joint)
             else:
-                beyond = (needed[mechanism.joint_of(child.name).name] for child in mechanism.children(body.name))
-                needed[joint.name] = sum(beyond, body.mass * self._felt_by(built.centres[body.name]))
+                beyond = (
+                    needed[mechanism.joint_of(child.name).name]
+                    for child in mechanism.children(body.name)
+                )
+                needed[joint.name] = sum(
+                    beyond, body.mass * self._felt_by(built.centres[body.name])
+                )
         return needed
 
     def _joint_force(self, joint: int) -> FloatArray:
@@ -97,10 +108,14 @@ class Motion(ConstrainedDynamics):
     def _felt_by(self, frame: int) -> FloatArray:
         """Acceleration of a point without gravity [m/s^2]."""
         model, data = self.pinocchio.model, self.pinocchio.data
-        a = pin.getFrameClassicalAcceleration(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED).linear
+        a = pin.getFrameClassicalAcceleration(
+            model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        ).linear
         return np.array((a - model.gravity.linear)[:2])
 
     def _point(self, frame: int) -> tuple[FloatArray, FloatArray]:
         model, data = self.pinocchio.model, self.pinocchio.data
-        velocity = pin.getFrameVelocity(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED).linear
+        velocity = pin.getFrameVelocity(
+            model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        ).linear
         return np.array(data.oMf[frame].translation[:2]), np.array(velocity[:2])

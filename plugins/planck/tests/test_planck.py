@@ -15,7 +15,16 @@ FREE_SWING = tb.Problem(tb.fixed().model_copy(update={"stops": ()}), duration=2.
 
 
 @pytest.mark.parametrize(
-    "name", ["slider-crank", "quick-return", "oscillator", "motor", "thrown-plate", "spring-pendulum", "welded-rods"]
+    "name",
+    [
+        "slider-crank",
+        "quick-return",
+        "oscillator",
+        "motor",
+        "thrown-plate",
+        "spring-pendulum",
+        "welded-rods",
+    ],
 )
 def test_it_builds_every_element(name: str) -> None:
     problem = benchmark(name).problem().model_copy(update={"duration": 0.5})
@@ -23,7 +32,14 @@ def test_it_builds_every_element(name: str) -> None:
     for step in (4e-4, 2e-4):
         found = tb.engine("planck", timestep=step).simulate(problem)
         right = truth.trajectory(found.t).markers
-        errors.append(float(max(np.abs(m.position - right[key].position).max() for key, m in found.markers.items())))
+        errors.append(
+            float(
+                max(
+                    np.abs(m.position - right[key].position).max()
+                    for key, m in found.markers.items()
+                )
+            )
+        )
     assert np.log2(errors[0] / errors[1]) == pytest.approx(1.0, abs=0.2)
 
 
@@ -36,7 +52,12 @@ def test_forces_are_of_first_order_from_the_first_sample_on(model: str) -> None:
         truth = solve(problem).trajectory(found.t)
         forces = [(f, truth.joint_reactions[name]) for name, f in found.joint_reactions.items()]
         forces += [(f, truth.stop_torques[name]) for name, f in found.stop_torques.items()]
-        errors.append(max(float(np.abs(f - right).max() / max(1.0, np.abs(right).max())) for f, right in forces))
+        errors.append(
+            max(
+                float(np.abs(f - right).max() / max(1.0, np.abs(right).max()))
+                for f, right in forces
+            )
+        )
     assert np.log2(errors[0] / errors[1]) > 0.7
 
 
@@ -46,27 +67,39 @@ def test_forces_of_what_moves_at_the_start_are_of_first_order_too() -> None:
     for step in (1e-3, 5e-4):
         found = tb.engine("planck", timestep=step).simulate(problem)
         truth = solve(problem).trajectory(found.t).joint_reactions
-        errors.append(max(float(np.abs(force - truth[name]).max()) for name, force in found.joint_reactions.items()))
+        errors.append(
+            max(
+                float(np.abs(force - truth[name]).max())
+                for name, force in found.joint_reactions.items()
+            )
+        )
     assert np.log2(errors[0] / errors[1]) > 0.7
 
 
 def test_a_limit_that_holds_from_one_side_lets_go_by_the_correction_of_pins() -> None:
     problem = tb.Problem(tb.fixed(), duration=1.0)
     assert tb.engine("planck", timestep=1e-4).simulate(problem).release_times["sling rest"] is None
-    assert tb.engine("planck", timestep=1e-4, hold=False).simulate(problem).release_times["sling rest"] is not None
+    assert (
+        tb.engine("planck", timestep=1e-4, hold=False).simulate(problem).release_times["sling rest"]
+        is not None
+    )
 
 
 def test_a_stop_that_is_met_stops_what_meets_it() -> None:
     """Under the unilateral law, over more than a turn, without a rebound: the rod then rests on its stop."""
     rod = tb.Body(name="rod", angle="a", mass=1.0, centre=(0.5, 0.0), inertia=0.1)
-    pin = tb.PinJoint(name="pin", parent="ground", child="rod", parent_point=(0, 0), child_point=(0, 0))
+    pin = tb.PinJoint(
+        name="pin", parent="ground", child="rod", parent_point=(0, 0), child_point=(0, 0)
+    )
     stop = tb.Stop(name="end", body="rod", sense=-1, limit=-2.2 * np.pi, closed=False)
     made = tb.Mechanism(
         name="turning", bodies=(rod,), joints=(pin,), stops=(stop,), gravity=9.81, start=(0.0,), start_speeds=(8.0,),
         markers=(tb.Marker(name="tip", body="rod", point=(1, 0)),),
     )  # fmt: skip
     step, speed = 1e-4, 15.0  # [s], and the rod's greatest speed is below this [rad/s]
-    found = tb.engine("planck", timestep=step).simulate(tb.Problem(made, duration=1.5, stop_law=tb.StopLaw.UNILATERAL))
+    found = tb.engine("planck", timestep=step).simulate(
+        tb.Problem(made, duration=1.5, stop_law=tb.StopLaw.UNILATERAL)
+    )
     assert np.abs(found.u).max() < speed
     assert found.q.max() < 2.2 * np.pi + step * speed
     assert found.q[-1, 0] == pytest.approx(2.2 * np.pi, abs=1e-6)
@@ -80,7 +113,9 @@ def test_the_world_is_read_back_and_a_fault_in_it_is_found(name: str) -> None:
     assert check_model(engine, mechanism).holds
     first = mechanism.bodies[0]
     heavy = mechanism.model_copy(
-        update={"bodies": (first.model_copy(update={"mass": 1.001 * first.mass}), *mechanism.bodies[1:])}
+        update={
+            "bodies": (first.model_copy(update={"mass": 1.001 * first.mass}), *mechanism.bodies[1:])
+        }
     )
     wrong = SimpleNamespace(name="planck", inspect=lambda _, states: engine.inspect(heavy, states))  # type: ignore[attr-defined]
     assert not check_model(wrong, mechanism).holds  # type: ignore[arg-type]
@@ -94,7 +129,9 @@ def test_richardsons_limit_of_the_free_swing_is_the_reference() -> None:
         found = tb.engine("planck", timestep=step).simulate(FREE_SWING)
         ends.append(np.array([motion.position[-1] for motion in found.markers.values()]))
     right = np.array([motion.position[-1] for motion in truth.markers.values()])
-    coarse, fine = (float(np.abs(2 * second - first - right).max()) for first, second in pairwise(ends))
+    coarse, fine = (
+        float(np.abs(2 * second - first - right).max()) for first, second in pairwise(ends)
+    )
     assert coarse / fine == pytest.approx(4.0, rel=0.2)
     assert coarse < 1e-5
 

@@ -6,4 +6,6 @@ from pathlib import Path
 
 from trebucheck.engines.node_package import NodePackage
 
-PLANCK = NodePackage("planck.js", "planck", module="trebucheck_planck", folder=Path(__file__).parent / "node")
+PLANCK = NodePackage(
+    "planck.js", "planck", module="trebucheck_planck", folder=Path(__file__).parent / "node"
+)

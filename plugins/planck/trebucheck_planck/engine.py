@@ -29,7 +29,8 @@ from .study import STUDY
 class PlanckEngine(BuiltinEngine):
     """planck.js's world, moved by Node.js; the defaults are the tuned preset: short steps, slops near rounding.
 
-    The stock preset has the iterations and slops of planck.js, limits where the stops are, and steps of 1 ms.
+    The stock preset has the iterations and slops of planck.js, limits where the stops are, and
+    steps of 1 ms.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -57,13 +58,19 @@ class PlanckEngine(BuiltinEngine):
         default=30, description="of the impulses of the joints, each step"
     )
     first_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
-        default=3000, description="those of the first step, which begins without impulses of one before"
+        default=3000,
+        description="those of the first step, which begins without impulses of one before",
     )
     position_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
-        default=30, description="of the correction of the joints' drift, each step; it ends within the slops"
+        default=30,
+        description="of the correction of the joints' drift, each step; it ends within the slops",
     )
-    linear_slop: Positive = Field(default=1e-9, le=1.0, description="drift of joints that is let be [m]")
-    angular_slop: Positive = Field(default=1e-9, le=0.1, description="drift of angles and limits that is let be [rad]")
+    linear_slop: Positive = Field(
+        default=1e-9, le=1.0, description="drift of joints that is let be [m]"
+    )
+    angular_slop: Positive = Field(
+        default=1e-9, le=0.1, description="drift of angles and limits that is let be [rad]"
+    )
     hold: bool = Field(
         default=True,
         description="whether a stop that pushes is held from both sides until it would pull: the correction of pins "
@@ -96,7 +103,9 @@ class PlanckEngine(BuiltinEngine):
         spread = NoPointMasses(problem.mechanism, self.least_inertia)
         scene = NodeScene(spread.mechanism, self.name)
         steps = math.ceil(problem.duration / self.timestep - 1e-9)
-        moved = PLANCK.move(scene.description(problem, problem.duration / steps, steps) | self._settings())
+        moved = PLANCK.move(
+            scene.description(problem, problem.duration / steps, steps) | self._settings()
+        )
         samples = NodeSamples(scene, np.linspace(0.0, problem.duration, steps + 1), moved)
         return recording(samples, spread, problem.stop_law)
 

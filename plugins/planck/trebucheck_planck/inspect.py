@@ -1,8 +1,9 @@
 """The built planck.js world in single states.
 
-planck.js tells neither mass matrix nor accelerations. What it holds of a mechanism is read back from its bodies and
-joints: masses, inertias, centres, anchors, axes, gravity; accelerations and torques are those of the equations of
-motion of the mechanism that this describes.
+planck.js tells neither mass matrix nor accelerations. What it holds of a mechanism is read back
+from its bodies and
+joints: masses, inertias, centres, anchors, axes, gravity; accelerations and torques are those of
+the equations of motion of the mechanism that this describes.
 """
 
 from __future__ import annotations
@@ -27,8 +28,12 @@ def inspect(mechanism: Mechanism, states: Sequence[State], settings: Json) -> In
     """Inspect the built world in each state, without the masses that a motion has moved along pins."""
     scene = NodeScene(mechanism, "planck")
     # Stops play no part in what is read back, nor do duration and step.
-    described = scene.description(Problem.model_construct(mechanism=mechanism), timestep=1.0, steps=0)
-    read = NodeSamples(scene, np.zeros(1), PLANCK.move(described | settings | {"stops": [], "readBack": True}))
+    described = scene.description(
+        Problem.model_construct(mechanism=mechanism), timestep=1.0, steps=0
+    )
+    read = NodeSamples(
+        scene, np.zeros(1), PLANCK.move(described | settings | {"stops": [], "readBack": True})
+    )
     start, held = read.recording(), _held(scene, read.told[0])
     equations = Equations(held)
     return Inspection(
@@ -43,7 +48,9 @@ def _dynamics(equations: Equations, state: State) -> Dynamics:
     accelerations, multipliers = equations.solve(state.q, state.u, state.closed)
     return Dynamics(
         accelerations=accelerations,
-        stop_torques=dict(zip(state.closed, multipliers[equations.n_loops :].tolist(), strict=True)),
+        stop_torques=dict(
+            zip(state.closed, multipliers[equations.n_loops :].tolist(), strict=True)
+        ),
         mass_matrix=equations.mass_matrix(state.q),
         forces=equations.forces(state.q, state.u),
     )
@@ -63,19 +70,25 @@ def _held(scene: NodeScene, told: FloatArray) -> Mechanism:
         "gravity": size,
         "gravity_direction": tuple((gravity * MIRROR / size).tolist()) if size else mechanism.gravity_direction,
     }  # fmt: skip
-    # Not validated: rounding does not close the loops to the digits that are asked of a description.
+    # Not validated: rounding does not close the loops to the digits that are asked of a
+    # description.
     return mechanism.model_copy(update=changed)
 
 
 def _body(body: Body, told: FloatArray) -> Body:
     mass, inertia, *centre = told.tolist()
-    return body.model_copy(update={"mass": mass, "inertia": inertia, "centre": tuple(np.add(body.centre, centre))})
+    return body.model_copy(
+        update={"mass": mass, "inertia": inertia, "centre": tuple(np.add(body.centre, centre))}
+    )
 
 
 def _joint(scene: NodeScene, joint: AnyJoint, told: FloatArray) -> AnyJoint:
     """With the anchors and the axis that planck.js has, in the frames of the mechanism's bodies."""
     changed: dict[str, Any] = {}
-    for field, body, anchor in (("parent_point", joint.parent, told[:2]), ("child_point", joint.child, told[2:4])):
+    for field, body, anchor in (
+        ("parent_point", joint.parent, told[:2]),
+        ("child_point", joint.child, told[2:4]),
+    ):
         centre = (0.0, 0.0) if body == GROUND else scene.mechanism.body(body).centre
         changed[field] = tuple((np.array(centre) + _unturned(scene, body, anchor)).tolist())
     if isinstance(joint, PrismaticJoint | SlotJoint):

@@ -18,14 +18,19 @@ def recording(samples: NodeSamples, spread: NoPointMasses, law: StopLaw) -> Reco
     """What bodies show and planck.js tells of a motion; of the original masses, where some were moved along pins."""
     found, mechanism = samples.recording(), samples.scene.mechanism
     built = samples.scene.stops(law)
-    torques = dict(zip([stop.name for stop in built], samples.told[:, -len(built) :].T, strict=False))
+    torques = dict(
+        zip([stop.name for stop in built], samples.told[:, -len(built) :].T, strict=False)
+    )
     closed = [stop.name for stop in mechanism.stops if stop.closed]
     none = np.zeros(len(samples.t))
     return replace(
         found,
         potential_energy=found.potential_energy - spread.extra_potential_energy,
         joint_reactions=_reactions(samples, spread),
-        stop_torques={stop.name: _first_repeated(samples, torques.get(stop.name, none)) for stop in mechanism.stops},
+        stop_torques={
+            stop.name: _first_repeated(samples, torques.get(stop.name, none))
+            for stop in mechanism.stops
+        },
         release_times={name: _release(samples.t, torques[name]) for name in closed},
     )
 
@@ -45,14 +50,18 @@ def _reactions(samples: NodeSamples, spread: NoPointMasses) -> dict[str, FloatAr
         # Of the step that begins at a sample; the last one's is that of the step before.
         change = np.diff(velocity, axis=0) / np.diff(samples.t)[:, None]
         acceleration = np.concatenate([change, change[-1:]])
-        found[joint.name] = _first_repeated(samples, spread.reaction(joint.name, forces[:, index], acceleration))
+        found[joint.name] = _first_repeated(
+            samples, spread.reaction(joint.name, forces[:, index], acceleration)
+        )
     return found
 
 
 def _first_repeated(samples: NodeSamples, told: FloatArray) -> FloatArray:
     """The second sample's in the first, where the mechanism moves at the start.
 
-    Impulses bring the velocities of the step before, along its directions, into those of this one; the first step's
-    already are, so that it tells nothing of centripetal forces.
+    Impulses bring the velocities of the step before, along its directions, into those of this one;
+    the first step's already are, so that it tells nothing of centripetal forces.
     """
-    return np.concatenate([told[1:2], told[1:]]) if samples.scene.u.any() and len(told) > 1 else told
+    return (
+        np.concatenate([told[1:2], told[1:]]) if samples.scene.u.any() and len(told) > 1 else told
+    )

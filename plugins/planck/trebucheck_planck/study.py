@@ -34,13 +34,24 @@ _SCHEME = "semi-implicit Euler, impulses"
 _REASON = "semi-implicit Euler in Cartesian coordinates"
 STUDY = EngineStudy(
     causes=_causes,
-    step_orders={"tuned": StepOrder(1.0, _REASON, _SCHEME), "stock": StepOrder(1.0, _REASON, _SCHEME)},
+    step_orders={
+        "tuned": StepOrder(1.0, _REASON, _SCHEME),
+        "stock": StepOrder(1.0, _REASON, _SCHEME),
+    },
     option_sets=(STOCK_SET, TUNED_SET),
     tolerances=(
-        Tolerance("tuned", "position_max", 1e-2, 1e-4, 1, "first order: up to 100 m/s times a step"),
+        Tolerance(
+            "tuned", "position_max", 1e-2, 1e-4, 1, "first order: up to 100 m/s times a step"
+        ),
         Tolerance("tuned", "release_time", 2e-4, 1e-4, 1, "two steps by scheme and end"),
         Tolerance(
-            "tuned", "stop_torque_max", 1e-3, 1e-4, 1, "a step of the tenth of a second in which one ends", per="peak"
+            "tuned",
+            "stop_torque_max",
+            1e-3,
+            1e-4,
+            1,
+            "a step of the tenth of a second in which one ends",
+            per="peak",
         ),
     ),
     colour="#2e8b57",

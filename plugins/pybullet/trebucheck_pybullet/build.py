@@ -1,7 +1,8 @@
 """The Bullet multibody of a mechanism: a URDF tree in the x-y plane, turning about -z, which is clockwise.
 
-Bullet's joints have one coordinate each: a slide is a prismatic joint onto a link without mass, which a revolute joint
-follows. `changeDynamics` does not set the inertia of a link that `createMultiBody` made; that of a URDF is taken.
+Bullet's joints have one coordinate each: a slide is a prismatic joint onto a link without mass,
+which a revolute joint follows. `changeDynamics` does not set the inertia of a link that
+`createMultiBody` made; that of a URDF is taken.
 """
 
 from __future__ import annotations
@@ -57,7 +58,8 @@ def build(mechanism: Mechanism, order: list[tuple[Body, AnyJoint]], opened: bool
     Args:
         mechanism: what is built.
         order: its bodies with their joints, parents first.
-        opened: each body on two prismatic joints along its parent's x and y and a revolute one, whatever its joint
+        opened: each body on two prismatic joints along its parent's x and y and a revolute one,
+        whatever its joint
             holds: the joint forces of such a tree's inverse dynamics are the reactions.
     """
     root = ET.Element("robot", name="mechanism")
@@ -79,10 +81,17 @@ def build(mechanism: Mechanism, order: list[tuple[Body, AnyJoint]], opened: bool
             found.carriers[name] = link
         if info[2] != pybullet.JOINT_FIXED:
             found.moving.append(link)
-            client.setJointMotorControl2(multibody, link, pybullet.VELOCITY_CONTROL, force=0)  # on at the start
+            client.setJointMotorControl2(
+                multibody, link, pybullet.VELOCITY_CONTROL, force=0
+            )  # on at the start
     for link in range(-1, client.getNumJoints(multibody)):
         client.changeDynamics(
-            multibody, link, linearDamping=0, angularDamping=0, jointDamping=0, maxJointVelocity=NO_LIMIT
+            multibody,
+            link,
+            linearDamping=0,
+            angularDamping=0,
+            jointDamping=0,
+            maxJointVelocity=NO_LIMIT,
         )
     return found
 
@@ -101,7 +110,11 @@ def _joints(body: Body, joint: AnyJoint, opened: bool) -> Iterator[tuple[str, st
 
 
 def _add_body(
-    root: ET.Element, body: Body, joint: AnyJoint, joints: list[tuple[str, str]], mechanism: Mechanism
+    root: ET.Element,
+    body: Body,
+    joint: AnyJoint,
+    joints: list[tuple[str, str]],
+    mechanism: Mechanism,
 ) -> None:
     parent, at = joint.parent, _origin(joint, mechanism)
     for k, (kind, axis) in enumerate(joints):
@@ -125,18 +138,24 @@ def _origin(joint: AnyJoint, mechanism: Mechanism) -> tuple[str, str]:
     return f"{x!r} {y!r} 0", f"0 0 {-(joint.turned_by or 0.0)!r}"
 
 
-def _add_link(root: ET.Element, name: str, mass: float, inertia: float, centre: tuple[float, float]) -> None:
+def _add_link(
+    root: ET.Element, name: str, mass: float, inertia: float, centre: tuple[float, float]
+) -> None:
     inertial = ET.SubElement(ET.SubElement(root, "link", name=name), "inertial")
     ET.SubElement(inertial, "origin", xyz=f"{centre[0]!r} {centre[1]!r} 0")
     ET.SubElement(inertial, "mass", value=repr(mass))
     # Of a flat body the inertias in its plane are half of that about its normal.
     diagonal = {"ixx": 0.5 * inertia, "iyy": 0.5 * inertia, "izz": inertia}
     ET.SubElement(
-        inertial, "inertia", {k: repr(v) for k, v in diagonal.items()} | dict.fromkeys(("ixy", "ixz", "iyz"), "0")
+        inertial,
+        "inertia",
+        {k: repr(v) for k, v in diagonal.items()} | dict.fromkeys(("ixy", "ixz", "iyz"), "0"),
     )
 
 
-def _add_joint(root: ET.Element, name: str, kind: str, axis: str, parent: str, child: str, at: tuple[str, str]) -> None:
+def _add_joint(
+    root: ET.Element, name: str, kind: str, axis: str, parent: str, child: str, at: tuple[str, str]
+) -> None:
     made = ET.SubElement(root, "joint", name=name, type=kind)
     ET.SubElement(made, "parent", link=parent)
     ET.SubElement(made, "child", link=child)

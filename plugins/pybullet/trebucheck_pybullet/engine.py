@@ -24,10 +24,12 @@ from .study import STUDY
 class PyBulletEngine(BuiltinEngine):
     """Bullet's multibody; the defaults are the tuned preset.
 
-    Tuned, its `calculateMassMatrix` and `calculateInverseDynamics` are moved by RK4, stops and joints that close loops
-    are constraint multipliers on them, and events are located by trebucheck's driver.
+    Tuned, its `calculateMassMatrix` and `calculateInverseDynamics` are moved by RK4, stops and
+    joints that close loops are constraint multipliers on them, and events are located by
+    trebucheck's driver.
 
-    The stock preset is `stepSimulation` with Bullet's joint limits, every other setting Bullet's default.
+    The stock preset is `stepSimulation` with Bullet's joint limits, every other setting Bullet's
+    default.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -48,19 +50,25 @@ class PyBulletEngine(BuiltinEngine):
     stock_options: ClassVar[Mapping[str, object]] = {"mode": "step"}
 
     mode: Literal["dynamics", "step"] = Field(
-        default="dynamics", description="Bullet's dynamics in RK4, or its own `stepSimulation` with joint limits"
+        default="dynamics",
+        description="Bullet's dynamics in RK4, or its own `stepSimulation` with joint limits",
     )
     solver_iterations: Annotated[int, Field(ge=1, le=100_000)] = Field(
         default=50, description="most iterations of the solver of the joint limits in a step"
     )
     solver_threshold: NonNegative = Field(
-        default=1e-7, description="change of an iteration below which the solver of the joint limits ends"
+        default=1e-7,
+        description="change of an iteration below which the solver of the joint limits ends",
     )
 
     @property
     def lacking(self) -> frozenset[Basic | Feature]:
         """Bullet's own steps are of trees, with limits of joints, without restitution."""
-        return frozenset() if self.mode == "dynamics" else frozenset({Basic.LOOP, Basic.POINT_STOP, Basic.REBOUND})
+        return (
+            frozenset()
+            if self.mode == "dynamics"
+            else frozenset({Basic.LOOP, Basic.POINT_STOP, Basic.REBOUND})
+        )
 
     @property
     def supplied(self) -> Supplied:
@@ -71,11 +79,16 @@ class PyBulletEngine(BuiltinEngine):
         from .tree import BulletTree
 
         if self.mode == "step":
-            solver = {"numSolverIterations": self.solver_iterations, "solverResidualThreshold": self.solver_threshold}
+            solver = {
+                "numSolverIterations": self.solver_iterations,
+                "solverResidualThreshold": self.solver_threshold,
+            }
             tree = BulletTree(problem.mechanism, self.timestep, solver)
             motion = LimitedMotion(problem, tree, self.timestep, "pybullet's own step")
             return plain_run(problem, motion, self.name, self.timestep)
-        return EventDriver(problem, TreeMotion(BulletTree(problem.mechanism)), self.name, self.timestep).run()
+        return EventDriver(
+            problem, TreeMotion(BulletTree(problem.mechanism)), self.name, self.timestep
+        ).run()
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The built model's mass matrix, forces and accelerations in each state."""

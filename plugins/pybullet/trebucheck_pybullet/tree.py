@@ -19,7 +19,9 @@ from .build import NO_LIMIT, Links, build
 class BulletTree:
     """One multibody for dynamics and steps, and an opened one whose inverse dynamics gives the reactions."""
 
-    def __init__(self, mechanism: Mechanism, timestep: float = 1e-3, solver: Mapping[str, Any] | None = None) -> None:
+    def __init__(
+        self, mechanism: Mechanism, timestep: float = 1e-3, solver: Mapping[str, Any] | None = None
+    ) -> None:
         """Build both; `solver` are arguments of `setPhysicsEngineParameter`."""
         self.mechanism, self.coordinates = mechanism, JointCoordinates(mechanism)
         order = list(self.coordinates.links)
@@ -32,7 +34,8 @@ class BulletTree:
             self.inertias[name] = float(info[0]), float(info[2][2])
             self.client.enableJointForceTorqueSensor(self.links.body, link, True)
 
-    # --- Dynamics ----------------------------------------------------------------------------------------------------
+    # --- Dynamics
+    # ----------------------------------------------------------------------------------------------------
 
     def mass_matrix(self, j: FloatArray) -> FloatArray:
         """By `calculateMassMatrix`."""
@@ -51,7 +54,8 @@ class BulletTree:
         self.place(j, np.zeros_like(j))
         return {name: np.array(self._link(name)[0][:2]) for name in self.links.carriers}
 
-    # --- Steps -------------------------------------------------------------------------------------------------------
+    # --- Steps
+    # -------------------------------------------------------------------------------------------------------
 
     def place(self, j: FloatArray, v: FloatArray) -> None:
         """Set the state."""
@@ -77,11 +81,13 @@ class BulletTree:
             client.setJointMotorControl2(links.body, link, pybullet.TORQUE_CONTROL, force=force)
         client.stepSimulation()
         return {
-            joint.name: turned[joint.child] @ client.getJointState(links.body, links.carriers[joint.child])[2][:2]
+            joint.name: turned[joint.child]
+            @ client.getJointState(links.body, links.carriers[joint.child])[2][:2]
             for joint in self.mechanism.tree_joints
         }
 
-    # --- What it shows -----------------------------------------------------------------------------------------------
+    # --- What it shows
+    # -----------------------------------------------------------------------------------------------
 
     def observe(self, j: FloatArray, v: FloatArray, a: FloatArray) -> Observation:
         """Points and speeds of the links, energies by them, reactions by the opened tree's inverse dynamics."""
@@ -95,19 +101,29 @@ class BulletTree:
             potential -= mass * float(gravity @ centre[:2])
         markers = self.mechanism.markers
         return Observation(
-            points={each.name: self._point(links[each.body], each.body, each.point) for each in markers},
+            points={
+                each.name: self._point(links[each.body], each.body, each.point) for each in markers
+            },
             kinetic_energy=kinetic,
             potential_energy=potential,
-            reactions=self._reactions(j, v, a, {name: _turn(link[1]) for name, link in links.items()}),
+            reactions=self._reactions(
+                j, v, a, {name: _turn(link[1]) for name, link in links.items()}
+            ),
         )
 
     def _link(self, name: str) -> Any:
         return self.client.getLinkState(
-            self.links.body, self.links.carriers[name], computeLinkVelocity=1, computeForwardKinematics=1
+            self.links.body,
+            self.links.carriers[name],
+            computeLinkVelocity=1,
+            computeForwardKinematics=1,
         )
 
-    def _point(self, link: Any, name: str, point: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
-        # From the centre of mass: Bullet rounds the pose of the link's own frame to single precision.
+    def _point(
+        self, link: Any, name: str, point: tuple[float, float]
+    ) -> tuple[FloatArray, FloatArray]:
+        # From the centre of mass: Bullet rounds the pose of the link's own frame to single
+        # precision.
         arm = _turn(link[1]) @ (np.array(point) - self.mechanism.body(name).centre)
         speed = np.array(link[6][:2]) + link[7][2] * np.array([-arm[1], arm[0]])
         return np.array(link[0][:2]) + arm, speed
@@ -127,12 +143,16 @@ class BulletTree:
         rows = {joint.name: np.zeros(3) for _, joint in self.coordinates.links}
         for freedom, value in zip(self.coordinates.freedoms, values, strict=True):
             d = freedom.direction
-            rows[freedom.joint.name] += value * (np.array([0, 0, 1]) if d is None else np.array([d.real, d.imag, 0]))
+            rows[freedom.joint.name] += value * (
+                np.array([0, 0, 1]) if d is None else np.array([d.real, d.imag, 0])
+            )
         return np.concatenate(list(rows.values()))
 
 
 def _inverse_dynamics(links: Links, j: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
-    return np.array(links.client.calculateInverseDynamics(links.body, j.tolist(), v.tolist(), a.tolist()))
+    return np.array(
+        links.client.calculateInverseDynamics(links.body, j.tolist(), v.tolist(), a.tolist())
+    )
 
 
 def _turn(quaternion: tuple[float, float, float, float]) -> FloatArray:

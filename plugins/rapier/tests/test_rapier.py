@@ -14,13 +14,18 @@ def _error(problem: tb.Problem, step: float) -> float:
     """Greatest distance of a marker from where it should be [m]."""
     found = tb.engine("rapier", timestep=step).simulate(problem)
     truth = solve(problem).trajectory(found.t)
-    return max(float(np.abs(m.position - truth.markers[name].position).max()) for name, m in found.markers.items())
+    return max(
+        float(np.abs(m.position - truth.markers[name].position).max())
+        for name, m in found.markers.items()
+    )
 
 
 def test_a_stop_stays_where_it_is_over_many_turns() -> None:
     """Rapier knows an angle within half a turn: a stop at one and a half turns is met there and not before."""
     rod = tb.Body(name="rod", angle="a", mass=1.0, centre=(0.5, 0.0), inertia=0.1)
-    pin = tb.PinJoint(name="pin", parent="ground", child="rod", parent_point=(0, 0), child_point=(0, 0))
+    pin = tb.PinJoint(
+        name="pin", parent="ground", child="rod", parent_point=(0, 0), child_point=(0, 0)
+    )
     stop = tb.Stop(name="end", body="rod", sense=-1, limit=-3 * np.pi, closed=False)
     made = tb.Mechanism(
         name="turning", bodies=(rod,), joints=(pin,), stops=(stop,), gravity=9.81, start=(0.0,), start_speeds=(12.0,),
@@ -32,12 +37,22 @@ def test_a_stop_stays_where_it_is_over_many_turns() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["slider-crank", "incline", "oscillator", "motor", "thrown-plate", "spring-pendulum", "welded-rods"]
+    "name",
+    [
+        "slider-crank",
+        "incline",
+        "oscillator",
+        "motor",
+        "thrown-plate",
+        "spring-pendulum",
+        "welded-rods",
+    ],
 )
 def test_it_builds_every_element(name: str) -> None:
     problem = benchmark(name).problem().model_copy(update={"duration": 0.4})
     size = max(
-        float(np.abs(m.position).max()) for m in solve(problem).trajectory(np.array([0.0, 0.4])).markers.values()
+        float(np.abs(m.position).max())
+        for m in solve(problem).trajectory(np.array([0.0, 0.4])).markers.values()
     )
     coarse, fine = (_error(problem, step) / size for step in (4e-3, 2e-3))
     # Of first order, down to what single precision leaves.

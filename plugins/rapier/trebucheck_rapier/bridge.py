@@ -7,5 +7,8 @@ from pathlib import Path
 from trebucheck.engines.node_package import NodePackage
 
 RAPIER = NodePackage(
-    "Rapier 2D", "@dimforge/rapier2d-compat", module="trebucheck_rapier", folder=Path(__file__).parent / "node"
+    "Rapier 2D",
+    "@dimforge/rapier2d-compat",
+    module="trebucheck_rapier",
+    folder=Path(__file__).parent / "node",
 )

@@ -29,7 +29,10 @@ class Built(NodeScene):
 
     def _add_carriage(self, joint: SlotJoint) -> Json:
         """A small body in a slot, which the child is pinned to."""
-        row, child = self.kinematics.point(joint.child, joint.child_point), self.mechanism.body(joint.child)
+        row, child = (
+            self.kinematics.point(joint.child, joint.child_point),
+            self.mechanism.body(joint.child),
+        )
         mass = self.carriage * child.mass
         self.bodies.append({
             "position": (self.kinematics.position(row, self.q) * MIRROR).tolist(),
@@ -42,5 +45,7 @@ class Built(NodeScene):
 
     def _lever(self, body: Body) -> float:
         points = [joint.child_point for joint in self.mechanism.joints if joint.child == body.name]
-        points += [joint.parent_point for joint in self.mechanism.joints if joint.parent == body.name]
+        points += [
+            joint.parent_point for joint in self.mechanism.joints if joint.parent == body.name
+        ]
         return max(float(np.hypot(*np.subtract(point, body.centre))) for point in points) or 1.0

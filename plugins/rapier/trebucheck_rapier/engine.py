@@ -27,7 +27,8 @@ from .study import STUDY
 class RapierEngine(BuiltinEngine):
     """Rapier's world with impulse joints, moved by Node.js; the stock preset has Rapier's own substeps and passes.
 
-    Its multibody joints are no choice: they have a damping of their own, which its interface cannot take out.
+    Its multibody joints are no choice: they have a damping of their own, which its interface cannot
+    take out.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -50,7 +51,8 @@ class RapierEngine(BuiltinEngine):
     stock_options: ClassVar[Mapping[str, object]] = {"substeps": 4, "passes": 1}
 
     substeps: Annotated[int, Field(ge=1, le=1000)] = Field(
-        default=8, description="of a step, each with its own impulses (Rapier's numSolverIterations)"
+        default=8,
+        description="of a step, each with its own impulses (Rapier's numSolverIterations)",
     )
     passes: Annotated[int, Field(ge=1, le=10_000)] = Field(
         default=4, description="over all joints in a substep (Rapier's numInternalPgsIterations)"
@@ -62,7 +64,9 @@ class RapierEngine(BuiltinEngine):
         "joint that both slides and turns",
     )  # fmt: skip
     opening: Positive = Field(
-        default=1e-4, le=0.1, description="gap at which a stop has opened [rad]; its release is looked back for"
+        default=1e-4,
+        le=0.1,
+        description="gap at which a stop has opened [rad]; its release is looked back for",
     )
 
     @property
@@ -92,7 +96,11 @@ class RapierEngine(BuiltinEngine):
         scene = built.description(problem, problem.duration / steps, steps) | {
             "substeps": self.substeps, "passes": self.passes, "opening": self.opening,
         }  # fmt: skip
-        samples = NodeSamples(built, np.linspace(0.0, problem.duration, steps + 1), RAPIER.move(scene))
+        samples = NodeSamples(
+            built, np.linspace(0.0, problem.duration, steps + 1), RAPIER.move(scene)
+        )
         found = samples.recording()
         potential = found.potential_energy - spread.extra_potential_energy
-        return replace(found, potential_energy=potential, release_times=releases(samples, self.opening))
+        return replace(
+            found, potential_energy=potential, release_times=releases(samples, self.opening)
+        )

@@ -12,7 +12,11 @@ _GROWN = 27.0  # a release is looked back for from a gap of `opening` to this ma
 def releases(samples: NodeSamples, opening: float) -> dict[str, float | None]:
     """Of the stops that are closed at the start; one has opened where its gap exceeds `opening` [rad]."""
     stops = samples.scene.mechanism.stops
-    return {each.name: _release(samples, each, opening) for each in stops if each.closed and isinstance(each, Stop)}
+    return {
+        each.name: _release(samples, each, opening)
+        for each in stops
+        if each.closed and isinstance(each, Stop)
+    }
 
 
 def _release(samples: NodeSamples, stop: Stop, opening: float) -> float | None:

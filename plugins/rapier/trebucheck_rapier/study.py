@@ -27,8 +27,14 @@ _SCHEME = "semi-implicit Euler, impulses"
 _REASON = "semi-implicit Euler in substeps of Cartesian coordinates; at short steps the floor of single precision"
 STUDY = EngineStudy(
     causes=_causes,
-    step_orders={"tuned": StepOrder(1.0, _REASON, _SCHEME), "stock": StepOrder(1.0, _REASON, _SCHEME)},
-    refinements=(HALF_THE_STEP, Refinement("mass in slots", "a tenth of it", multiplied("carriage", 0.1))),
+    step_orders={
+        "tuned": StepOrder(1.0, _REASON, _SCHEME),
+        "stock": StepOrder(1.0, _REASON, _SCHEME),
+    },
+    refinements=(
+        HALF_THE_STEP,
+        Refinement("mass in slots", "a tenth of it", multiplied("carriage", 0.1)),
+    ),
     option_sets=(STOCK_SET, TUNED_SET),
     single_precision=True,
     colour="#b8860b",
