@@ -15,10 +15,10 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from .renamed import install
 from .version import __version__
 
 if TYPE_CHECKING:
-    from . import paper
     from .comparisons.compare.study import compare
     from .comparisons.diff.study import diff
     from .comparisons.front.studies import certify, converge, explain, recommend
@@ -107,6 +107,8 @@ __all__ = [
     "throw",
 ]
 
+install()
+
 _ERRORS = (
     "EngineNotInstalledError",
     "InputError",
@@ -149,13 +151,25 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    if name in ("engines", "paper"):  # subpackages that can be called: see their docstrings
+    if name == "engines":  # a subpackage that can be called: see its docstring
         return importlib.import_module(f".{name}", __name__)
+    if name == "paper":
+        return _paper()
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
     globals()[name] = value
     return value
+
+
+def _paper() -> Any:
+    """The audit of the paper, which is a distribution of its own."""
+    try:
+        return importlib.import_module("trebucheck_paper").paper
+    except ImportError as error:
+        raise AttributeError(
+            "trebucheck.paper is in the distribution trebucheck-paper: pip install ./paper"
+        ) from error
 
 
 def __dir__() -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import os
 import shlex
 import sys
@@ -11,6 +12,7 @@ from functools import cache
 from typing import Annotated, Any
 
 import typer
+from trebucheck_importers import command as importer
 
 from ..models.errors import SimulationError, TrebucheckError, shortened
 from . import (
@@ -21,7 +23,6 @@ from . import (
     data,
     diff,
     figures,
-    importer,
     judge,
     matrix,
     plugin,
@@ -61,14 +62,15 @@ for name, command in {
     "matrix": matrix.matrix_command,
     "recommend": studies.recommend_command,
     "converge": studies.converge_command,
-    "paper": studies.paper_command,
     "problems": problems.problems_command,
     "data": data.data_command,
-    "importer": importer.importer_command,
     "figures": figures.figures_command,
     "engines": catalogue.engines_command,
 }.items():
     app.command(name)(command)
+# Commands of other distributions: the paper's audit, the check of importers, ...
+for point in importlib.metadata.entry_points(group="trebucheck.commands"):
+    app.command(point.name)(point.load())
 app.add_typer(catalogue.models_app, name="models")
 app.add_typer(plugin.plugin_app, name="plugin")
 

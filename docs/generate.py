@@ -31,10 +31,6 @@ from trebucheck.comparisons.converge.results import Studies
 from trebucheck.comparisons.data.files import names, publish
 from trebucheck.comparisons.diff.data import DifferenceData
 from trebucheck.comparisons.explain.results import Explanation
-from trebucheck.comparisons.importer.files import publish as publish_zoo
-from trebucheck.comparisons.importer.report import machine_table, overview, versions_table
-from trebucheck.comparisons.importer.report import page as page_of_importer
-from trebucheck.comparisons.importer.results import ImporterResults
 from trebucheck.comparisons.judge.study import Judgement
 from trebucheck.comparisons.matrix.read import distilled, orders_of
 from trebucheck.comparisons.matrix.read import read as read_matrix
@@ -59,11 +55,15 @@ from trebucheck.models.mjcf.writer import write_model_folder
 from trebucheck.models.problems.benchmark import Benchmark
 from trebucheck.models.problems.registry import benchmarks
 from trebucheck.models.spec import schema_text
-from trebucheck.models.zoo.registry import zoo
-from trebucheck.paper.evidence.claims import Study
-from trebucheck.paper.report import summary
-from trebucheck.paper.study import study
 from trebucheck.reference.solver import solve
+from trebucheck_importers.files import publish as publish_zoo
+from trebucheck_importers.report import machine_table, overview, versions_table
+from trebucheck_importers.report import page as page_of_importer
+from trebucheck_importers.results import ImporterResults
+from trebucheck_importers.zoo.registry import zoo
+from trebucheck_paper.evidence.claims import Study
+from trebucheck_paper.report import summary
+from trebucheck_paper.study import study
 from typer.cli import get_docs_for_click
 
 ROOT = Path(__file__).parents[1]

@@ -20,7 +20,9 @@ class _ForceElement(Spec):
         return (self.body,)
 
 
-class _Between(_ForceElement):
+class TwoBodyForceElement(_ForceElement):
+    """A force element between a body and another one, or the ground."""
+
     relative_to: Name = Field(default=GROUND, description="the other body, or 'ground'")
 
     @property
@@ -37,7 +39,7 @@ class _Between(_ForceElement):
         return self
 
 
-class SpringDamper(_Between):
+class SpringDamper(TwoBodyForceElement):
     """A linear spring and damper between two points, along the line that joins them.
 
     With the distance l of the points and its rate v it pulls them together with k (l - l0) + c v
@@ -52,7 +54,7 @@ class SpringDamper(_Between):
     rest_length: NonNegative = Field(default=0.0, description="l0 [m]")
 
 
-class RotationalSpringDamper(_Between):
+class RotationalSpringDamper(TwoBodyForceElement):
     """A linear spring and damper on a relative angle.
 
     With the angle b of the body less that of the other and its rate w the torque on the body is
@@ -73,7 +75,7 @@ class ConstantForce(_ForceElement):
     force: Vector = Field(description="in the world's directions [N]")
 
 
-class ConstantTorque(_Between):
+class ConstantTorque(TwoBodyForceElement):
     """A constant torque on a body, and the opposite one on another: a motor."""
 
     kind: Literal["constant-torque"] = "constant-torque"

@@ -25,13 +25,13 @@ from trebucheck.comparisons.runs.results import Outcome
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.throw import report as throw_report
 from trebucheck.models.problems.registry import benchmark
-from trebucheck.paper import report as paper_report
-from trebucheck.paper.evidence.claims import Claim, EngineValue, Quantity, Series
-from trebucheck.paper.evidence.claims import Study as Paper
-from trebucheck.paper.evidence.verdicts import Row, as_printed
 from trebucheck.reference.certification.certificate import load_certificate
 from trebucheck.reference.throw.sensitivity import sensitivities_of
 from trebucheck.reference.throw.throw import perform
+from trebucheck_paper import report as paper_report
+from trebucheck_paper.evidence.claims import Claim, EngineValue, Quantity, Series
+from trebucheck_paper.evidence.claims import Study as Paper
+from trebucheck_paper.evidence.verdicts import Row, as_printed
 
 COMMAND = "trebucheck compare --models fixed,pendulum --engines reference,pymunk --timestep 0.004 --out report"
 

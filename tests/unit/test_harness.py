@@ -167,8 +167,8 @@ def test_tolerances_grow_with_the_order_and_do_not_sharpen() -> None:
 
 def test_the_papers_allowances_and_a_comparison_apply_the_same_tolerance() -> None:
     """At a longer step, and away from Table I, where the paper's allowances once lacked a factor of ten."""
-    from trebucheck.paper.evidence.engine_runs import allowances, allowed
-    from trebucheck.paper.evidence.quantities import ThrowQuantity
+    from trebucheck_paper.evidence.engine_runs import allowances, allowed
+    from trebucheck_paper.evidence.quantities import ThrowQuantity
 
     quantity = ThrowQuantity("a position", "m")
     runner = tb.engine("pymunk", timestep=2e-3)

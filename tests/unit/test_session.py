@@ -16,9 +16,9 @@ from trebucheck.comparisons.compare.study import Comparison
 from trebucheck.comparisons.front import studies
 from trebucheck.models.machines.registry import library_problem
 from trebucheck.models.shown import Reported, Shown
-from trebucheck.paper.evidence.claims import Study as PaperStudy
 from trebucheck.reference.certification.certificate import load_certificate
 from trebucheck.reference.solver import solve
+from trebucheck_paper.evidence.claims import Study as PaperStudy
 
 pytestmark = pytest.mark.slow  # one of everything is made for all of them: some 5 s
 

@@ -55,6 +55,7 @@ def _rest_of_a_bob(e: float, limit: float) -> float:
         def rise(speed: object) -> object:
             """Time from the stop to the turning point, by quadrature of the energy."""
             highest = mpmath.asin(mpmath.sin(limit) - speed**2 / (2 * rate))
+
             # a = highest + x^2 takes the root at the turning point away.
             def slowness(x: object) -> object:
                 height = mpmath.sin(x**2 / 2) * mpmath.cos(highest + x**2 / 2)

@@ -9,13 +9,13 @@ from typing import Any
 
 import Box2D
 import numpy as np
-from trebucheck.engines.joint_coordinates import Limit
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.joints import GROUND, AnyJoint, FreeJoint, PinJoint, WeldJoint
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.stops import AnyStop, Stop
+from trebucheck_toolkit.joint_coordinates import Limit
 
 Vector = tuple[float, float]
 WIDE = 1e6  # [rad] a limit that is never met

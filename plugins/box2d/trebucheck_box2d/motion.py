@@ -7,15 +7,15 @@ from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
-from trebucheck.engines.event_driver import Observation
-from trebucheck.engines.joint_coordinates import Limit
-from trebucheck.engines.plain_run import StepAhead
-from trebucheck.engines.point_masses import NoPointMasses
-from trebucheck.engines.schemes import State
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.problem import Problem, StopLaw
+from trebucheck_toolkit.event_driver import Observation
+from trebucheck_toolkit.joint_coordinates import Limit
+from trebucheck_toolkit.plain_run import StepAhead
+from trebucheck_toolkit.point_masses import NoPointMasses
+from trebucheck_toolkit.schemes import State
 
 from .build import WIDE, Built
 from .loads import forces, torques

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from trebucheck.engines.event_driver import Observation
-from trebucheck.engines.schemes import State
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.joints import GROUND, AnyJoint, FreeJoint
+from trebucheck_toolkit.event_driver import Observation
+from trebucheck_toolkit.schemes import State
 
 from .build import Built, turned
 

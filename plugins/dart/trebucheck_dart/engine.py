@@ -6,16 +6,16 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar, Literal
 
 from pydantic import Field
-from trebucheck.engines.event_driver import EventDriver
 from trebucheck.engines.inspection import Inspection, State
-from trebucheck.engines.joint_tree import LimitedMotion, TreeMotion
-from trebucheck.engines.plain_run import plain_run
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
 from trebucheck.engines.supplied import LIMITED, MOVED, Supplied
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
+from trebucheck_toolkit.event_driver import EventDriver
+from trebucheck_toolkit.joint_tree import LimitedMotion, TreeMotion
+from trebucheck_toolkit.plain_run import plain_run
 
 from .study import STUDY
 

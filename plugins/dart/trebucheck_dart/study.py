@@ -4,12 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from trebucheck.engines.scheme_tables import (
-    EULER_STEPS,
-    EULER_TOLERANCES,
-    RK4_LOCATED,
-    located_tolerances,
-)
 from trebucheck.engines.study import (
     REFINEMENT,
     STOCK_SET,
@@ -19,6 +13,12 @@ from trebucheck.engines.study import (
     EngineStudy,
     Intervention,
     time_step_cause,
+)
+from trebucheck_toolkit.scheme_tables import (
+    EULER_STEPS,
+    EULER_TOLERANCES,
+    RK4_LOCATED,
+    located_tolerances,
 )
 
 

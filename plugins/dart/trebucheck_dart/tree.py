@@ -12,12 +12,12 @@ from typing import Any
 
 import dartpy
 import numpy as np
-from trebucheck.engines.event_driver import Observation
-from trebucheck.engines.joint_coordinates import JointCoordinates
-from trebucheck.engines.schemes import State
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.joints import GROUND, AnyJoint
 from trebucheck.models.mechanism import Body, Mechanism
+from trebucheck_toolkit.event_driver import Observation
+from trebucheck_toolkit.joint_coordinates import JointCoordinates
+from trebucheck_toolkit.schemes import State
 
 _CLOCKWISE = np.array([0.0, 0.0, -1.0])
 

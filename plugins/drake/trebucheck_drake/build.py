@@ -19,11 +19,11 @@ from pydrake.multibody.tree import (
     SpatialInertia,
     WeldJoint,
 )
-from trebucheck.engines.joint_coordinates import JointCoordinates
-from trebucheck.engines.schemes import State
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.joints import GROUND, AnyJoint
 from trebucheck.models.mechanism import Body, Mechanism
+from trebucheck_toolkit.joint_coordinates import JointCoordinates
+from trebucheck_toolkit.schemes import State
 
 _CLOCKWISE = np.array([0.0, 0.0, -1.0])
 

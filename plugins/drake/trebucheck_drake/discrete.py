@@ -6,17 +6,17 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from trebucheck.engines.constrained import subtree_sums
-from trebucheck.engines.event_driver import Observation
-from trebucheck.engines.joint_coordinates import Limit
-from trebucheck.engines.joint_tree import JointLimits
-from trebucheck.engines.plain_run import plain_run
 from trebucheck.engines.protocol import Recording
-from trebucheck.engines.schemes import State
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
+from trebucheck_toolkit.constrained import subtree_sums
+from trebucheck_toolkit.event_driver import Observation
+from trebucheck_toolkit.joint_coordinates import Limit
+from trebucheck_toolkit.joint_tree import JointLimits
+from trebucheck_toolkit.plain_run import plain_run
+from trebucheck_toolkit.schemes import State
 
 from .build import Built
 from .read import Reader

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
-from trebucheck.engines.event_driver import EventDriver
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
@@ -15,6 +14,7 @@ from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Real
+from trebucheck_toolkit.event_driver import EventDriver
 
 from .study import STUDY
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from trebucheck.engines.event_driver import Observation
 from trebucheck.models.arrays import FloatArray
+from trebucheck_toolkit.event_driver import Observation
 
 from .build import Built, in_space
 

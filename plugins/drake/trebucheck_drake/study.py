@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from trebucheck.engines.scheme_tables import EULER_STEPS, error_controlled, located_tolerances
 from trebucheck.engines.study import (
     REFINEMENT,
     STOCK_SET,
@@ -15,6 +14,7 @@ from trebucheck.engines.study import (
     Intervention,
     time_step_cause,
 )
+from trebucheck_toolkit.scheme_tables import EULER_STEPS, error_controlled, located_tolerances
 
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:

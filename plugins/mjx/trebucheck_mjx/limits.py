@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from trebucheck.engines.event_driver import Observation
-from trebucheck.engines.schemes import State
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.mechanism import Mechanism
+from trebucheck_toolkit.event_driver import Observation
+from trebucheck_toolkit.schemes import State
 
 from .build import Built
 from .read import Reader

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from trebucheck.engines.constrained import ConstrainedDynamics, Solved, subtree_sums
 from trebucheck.engines.contact_events import Contacts
-from trebucheck.engines.event_driver import Observation
-from trebucheck.engines.schemes import State
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.mechanism import Mechanism
+from trebucheck_toolkit.constrained import ConstrainedDynamics, Solved, subtree_sums
+from trebucheck_toolkit.event_driver import Observation
+from trebucheck_toolkit.schemes import State
 
 from .build import Built
 from .read import Reader

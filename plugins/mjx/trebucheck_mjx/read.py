@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from trebucheck.engines.event_driver import Observation
 from trebucheck.engines.mujoco.read import IN_PLANE
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.mjcf.writer import mjcf_names, position_sensor, velocity_sensor
+from trebucheck_toolkit.event_driver import Observation
 
 from .build import Built, Seen
 

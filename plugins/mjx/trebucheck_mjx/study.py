@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from trebucheck.engines.scheme_tables import RK4_LOCATED, located_tolerances
 from trebucheck.engines.study import (
     REFINEMENT,
     STOCK_SET,
@@ -16,6 +15,7 @@ from trebucheck.engines.study import (
     StepOrder,
     time_step_cause,
 )
+from trebucheck_toolkit.scheme_tables import RK4_LOCATED, located_tolerances
 
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:

@@ -12,10 +12,10 @@ from typing import Any
 import newton
 import numpy as np
 import warp as wp
-from trebucheck.engines.joint_coordinates import JointCoordinates
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.joints import GROUND, AnyJoint
 from trebucheck.models.mechanism import Body, Mechanism
+from trebucheck_toolkit.joint_coordinates import JointCoordinates
 
 _CLOCKWISE = (0.0, 0.0, -1.0)
 _LEAST = 1e-9  # of a carrier's mass, as a part of its body's; of inertias, of m d^2 with d the centre's distance

@@ -9,9 +9,6 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 from trebucheck.engines.inspection import Inspection, State
-from trebucheck.engines.joint_coordinates import JointCoordinates
-from trebucheck.engines.joint_tree import JointLimits, LimitedMotion, TreeMotion
-from trebucheck.engines.plain_run import OwnStops, plain_run
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
 from trebucheck.engines.supplied import LIMITED, Part, Supplied
@@ -19,6 +16,9 @@ from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Positive
+from trebucheck_toolkit.joint_coordinates import JointCoordinates
+from trebucheck_toolkit.joint_tree import JointLimits, LimitedMotion, TreeMotion
+from trebucheck_toolkit.plain_run import OwnStops, plain_run
 
 from .study import STUDY
 

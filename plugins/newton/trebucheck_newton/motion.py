@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import newton
 import numpy as np
-from trebucheck.engines.event_driver import Observation
-from trebucheck.engines.joint_tree import JointLimits, without_others
-from trebucheck.engines.plain_run import StepAhead
-from trebucheck.engines.schemes import State
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.problem import Problem
+from trebucheck_toolkit.event_driver import Observation
+from trebucheck_toolkit.joint_tree import JointLimits, without_others
+from trebucheck_toolkit.plain_run import StepAhead
+from trebucheck_toolkit.schemes import State
 
 from .tree import NewtonTree
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from trebucheck.engines.scheme_tables import EULER_STEPS, EULER_TOLERANCES
 from trebucheck.engines.study import STOCK_SET, TUNED_SET, EngineStudy, StepOrder, Tolerance
+from trebucheck_toolkit.scheme_tables import EULER_STEPS, EULER_TOLERANCES
 
 STUDY = EngineStudy(
     step_orders={

@@ -8,11 +8,11 @@ from typing import Any
 import newton
 import numpy as np
 import warp as wp
-from trebucheck.engines.event_driver import Observation
-from trebucheck.engines.joint_coordinates import JointCoordinates
-from trebucheck.engines.schemes import State
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.mechanism import Mechanism
+from trebucheck_toolkit.event_driver import Observation
+from trebucheck_toolkit.joint_coordinates import JointCoordinates
+from trebucheck_toolkit.schemes import State
 
 from .build import Built, turn_of
 

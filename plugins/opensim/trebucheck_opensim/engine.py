@@ -6,9 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
-from trebucheck.engines.event_driver import EventDriver
 from trebucheck.engines.inspection import Inspection, State
-from trebucheck.engines.plain_run import plain_run
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
 from trebucheck.engines.supplied import HELD, NOTHING, Part, Supplied
@@ -16,6 +14,8 @@ from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Positive, Real
+from trebucheck_toolkit.event_driver import EventDriver
+from trebucheck_toolkit.plain_run import plain_run
 
 from .study import STUDY
 

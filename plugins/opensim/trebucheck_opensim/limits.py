@@ -6,13 +6,13 @@ import math
 from collections.abc import Mapping
 
 import opensim as osim
-from trebucheck.engines.event_driver import Observation
-from trebucheck.engines.joint_coordinates import Limit
-from trebucheck.engines.schemes import State
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import initial_state
 from trebucheck.models.mechanism import Mechanism
+from trebucheck_toolkit.event_driver import Observation
+from trebucheck_toolkit.joint_coordinates import Limit
+from trebucheck_toolkit.schemes import State
 
 from .build import Built
 from .motion import Motion

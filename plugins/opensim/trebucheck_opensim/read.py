@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import opensim as osim
-from trebucheck.engines.event_driver import Observation
 from trebucheck.models.arrays import FloatArray
+from trebucheck_toolkit.event_driver import Observation
 
 from .build import Built, in_space
 

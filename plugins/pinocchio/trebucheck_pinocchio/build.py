@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from trebucheck.engines.joint_coordinates import JointCoordinates
 from trebucheck.models.joints import GROUND, AnyJoint
 from trebucheck.models.mechanism import Body, Mechanism
+from trebucheck_toolkit.joint_coordinates import JointCoordinates
 
 _CLOCKWISE = np.array([0.0, 0.0, -1.0])
 

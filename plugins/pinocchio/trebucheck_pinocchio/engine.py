@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar, Literal
 
 from pydantic import Field
-from trebucheck.engines.event_driver import EventDriver
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
@@ -14,6 +13,7 @@ from trebucheck.engines.supplied import MOVED, Supplied
 from trebucheck.models.features import Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
+from trebucheck_toolkit.event_driver import EventDriver
 
 from .study import STUDY
 

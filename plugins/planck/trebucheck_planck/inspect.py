@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 from trebucheck.engines.inspection import Dynamics, Inspection, State
-from trebucheck.engines.node_samples import NodeSamples
-from trebucheck.engines.node_scene import MIRROR, Json, NodeScene, turned
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.joints import GROUND, AnyJoint, FreeJoint, PrismaticJoint, SlotJoint
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.reference.equations import Equations
+from trebucheck_toolkit.node_samples import NodeSamples
+from trebucheck_toolkit.node_scene import MIRROR, Json, NodeScene, turned
 
 from .bridge import PLANCK
 

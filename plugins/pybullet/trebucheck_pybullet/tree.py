@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pybullet
-from trebucheck.engines.event_driver import Observation
-from trebucheck.engines.joint_coordinates import JointCoordinates
-from trebucheck.engines.schemes import State
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.mechanism import Mechanism
+from trebucheck_toolkit.event_driver import Observation
+from trebucheck_toolkit.joint_coordinates import JointCoordinates
+from trebucheck_toolkit.schemes import State
 
 from .build import NO_LIMIT, Links, build
 

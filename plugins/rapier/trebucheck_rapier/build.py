@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from trebucheck.engines.node_scene import MIRROR, Json, NodeScene
 from trebucheck.models.joints import SlotJoint
 from trebucheck.models.mechanism import Body, Mechanism
+from trebucheck_toolkit.node_scene import MIRROR, Json, NodeScene
 
 
 class Built(NodeScene):

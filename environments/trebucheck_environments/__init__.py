@@ -1,0 +1,24 @@
+"""Tasks to learn on, for Gymnasium: importing this package registers them.
+
+>>> env = gymnasium.make("trebucheck.environments:trebucheck/Throw-v0")  # doctest: +SKIP
+
+Gymnasium has had no plug-ins since version 1.0: the part before the colon names the module that it
+imports first.
+"""
+
+from __future__ import annotations
+
+from trebucheck.models.errors import EngineNotInstalledError
+
+try:
+    import gymnasium
+except ImportError as error:
+    raise EngineNotInstalledError(
+        f"environments need Gymnasium, which 'pip install trebucheck[gym]' brings: {error}"
+    ) from error
+
+from .throw import HOLD, RELEASE, ThrowEnv
+
+__all__ = ["HOLD", "RELEASE", "ThrowEnv"]
+
+gymnasium.register("trebucheck/Throw-v0", entry_point=f"{__name__}:ThrowEnv")

@@ -1,0 +1,224 @@
+"""The whole study of the paper is docs/paper.md's; its designs, read by other means and looked for from elsewhere."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from trebucheck.reference.solver import solve, solve_to_launch
+from trebucheck.reference.throw.flight import Surroundings, fly
+from trebucheck.reference.throw.release import Projectile
+from trebucheck_paper.design.first_forward_swing import Reading, first_forward_swing_of
+from trebucheck_paper.design.search import NEARNESS, RANGE, Family
+from trebucheck_paper.design.study import (
+    FARTHEST,
+    NEAREST,
+    Bounds,
+    Design,
+    design_rolling,
+    tolerances,
+)
+from trebucheck_paper.evidence.claims import Quantity, Study, Verdict
+from trebucheck_paper.report import summary
+from trebucheck_paper.rows.machines import design_rows
+from trebucheck_paper.study import study
+
+PAGE = Path(__file__).parents[2] / "docs" / "paper.md"
+NEEDED = 1e-6  # [s] the two instants may stand apart
+
+pytestmark = pytest.mark.slow  # one study for all of them: some 30 s
+
+
+@cache
+def paper() -> Study:
+    """Without engines, which have tests of their own."""
+    return study(["reference"])
+
+
+@cache
+def design() -> Design:
+    """Of that study."""
+    return Design.from_json(json.dumps(paper().sections["design"]))
+
+
+def _cells(markdown: str) -> list[list[str]]:
+    return [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in markdown.strip().splitlines()
+    ]
+
+
+def test_what_becomes_of_the_paper() -> None:
+    """Verdicts and our own values are the reference's: no engine is needed to have them."""
+    block = (
+        PAGE.read_text().partition("<!-- generated: paper -->\n")[2].partition("<!-- end -->")[0]
+    )
+    found, printed = _cells(summary(paper())), _cells(block)
+    assert [row[:3] for row in found] == [row[:3] for row in printed]
+    for mine, theirs in zip(found, printed, strict=True):
+        if (
+            mine[-1] != theirs[-1]
+        ):  # four printed digits, the last of which another machine may round otherwise
+            assert float(mine[-1].split()[0]) == pytest.approx(
+                float(theirs[-1].split()[0]), rel=2e-3
+            ), mine
+
+
+def test_table_one_is_read_as_the_checked_figures_have_it() -> None:
+    fixed, rolling = design().paper_fixed, design().paper_rolling
+    # PHYSICS.md, to the digits it prints.
+    for found, figures in (
+        (fixed, (2.744505, 44.0995, 99.4228, 1008.2591, 2.749423)),
+        (rolling, (2.516365, 40.4214, 114.1360, 1320.8773, 2.565851)),
+    ):
+        assert found.best_time == pytest.approx(figures[0], abs=6e-7)
+        assert np.degrees(found.angle) == pytest.approx(figures[1], abs=6e-5)
+        assert found.speed == pytest.approx(figures[2], abs=6e-5)
+        assert found.range == pytest.approx(figures[3], abs=6e-5)
+        assert found.fastest_time == pytest.approx(figures[4], abs=6e-7)
+
+
+@pytest.mark.parametrize("name", [FARTHEST, NEAREST])
+def test_the_two_instants_coincide_by_another_reading(name: str) -> None:
+    """The house's own range-optimal release, and a scan of the speed around it."""
+    found = design().named(name)
+    assert found is not None
+    assert abs(found.throwing.gap) < NEEDED and abs(found.difference.value) < NEEDED
+    projectile = Projectile(solve_to_launch(tb.rolling(found.throwing.parameters)))
+    best = projectile.best_release(Surroundings(gravity=found.throwing.parameters.g))
+    assert best is not None
+    assert best.time == pytest.approx(found.throwing.best_time, abs=NEEDED)
+    times = best.time + np.linspace(-0.05, 0.05, 2001)
+    _, velocity, _ = projectile.states(times)
+    fastest = times[np.argmax(np.sum(velocity**2, axis=1))]
+    assert fastest == pytest.approx(
+        best.time, abs=5e-5
+    )  # half the scan's interval, and its rounding
+    assert fly(best, Surroundings(gravity=9.81)).range == pytest.approx(
+        found.throwing.range, rel=1e-9
+    )
+
+
+def test_the_rows_on_designs_name_the_bounds_within_which_they_hold() -> None:
+    """Outside of them a coinciding machine does throw as far: the same one, with its lengths scaled as the row says."""
+    rows = {
+        row.name: row.judged(row.ours)
+        for row in design_rows(design())
+        if isinstance(row.ours, Quantity)
+    }
+    for name in ("such a machine throws farther", "coinciding gives the largest range"):
+        assert rows[name].verdict is Verdict.FAILS
+        for text in (rows[name].quantity, rows[name].why):
+            for bound in (
+                "r 2 to 12 m",
+                "h 2 to 14 m",
+                "l1 7 to 13 m",
+                "l1 + l2 = 14 m",
+                "masses and start angles",
+            ):
+                assert bound in text
+    paper, farthest = design().paper_rolling, design().designs[0].throwing
+    size = paper.range / farthest.range
+    assert f"lengths {size:.3g} times" in rows["such a machine throws farther"].why
+    p = farthest.parameters
+    scaled = p.model_copy(update={name: size * getattr(p, name) for name in ("l1", "l2", "r", "h")})
+    swing = first_forward_swing_of(tb.rolling(scaled))
+    assert swing is not None
+    assert swing.range == pytest.approx(paper.range, rel=1e-8)
+    assert abs(swing.delay(Reading.RANGE_OPTIMAL)) < NEEDED
+
+
+@pytest.mark.parametrize("name", [FARTHEST, NEAREST])
+def test_the_conditions_of_an_optimum_hold(name: str) -> None:
+    found = design().named(name)
+    assert found is not None
+    # Central differences of 1e-4 know slopes to some 1e-6; the search stops at 1e-9 km, whose root
+    # is 3e-5.
+    assert found.optimality.residual < 1e-4
+    assert len(found.optimality.neighbours) == 4
+    assert max(found.optimality.neighbours) < 0
+    assert found.optimality.active == ()
+
+
+def test_coinciding_costs_range() -> None:
+    """What the paper hopes for does not come about: the machine that throws farthest has its peak later."""
+    found, free = design().named(FARTHEST), design().unconstrained
+    assert found is not None and free is not None
+    assert found.throwing.range > design().paper_fixed.range
+    assert free.range > design().paper_rolling.range > found.throwing.range
+    assert free.gap > 1e-2
+
+
+def test_nearest_is_nearer_and_farthest_throws_farther() -> None:
+    far, near = design().named(FARTHEST), design().named(NEAREST)
+    assert far is not None and near is not None
+    assert near.change < far.change and near.throwing.range < far.throwing.range
+
+
+def test_at_45_degrees_the_angle_is_45_at_the_peak() -> None:
+    found = next(each for each in design().designs if each.reading is Reading.FORTY_FIVE)
+    assert found.throwing.fastest_time == pytest.approx(found.throwing.launch_time, abs=NEEDED)
+    assert found.throwing.gap < 0  # the best angle is less than 45 degrees, so it comes later
+
+
+def test_within_all_constraints() -> None:
+    for each in design().designs:
+        throwing, p = each.throwing, each.throwing.parameters
+        assert p.l1 + p.l2 == pytest.approx(14.0, abs=1e-12)
+        assert (p.m_b, p.m_cw, p.m_a, p.g) == (60.0, 3000.0, 1000.0, 9.81)
+        for name in ("r", "h", "l1"):
+            low, high = getattr(design().bounds, name)
+            assert low <= getattr(p, name) <= high
+        assert throwing.arm_angle < 1.5 * np.pi
+        assert throwing.sling_release < min(throwing.best_time, throwing.fastest_time)
+
+
+def test_a_machine_that_throws_nothing_is_no_design() -> None:
+    parameters = tb.TrebuchetParameters.with_beam(
+        9.0, r=8.0, h=4.0
+    )  # its best release only goes over the fulcrum
+    assert first_forward_swing_of(tb.rolling(parameters)) is None
+
+
+def test_tolerances_grow_with_the_bar() -> None:
+    found = first_forward_swing_of(tb.rolling(), solve)
+    assert found is not None
+    small, large = tolerances(found, 1e-6), tolerances(found, 1e-3)
+    for name, value in small.items():
+        assert value > 0 and large[name] == pytest.approx(1e3 * value, rel=1e-9)
+    assert tolerances(found, None) == {}
+
+
+def test_other_starts_lead_to_the_same_designs() -> None:
+    family = Family(tb.TrebuchetParameters(), 14.0, Bounds())
+    for name, objective, starts in (
+        (FARTHEST, RANGE, ([4.4, 13.0, 11.0],)),
+        (NEAREST, NEARNESS, ([3.79, 12.0, 12.0],)),
+    ):
+        expected = design().named(name)
+        assert expected is not None
+        reached = family.maximised([np.array(start) / family.scale for start in starts], objective)
+        assert reached, name
+        assert objective.value(family, reached[0]) == pytest.approx(
+            objective.value(family, family.scaled(expected.throwing.parameters)), abs=1e-6
+        )
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [({"r": (5.0, 4.0)}, "r = "), ({"l1": (7.0, 14.0)}, "below the arm's length")],
+)
+def test_bounds_that_make_no_sense_are_refused(
+    fields: dict[str, tuple[float, float]], message: str
+) -> None:
+    with pytest.raises(tb.InputError, match=message):
+        design_rolling(bounds=Bounds(**fields), engines=())
+
+
+def test_it_survives_json() -> None:
+    assert Design.from_json(design().to_json()) == design()
+    assert json.loads(design().to_json()) == paper().sections["design"]

@@ -1,0 +1,139 @@
+"""What is read of the bodies of a scene (`node_scene.py`): their centres of mass, angles and the rates of both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trebucheck.models.applied_forces import AppliedForces
+from trebucheck.models.arrays import FloatArray
+from trebucheck.models.joints import GROUND, AnyJoint, FreeJoint
+from trebucheck.models.spec import Vector
+from trebucheck.models.stops import Stop
+from trebucheck.models.trajectory import PointMotion
+from .node_scene import MIRROR, NodeScene, turned
+from trebucheck.engines.protocol import Recording
+
+
+def _across(vectors: FloatArray) -> FloatArray:
+    """A quarter turn on, shape (..., 2)."""
+    return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
+
+
+@dataclass(frozen=True)
+class NodeSamples:
+    """A scene's bodies at the times t [s].
+
+    Args:
+        scene: what was moved.
+        t: shape (n,).
+        columns: what move.cjs wrote, shape (n, columns): six of each body, then what it told.
+    """
+
+    scene: NodeScene
+    t: FloatArray
+    columns: FloatArray
+
+    @property
+    def states(self) -> FloatArray:
+        """Of the bodies: x, y, angle and their rates, shape (n, bodies, 6)."""
+        bodies = len(self.scene.bodies)
+        return self.columns[:, : 6 * bodies].reshape(-1, bodies, 6)
+
+    @property
+    def told(self) -> FloatArray:
+        """What the engine told of the step that begins at each sample."""
+        return self.columns[:, 6 * len(self.scene.bodies) :]
+
+    def recording(self) -> Recording:
+        """What bodies alone show: no forces and no releases."""
+        mechanism, (q, u) = self.scene.mechanism, self._coordinates()
+        kinetic, potential = self._energies()
+        return Recording(
+            t=self.t,
+            q=q,
+            u=u,
+            markers={each.name: self._marker(each.body, each.point) for each in mechanism.markers},
+            kinetic_energy=kinetic,
+            potential_energy=potential + AppliedForces(self.scene.kinematics).potential_energy(q),
+            stop_torques={},
+            release_times={},
+            joint_gaps={
+                joint.name: self._gap(joint)
+                for joint in mechanism.joints
+                if not isinstance(joint, FreeJoint)
+            },
+            steps=len(self.t) - 1,
+        )
+
+    def gap(self, stop: Stop) -> FloatArray:
+        """Of a stop on an angle [rad]."""
+        return (
+            stop.sense * (self._angle(stop.body)[0] - self._angle(stop.relative_to)[0]) - stop.limit
+        )
+
+    def point(self, body: str, point: Vector) -> tuple[FloatArray, FloatArray]:
+        """Place and velocity of a body's point, mirrored."""
+        offset = self.scene.offset(body, point)
+        if body == GROUND:
+            return np.tile(offset, (len(self.t), 1)), np.zeros((len(self.t), 2))
+        own = self.states[:, self.scene.index[body]]
+        arm = turned(own[:, 2], offset)
+        return own[:, :2] + arm, own[:, 3:5] + own[:, 5:] * _across(arm)
+
+    def _angle(self, body: str) -> tuple[FloatArray, FloatArray]:
+        """Clockwise, and its rate."""
+        if body == GROUND:
+            return np.zeros(len(self.t)), np.zeros(len(self.t))
+        own = self.states[:, self.scene.index[body]]
+        return own[:, 2] + self.scene.angles[body], own[:, 5]
+
+    def _marker(self, body: str, point: Vector) -> PointMotion:
+        place, velocity = self.point(body, point)
+        return PointMotion(place * MIRROR, velocity * MIRROR)
+
+    def _coordinates(self) -> tuple[FloatArray, FloatArray]:
+        mechanism, found = self.scene.mechanism, dict[str, tuple[FloatArray, FloatArray]]()
+        for body in mechanism.bodies:
+            if body.angle is not None:
+                found[body.angle] = self._angle(body.name)
+        for joint in mechanism.tree_joints:
+            for name, direction in zip(joint.slides, joint.free_directions, strict=True):
+                found[name] = self._along(joint, complex(direction))
+        q, u = zip(*(found[name] for name in mechanism.coordinates), strict=True)
+        return np.stack(q, axis=1), np.stack(u, axis=1)
+
+    def _along(self, joint: AnyJoint, direction: complex) -> tuple[FloatArray, FloatArray]:
+        """From the parent's point to the child's along a direction of the parent [m], and its rate."""
+        (child, velocity), (parent, carrying) = (
+            self.point(joint.child, joint.child_point),
+            self.point(joint.parent, joint.parent_point),
+        )
+        angle, speed = self._angle(joint.parent)
+        axis, away = (
+            turned(angle, np.array([direction.real, direction.imag]) * MIRROR),
+            child - parent,
+        )
+        rate = np.sum((velocity - carrying) * axis, axis=1) + speed * np.sum(
+            away * _across(axis), axis=1
+        )
+        return np.sum(away * axis, axis=1), rate
+
+    def _gap(self, joint: AnyJoint) -> FloatArray:
+        held = [self._along(joint, complex(direction))[0] for direction in joint.held_directions]
+        return np.sqrt(np.sum(np.square(held), axis=0))
+
+    def _energies(self) -> tuple[FloatArray, FloatArray]:
+        """Kinetic, and potential of gravity, by the masses and inertias that the engine was given."""
+        mechanism = self.scene.mechanism
+        own, bodies = (
+            self.states[:, : len(mechanism.bodies)],
+            self.scene.bodies[: len(mechanism.bodies)],
+        )
+        mass, inertia = (
+            np.array([b["mass"] for b in bodies]),
+            np.array([b["inertia"] for b in bodies]),
+        )
+        kinetic = 0.5 * (np.sum(own[..., 3:5] ** 2, axis=-1) @ mass + own[..., 5] ** 2 @ inertia)
+        return kinetic, -(own[..., :2] @ (np.array(mechanism.gravity_vector) * MIRROR)) @ mass

@@ -1,0 +1,165 @@
+"""The scene of a mechanism for engines of bodies in Cartesian coordinates that Node.js moves (`node_scene.cjs`).
+
+Bodies stand about their centres of mass, and joints between them. Such engines' angles are
+anticlockwise: the scene is the mirror image with y downwards, where clockwise ones are so. Every
+body stands at the angle 0 at the start, so that its limits are measured from there, and no angle is
+taken into half a turn where a body is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from trebucheck.models.arrays import FloatArray
+from trebucheck.models.errors import UnsupportedProblemError
+from trebucheck.models.force_elements import (
+    AnyForceElement,
+    ConstantForce,
+    ConstantTorque,
+    SpringDamper,
+)
+from trebucheck.models.joints import GROUND, AnyJoint, FreeJoint, PinJoint, SlotJoint, WeldJoint
+from trebucheck.models.kinematics import Kinematics, initial_state
+from trebucheck.models.mechanism import Body, Mechanism
+from trebucheck.models.problem import Problem, StopLaw
+from trebucheck.models.spec import Vector
+from trebucheck.models.stops import AnyStop, Stop
+
+Json = dict[str, Any]
+MIRROR = np.array([1.0, -1.0])
+
+
+def turned(angle: float | FloatArray, vector: FloatArray) -> FloatArray:
+    """A mirrored vector turned by an angle, shape (..., 2)."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.stack([cos * vector[0] - sin * vector[1], sin * vector[0] + cos * vector[1]], axis=-1)
+
+
+class NodeScene:
+    """A mechanism's scene.
+
+    Args:
+        mechanism: what is built; each body has an inertia.
+        engine: its name, for messages.
+    """
+
+    def __init__(self, mechanism: Mechanism, engine: str) -> None:
+        self.mechanism, self.engine = mechanism, engine
+        self.kinematics, (self.q, self.u) = Kinematics(mechanism), initial_state(mechanism)
+        self.index = {GROUND: -1} | {body.name: i for i, body in enumerate(mechanism.bodies)}
+        self.angles = {
+            name: float(self.kinematics.angle(name).value(self.q)) for name in self.index
+        }
+        self.bodies = [self._body(body) for body in mechanism.bodies]
+        """Those that an engine needs besides come after the mechanism's."""
+        self.joints: list[Json] = []
+        self.pins: dict[tuple[str, str], int] = {}
+        """By the names of parent and child: the joint that carries their limits."""
+        for joint in mechanism.joints:
+            if not isinstance(joint, FreeJoint):
+                self._join(joint, self._ends(joint))
+
+    def description(self, problem: Problem, timestep: float, steps: int) -> Json:
+        """All that node_scene.cjs reads; under release-once stops that are open at the start are left out."""
+        return {
+            "bodies": self.bodies,
+            "joints": self.joints,
+            "stops": [self._stop(stop) for stop in self.stops(problem.stop_law)],
+            "once": problem.stop_law is StopLaw.RELEASE_ONCE,
+            "gravity": (np.array(self.mechanism.gravity_vector) * MIRROR).tolist(),
+            "loads": [self._load(element) for element in self.mechanism.force_elements],
+            "timestep": timestep,
+            "steps": steps,
+        }
+
+    def stops(self, law: StopLaw) -> list[AnyStop]:
+        """The stops that are built."""
+        return [
+            stop for stop in self.mechanism.stops if stop.closed or law is not StopLaw.RELEASE_ONCE
+        ]
+
+    def offset(self, body: str, point: Vector) -> FloatArray:
+        """From a body's centre of mass to a point of it, at the start; of the ground the point."""
+        centre = (0.0, 0.0) if body == GROUND else self.mechanism.body(body).centre
+        return turned(self.angles[body], np.subtract(point, centre) * MIRROR)
+
+    def axis(self, joint: AnyJoint) -> FloatArray:
+        """Of a slide, at the start."""
+        direction = complex(joint.free_directions[0])
+        return turned(
+            self.angles[joint.parent], np.array([direction.real, direction.imag]) * MIRROR
+        )
+
+    def _body(self, body: Body) -> Json:
+        row = self.kinematics.point(body.name, body.centre)
+        return {
+            "position": (self.kinematics.position(row, self.q) * MIRROR).tolist(),
+            "velocity": (self.kinematics.velocity(row, self.q, self.u) * MIRROR).tolist(),
+            "speed": float(self.kinematics.angle(body.name).coefficients @ self.u),
+            "mass": body.mass,
+            "inertia": body.inertia,
+        }
+
+    def _ends(self, joint: AnyJoint) -> Json:
+        return {
+            "a": self.index[joint.parent],
+            "b": self.index[joint.child],
+            "pointA": self.offset(joint.parent, joint.parent_point).tolist(),
+            "pointB": self.offset(joint.child, joint.child_point).tolist(),
+        }
+
+    def _join(self, joint: AnyJoint, ends: Json) -> None:
+        if isinstance(joint, SlotJoint):
+            self._join_slot(joint, ends)
+        elif isinstance(joint, PinJoint):
+            self._pin(joint, ends)
+        elif isinstance(joint, WeldJoint):
+            self.joints.append(ends | {"kind": "weld"})
+        else:
+            self.joints.append(ends | {"kind": "slide", "axis": self.axis(joint).tolist()})
+
+    def _pin(self, joint: AnyJoint, ends: Json) -> None:
+        self.pins[joint.parent, joint.child] = len(self.joints)
+        self.joints.append(ends | {"kind": "pin"})
+
+    def _join_slot(self, joint: SlotJoint, ends: Json) -> None:
+        """One joint that slides and turns; engines without it build another."""
+        self.joints.append(ends | {"kind": "slot", "axis": self.axis(joint).tolist()})
+
+    def _stop(self, stop: AnyStop) -> Json:
+        """The limit of a pin: side 1 is the least of the child's angle less the parent's, from the start."""
+        for (parent, child), joint in self.pins.items():
+            if isinstance(stop, Stop) and {parent, child} == {stop.body, stop.relative_to}:
+                side = stop.sense if child == stop.body else -stop.sense
+                between = self.angles[stop.body] - self.angles[stop.relative_to]
+                gap = 0.0 if stop.closed else stop.sense * between - stop.limit
+                return {"joint": joint, "side": side, "angle": -side * gap, "closed": stop.closed}
+        raise UnsupportedProblemError(
+            f"{self.engine} has limits on pins alone, and stop {stop.name!r} is on none."
+        )
+
+    def _load(self, element: AnyForceElement) -> Json:
+        own: Json = {"kind": element.kind, "body": self.index[element.body]}
+        if isinstance(element, ConstantForce):
+            force = (np.array(element.force) * MIRROR).tolist()
+            return own | {
+                "point": self.offset(element.body, element.point).tolist(),
+                "force": force,
+            }
+        return own | {"other": self.index[element.relative_to]} | dict(self._pair(element))
+
+    def _pair(self, element: Any) -> Iterator[tuple[str, Any]]:
+        yield "torque", element.torque if isinstance(element, ConstantTorque) else 0.0
+        held = not isinstance(element, ConstantTorque)
+        yield "stiffness", element.stiffness if held else 0.0
+        yield "damping", element.damping if held else 0.0
+        if isinstance(element, SpringDamper):
+            yield "rest", element.rest_length
+            yield "point", self.offset(element.body, element.point).tolist()
+            yield "otherPoint", self.offset(element.relative_to, element.relative_point).tolist()
+        else:
+            start = self.angles[element.body] - self.angles[element.relative_to]
+            yield "rest", element.rest_angle - start if held else 0.0

@@ -1,0 +1,94 @@
+"""The plain loop of an engine that holds stops itself: it is stepped, and a stop without force is called open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+from trebucheck.engines.contact_events import ContactEvents, refuse_moving_gaps
+from trebucheck.engines.protocol import Recording
+from trebucheck.models.problem import Problem
+
+from trebucheck_toolkit.event_driver import Observation, Samples
+
+from .schemes import State
+
+_ROUNDING = 1e-12  # of a number of steps
+
+
+class OwnStops(Protocol):
+    """What the loop needs of an engine, at its present state."""
+
+    def step(self) -> None:
+        """Take one time step."""
+        ...
+
+    def state(self) -> State:
+        """The mechanism's coordinates and speeds."""
+        ...
+
+    def contacts(self) -> Mapping[str, float]:
+        """Force of each stop [N m, N], positive where it pushes; those without force may be left out."""
+        ...
+
+    def observe(self) -> Observation:
+        """What the engine shows."""
+        ...
+
+
+class StepAhead:
+    """An engine that is a step ahead of what is shown: forces at an instant are those of the step that begins there.
+
+    Subclasses give :meth:`_show_and_step`, and call :meth:`step` once when they are ready.
+    """
+
+    _shown: tuple[State, Mapping[str, float], Observation]
+
+    def _show_and_step(self) -> tuple[State, Mapping[str, float], Observation]:
+        """Take the step that begins in the present state; return that state, and the forces and sights in it."""
+        raise NotImplementedError
+
+    def step(self) -> None:
+        """Show the present state, and take the step that begins there."""
+        self._shown = self._show_and_step()
+
+    def state(self) -> State:
+        """The mechanism's coordinates and speeds."""
+        return self._shown[0]
+
+    def contacts(self) -> Mapping[str, float]:
+        """Force of each limit [N m], in the step that begins."""
+        return self._shown[1]
+
+    def observe(self) -> Observation:
+        """What the engine shows."""
+        return self._shown[2]
+
+
+def plain_run(problem: Problem, motion: OwnStops, engine: str, timestep: float) -> Recording:
+    """Step an engine through a problem, in whole steps up to its end or just beyond it, and record it after each.
+
+    A stop that was closed is called released at the end of the first step after which it has no
+    force; at the start, where it has none after the first step either: the limits of many engines
+    begin without force.
+
+    Raises:
+        UnsupportedProblemError: a closed stop starts with a gap that changes.
+    """
+    refuse_moving_gaps(problem.mechanism, engine)
+    events, samples = ContactEvents(problem.mechanism, engine), Samples(problem)
+    waiting = {stop.name for stop in problem.mechanism.stops if stop.closed}
+    contacts = motion.contacts()
+    pushed = {name for name in waiting if contacts.get(name, 0.0) > 0.0}
+    samples.add(0.0, motion.state(), contacts, motion.observe())
+    for k in range(1, int(np.ceil(problem.duration / timestep * (1 - _ROUNDING))) + 1):
+        motion.step()
+        samples.steps += 1
+        contacts = motion.contacts()
+        opened = {name for name in waiting if contacts.get(name, 0.0) <= 0.0}
+        for name in opened:
+            events.release([name], 0.0 if k == 1 and name not in pushed else k * timestep)
+        waiting -= opened
+        samples.add(k * timestep, motion.state(), contacts, motion.observe())
+    return samples.recording(events)

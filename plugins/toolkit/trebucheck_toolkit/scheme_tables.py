@@ -1,0 +1,53 @@
+"""Orders and tolerances of schemes that several engines are moved by, for their studies.
+
+What an engine is moved by decides its order; so engines of one scheme state one order and ask for
+one agreement.
+"""
+
+from __future__ import annotations
+
+from trebucheck.engines.study import StepOrder, Tolerance
+
+RK4_LOCATED = StepOrder(
+    4.0, "RK4 in joint coordinates, events located to rounding", "RK4, joint coordinates"
+)
+"""Of :mod:`.event_driver` with `rk4` of :mod:`.schemes`."""
+EULER_STEPS = StepOrder(
+    1.0,
+    "semi-implicit Euler in joint coordinates, releases at a step's end",
+    "semi-implicit Euler, joint coordinates",
+)
+"""Of engines that step joint coordinates themselves, or by `semi_implicit_euler`."""
+
+
+def error_controlled(method: str) -> StepOrder:
+    """Of an integrator with error control, whose step is only an upper bound."""
+    return StepOrder(
+        None, f"error-controlled {method}", "error-controlled Runge-Kutta, joint coordinates"
+    )
+
+
+def located_tolerances(
+    order: int = 4, reason: str = "fourth order: RK4 with located releases"
+) -> tuple[Tolerance, ...]:
+    """Of tuned presets that locate events and are of high order: what a step of 1 ms leaves, with room."""
+    return (
+        Tolerance("tuned", "position_max", 1e-8, 1e-3, order, reason),
+        Tolerance("tuned", "release_time", 1e-9, 1e-3, order, reason),
+        Tolerance("tuned", "stop_torque_max", 1e-9, 1e-3, order, reason, per="peak"),
+    )
+
+
+_FIRST = "first order: the projectile, at up to 40 m/s, is a step's time off"
+EULER_TOLERANCES = (
+    Tolerance("stock", "position_max", 4e-2, 1e-3, 1, _FIRST),
+    Tolerance(
+        "stock",
+        "release_time",
+        2e-3,
+        1e-3,
+        1,
+        "first order: a step late by the scheme, one by its end",
+    ),
+)
+"""Of stock presets that step by semi-implicit Euler with joint limits of their own."""

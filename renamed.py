@@ -1,0 +1,138 @@
+"""Module names of earlier releases: they can be imported for one more release, with a warning."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.abc
+import importlib.machinery
+import sys
+import warnings
+from collections.abc import Sequence
+from types import ModuleType
+from typing import Any
+
+_PACKAGE = __name__.rpartition(".")[0]
+
+# Old module: the modules that hold its names now; `trebucheck_*` are distributions of their own.
+RENAMED: dict[str, tuple[str, ...]] = {
+    "cli.importer": ("trebucheck_importers.command",),
+    "comparisons.importer": ("trebucheck_importers",),
+    "comparisons.importer.checks": ("trebucheck_importers.checks",),
+    "comparisons.importer.expected": ("trebucheck_importers.expected",),
+    "comparisons.importer.files": ("trebucheck_importers.files",),
+    "comparisons.importer.process": ("trebucheck_importers.process",),
+    "comparisons.importer.report": ("trebucheck_importers.report",),
+    "comparisons.importer.results": ("trebucheck_importers.results",),
+    "comparisons.importer.study": ("trebucheck_importers.study",),
+    "comparisons.importer.tolerances": ("trebucheck_importers.tolerances",),
+    "comparisons.importer.worker": ("trebucheck_importers.worker",),
+    "engines.constrained": ("trebucheck_toolkit.constrained",),
+    "engines.event_driver": ("trebucheck_toolkit.event_driver",),
+    "engines.joint_coordinates": ("trebucheck_toolkit.joint_coordinates",),
+    "engines.joint_tree": ("trebucheck_toolkit.joint_tree",),
+    "engines.node_package": ("trebucheck_toolkit.node_package",),
+    "engines.node_samples": ("trebucheck_toolkit.node_samples",),
+    "engines.node_scene": ("trebucheck_toolkit.node_scene",),
+    "engines.plain_run": ("trebucheck_toolkit.plain_run",),
+    "engines.point_masses": ("trebucheck_toolkit.point_masses",),
+    "engines.scheme_tables": ("trebucheck_toolkit.scheme_tables",),
+    "engines.schemes": ("trebucheck_toolkit.schemes",),
+    "environments": ("trebucheck_environments",),
+    "environments.best_throw": ("trebucheck_environments.best_throw",),
+    "environments.machines": ("trebucheck_environments.machines",),
+    "environments.motion": ("trebucheck_environments.motion",),
+    "environments.pictures": ("trebucheck_environments.pictures",),
+    "environments.throw": ("trebucheck_environments.throw",),
+    "models.zoo": ("trebucheck_importers.zoo",),
+    "models.zoo.constraints": ("trebucheck_importers.zoo.constraints",),
+    "models.zoo.forces": ("trebucheck_importers.zoo.forces",),
+    "models.zoo.inertias": ("trebucheck_importers.zoo.inertias",),
+    "models.zoo.joints": ("trebucheck_importers.zoo.joints",),
+    "models.zoo.machines": ("trebucheck_importers.zoo.machines",),
+    "models.zoo.model": ("trebucheck_importers.zoo.model",),
+    "models.zoo.parts": ("trebucheck_importers.zoo.parts",),
+    "models.zoo.registry": ("trebucheck_importers.zoo.registry",),
+    "paper": ("trebucheck_paper",),
+    "paper.chapters": ("trebucheck_paper.chapters",),
+    "paper.curves": ("trebucheck_paper.curves",),
+    "paper.design": ("trebucheck_paper.design",),
+    "paper.design.efficiency": ("trebucheck_paper.design.efficiency",),
+    "paper.design.first_forward_swing": ("trebucheck_paper.design.first_forward_swing",),
+    "paper.design.search": ("trebucheck_paper.design.search",),
+    "paper.design.study": ("trebucheck_paper.design.study",),
+    "paper.drag": ("trebucheck_paper.drag",),
+    "paper.drag.motion": ("trebucheck_paper.drag.motion",),
+    "paper.drag.study": ("trebucheck_paper.drag.study",),
+    "paper.evidence": ("trebucheck_paper.evidence",),
+    "paper.evidence.claims": ("trebucheck_paper.evidence.claims",),
+    "paper.evidence.engine_runs": ("trebucheck_paper.evidence.engine_runs",),
+    "paper.evidence.quantities": ("trebucheck_paper.evidence.quantities",),
+    "paper.evidence.throws": ("trebucheck_paper.evidence.throws",),
+    "paper.evidence.verdicts": ("trebucheck_paper.evidence.verdicts",),
+    "paper.identification": ("trebucheck_paper.identification",),
+    "paper.identification.fit": ("trebucheck_paper.identification.fit",),
+    "paper.identification.quantities": ("trebucheck_paper.identification.quantities",),
+    "paper.identification.study": ("trebucheck_paper.identification.study",),
+    "paper.plots": ("trebucheck_paper.plots",),
+    "paper.report": ("trebucheck_paper.report",),
+    "paper.rows": ("trebucheck_paper.rows",),
+    "paper.rows.fitted": ("trebucheck_paper.rows.fitted",),
+    "paper.rows.machine": ("trebucheck_paper.rows.machine",),
+    "paper.rows.machines": ("trebucheck_paper.rows.machines",),
+    "paper.rows.rolling": ("trebucheck_paper.rows.rolling",),
+    "paper.rows.sweep": ("trebucheck_paper.rows.sweep",),
+    "paper.rows.throw": ("trebucheck_paper.rows.throw",),
+    "paper.study": ("trebucheck_paper.study",),
+    "paper.sweep": ("trebucheck_paper.sweep",),
+    "paper.sweep.laws": ("trebucheck_paper.sweep.laws",),
+    "paper.sweep.rigid_swing": ("trebucheck_paper.sweep.rigid_swing",),
+    "paper.sweep.study": ("trebucheck_paper.sweep.study",),
+}
+
+
+def _full_name(module: str) -> str:
+    """Full name of a module: of another distribution where it says so, else of this package."""
+    return module if module.startswith(f"{_PACKAGE}_") else f"{_PACKAGE}.{module}"
+
+
+class _RenamedModule(ModuleType):
+    """A module under its old name; it looks its names up in the new ones."""
+
+    __path__: Sequence[str] = ()  # an old package: its modules are found by the same finder
+
+    def __getattr__(self, name: str) -> Any:
+        for module in RENAMED[self.__name__.removeprefix(f"{_PACKAGE}.")]:
+            new = importlib.import_module(_full_name(module))
+            if hasattr(new, name):
+                return getattr(new, name)
+        raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
+
+
+class RenamedModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """Finds modules by the names that they had in an earlier release."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> importlib.machinery.ModuleSpec | None:
+        """Returns a specification where the name is an old one, else None."""
+        package, _, module = fullname.partition(".")
+        if package != _PACKAGE or module not in RENAMED:
+            return None
+        return importlib.machinery.ModuleSpec(fullname, self, is_package=True)
+
+    def create_module(self, spec: importlib.machinery.ModuleSpec) -> ModuleType:
+        """Makes the module that stands for the new ones, and warns."""
+        modules = RENAMED[spec.name.removeprefix(f"{_PACKAGE}.")]
+        new = " or ".join(_full_name(module) for module in modules)
+        message = f"{spec.name} is now {new}; the old name goes with the next release"
+        warnings.warn(message, DeprecationWarning, stacklevel=2)
+        return _RenamedModule(spec.name)
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Does nothing: the names are looked up when they are asked for."""
+
+
+def install() -> None:
+    """Makes the old names importable; behind all other finders, so that a real module wins."""
+    if not any(isinstance(finder, RenamedModules) for finder in sys.meta_path):
+        sys.meta_path.append(RenamedModules())
