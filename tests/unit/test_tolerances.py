@@ -548,9 +548,9 @@ def test_an_integration_that_agrees_leaves_sixty_four_roundings_of_the_scale(
 
 def test_an_event_of_one_integration_only_is_as_uncertain_as_its_scale() -> None:
     missing = _metric("release_time", "rest", None, "s")
-    assert uncertainty._distance(missing, SCALES, Formula()) == pytest.approx(TIME)  # type: ignore[arg-type]
+    assert running._distance(missing, SCALES, Formula()) == pytest.approx(TIME)  # type: ignore[arg-type]
     early = _metric("release_time", "rest", -2.0, "s")
-    assert uncertainty._distance(early, SCALES, Formula()) == 2.0  # type: ignore[arg-type]
+    assert running._distance(early, SCALES, Formula()) == 2.0  # type: ignore[arg-type]
 
 
 class _Shifted:
