@@ -24,7 +24,7 @@ from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ...models.stops import PointStop, Stop
 from ..inspection import Dynamics, Inspection, State
-from .assembly import Assembly, Rod
+from .bodies import Assembly, Rod
 from .build import build
 from .leapfrog import STEP, settled_increment
 from .options import PymunkOptions

@@ -19,8 +19,7 @@ from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.spec import Vector
 from ...models.trajectory import PointMotion
-from .assembly import Assembly, Part
-from .welds import Placement
+from .bodies import Assembly, Part, Placement
 
 
 @dataclass(frozen=True)
