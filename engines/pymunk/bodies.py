@@ -9,27 +9,36 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pymunk
 from pymunk import constraints
 
 from ...models.arrays import FloatArray
-from ...models.errors import UnsupportedProblemError
-from ...models.force_elements import (
-    AnyForceElement,
+from ...models.elements import (
+    ELEMENTS,
     ConstantForce,
     ConstantTorque,
+    CubicTorsionSpring,
+    ElementTable,
+    FreeJoint,
+    PinJoint,
+    PointStop,
+    PrismaticJoint,
     RotationalSpringDamper,
+    SlotJoint,
     SpringDamper,
+    Stop,
+    WeldJoint,
 )
-from ...models.joints import GROUND, AnyJoint, PinJoint, PrismaticJoint, SlotJoint, WeldJoint
+from ...models.errors import UnsupportedProblemError
+from ...models.joints import GROUND, AnyJoint
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Body, Mechanism
 from ...models.spec import Vector
-from ...models.stops import PointStop, Stop
 from .loads import Loads
 
 
@@ -107,30 +116,42 @@ def without_welds(mechanism: Mechanism) -> tuple[Mechanism, Mapping[str, Placeme
     validated: a joint that closes a loop may have the ground as its child.
     """
     placements = _placements(mechanism)
-    if not any(isinstance(joint, WeldJoint) for joint in mechanism.tree_joints):
+    if not any(is_weld(joint) for joint in mechanism.tree_joints):
         return mechanism, placements
-    tree = [joint for joint in mechanism.tree_joints if not isinstance(joint, WeldJoint)]
+    tree = [joint for joint in mechanism.tree_joints if not is_weld(joint)]
     loops = [joint for joint in mechanism.loop_joints if len(_carriers(joint, placements)) > 1]
     changes = {
         "bodies": _joined_bodies(mechanism, placements),
-        "joints": tuple(_moved_joint(joint, placements) for joint in (*tree, *loops)),
-        "stops": tuple(_moved_stop(stop, placements) for stop in mechanism.stops),
+        "joints": tuple(_moved(joint, placements) for joint in (*tree, *loops)),
+        "stops": tuple(_moved(stop, placements) for stop in mechanism.stops),
         "force_elements": tuple(
-            _moved_element(element, placements) for element in mechanism.force_elements
+            _moved(element, placements) for element in mechanism.force_elements
         ),
     }
     return mechanism.model_copy(update=changes), placements
 
 
+def is_weld(joint: AnyJoint) -> bool:
+    """Whether a joint makes its two bodies one, if it is of the tree."""
+    return joint.holds_angle and not joint.free_directions
+
+
+def is_pin(joint: AnyJoint) -> bool:
+    """Whether a joint holds a point and leaves the angle free."""
+    return not (joint.holds_angle or joint.free_directions)
+
+
 def _placements(mechanism: Mechanism) -> dict[str, Placement]:
     placements = {GROUND: Placement(GROUND)}
     for body, joint in zip(mechanism.bodies, mechanism.tree_joints, strict=True):
-        if not isinstance(joint, WeldJoint):
+        if joint.turned_by is None or not is_weld(joint):
             placements[body.name] = Placement(body.name)
             continue
         parent = placements[joint.parent]
         turned = Placement(
-            parent.carrier, complex(*parent.point(joint.parent_point)), parent.angle + joint.angle
+            parent.carrier,
+            complex(*parent.point(joint.parent_point)),
+            parent.angle + joint.turned_by,
         )
         origin = turned.origin - turned.direction(complex(*joint.child_point))
         placements[body.name] = Placement(parent.carrier, origin, turned.angle)
@@ -159,48 +180,99 @@ def _joined_bodies(mechanism: Mechanism, placements: Mapping[str, Placement]) ->
     )
 
 
-def _moved_joint(joint: AnyJoint, placements: Mapping[str, Placement]) -> AnyJoint:
+_Changes = dict[str, object]
+_Placements = Mapping[str, Placement]
+
+
+def _moved(element: Any, placements: _Placements) -> Any:
+    """An element in the frames of the bodies that carry those that it is attached to."""
+    return element.model_copy(update=_MOVES[element](element, placements))
+
+
+def _moved_joint(joint: AnyJoint, placements: _Placements) -> _Changes:
     parent, child = placements[joint.parent], placements[joint.child]
-    changes: dict[str, object] = {
+    changes: _Changes = {
         "parent": parent.carrier,
         "child": child.carrier,
         "parent_point": parent.point(joint.parent_point),
         "child_point": child.point(joint.child_point),
     }
-    if isinstance(joint, SlotJoint | PrismaticJoint):
-        changes["axis"] = _pair(parent.direction(complex(*joint.axis)))
     if joint.turned_by is not None:
         changes["angle"] = joint.turned_by + parent.angle - child.angle
-    return joint.model_copy(update=changes)
+    return changes
 
 
-def _moved_stop(stop: Stop | PointStop, placements: Mapping[str, Placement]) -> Stop | PointStop:
+def _moved_slide(joint: SlotJoint | PrismaticJoint, placements: _Placements) -> _Changes:
+    axis = placements[joint.parent].direction(complex(*joint.axis))
+    return _moved_joint(joint, placements) | {"axis": _pair(axis)}
+
+
+def _moved_angle_stop(stop: Stop, placements: _Placements) -> _Changes:
     own, other = placements[stop.body], placements[stop.relative_to]
-    changes: dict[str, object] = {"body": own.carrier, "relative_to": other.carrier}
-    if isinstance(stop, Stop):
-        changes["limit"] = stop.limit - stop.sense * (own.angle - other.angle)
-    else:
-        normal = other.direction(complex(*stop.normal))
-        offset = stop.offset + (normal.conjugate() * other.origin).real
-        changes |= {"point": own.point(stop.point), "normal": _pair(normal), "offset": offset}
-    return stop.model_copy(update=changes)
+    limit = stop.limit - stop.sense * (own.angle - other.angle)
+    return {"body": own.carrier, "relative_to": other.carrier, "limit": limit}
 
 
-def _moved_element(
-    element: AnyForceElement, placements: Mapping[str, Placement]
-) -> AnyForceElement:
+def _moved_point_stop(stop: PointStop, placements: _Placements) -> _Changes:
+    own, other = placements[stop.body], placements[stop.relative_to]
+    normal = other.direction(complex(*stop.normal))
+    return {
+        "body": own.carrier,
+        "relative_to": other.carrier,
+        "point": own.point(stop.point),
+        "normal": _pair(normal),
+        "offset": stop.offset + (normal.conjugate() * other.origin).real,
+    }
+
+
+def _moved_force(element: ConstantForce, placements: _Placements) -> _Changes:
     own = placements[element.body]
-    changes: dict[str, object] = {"body": own.carrier}
-    if isinstance(element, SpringDamper | RotationalSpringDamper | ConstantTorque):
-        other = placements[element.relative_to]
-        changes["relative_to"] = other.carrier
-        if isinstance(element, SpringDamper):
-            changes["relative_point"] = other.point(element.relative_point)
-        elif isinstance(element, RotationalSpringDamper):
-            changes["rest_angle"] = element.rest_angle - (own.angle - other.angle)
-    if isinstance(element, SpringDamper | ConstantForce):
-        changes["point"] = own.point(element.point)
-    return element.model_copy(update=changes)
+    return {"body": own.carrier, "point": own.point(element.point)}
+
+
+def _moved_torque(
+    element: ConstantTorque | RotationalSpringDamper | CubicTorsionSpring, placements: _Placements
+) -> _Changes:
+    own, other = placements[element.body], placements[element.relative_to]
+    return {"body": own.carrier, "relative_to": other.carrier}
+
+
+def _moved_torsion_spring(
+    element: RotationalSpringDamper | CubicTorsionSpring, placements: _Placements
+) -> _Changes:
+    own, other = placements[element.body], placements[element.relative_to]
+    rest_angle = element.rest_angle - (own.angle - other.angle)
+    return _moved_torque(element, placements) | {"rest_angle": rest_angle}
+
+
+def _moved_spring(element: SpringDamper, placements: _Placements) -> _Changes:
+    own, other = placements[element.body], placements[element.relative_to]
+    return {
+        "body": own.carrier,
+        "relative_to": other.carrier,
+        "point": own.point(element.point),
+        "relative_point": other.point(element.relative_point),
+    }
+
+
+_MOVES: ElementTable[Callable[[Any, _Placements], _Changes]] = ElementTable(
+    "pymunk's welds",
+    ELEMENTS,
+    {
+        PinJoint: _moved_joint,
+        WeldJoint: _moved_joint,
+        SlotJoint: _moved_slide,
+        PrismaticJoint: _moved_slide,
+        FreeJoint: _moved_joint,
+        Stop: _moved_angle_stop,
+        PointStop: _moved_point_stop,
+        SpringDamper: _moved_spring,
+        RotationalSpringDamper: _moved_torsion_spring,
+        CubicTorsionSpring: _moved_torsion_spring,
+        ConstantForce: _moved_force,
+        ConstantTorque: _moved_torque,
+    },
+)
 
 
 def _pair(z: complex) -> Vector:
@@ -349,11 +421,7 @@ class _PartMaker:
 
     def _is_bob(self, body: Body, own: Weights, pin: complex) -> bool:
         joint, children = self.joints[body.name], self.mechanism.children(body.name)
-        if (
-            not isinstance(joint, PinJoint)
-            or same_point(own.centre, pin)
-            or self._guides(body.name)
-        ):
+        if not is_pin(joint) or same_point(own.centre, pin) or self._guides(body.name):
             return False
         stops = [
             stop for stop in self.mechanism.angle_stops if stop.closed and body.name in stop.bodies
@@ -401,7 +469,7 @@ class _PartMaker:
         pin, at = complex(*joint.child_point), complex(*joint.parent_point)
         if (
             own.inertia > 0
-            or not isinstance(joint, PinJoint)
+            or not is_pin(joint)
             or joint.parent == GROUND
             or same_point(own.centre, pin)
         ):
@@ -411,7 +479,7 @@ class _PartMaker:
         return own.with_mass_at(pin, lent)
 
     def _turning(self, body: Body, own: Weights, joint: AnyJoint) -> Weights:
-        if joint.parent == GROUND and isinstance(joint, PinJoint):
+        if joint.parent == GROUND and is_pin(joint):
             factor = self.pivot_mass if own.inertia > 0 else max(self.pivot_mass, _LEAST_PIVOT_MASS)
             own = own.with_pivot_mass(complex(*joint.child_point), factor)
         if own.inertia <= 0:
