@@ -30,11 +30,9 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "engines.event_driver": ("trebucheck_toolkit.event_driver",),
     "engines.joint_coordinates": ("trebucheck_toolkit.joint_coordinates",),
     "engines.joint_tree": ("trebucheck_toolkit.joint_tree",),
-    "engines.node_package": ("trebucheck_toolkit.node_package",),
     "engines.node_samples": ("trebucheck_toolkit.node_samples",),
     "engines.node_scene": ("trebucheck_toolkit.node_scene",),
     "engines.plain_run": ("trebucheck_toolkit.plain_run",),
-    "engines.point_masses": ("trebucheck_toolkit.point_masses",),
     "engines.scheme_tables": ("trebucheck_toolkit.scheme_tables",),
     "engines.schemes": ("trebucheck_toolkit.schemes",),
     "environments": ("trebucheck_environments",),
@@ -129,7 +127,9 @@ class RenamedModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         return _RenamedModule(spec.name)
 
     def exec_module(self, module: ModuleType) -> None:
-        """Does nothing: the names are looked up when they are asked for."""
+        """Imports the new modules, for what their import does; names are looked up when asked for."""
+        for name in RENAMED[module.__name__.removeprefix(f"{_PACKAGE}.")]:
+            importlib.import_module(_full_name(name))
 
 
 def install() -> None:

@@ -11,7 +11,7 @@ Policy = Callable[[np.ndarray, float], bool]
 """Of an observation and the time [s]: whether to let go."""
 
 env = gymnasium.make(
-    "trebucheck.environments:trebucheck/Throw-v0", model="hinged", control_step=0.02
+    "trebucheck_environments:trebucheck/Throw-v0", model="hinged", control_step=0.02
 )
 training, others = (
     range(4),

@@ -17,10 +17,10 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.joints import GROUND, AnyJoint, PinJoint
-from trebucheck.models.mechanism import Body, Mechanism
-from trebucheck.models.spec import Vector
+from ..models.arrays import FloatArray
+from ..models.joints import GROUND, AnyJoint, PinJoint
+from ..models.mechanism import Body, Mechanism
+from ..models.spec import Vector
 
 LeastInertia = Annotated[
     float,
