@@ -15,7 +15,7 @@ import trebucheck as tb
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from trebucheck.cli.app import main
-from trebucheck.comparisons.runs.worker import Worker
+from trebucheck.comparisons.runs.process import Worker
 from trebucheck.engines.registry import engine_class, engine_names
 
 # Derandomised: a red run is red again on the next machine. `HYPOTHESIS_PROFILE=search` looks

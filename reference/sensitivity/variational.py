@@ -1,6 +1,6 @@
 r"""Variational equations: how accelerations, multipliers and impacts change with the state and the mechanism's data.
 
-With the state (q, u) and the data p along a direction as dual numbers (:mod:`..dual`), the
+With the state (q, u) and the data p along a direction as dual numbers (:mod:`.dual`), the
 functions of :mod:`..equations` give mass matrix, forces and constraints with their derivatives,
 whatever the mechanism is made of. The accelerations follow by the implicit function theorem: of
 
@@ -36,12 +36,10 @@ from ...models.mechanism import Mechanism
 from ...models.phasors import Phasors, PointCoefficients
 from ...models.scalar_functions import ScalarFunction
 from ...models.spec import Spec
-from ..dependence import least_step
-from ..dual import Dual, value_of
-from ..equations import Equations, kkt_matrix
+from ..equations import Equations, kkt_matrix, least_step
+from .dual import Dual, value_of
 
 Direction = Mapping[str, float]
-
 _FITS = 1e-9  # how well a direction must move closed stops and loops along, per unit of the direction's own size
 _STEPS = (-2.0, -1.0, 1.0, 2.0)
 # Of the odd parts at one and two steps h = 1: exact for x and for sin x, and 0 for x^2 and cos x.

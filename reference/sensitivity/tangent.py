@@ -22,10 +22,10 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, UnsupportedProblemError
 from ...models.kinematics import initial_state
-from ..dual import Dual, value_of
 from ..integrator import Integrator, one_thread
 from ..reactions import undetermined_forces
 from ..solution import Segment, Solution
+from .dual import Dual, value_of
 from .kinks import Kink, kinks_along, kinks_at_start, kinks_of_kicks
 from .variational import VariationalEquations, movable
 

@@ -176,7 +176,7 @@ def _senses(angle: AngleFunction) -> tuple[int, ...]:
 def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real:
     """All numbers of a machine as one vector, computed in the precision asked for; order as in `Structure.sections`.
 
-    Of stacked machines (:mod:`...models.stacked`) one vector for each, shape (n, n_numbers).
+    Of stacked machines (:func:`.batch.stacked`) one vector for each, shape (n, n_numbers).
     """
     mechanism, applied = problem.mechanism, AppliedForces(kinematics)
     machines, n_q = np.shape(mechanism.gravity), len(kinematics.is_angle)

@@ -20,7 +20,7 @@ from ...models.problem import Problem
 from ...models.trajectory import Trajectory
 from ..runs.results import Cause
 from .case import Case
-from .ranking import SUFFICIENT
+from .rank import SUFFICIENT
 
 Simulate = Callable[[Engine, Problem], Trajectory]
 

@@ -19,8 +19,8 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ..contact import gap_jacobian
-from ..dual import Dual
 from ..solution import Segment
+from .dual import Dual
 from .variational import VariationalEquations, movable
 
 _TOUCHES = 1e-9  # [m], [rad] and their rates: of gaps and gap speeds at the start that are zero
