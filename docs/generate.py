@@ -114,7 +114,9 @@ def write_schemas() -> None:
     )
     (ROOT / "comparisons" / "schemas" / "converge.schema.json").write_text(schema_text(Studies))
     (ROOT / "comparisons" / "schemas" / "explain.schema.json").write_text(schema_text(Explanation))
-    (ROOT / "paper" / "schemas" / "paper.schema.json").write_text(schema_text(Study))
+    (ROOT / "paper" / "trebucheck_paper" / "schemas" / "paper.schema.json").write_text(
+        schema_text(Study)
+    )
     (ROOT / "comparisons" / "schemas" / "recommend.schema.json").write_text(schema_text(Advice))
 
 
@@ -379,7 +381,7 @@ def write_trajectories() -> None:
     """The certified trajectories."""
     for name in names():
         publish(name, ROOT / "comparisons" / "data" / "trajectories")
-    publish_zoo(ROOT / "models" / "zoo" / "files")
+    publish_zoo(ROOT / "importers" / "trebucheck_importers" / "zoo" / "files")
 
 
 def write_zoo_list() -> None:
@@ -389,7 +391,7 @@ def write_zoo_list() -> None:
         for each in zoo()
     ]
     listed = markdown.text(Document("", (table(["model", "what it has", "needs"], rows),)))
-    (ROOT / "models" / "zoo" / "README.md").write_text(
+    (ROOT / "importers" / "trebucheck_importers" / "zoo" / "README.md").write_text(
         _ZOO.format(count=len(rows)) + listed.strip() + "\n"
     )
 
