@@ -15,15 +15,15 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-
+from trebucheck.engines.contact_events import Contacts
+from trebucheck.engines.impact import Inertia
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.joints import GROUND
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.stops import PointStop
-from trebucheck.engines.contact_events import Contacts
-from trebucheck.engines.impact import Inertia
+
 from .schemes import SCHEMES, State
 
 _RANK = 1e-12  # of the largest singular value: redundant constraints have smaller ones
