@@ -15,14 +15,13 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-
+from trebucheck.engines.impact import Contacts, Inertia, inverse
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.joints import GROUND
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.stops import PointStop
-from trebucheck.engines.impact import Contacts, Inertia, inverse
 
 from .schemes import SCHEMES, State
 

@@ -24,7 +24,6 @@ from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-
 from trebucheck_toolkit.event_driver import Observation
 
 from .constrained import ConstrainedDynamics, Solved, subtree_sums
