@@ -23,6 +23,7 @@ from ..diagnosis.motion import diagnose_motion, failed_diagnosis
 from ..diagnosis.settings import Rerun
 from ..report.numbers import format_number
 from ..runs.pairs import Compared, pair_of
+from ..runs.process import Worker, simulate
 from ..runs.results import (
     Diagnosis,
     Equality,
@@ -37,7 +38,6 @@ from ..runs.runner import Runner, failure
 from ..runs.store import conditions, digest
 from ..runs.study import Study
 from ..runs.tolerances import Needs, is_table_one, judge
-from ..runs.worker import Worker, simulate
 
 
 @dataclass(frozen=True)

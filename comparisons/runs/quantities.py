@@ -107,10 +107,8 @@ _ALL = (
     Quantity("first_parting", "first-parting", "time", follows="base_error"),
     Quantity("missing_time", "duration", "time"),
 )
-
 QUANTITIES: Mapping[str, Quantity] = {quantity.name: quantity for quantity in _ALL}
 """By name of the metric."""
-
 JUDGED: Mapping[str, Quantity] = {
     quantity.title: quantity for quantity in _ALL if quantity.follows is None
 }

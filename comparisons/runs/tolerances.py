@@ -28,8 +28,8 @@ from ...models.mechanism import Mechanism
 from ...models.spec import Real, Spec
 from ...reference.certification.certificate import REFUSED_BELOW, refusal
 from ...reference.solver import solve_to_launch
-from .comparison import THROWN
 from .impacts import FOLLOWED
+from .metrics import THROWN
 from .quantities import QUANTITIES, Quantity, judged_quantity
 from .results import Machine, Metric, Run
 from .scales import Scales, scales_until
@@ -45,7 +45,6 @@ _OTHER_MACHINES = 10.0
 _CARRIED = 100.0
 """Of a claim that is carried to another machine, beyond size, step and stretching: so much more a launch that comes
 late, or a rest that holds for long, takes of random machines; the default bounds it."""
-
 Source = Literal["need", "claim", "default"]
 
 

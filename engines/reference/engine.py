@@ -18,7 +18,7 @@ from ...models.spec import Real
 from ...reference.certification.redundant import RedundantSystem
 from ...reference.solution import Solution
 from ...reference.solver import TOLERANCE, solve
-from ...reference.taylor.choice import why_not_taylor
+from ...reference.taylor.expressions import why_not_taylor
 from ...reference.taylor.solve import solve_taylor
 from ...version import __version__
 from ..inspection import Dynamics, Inspection, State

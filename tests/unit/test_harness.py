@@ -18,12 +18,12 @@ from trebucheck.comparisons.compare.report import document
 from trebucheck.comparisons.compare.study import Comparison, compare_study
 from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.runs.metrics import measure
+from trebucheck.comparisons.runs.process import Worker, simulate_warm
 from trebucheck.comparisons.runs.results import Metric, Outcome, Results, Run
 from trebucheck.comparisons.runs.store import Store
 from trebucheck.comparisons.runs.stretching import LIMIT, stretching_at
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.tolerances import judge
-from trebucheck.comparisons.runs.worker import Worker, simulate_warm
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.spec import schema_text
 from trebucheck.models.trajectory import load, save

@@ -11,8 +11,7 @@ import pytest
 import trebucheck as tb
 from formulas import ARM, END, LAUNCH, RELEASE, SLOT, TURN, Formula, pinned, times, trolley
 from mechanisms import pin
-from trebucheck.comparisons.runs.comparison import against
-from trebucheck.comparisons.runs.metrics import measure
+from trebucheck.comparisons.runs.metrics import against, measure
 from trebucheck.comparisons.runs.results import Metric
 from trebucheck.models.joints import GROUND
 from trebucheck.models.launch import Launch
