@@ -16,6 +16,13 @@ _PACKAGE = __name__.rpartition(".")[0]
 # Old module: the modules that hold its names now; `trebucheck_*` are distributions of their own.
 RENAMED: dict[str, tuple[str, ...]] = {
     "cli.importer": ("trebucheck_importers.command",),
+    "comparisons.converge.floor": ("comparisons.converge.study",),
+    "comparisons.converge.orders": ("comparisons.converge.study",),
+    "comparisons.data.files": ("comparisons.data.certified",),
+    "comparisons.diff.changes": ("comparisons.diff.study",),
+    "comparisons.diff.data": ("comparisons.diff.study",),
+    "comparisons.explain.budget": ("comparisons.explain.study",),
+    "comparisons.explain.variants": ("comparisons.explain.study",),
     "comparisons.diagnosis.consistent": ("comparisons.diagnosis.faults",),
     "comparisons.diagnosis.energies": ("comparisons.diagnosis.readings",),
     "comparisons.diagnosis.hypotheses": ("comparisons.diagnosis.faults",),
@@ -44,6 +51,17 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "comparisons.importer.study": ("trebucheck_importers.study",),
     "comparisons.importer.tolerances": ("trebucheck_importers.tolerances",),
     "comparisons.importer.worker": ("trebucheck_importers.worker",),
+    "comparisons.judge.columns": ("comparisons.judge.read",),
+    "comparisons.judge.impacts": ("comparisons.judge.read",),
+    "comparisons.matrix.own": ("comparisons.matrix.study",),
+    "comparisons.matrix.read": ("comparisons.matrix.study",),
+    "comparisons.matrix.results": ("comparisons.matrix.study",),
+    "comparisons.matrix.spread": ("comparisons.matrix.study",),
+    "comparisons.mjcf.events": ("comparisons.mjcf",),
+    "comparisons.mjcf.model": ("comparisons.mjcf",),
+    "comparisons.problems.check": ("comparisons.problems.study",),
+    "comparisons.recommend.cases": ("comparisons.recommend.search",),
+    "comparisons.recommend.obstacles": ("comparisons.recommend.search",),
     "comparisons.runs.comparison": ("comparisons.runs.metrics",),
     "comparisons.runs.distance": ("comparisons.runs.runner",),
     "comparisons.runs.forked": ("comparisons.runs.process",),
@@ -53,14 +71,31 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "comparisons.runs.validity": ("comparisons.runs.runner",),
     "comparisons.runs.worker": ("comparisons.runs.process",),
     "engines.constrained": ("trebucheck_toolkit.constrained",),
+    "engines.contact_events": ("engines.events",),
     "engines.event_driver": ("trebucheck_toolkit.event_driver",),
+    "engines.event_location": ("engines.events",),
+    "engines.impact_law": ("engines.impact",),
+    "engines.exudyn.body_coordinates": ("engines.exudyn.read",),
+    "engines.exudyn.conditioning": ("engines.exudyn.loops",),
+    "engines.exudyn.constraints": ("engines.exudyn.read",),
+    "engines.exudyn.forces": ("engines.exudyn.build", "engines.exudyn.read"),
+    "engines.exudyn.lines": ("engines.exudyn.read",),
+    "engines.exudyn.rigid_loops": ("engines.exudyn.loops",),
+    "engines.exudyn.sensors": ("engines.exudyn.read",),
+    "engines.exudyn.step": ("engines.exudyn.motion",),
     "engines.joint_coordinates": ("trebucheck_toolkit.joint_coordinates",),
     "engines.joint_tree": ("trebucheck_toolkit.joint_tree",),
-    "engines.node_package": ("trebucheck_toolkit.node_package",),
     "engines.node_samples": ("trebucheck_toolkit.node_samples",),
     "engines.node_scene": ("trebucheck_toolkit.node_scene",),
     "engines.plain_run": ("trebucheck_toolkit.plain_run",),
     "engines.point_masses": ("trebucheck_toolkit.point_masses",),
+    "engines.pymunk.assembly": ("engines.pymunk.bodies",),
+    "engines.pymunk.force_elements": ("engines.pymunk.build",),
+    "engines.pymunk.parts": ("engines.pymunk.bodies",),
+    "engines.pymunk.rods": ("engines.pymunk.leapfrog",),
+    "engines.pymunk.segment": ("engines.pymunk.motion",),
+    "engines.pymunk.step": ("engines.pymunk.motion",),
+    "engines.pymunk.welds": ("engines.pymunk.bodies",),
     "engines.scheme_tables": ("trebucheck_toolkit.scheme_tables",),
     "engines.schemes": ("trebucheck_toolkit.schemes",),
     "environments": ("trebucheck_environments",),
@@ -69,6 +104,11 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "environments.motion": ("trebucheck_environments.motion",),
     "environments.pictures": ("trebucheck_environments.pictures",),
     "environments.throw": ("trebucheck_environments.throw",),
+    "models.force_elements": ("models.elements", "models.elements.base"),
+    "models.joints": ("models.elements", "models.elements.base"),
+    "models.phasors": ("models.functions",),
+    "models.scalar_functions": ("models.functions",),
+    "models.stops": ("models.elements", "models.elements.base"),
     "models.stacked": ("reference.taylor.batch",),
     "models.zoo": ("trebucheck_importers.zoo",),
     "models.zoo.constraints": ("trebucheck_importers.zoo.constraints",),
@@ -178,7 +218,9 @@ class RenamedModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         return _RenamedModule(spec.name)
 
     def exec_module(self, module: ModuleType) -> None:
-        """Does nothing: the names are looked up when they are asked for."""
+        """Imports the new modules, for what their import does; names are looked up when asked for."""
+        for name in RENAMED[module.__name__.removeprefix(f"{_PACKAGE}.")]:
+            importlib.import_module(_full_name(name))
 
 
 def install() -> None:

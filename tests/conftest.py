@@ -43,7 +43,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "engine_name" in metafunc.fixturenames:
-        asked = metafunc.config.getoption("--engines")
+        asked = metafunc.config.getoption("--engines", default="")
         names = asked.split(",") if asked else list(engine_names())
         metafunc.parametrize("engine_name", [_param(name) for name in names])
 

@@ -28,9 +28,21 @@ from ..report.document import (
 )  # fmt: skip
 from ..report.numbers import format_number
 from ..runs.results import COMPARED, Outcome
-from .own import READING, agreements, own_on, table_of_parts
-from .results import SHOWN, Error, Matrix, MatrixProblem, MatrixRun, MeasuredOrder
-from .spread import FLOOR, sentence, spreads
+from .study import (
+    FLOOR,
+    READING,
+    SHOWN,
+    Error,
+    Matrix,
+    MatrixProblem,
+    MatrixRun,
+    MeasuredOrder,
+    agreements,
+    own_on,
+    sentence,
+    spreads,
+    table_of_parts,
+)
 
 _UNSTATED = "scheme not stated"
 _WORDS: dict[Outcome, str] = {

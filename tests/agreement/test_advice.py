@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.recommend import Advice, Asked, recommend
-from trebucheck.comparisons.recommend.cases import Case
-from trebucheck.comparisons.recommend.search import configured, option_sets
+from trebucheck.comparisons.recommend.search import Case, configured, option_sets
 from trebucheck.comparisons.recommend.study import snippets
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Trials

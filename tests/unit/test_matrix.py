@@ -18,16 +18,17 @@ from trebucheck.comparisons.converge.results import (
     Studies,
     Study,
 )
-from trebucheck.comparisons.matrix.read import distilled, read
 from trebucheck.comparisons.matrix.report import document
-from trebucheck.comparisons.matrix.results import (
+from trebucheck.comparisons.matrix.study import (
     Error,
     Matrix,
     MatrixProblem,
     MatrixRun,
     MeasuredOrder,
+    distilled,
+    read,
+    spreads,
 )
-from trebucheck.comparisons.matrix.spread import spreads
 from trebucheck.comparisons.report import html, markdown
 from trebucheck.comparisons.runs.results import Outcome, Results
 from trebucheck.engines.study import SCHEME_NAMES
