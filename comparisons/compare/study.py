@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar
 
+from ...engines.given import Engines, Names
 from ...engines.protocol import Engine
 from ...models.errors import SimulationError
+from ...models.given import Models
 from ...models.mechanism import Mechanism
-from ...models.problem import Problem, StopLaw
+from ...models.problem import StopLaw
 from ...models.shown import Reported
 from ...models.spec import Spec
 from ...models.trajectory import Trajectory
@@ -20,7 +22,7 @@ from ...reference.solution import Solution
 from ..runs.process import Worker
 from ..runs.results import Results
 from ..runs.store import Store
-from ..runs.study import PRESETS, OnDemand, Study, in_order, one_end
+from ..runs.study import OnDemand, Study, in_order
 from .machine import Case, FailedMachine, MachineRuns, MadeRun, RunRecord
 
 
@@ -63,11 +65,12 @@ class Comparison(Reported):
 
 
 def compare(
-    models: Iterable[str | Mechanism | Problem] = ("fixed", "rolling"),
-    engines: Iterable[str] | None = None,
-    presets: Iterable[str] = PRESETS,
+    models: Models = ("fixed", "rolling"),
+    engines: Engines | None = None,
+    presets: Names | None = None,
     *,
     parameters: Spec | None = None,
+    options: Mapping[str, Any] | None = None,
     timestep: float | None = None,
     duration: float | None = None,
     until: str | float | None = None,
@@ -78,15 +81,18 @@ def compare(
     timeout: float = 600.0,
     jobs: int = 1,
     progress: Callable[[Case, int, int], None] | None = None,
-    **options: Any,
+    **more_options: Any,
 ) -> Comparison:
-    """Measure engines on machines against the reference, to the launch: `tb.compare(["fixed"], ["mujoco"]).plot()`.
+    """Measure engines on machines against the reference: `tb.compare("fixed", "mujoco").plot()`.
 
     Args:
-        models: names of machines or of the library's problems, mechanisms of your own, or problems.
-        engines: names; all known ones if left out. Those not installed become rows that say so.
-        presets: 'tuned', 'stock', or both.
+        models: one or several: names of machines or of the library's problems, paths of mechanisms'
+            .json files, mechanisms, or problems.
+        engines: one or several: names, or engines as `tb.engine` makes them; all known ones if left
+            out. Those not installed become rows that say so.
+        presets: 'tuned', 'stock', or both; both if left out, or those of the engines given.
         parameters: of the named machines, all of one class; their defaults if left out.
+        options: over each preset's: of every engine that has them, or of one, as 'mujoco.solref'.
         timestep: of every engine [s]; each preset's own if left out.
         duration: end of the compared motion [s]; a problem's own, else the reference's launch, if
         left out.
@@ -101,21 +107,22 @@ def compare(
         jobs: references, runs and diagnoses made at once, each in a process; the results but for
             wall times are the same in the same order.
         progress: called before each case with the number done and the number of all.
-        options: further options, each for every engine that has it, or as 'mujoco.solref' (a key of
-            a mapping given with two asterisks) for one.
+        more_options: further ones of `options`.
 
     Raises:
         InputError: a name or a value is not valid. A run that fails raises nothing: it becomes a
             failed row.
     """
-    study = Study(
-        models=models,
-        engines=engines,
-        presets=presets,
+    study = Study.of(
+        models,
+        engines,
+        presets,
         parameters=parameters,
-        options=options if timestep is None else {"timestep": timestep, **options},
+        options={**(options or {}), **more_options},
+        timestep=timestep,
+        duration=duration,
+        until=until,
         stop_law=stop_law,
-        until=one_end(duration, until),
         tolerances=tolerances,
         store=store,
         isolate=isolate,

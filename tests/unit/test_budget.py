@@ -23,7 +23,7 @@ from trebucheck.comparisons.explain.study import (
     Reread,
     budget,
     by_kinematics,
-    explain,
+    explain_study,
     orders,
     stock_against_tuned,
     with_filtered_torques,
@@ -574,14 +574,16 @@ def test_wrong_input_is_refused_before_anything_runs(
 def test_a_machine_that_cannot_throw_is_refused() -> None:
     still = fixed().model_copy(update={"gravity": 0.0})
     with pytest.raises(InputError, match="gravity"):
-        explain(Study([still], engines=["reference"], isolate=False))
+        explain_study(Study([still], engines=["reference"], isolate=False))
 
 
 def test_an_engine_that_is_not_installed_is_a_row_of_the_explanation(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(ExudynEngine, "is_installed", classmethod(lambda _: False))
-    explanation = explain(Study([fixed()], engines=["exudyn"], presets=["tuned"], isolate=False))
+    explanation = explain_study(
+        Study([fixed()], engines=["exudyn"], presets=["tuned"], isolate=False)
+    )
     (absent,) = explanation.budgets
     assert absent.message is not None and "pip install exudyn" in absent.message
     assert explanation.comparisons[0].stock.message == absent.message
