@@ -265,7 +265,7 @@ class _Builder:
         )
 
     def _brace(self, bob: str) -> Rod:
-        """A rod across the bob's own, of the same length, from the body that the bob is pinned to."""
+        """A rod across the bob's own, as long as that, from the body that the bob is pinned to."""
         joint, part = self.mechanism.joint_of(bob), self.assembly.parts[bob]
         between = float(self.kinematics.angle(bob, joint.parent).value(self.q))
         along = (part.reference - part.pin) * cmath.exp(-1j * between)
@@ -333,7 +333,7 @@ class _ForceBuilder:
         return [self._twist(element, lambda _angle, _speed: element.torque)]
 
     def point_spring(self, element: SpringDamper) -> list[Load]:
-        """Chipmunk's spring where it has both points; the damper, and else the spring, as a load."""
+        """Chipmunk's spring where it has both points; else, and of the damper, a load."""
         own, other = complex(*element.point), complex(*element.relative_point)
         is_own = self._is_on_body(element.body, own) and self._is_on_body(
             element.relative_to, other
@@ -351,7 +351,7 @@ class _ForceBuilder:
         return [Pull(element, vector, stiffness)] if stiffness or element.damping else []
 
     def rotational_spring(self, element: RotationalSpringDamper) -> list[Load]:
-        """Chipmunk's spring where it has both angles; the damper, and else the spring, as a load."""
+        """Chipmunk's spring where it has both angles; else, and of the damper, a load."""
         stiffness = 0.0 if self._add_rotary_spring(element) else element.stiffness
         damping, rest = element.damping, element.rest_angle
         if not (stiffness or damping):
