@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...models.arrays import FloatArray
+from ...models.elements import AnyJoint
 from ...models.errors import InputError, SimulationError
-from ...models.joints import AnyJoint
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.tree import Slide

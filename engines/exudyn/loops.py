@@ -23,10 +23,10 @@ from collections.abc import Callable
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.joints import AnyJoint
+from ...models.elements import AnyJoint
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
-from ..contact_events import Contacts
+from ..events import Contacts
 
 DEPENDENT = 1e-6
 """Singular value of a Jacobian, over its largest, below which constraints are dependent."""

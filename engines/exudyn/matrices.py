@@ -20,8 +20,8 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
-from .. import impact_law
-from ..contact_events import Contacts
+from .. import impact as impact_law
+from ..events import Contacts
 from .loops import DEPENDENT
 from .read import System, exu
 from .solver import State

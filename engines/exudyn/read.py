@@ -18,20 +18,22 @@ import numpy as np
 from ...models.arrays import ComplexArray, FloatArray
 from ...models.elements import (
     FORCE_ELEMENTS,
+    GROUND,
+    AnyJoint,
     ConstantForce,
     ConstantTorque,
     CubicTorsionSpring,
     ElementTable,
+    PointStop,
     RotationalSpringDamper,
     SpringDamper,
+    Stop,
 )
-from ...models.joints import GROUND, AnyJoint
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Marker, Mechanism
 from ...models.spec import Vector
-from ...models.stops import PointStop, Stop
 from ...models.trajectory import PointMotion
-from ..contact_events import ContactEvents, Contacts
+from ..events import ContactEvents, Contacts
 from ..protocol import Recording
 
 exu: Any = importlib.import_module("exudyn")

@@ -19,7 +19,7 @@ from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
-from ..contact_events import Contacts
+from ..events import Contacts
 from .loops import DEPENDENT, Conditioning, LoopConstraints, built_rows
 from .options import ExudynOptions
 from .read import BodyCoordinates, Reader, SensorKey, System, Values, coordinates, exu

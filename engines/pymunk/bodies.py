@@ -35,6 +35,8 @@ from pymunk import constraints
 from ...models.arrays import FloatArray
 from ...models.elements import (
     ELEMENTS,
+    GROUND,
+    AnyJoint,
     ConstantForce,
     ConstantTorque,
     CubicTorsionSpring,
@@ -50,7 +52,6 @@ from ...models.elements import (
     WeldJoint,
 )
 from ...models.errors import UnsupportedProblemError
-from ...models.joints import GROUND, AnyJoint
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Body, Mechanism
 from ...models.spec import Vector

@@ -26,8 +26,11 @@ from pymunk import constraints
 
 from ...models.elements import (
     FORCE_ELEMENTS,
+    GROUND,
     JOINTS,
     STOPS,
+    AnyJoint,
+    AnyStop,
     ConstantForce,
     ConstantTorque,
     CubicTorsionSpring,
@@ -43,11 +46,9 @@ from ...models.elements import (
     WeldJoint,
 )
 from ...models.errors import UnsupportedProblemError
-from ...models.joints import GROUND, AnyJoint
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ...models.spec import Vector
-from ...models.stops import AnyStop
 from .bodies import Assembly, Part, Rod, is_brace, parts_of, same_point, without_welds
 from .loads import (
     Angle,

@@ -5,6 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
+from ...models.elements import (
+    ConstantForce,
+    ConstantTorque,
+    CubicTorsionSpring,
+    FreeJoint,
+    PinJoint,
+    PointStop,
+    PrismaticJoint,
+    RotationalSpringDamper,
+    SlotJoint,
+    SpringDamper,
+    Stop,
+    WeldJoint,
+)
 from ...models.features import Feature
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
@@ -17,6 +31,25 @@ from .options import PymunkOptions
 from .study import STUDY
 
 _LIBRARY_ERROR_BIAS = (1.0 - 0.1) ** 60
+
+
+BUILT: frozenset[type] = frozenset(
+    {
+        PinJoint,
+        WeldJoint,
+        SlotJoint,
+        PrismaticJoint,
+        FreeJoint,
+        Stop,
+        PointStop,
+        SpringDamper,
+        RotationalSpringDamper,
+        CubicTorsionSpring,
+        ConstantForce,
+        ConstantTorque,
+    }
+)
+"""Classes with a builder (:mod:`.build`, whose tables cannot be read without the library)."""
 
 
 class PymunkEngine(PymunkOptions, BuiltinEngine):
@@ -44,6 +77,7 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
         located_releases=True,
         stop_laws=frozenset(StopLaw),
         features=frozenset(Feature),
+        elements=BUILT,
         formulation="maximal coordinates, velocity-level impulses by Gauss-Seidel, leapfrog "
         "positions",
     )

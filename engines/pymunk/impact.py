@@ -18,8 +18,8 @@ from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
-from ..contact_events import Contacts, resting
-from ..impact_law import pushing
+from ..events import Contacts, resting
+from ..impact import pushing
 from .bodies import Assembly
 from .build import build
 from .leapfrog import STEP, settled_increment

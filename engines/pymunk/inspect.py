@@ -20,11 +20,9 @@ import pymunk
 from pymunk import constraints
 
 from ...models.arrays import FloatArray, as_vectors
-from ...models.elements import STOPS, ElementTable, PointStop, Stop
-from ...models.joints import GROUND
+from ...models.elements import GROUND, STOPS, AnyStop, ElementTable, PointStop, Stop
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
-from ...models.stops import AnyStop
 from ..inspection import Dynamics, Inspection, State
 from .bodies import Assembly, Rod, is_pin
 from .build import build
@@ -97,8 +95,9 @@ def _dynamics(built: Assembly, state: State, pivot_mass: float) -> Dynamics:
 def _inertia(assembly: Assembly) -> tuple[FloatArray, FloatArray]:
     """M and f of the engine's bodies.
 
-    M is the sum of m J^T J + I j^T j, f that of J^T m (a - centrifugal acceleration) + j^T I s. The accelerations a and s of a body are those that gravity and force elements give it where no
-    joint holds it. A body that does not turn has no angle of its own (its moment is infinite): it
+    M is the sum of m J^T J + I j^T j, f that of J^T m (a - centrifugal acceleration) + j^T I s. The
+    accelerations a and s of a body are those that gravity and force elements give it where no joint
+    holds it. A body that does not turn has no angle of its own (its moment is infinite): it
     is a point mass. Mass on a pin in the ground does not move, and so is in neither.
     """
     kinematics, attitudes = Kinematics(assembly.mechanism), assembly.mechanism.attitudes

@@ -14,7 +14,7 @@ from ...models.errors import SimulationError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
-from ..contact_events import (
+from ..events import (
     AT_REST,
     SAME_TIME,
     ContactEvents,

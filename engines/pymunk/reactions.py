@@ -3,8 +3,8 @@
 They come from the bodies' changes of momentum in a step, because Chipmunk gives only the magnitude
 of a joint's impulse: constraint forces are the rates of change of momentum and angular momentum,
 less gravity and what the force elements exert. A joint of the tree carries all bodies that it
-supports; the forces of joints that close a loop and of active stops are the least-squares solution of G^T lam =
-r, with the residual r of the equations of motion without them:
+supports; the forces of joints that close a loop and of active stops are the least-squares solution
+of G^T lam = r, with the residual r of the equations of motion without them:
 
     r_k = for an angle, the couple on the bodies that turn with it beyond gravity, force elements
           and the tree's forces; for a slide, the force along it.
@@ -18,11 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.arrays import ComplexArray, FloatArray
-from ...models.joints import GROUND
+from ...models.elements import GROUND, Stop
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
-from ...models.stops import Stop
-from ..contact_events import Contacts
+from ..events import Contacts
 from .read import Reading
 
 _SINGULAR = 1e-10  # of the largest singular value: dependent constraints share their force

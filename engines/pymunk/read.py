@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...models.applied_forces import AppliedForces
 from ...models.arrays import ComplexArray, FloatArray, as_vectors
-from ...models.joints import GROUND, AnyJoint
+from ...models.elements import GROUND, AnyJoint
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.spec import Vector
