@@ -70,7 +70,7 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         return self._units(mechanism).inspect(inspect, mechanism, states, self)
 
     def _run(self, problem: Problem) -> Recording:
-        from .step import run  # loads Exudyn
+        from .motion import run  # loads Exudyn
 
         return self._units(problem.mechanism).run(run, problem, self)
 

@@ -1,4 +1,4 @@
-"""The built Exudyn system in single states: its own matrices and outputs, in the mechanism's coordinates.
+"""Inspection of the built Exudyn system in single states, by its own matrices and outputs.
 
 A state q is set by placing Exudyn's bodies, z(q); J = dz/dq carries its matrices back, M = J^T M_z
 J and f = J^T (f_z - M_z dJ/dt u). Accelerations and torques are solutions of Exudyn's own
@@ -19,14 +19,10 @@ from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.tree import Slide
 from ..inspection import Dynamics, Inspection, State
-from .body_coordinates import BodyCoordinates
-from .build import System, build, exu, silence
-from .constraints import Spring
-from .lines import on_joint
+from .build import build, silence
 from .matrices import Matrices, Solved, matrices
 from .options import ExudynOptions
-from .read import Reader
-from .sensors import SensorKey, Values
+from .read import BodyCoordinates, Reader, SensorKey, Spring, System, Values, exu, on_joint
 from .solver import Solver
 
 

@@ -22,8 +22,8 @@ from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
 from .. import impact_law
 from ..contact_events import Contacts
-from .build import System, exu
-from .conditioning import DEPENDENT
+from .loops import DEPENDENT
+from .read import System, exu
 from .solver import State
 
 # Central difference of order 8: weights of f(k h) - f(-k h), k = 1..4, over h. A Jacobian is a sum

@@ -20,13 +20,9 @@ from ...models.errors import SimulationError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ..contact_events import Contacts
-from .body_coordinates import BodyCoordinates
-from .build import System, exu
-from .conditioning import DEPENDENT, Conditioning, LoopConstraints
+from .loops import DEPENDENT, Conditioning, LoopConstraints, built_rows
 from .options import ExudynOptions
-from .read import Reader, coordinates
-from .rigid_loops import built_rows
-from .sensors import SensorKey, Values
+from .read import BodyCoordinates, Reader, SensorKey, System, Values, coordinates, exu
 
 _EVERY_STEP = 1e-12  # [s] the default is 0.01 s; this is below any step
 _SAME_TIME = 1e-9  # of the run's last time: Exudyn adds up its steps

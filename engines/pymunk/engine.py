@@ -69,7 +69,7 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
 
     def _run(self, problem: Problem) -> Recording:
         # Here and not above: a class must tell that its library is missing, not fail to load.
-        from .step import run
+        from .motion import run
 
         return units_of(problem.mechanism).run(run, problem, self)
 

@@ -20,7 +20,7 @@ from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ..contact_events import Contacts, resting
 from ..impact_law import pushing
-from .assembly import Assembly
+from .bodies import Assembly
 from .build import build
 from .leapfrog import STEP, settled_increment
 from .reactions import forces_of

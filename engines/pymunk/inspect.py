@@ -11,20 +11,22 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pymunk
 from pymunk import constraints
 
 from ...models.arrays import FloatArray, as_vectors
-from ...models.joints import GROUND, PinJoint
+from ...models.elements import STOPS, ElementTable, PointStop, Stop
+from ...models.joints import GROUND
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
-from ...models.stops import PointStop, Stop
+from ...models.stops import AnyStop
 from ..inspection import Dynamics, Inspection, State
-from .assembly import Assembly, Rod
+from .bodies import Assembly, Rod, is_pin
 from .build import build
 from .leapfrog import STEP, settled_increment
 from .options import PymunkOptions
@@ -56,9 +58,7 @@ def _total_mass(assembly: Assembly, pivot_mass: float) -> float | None:
     pinned = [
         joint
         for joint in assembly.rigid.tree_joints
-        if joint.parent == GROUND
-        and isinstance(joint, PinJoint)
-        and assembly.parts[joint.child].turns
+        if joint.parent == GROUND and is_pin(joint) and assembly.parts[joint.child].turns
     ]
     grounded = any(
         place.carrier == GROUND for name, place in assembly.placements.items() if name != GROUND
@@ -188,27 +188,37 @@ def _lengthening(rod: Rod) -> float:
     return bent + 2 * spin * across - spin**2 * distance
 
 
-def _gap(built: Assembly, stop: Stop | PointStop, reading: Reading) -> float:
-    """Gap of a stop [rad or m] at the bodies' present positions, by its joint as it was built at the start."""
+def _gap(built: Assembly, stop: AnyStop, reading: Reading) -> float:
+    """Gap of a stop [rad or m] at the bodies' present positions, by its joint as built."""
     joint, stop = built.stops[stop.name], built.rigid.stop(stop.name)
     rod = next((rod for rod in built.rods if rod.joint is joint), None)
-    if isinstance(stop, PointStop):
-        assert rod is not None
-        other = built.parts.get(stop.relative_to)
-        anchor = complex(*rod.end_a) + (other.reference if other is not None else 0j)
-        wall = reading.frames[stop.relative_to]
-        difference = complex(
-            (reading.point(stop.body, stop.point).position - wall.point(anchor).position)[0]
-        )
-        return (
-            difference * complex(wall.world(complex(*stop.normal))[0]).conjugate()
-        ).real - rod.length
+    return _GAPS[stop](built, stop, reading, rod)
+
+
+def _point_gap(built: Assembly, stop: PointStop, reading: Reading, rod: Rod | None) -> float:
+    assert rod is not None
+    other = built.parts.get(stop.relative_to)
+    anchor = complex(*rod.end_a) + (other.reference if other is not None else 0j)
+    wall = reading.frames[stop.relative_to]
+    point = reading.point(stop.body, stop.point).position
+    difference = complex((point - wall.point(anchor).position)[0])
+    normal = complex(wall.world(complex(*stop.normal))[0])
+    return (difference * normal.conjugate()).real - rod.length
+
+
+def _angle_gap(built: Assembly, stop: Stop, reading: Reading, rod: Rod | None) -> float:
     q = {name: float(frame.q[0]) for name, frame in reading.frames.items()}
     between = q[stop.body] - q[stop.relative_to]
     if rod is None:
-        assert isinstance(joint, constraints.GearJoint)
-        return stop.sense * (between + joint.phase)
+        gear = built.stops[stop.name]
+        assert isinstance(gear, constraints.GearJoint)
+        return stop.sense * (between + gear.phase)
     return stop.sense * math.remainder(between - _braced_angle(built, rod, stop), 2 * math.pi)
+
+
+_GAPS: ElementTable[Callable[[Assembly, Any, Reading, Rod | None], float]] = ElementTable(
+    "pymunk's inspection", STOPS, {Stop: _angle_gap, PointStop: _point_gap}
+)
 
 
 def _braced_angle(built: Assembly, rod: Rod, stop: Stop) -> float:

@@ -21,7 +21,7 @@ from typing import Protocol
 
 import pymunk
 
-from ...models.force_elements import ConstantTorque, RotationalSpringDamper, SpringDamper
+from ...models.elements import SpringDamper
 
 
 @dataclass(frozen=True)
@@ -218,24 +218,19 @@ class Pull:
 
 @dataclass(frozen=True)
 class Twist:
-    """A torque between two bodies: constant, of a damper, or of a spring on a body that has no angle in Chipmunk."""
+    """A torque between two bodies: constant, of a damper, or of a spring that Chipmunk has not."""
 
-    element: RotationalSpringDamper | ConstantTorque
+    torque: Callable[[float, float], float]
+    """Torque on the body [N m] by the relative angle [rad] and its rate [rad/s], all clockwise."""
     own: Angle
     other: Angle
-    stiffness: float = 0.0
-    """Of the spring that acts here [N m/rad]; 0 where Chipmunk's own does."""
 
     def act(self, bodies: Bodies) -> None:
         """Add what it exerts in these poses."""
         (angle, speed), (other_angle, other_speed) = (
             end.value_and_speed(bodies) for end in (self.own, self.other)
         )
-        if isinstance(self.element, ConstantTorque):
-            torque = self.element.torque
-        else:
-            torque = -self.stiffness * (angle - other_angle - self.element.rest_angle)
-            torque -= self.element.damping * (speed - other_speed)
+        torque = self.torque(angle - other_angle, speed - other_speed)
         self.own.push(bodies, torque)
         self.other.push(bodies, -torque)
 

@@ -32,7 +32,7 @@ import pymunk
 from pymunk import constraints
 
 from ...models.arrays import FloatArray
-from .assembly import Assembly
+from .bodies import Assembly
 
 TRACKED = 1e-3  # of the change of the impulses in a step: error that is let be
 MOST_PASSES = 20_000  # in a step of loops that need more than the option says

@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 
 from ...models.applied_forces import AppliedForces
 from ...models.arrays import ComplexArray, FloatArray, as_vectors
-from ...models.joints import GROUND, AnyJoint, PinJoint
+from ...models.joints import GROUND, AnyJoint
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.spec import Vector
 from ...models.trajectory import PointMotion
-from .assembly import Assembly, Part
-from .welds import Placement
+from .bodies import Assembly, Part, Placement, is_pin
 
 
 @dataclass(frozen=True)
@@ -229,12 +228,7 @@ class Reading:
 
     def _drift(self, joint: AnyJoint) -> FloatArray:
         part, vector = self.assembly.parts.get(joint.child), self.between(joint)
-        if (
-            isinstance(joint, PinJoint)
-            and part
-            and not part.turns
-            and joint in self.mechanism.tree_joints
-        ):
+        if is_pin(joint) and part and not part.turns and joint in self.mechanism.tree_joints:
             parent = self.point(joint.parent, joint.parent_point).position
             return np.abs(
                 np.abs(self.frames[joint.child].at.position - parent)

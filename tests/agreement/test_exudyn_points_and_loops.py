@@ -448,7 +448,7 @@ def test_what_cannot_be_is_refused() -> None:
 
 
 def test_impacts_without_end_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    from trebucheck.engines import contact_events as module
+    from trebucheck.engines import events as module
 
     monkeypatch.setattr(module, "MOST_IMPACTS", 3)
     problem = Problem(hanging_bob(floor(1.2, 1.0)), 4.0, stop_law=StopLaw.UNILATERAL)

@@ -23,11 +23,9 @@ from ...models.problem import Problem, StopLaw
 from ..contact_events import SAME_TIME, ContactEvents, Contacts, active_contacts, resting
 from ..protocol import Recording
 from .build import build, silence
-from .constraints import Spring, gap, gap_acceleration, gap_speed
 from .matrices import Matrices, matrices, resolve_impact, solve_constrained
 from .options import ExudynOptions
-from .read import Reader, recording
-from .sensors import Values
+from .read import Reader, Spring, Values, recording
 from .solver import Balance, Solver, State, is_at
 
 _WHOLE = 1e-6  # of a step: so near to a whole number of steps, it is one
@@ -249,9 +247,8 @@ class _Motion:
         """Acceleration of a stop's gap [rad/s^2, m/s^2]."""
         names = (body.name for body in self.mechanism.bodies)
         rotations = dict(zip(names, balance.accelerations[2::3].tolist(), strict=True))
-        return gap_acceleration(
-            self.mechanism.stop(name), self.solver.values(balance.row), rotations
-        )
+        values = self.solver.values(balance.row)
+        return self.system.constraints[name].gap_acceleration(values, rotations)
 
 
 class _UnilateralMotion(_Motion):
@@ -308,8 +305,11 @@ class _UnilateralMotion(_Motion):
 
     def _met(self, active: Contacts, values: Values) -> list[str]:
         """Inactive stops in penetration that close; one that has just opened may penetrate by the drift it had."""
-        inactive = (stop for stop in self.mechanism.stops if stop.name not in active)
-        return [stop.name for stop in inactive if gap(stop, values) < 0.0 > gap_speed(stop, values)]
+        return [
+            name
+            for name, stop in self.system.constraints.items()
+            if name not in active and stop.gap(values) < 0.0 > stop.gap_speed(values)
+        ]
 
     def _onto_zero_gap(
         self, table: FloatArray, active: Contacts, name: str
@@ -321,23 +321,22 @@ class _UnilateralMotion(_Motion):
         is the impact: from the far end Newton's iteration would only halve the way to it. Where the
         gap grows, on the wrong side of a turn, half way back.
         """
-        stop, latest = self.mechanism.stop(name), float(table[-1, 0])
+        stop, latest = self.system.constraints[name], float(table[-1, 0])
 
         def newton(probe: FloatArray) -> float:
             time, values = float(probe[-1, 0]), self._last(probe)
-            speed = gap_speed(stop, values)
+            speed = stop.gap_speed(values)
             cubic = self._zero_of_cubic(table, name) if probe is table else None
-            return cubic or (
-                (time + latest) / 2 if speed >= 0 else time - gap(stop, values) / speed
-            )
+            return cubic or ((time + latest) / 2 if speed >= 0 else time - stop.gap(values) / speed)
 
         return self._onto(table, active, newton)
 
     def _zero_of_cubic(self, table: FloatArray, name: str) -> float | None:
         """The last time at which a cubic through a stop's gaps in the last steps of a table falls through zero [s]."""
-        stop, rows = self.mechanism.stop(name), (table[max(len(table) - 3, 0)], table[-1])
+        stop, rows = self.system.constraints[name], (table[max(len(table) - 3, 0)], table[-1])
         (g0, g1), (v0, v1) = (
-            [measure(stop, self.solver.values(row)) for row in rows] for measure in (gap, gap_speed)
+            [measure(self.solver.values(row)) for row in rows]
+            for measure in (stop.gap, stop.gap_speed)
         )
         begin, span = float(rows[0][0]), float(rows[1][0] - rows[0][0])
         polynomial = CubicHermiteSpline([0.0, span], [g0, g1], [v0, v1])
@@ -376,7 +375,7 @@ class _UnilateralMotion(_Motion):
         return self._pushing(state, rest)
 
     def _gap_speeds(self, names: Contacts, values: Values) -> dict[str, float]:
-        return {name: gap_speed(self.mechanism.stop(name), values) for name in names}
+        return {name: self.system.constraints[name].gap_speed(values) for name in names}
 
     def _torques(self, reader: Reader) -> dict[str, FloatArray]:
         """Of all stops: the multiplier of one that is open is zero."""
