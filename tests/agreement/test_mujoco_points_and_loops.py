@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mechanisms import misplaced
-from trebucheck.comparisons.equivalence.checks import EXACT, check_model
+from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.joints import GROUND, PinJoint, SlotJoint
@@ -366,9 +366,15 @@ def test_other_parameters(name: str, seed: int) -> None:
     "mechanism", [floating_arm(), slider_crank(), many_stops()], ids=lambda m: m.name
 )
 def test_the_solution_that_older_solvers_start_at_is_the_solvers(mechanism: Mechanism) -> None:
-    from trebucheck.engines.mujoco.build import correction_of, load, preload, start_data
-    from trebucheck.engines.mujoco.constraints import slot_contacts, stop_constraints
-    from trebucheck.engines.mujoco.warm_start import start_at_the_solution
+    from trebucheck.engines.mujoco.build import (
+        correction_of,
+        load,
+        preload,
+        slot_contacts,
+        start_data,
+        stop_constraints,
+    )
+    from trebucheck.engines.mujoco.reference_acceleration import start_at_the_solution
 
     model = load(mechanism, MujocoEngine())
     data, correction = start_data(model), correction_of(mechanism, model, MujocoEngine())
