@@ -1,4 +1,4 @@
-r"""Coordinates of a mechanism's points, as complex numbers z = x + i y.
+r"""Functions of a mechanism's coordinates: points as complex numbers z = x + i y, and scalars.
 
 With absolute angles every point is a plain sum,
 
@@ -11,22 +11,23 @@ row of coefficients, and velocities and accelerations follow by differentiating 
 derivatives are dw_k/dq_k, the rates, and for a slide on a turning line dw_k/dq_c = -i q_k dw_k/dq_k
 as well. Of n mechanisms as one (:mod:`.stacked`) coefficients and constants have a first axis of
 that length.
+
+A stop or a loop joint constrains a scalar function: an angle, or a component of a vector.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from .arrays import ComplexArray, FloatArray
-from .mechanism import Mechanism
-from .tree import Tree
 
+# Numbers of a product that BLAS still takes in one thread. Two threads take microseconds to share
+# 8000 of them, but on a busy machine milliseconds to meet.
 _BLOCK = 2048
-"""Numbers of a product that BLAS still takes in one thread. Two threads take as long to share 8000 of them, a matter of
-microseconds, as they take to meet: milliseconds on a busy machine."""
 
 
 @dataclass(frozen=True)
@@ -37,28 +38,18 @@ class PointCoefficients:
     coefficients: ComplexArray
 
 
-@dataclass(frozen=True)
-class Phasors:
+class Phasors(ABC):
     """w(q) of a mechanism and its derivatives; arrays of states are shaped (n, n_q)."""
 
-    mechanism: Mechanism
-
-    @cached_property
-    def tree(self) -> Tree:
-        """The mechanism's tree."""
-        return self.mechanism.tree
-
-    @cached_property
+    @property
+    @abstractmethod
     def is_angle(self) -> FloatArray:
         """1.0 for an angle, 0.0 for a slide; shape (n_q,)."""
-        return np.array([1.0] * len(self.tree.angles) + [0.0] * len(self.tree.slides))
 
-    @cached_property
+    @property
+    @abstractmethod
     def carried(self) -> tuple[tuple[int, int], ...]:
         """Index of each slide along a line that turns, and of the angle that it turns with."""
-        angles = (self.tree.attitudes[slide.joint.parent][0] for slide in self.tree.slides)
-        first = len(self.tree.angles)
-        return tuple((k, angle) for k, angle in enumerate(angles, start=first) if angle is not None)
 
     def phasors(self, q: FloatArray) -> ComplexArray:
         """w(q), shape like q."""
@@ -143,3 +134,106 @@ def weighted(w: ComplexArray, coefficients: ComplexArray) -> ComplexArray:
     if w.ndim == 1 or w.shape[0] <= rows:
         return w @ coefficients
     return np.concatenate([w[k : k + rows] @ coefficients for k in range(0, w.shape[0], rows)])
+
+
+@dataclass(frozen=True)
+class AngleFunction:
+    """A difference of angles: constant + coefficients . q [rad]; linear, so its Jacobian is constant."""
+
+    constant: float
+    coefficients: FloatArray
+
+    @property
+    def amplitudes(self) -> FloatArray:
+        """The greatest values of its derivatives, shape (n_q,)."""
+        return np.abs(self.coefficients)
+
+    def value(self, q: FloatArray) -> FloatArray:
+        """Shape (...,)."""
+        return q @ self.coefficients + self.constant
+
+    def jacobian(self, q: FloatArray, rates: ComplexArray) -> FloatArray:
+        """Shape (n_q,): the same in every state."""
+        return self.coefficients
+
+    def bias(self, q: FloatArray, u: FloatArray, curvature: ComplexArray) -> FloatArray:
+        """d/dt(Jacobian) u: 0."""
+        return np.zeros(curvature.shape[:-1])
+
+
+@dataclass(frozen=True)
+class PointFunction:
+    """A point's component in a direction that does not turn: constant + Re(coefficients . w(q)) [m]."""
+
+    phasors: Phasors
+    constant: float
+    coefficients: ComplexArray
+
+    @property
+    def amplitudes(self) -> FloatArray:
+        """The greatest values of its derivatives, shape (n_q,); of slides on turning lines, with these at 1 m."""
+        return self.phasors.amplitudes(self.coefficients)
+
+    def value(self, q: FloatArray) -> FloatArray:
+        """Shape (...,)."""
+        return self.phasors.vector(PointCoefficients(self.constant, self.coefficients), q).real
+
+    def jacobian(self, q: FloatArray, rates: ComplexArray) -> FloatArray:
+        """Shape (..., n_q)."""
+        return self.phasors.gradient(self.coefficients, q, rates).real
+
+    def bias(self, q: FloatArray, u: FloatArray, curvature: ComplexArray) -> FloatArray:
+        """d/dt(Jacobian) u, shape (...,)."""
+        return weighted(curvature, self.coefficients).real
+
+
+@dataclass(frozen=True)
+class LineFunction:
+    r"""A point's component in a direction that turns with the angle q_b [m].
+
+    It is Re(conj(d) e^{i q_b} (z_0 + c . w)) + constant, where z_0 + c . w is the vector to the
+    point from one of the body b, and d the direction in its frame.
+    """
+
+    phasors: Phasors
+    constant: float
+    direction: complex
+    body: int
+    """Index of the angle."""
+    vector: PointCoefficients
+
+    @property
+    def amplitudes(self) -> FloatArray:
+        """The greatest values of its derivatives, shape (n_q,)."""
+        amplitudes = self.phasors.amplitudes(self.vector.coefficients)
+        amplitudes[self.body] += abs(self.vector.offset) + amplitudes.sum()
+        return amplitudes
+
+    def _turned(self, q: FloatArray) -> ComplexArray:
+        return self.direction.conjugate() * np.exp(1j * q[..., self.body])
+
+    def value(self, q: FloatArray) -> FloatArray:
+        """Shape (...,)."""
+        return (self._turned(q) * self.phasors.vector(self.vector, q)).real + self.constant
+
+    def jacobian(self, q: FloatArray, rates: ComplexArray) -> FloatArray:
+        """Shape (..., n_q)."""
+        turned = self._turned(q)
+        gradient = turned[..., None] * self.phasors.gradient(self.vector.coefficients, q, rates)
+        gradient[..., self.body] += 1j * turned * self.phasors.vector(self.vector, q)
+        return gradient.real
+
+    def bias(self, q: FloatArray, u: FloatArray, curvature: ComplexArray) -> FloatArray:
+        """d/dt(Jacobian) u, shape (...,)."""
+        phasors, spin = self.phasors, u[..., self.body]
+        apparent = weighted(curvature, self.vector.coefficients) + 2j * spin * phasors.rate(
+            self.vector, q, u
+        )
+        apparent -= spin**2 * phasors.vector(self.vector, q)
+        return (self._turned(q) * apparent).real
+
+
+ScalarFunction = AngleFunction | PointFunction | LineFunction
+
+
+"""A function of q that a constraint holds at zero, or at or above zero."""
