@@ -12,7 +12,7 @@ import typer
 from . import options, output
 
 if TYPE_CHECKING:
-    from ..comparisons.diff.changes import Difference
+    from ..comparisons.diff.study import Difference
     from ..comparisons.report.document import Document
 
 FACTOR = 1.1
@@ -91,8 +91,8 @@ def diff_command(
 
 def _text(difference: Difference, format: Format) -> str:
     """The difference in a format, whole."""
-    from ..comparisons.diff.data import data
     from ..comparisons.diff.report import document
+    from ..comparisons.diff.study import data
 
     return (
         data(difference).to_json() + "\n"

@@ -39,8 +39,8 @@ def problems_command(
 
     trebucheck compare --model slider-crank
     """
-    from ..comparisons.problems.check import check
     from ..comparisons.problems.report import document, listing
+    from ..comparisons.problems.study import check
     from ..comparisons.runs.worker import Worker
     from ..models.problems.registry import benchmark, benchmarks
 

@@ -274,8 +274,8 @@ def recommend_command(
     trebucheck recommend --model pendulum.json --position 1e-4 --until 5
     """
     from ..comparisons.recommend import Asked, recommend
-    from ..comparisons.recommend.cases import read_torque
     from ..comparisons.recommend.report import document, files
+    from ..comparisons.recommend.search import read_torque
     from ..models.files import write_text
 
     if position is None and torque is None and release is None:

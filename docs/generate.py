@@ -28,16 +28,16 @@ from trebucheck.comparisons.compare import plots as figures
 from trebucheck.comparisons.compare.agreement import differences
 from trebucheck.comparisons.compare.study import Comparison
 from trebucheck.comparisons.converge.results import Studies
-from trebucheck.comparisons.data.files import names, publish
-from trebucheck.comparisons.diff.data import DifferenceData
+from trebucheck.comparisons.data.certified import names, publish
+from trebucheck.comparisons.diff.study import DifferenceData
 from trebucheck.comparisons.explain.results import Explanation
 from trebucheck.comparisons.judge.study import Judgement
-from trebucheck.comparisons.matrix.read import distilled, orders_of
-from trebucheck.comparisons.matrix.read import read as read_matrix
 from trebucheck.comparisons.matrix.report import document as matrix_document
-from trebucheck.comparisons.mjcf.events import record_motion
-from trebucheck.comparisons.problems.check import check
+from trebucheck.comparisons.matrix.study import distilled, orders_of
+from trebucheck.comparisons.matrix.study import read as read_matrix
+from trebucheck.comparisons.mjcf import record_motion
 from trebucheck.comparisons.problems.report import library
+from trebucheck.comparisons.problems.study import check
 from trebucheck.comparisons.recommend import Advice
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.document import Document, table, without_empty_columns

@@ -20,7 +20,6 @@ from scipy.integrate import DenseOutput, OdeSolution
 from scipy.optimize import brentq
 
 from ..models.arrays import FloatArray
-from ..models.errors import InputError, SimulationError
 from ..models.elements import (
     FORCE_ELEMENTS,
     ConstantForce,
@@ -30,6 +29,7 @@ from ..models.elements import (
     RotationalSpringDamper,
     SpringDamper,
 )
+from ..models.errors import InputError, SimulationError
 from ..models.kinematics import initial_state
 from ..models.mechanism import Mechanism
 from ..models.problem import LONGEST, Problem, StopLaw

@@ -15,7 +15,7 @@ from trebucheck.comparisons.diff.study import diff
 from trebucheck.comparisons.explain import report as explain_report
 from trebucheck.comparisons.explain.study import explain
 from trebucheck.comparisons.problems import report as problems_report
-from trebucheck.comparisons.problems.check import check
+from trebucheck.comparisons.problems.study import check
 from trebucheck.comparisons.recommend import report as recommend_report
 from trebucheck.comparisons.recommend.results import Asked
 from trebucheck.comparisons.recommend.study import recommend

@@ -32,7 +32,7 @@ from ..report.document import (
 )  # fmt: skip
 from ..report.numbers import format_number, format_step
 from ..runs.results import Metric, Run
-from .changes import Difference, Fate, QuantityChange, RunChange
+from .study import Difference, Fate, QuantityChange, RunChange
 
 _QUESTION = "What moved from one comparison to the other, and what broke?"
 _SHOWN = 20

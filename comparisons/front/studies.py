@@ -20,7 +20,7 @@ from ..explain import study as explanation
 from ..explain.results import Explanation
 from ..recommend import Advice, Asked
 from ..recommend import study as advice
-from ..recommend.cases import read_torque
+from ..recommend.search import read_torque
 from ..runs.store import Store
 from ..runs.study import PRESETS, Progress, Study
 from ..runs.worker import Worker

@@ -32,9 +32,8 @@ from ..runs.results import (
 from ..runs.runner import Runner
 from ..runs.study import REFERENCE, Counter, Study
 from ..runs.tolerances import judge
-from .impacts import Impact, jumps, merged
-from .impacts import metrics as impact_metrics
-from .read import Given, read
+from .read import Given, Impact, jumps, merged, read
+from .read import metrics as impact_metrics
 
 NOT_GIVEN = "the file does not give it"
 

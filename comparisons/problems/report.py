@@ -21,7 +21,7 @@ from ..report.document import (
     words,
 )
 from ..report.numbers import format_number
-from .check import Check, CheckedFigure
+from .study import Check, CheckedFigure
 
 _TITLES = "figure | unit | expected | reference | error | tolerance | basis"
 

@@ -22,8 +22,8 @@ from ..report.document import (
 )
 from ..report.numbers import format_number, format_step, sentence
 from ..report.sections import compared_time, provenance
-from .cases import unit_of
 from .results import Advice, Asked, Attempt, Choice, EngineAdvice, Errors
+from .search import unit_of
 
 
 def document(advice: Advice) -> Document:

@@ -19,26 +19,38 @@ release-once law.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.errors import SimulationError, UnsupportedProblemError
-from ...models.force_elements import (
+from ...models.elements import (
+    FORCE_ELEMENTS,
+    JOINTS,
+    STOPS,
     ConstantForce,
     ConstantTorque,
+    CubicTorsionSpring,
+    ElementTable,
+    FreeJoint,
+    PinJoint,
+    PointStop,
+    PrismaticJoint,
     RotationalSpringDamper,
+    SlotJoint,
     SpringDamper,
+    Stop,
+    WeldJoint,
 )
+from ...models.errors import SimulationError, UnsupportedProblemError
 from ...models.joints import GROUND, AnyJoint
 from ...models.launch import Launch, rest_opened
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.spec import Vector
-from ...models.stops import PointStop, Stop
 from .constrained import ConstrainedMotion, integrate
 from .quantities import PointState
 
@@ -63,7 +75,7 @@ class RedundantSystem:
         self._mass = np.diag(np.ravel(masses))
         self._applied = AppliedCartesian(mechanism)
         held = [
-            (joint, direction) for joint in mechanism.joints for direction in joint.held_directions
+            (joint, direction) for joint in mechanism.joints for direction in _HELD[joint](joint)
         ]
         self._held = _components(mechanism, held)
         rigid = [joint for joint in mechanism.joints if joint.turned_by is not None]
@@ -72,8 +84,7 @@ class RedundantSystem:
             mechanism, [(slide.joint, slide.direction) for slide in mechanism.slides]
         )
         self._turning = np.array([body.angle is not None for body in mechanism.bodies])
-        self._walls = {stop.name: _distance(mechanism, stop) for stop in mechanism.point_stops}
-        self._angle_rows = {stop.name: self._angle_row(stop) for stop in mechanism.angle_stops}
+        self._gaps = {stop.name: _GAPS[stop](mechanism, stop) for stop in mechanism.stops}
         self.stops = tuple(stop.name for stop in mechanism.stops if stop.closed)
         self._ranks: dict[tuple[str, ...], int] = {}
         self._start = self._placed()
@@ -123,7 +134,7 @@ class RedundantSystem:
     ) -> FloatArray:
         """Second derivatives of gaps [rad/s^2 or m/s^2] while `active` are active."""
         x, v, a = y[: self.n], y[self.n :], self._solve(y, active)[: self.n]
-        gaps = (self._gap_derivatives(x, v, name) for name in of)
+        gaps = (self._gaps[name].derivatives(x, v) for name in of)
         return np.array([row[0] @ a - inward[0] for row, inward in gaps])
 
     def projected(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
@@ -191,27 +202,12 @@ class RedundantSystem:
         """Force of each joint on its child, world frame [N], (2,): the multipliers themselves."""
         multipliers = self._solve(y, active)[self.n :]
         rows = multipliers[: len(self._held), None] * self._held.along(y[: self.n])
-        ends = np.cumsum([len(joint.held_directions) for joint in self.mechanism.joints])
+        ends = np.cumsum([len(_HELD[joint](joint)) for joint in self.mechanism.joints])
         parts = np.split(rows, ends[:-1])
         return {
             joint.name: part.sum(axis=0)
             for joint, part in zip(self.mechanism.joints, parts, strict=True)
         }
-
-    def _angle_row(self, stop: Stop) -> FloatArray:
-        row = np.zeros(self.n)
-        for body, sign in ((stop.body, stop.sense), (stop.relative_to, -stop.sense)):
-            if body != GROUND:
-                row[3 * self._index[body] + 2] += sign
-        return row
-
-    def _gap_derivatives(
-        self, x: FloatArray, v: FloatArray, name: str
-    ) -> tuple[FloatArray, FloatArray]:
-        """Gradient of a stop's gap (1, 3 n_bodies), and minus its gamma (1,)."""
-        if name in self._angle_rows:
-            return self._angle_rows[name][None], np.zeros(1)
-        return self._walls[name].derivatives(x, v)
 
     def _turn(self, x: FloatArray, body: str) -> float:
         """Angle of a body or the ground [rad], or what stands in its place in x."""
@@ -236,7 +232,7 @@ class RedundantSystem:
     ) -> tuple[FloatArray, FloatArray]:
         """G, and minus gamma."""
         held, inward = self._held.derivatives(x, v)
-        stops = [self._gap_derivatives(x, v, name) for name in active]
+        stops = [self._gaps[name].derivatives(x, v) for name in active]
         rows = np.vstack([held, self._rigid, *(row for row, _ in stops)])
         return rows, np.concatenate(
             [inward, np.zeros(len(self._rigid)), *(gamma for _, gamma in stops)]
@@ -285,9 +281,51 @@ def _components(mechanism: Mechanism, of: list[tuple[AnyJoint, complex]]) -> Com
     return Components(mechanism, ends, [direction for _, direction in of], turning)
 
 
+def _both_directions(joint: AnyJoint) -> tuple[complex, ...]:
+    return (1.0, 1j)
+
+
+def _across_axis(joint: SlotJoint | PrismaticJoint) -> tuple[complex, ...]:
+    return (1j * complex(*joint.axis),)
+
+
+def _no_direction(joint: FreeJoint) -> tuple[complex, ...]:
+    return ()
+
+
+_HELD: ElementTable[Callable[[Any], tuple[complex, ...]]] = ElementTable(
+    "The redundant formulation",
+    JOINTS,
+    {
+        PinJoint: _both_directions,
+        WeldJoint: _both_directions,
+        SlotJoint: _across_axis,
+        PrismaticJoint: _across_axis,
+        FreeJoint: _no_direction,
+    },
+)
+"""Directions, in the parent's frame, in which each joint holds the child's point."""
+
+
+class _AngleGap:
+    """Gap of a stop on an angle, linear in the bodies' angles."""
+
+    def __init__(self, mechanism: Mechanism, stop: Stop) -> None:
+        self._row = stop.sense * angle_rows(mechanism, [(stop.body, stop.relative_to)])
+
+    def derivatives(self, x: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Its gradient (1, 3 n_bodies), and minus its gamma (1,)."""
+        return self._row, np.zeros(1)
+
+
 def _distance(mechanism: Mechanism, stop: PointStop) -> Components:
     ends: tuple[BodyPoint, BodyPoint] = ((stop.body, stop.point), (stop.relative_to, (0.0, 0.0)))
     return Components(mechanism, [ends], [complex(*stop.normal)], [stop.relative_to != GROUND])
+
+
+_GAPS: ElementTable[Callable[[Mechanism, Any], _AngleGap | Components]] = ElementTable(
+    "The redundant formulation", STOPS, {Stop: _AngleGap, PointStop: _distance}
+)
 
 
 @dataclass(frozen=True)
@@ -553,18 +591,37 @@ def angle_rows(mechanism: Mechanism, pairs: Sequence[tuple[str, str]]) -> FloatA
     return rows
 
 
+_KINDS: ElementTable[str] = ElementTable(
+    "The redundant formulation",
+    FORCE_ELEMENTS,
+    {
+        SpringDamper: "springs",
+        RotationalSpringDamper: "twists",
+        CubicTorsionSpring: "cubics",
+        ConstantForce: "forces",
+        ConstantTorque: "motors",
+    },
+)
+
+
 class AppliedCartesian:
-    """Weights and the forces of springs, dampers and motors on three coordinates a body."""
+    """Weights and the forces of springs, dampers and motors on three coordinates a body.
+
+    Nothing here calls a force element's own methods, on purpose.
+    """
 
     def __init__(self, mechanism: Mechanism) -> None:
         elements = mechanism.force_elements
+        kinds: dict[str, list[Any]] = {kind: [] for kind in _KINDS.handlers.values()}
+        for element in elements:
+            kinds[_KINDS[element]].append(element)
         self._weight = np.ravel(
             [(*np.multiply(body.mass, mechanism.gravity_vector), 0.0) for body in mechanism.bodies]
         )
-        springs = [e for e in elements if isinstance(e, SpringDamper)]
-        twists = [e for e in elements if isinstance(e, RotationalSpringDamper)]
-        motors = [e for e in elements if isinstance(e, ConstantTorque)]
-        forces = [e for e in elements if isinstance(e, ConstantForce)]
+        springs, twists, motors, forces = (
+            kinds[kind] for kind in ("springs", "twists", "motors", "forces")
+        )
+        cubics: list[CubicTorsionSpring] = kinds["cubics"]
         self._any = bool(elements)
         self._springs = Vectors(
             mechanism, [((e.body, e.point), (e.relative_to, e.relative_point)) for e in springs]
@@ -572,6 +629,10 @@ class AppliedCartesian:
         self._spring_data = _columns([(e.stiffness, e.damping, e.rest_length) for e in springs])
         self._twists = angle_rows(mechanism, [(e.body, e.relative_to) for e in twists])
         self._twist_data = _columns([(e.stiffness, e.damping, e.rest_angle) for e in twists])
+        self._cubics = angle_rows(mechanism, [(e.body, e.relative_to) for e in cubics])
+        self._cubic_data = _columns(
+            [(e.stiffness, e.cubic_stiffness, e.rest_angle) for e in cubics]
+        )
         self._torque = np.array([e.torque for e in motors]) @ angle_rows(
             mechanism, [(e.body, e.relative_to) for e in motors]
         )
@@ -589,7 +650,12 @@ class AppliedCartesian:
         twisting = (
             -(stiffness * (self._twists @ x - rest) + damping * (self._twists @ v)) @ self._twists
         )
-        return self._weight + pulls + self._torque + twisting + self._of_springs(x, v)
+        forces = self._weight + pulls + self._torque + twisting + self._of_springs(x, v)
+        if len(self._cubics):
+            linear, cubic, rest = self._cubic_data
+            twist = self._cubics @ x - rest
+            forces -= (linear * twist + cubic * twist**3) @ self._cubics
+        return forces
 
     def _of_springs(self, x: FloatArray, v: FloatArray) -> FloatArray:
         stiffness, damping, rest = self._spring_data
@@ -608,6 +674,9 @@ class AppliedCartesian:
             energy += float(stiffness @ (np.hypot(vectors[:, 0], vectors[:, 1]) - rest) ** 2) / 2
             stiffness, _, rest = self._twist_data
             energy += float(stiffness @ (self._twists @ x - rest) ** 2) / 2
+            linear, cubic, rest = self._cubic_data
+            twist = self._cubics @ x - rest
+            energy += float(linear @ twist**2) / 2 + float(cubic @ twist**4) / 4
         return energy
 
 

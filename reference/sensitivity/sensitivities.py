@@ -17,8 +17,23 @@ from typing import Any, cast
 import numpy as np
 
 from ...models.arrays import FloatArray
+from ...models.elements import (
+    ELEMENTS,
+    ConstantForce,
+    ConstantTorque,
+    CubicTorsionSpring,
+    ElementTable,
+    FreeJoint,
+    PinJoint,
+    PointStop,
+    PrismaticJoint,
+    RotationalSpringDamper,
+    SlotJoint,
+    SpringDamper,
+    Stop,
+    WeldJoint,
+)
 from ...models.errors import InputError, UnsupportedProblemError
-from ...models.force_elements import RotationalSpringDamper, SpringDamper
 from ...models.joints import AnyJoint
 from ...models.kinematics import Kinematics, initial_state
 from ...models.launch import LAUNCH_ANGLE, lead
@@ -457,29 +472,59 @@ def _unit(name: str) -> str:
 _HELD = 1e-9  # a coordinate of which less is free than this cannot be chosen
 
 
-# What a field is called; fields that are not here are no physical numbers, or do not change a
-# motion.
-_FIELDS = {
+# Names of the numbers of each class, field by field. A number that is not here is refused: its
+# derivative would be missing among the others without a word.
+_Names = Mapping[str, str]
+_BODY: _Names = {
     "mass": "mass of {name}",
     "centre": "centre of mass of {name}",
     "inertia": "inertia of {name}",
+}
+_MARKER: _Names = {"point": "place of {name} on {body}", "mass": ""}  # a part of its body's mass
+_ENDS: _Names = {
     "parent_point": "place of {name} on {parent}",
     "child_point": "place of {name} on {child}",
-    "axis": "direction of {name}",
-    "angle": "angle of {name}",
-    "limit": "limit of {name}",
-    "normal": "direction of {name}",
-    "offset": "offset of {name}",
-    "restitution": "restitution of {name}",
-    "point": "place of {name} on {body}",
-    "relative_point": "place of {name} on {relative_to}",
-    "stiffness": "stiffness of {name}",
-    "damping": "damping of {name}",
-    "rest_length": "rest length of {name}",
-    "rest_angle": "rest angle of {name}",
-    "force": "force of {name}",
-    "torque": "torque of {name}",
 }
+_ANGLE: _Names = {"angle": "angle of {name}"}
+_AXIS: _Names = {"axis": "direction of {name}"}
+_RESTITUTION: _Names = {"restitution": "restitution of {name}"}
+_POINT: _Names = {"point": "place of {name} on {body}"}
+_SPRING: _Names = {"stiffness": "stiffness of {spring}"}
+_DAMPER: _Names = {"damping": "damping of {spring}"}
+_REST_ANGLE: _Names = {"rest_angle": "rest angle of {spring}"}
+_NAMES: ElementTable[_Names] = ElementTable(
+    "The table of sensitivities",
+    ELEMENTS,
+    {
+        PinJoint: _ENDS,
+        WeldJoint: {**_ENDS, **_ANGLE},
+        SlotJoint: {**_ENDS, **_AXIS},
+        PrismaticJoint: {**_ENDS, **_AXIS, **_ANGLE},
+        FreeJoint: _ENDS,
+        Stop: {"limit": "limit of {name}", **_RESTITUTION},
+        PointStop: {
+            **_POINT,
+            "normal": "direction of {name}",
+            "offset": "offset of {name}",
+            **_RESTITUTION,
+        },
+        SpringDamper: {
+            "point": "place of {spring} on {body}",
+            "relative_point": "place of {spring} on {relative_to}",
+            **_SPRING,
+            **_DAMPER,
+            "rest_length": "rest length of {spring}",
+        },
+        RotationalSpringDamper: {**_SPRING, **_DAMPER, **_REST_ANGLE},
+        CubicTorsionSpring: {
+            **_SPRING,
+            "cubic_stiffness": "cubic stiffness of {spring}",
+            **_REST_ANGLE,
+        },
+        ConstantForce: {**_POINT, "force": "force of {name}"},
+        ConstantTorque: {"torque": "torque of {name}"},
+    },
+)
 _UNIT_VECTORS = ("axis", "normal")
 
 
@@ -521,21 +566,41 @@ def physical_numbers(mechanism: Mechanism, thrown: str) -> tuple[list[PhysicalNu
 def _of_elements(mechanism: Mechanism, thrown: str) -> Iterator[PhysicalNumber]:
     markers = [marker for marker in mechanism.markers if marker.name == thrown]
     for item in mechanism.bodies:
-        yield from _of_fields(item, f"bodies.{item.name}", ("mass", "centre", "inertia"))
-    for group, items in (("joints", mechanism.joints), ("stops", mechanism.stops)):
-        for item in items:
-            yield from _of_fields(item, f"{group}.{item.name}", tuple(_FIELDS))
+        yield from _of_fields(item, f"bodies.{item.name}", _BODY)
+    for item in mechanism.joints:
+        yield from _of_fields(item, f"joints.{item.name}", _NAMES[item])
+    for item in mechanism.stops:
+        yield from _of_fields(item, f"stops.{item.name}", _NAMES[item])
     for item in mechanism.force_elements:
-        yield from _of_fields(item, f"force_elements.{item.name}", tuple(_FIELDS))
+        yield from _of_fields(item, f"force_elements.{item.name}", _NAMES[item])
     for item in markers:
-        yield from _of_fields(item, f"markers.{item.name}", ("point",))
+        yield from _of_fields(item, f"markers.{item.name}", _MARKER)
 
 
-def _of_fields(item: Spec, path: str, names: Sequence[str]) -> Iterator[PhysicalNumber]:
+def _is_number(value: object) -> bool:
+    """Whether a field's value is a number or a vector of them."""
+    parts = cast("tuple[object, ...]", value) if isinstance(value, tuple) else (value,)
+    return any(isinstance(part, float) for part in parts)
+
+
+def _of_fields(item: Spec, path: str, names: _Names) -> Iterator[PhysicalNumber]:
+    """The numbers of a part of a mechanism, in the order of its fields.
+
+    Raises:
+        UnsupportedProblemError: it has a number that is not among these names.
+    """
     for field, description in type(item).model_fields.items():
-        if field not in names:
+        value = getattr(item, field)
+        if not _is_number(value):
             continue
-        name, value = _FIELDS[field].format(**_called(item)), getattr(item, field)
+        if field not in names:
+            raise UnsupportedProblemError(
+                f"The table of sensitivities does not know {field!r} of {path!r} "
+                f"({type(item).__name__}): a derivative by it would be missing."
+            )
+        if not names[field]:
+            continue
+        name = names[field].format(**_called(item))
         unit = re.search(r"\[(.+)\]", description.description or "")
         if field in _UNIT_VECTORS:
             x, y = value
@@ -555,12 +620,8 @@ def _of_fields(item: Spec, path: str, names: Sequence[str]) -> Iterator[Physical
 def _called(item: Spec) -> dict[str, str]:
     """Names that a field's phrase needs; a spring is called one."""
     names = {name: value for name, value in item if isinstance(value, str)}
-    if (
-        isinstance(item, SpringDamper | RotationalSpringDamper)
-        and "spring" not in item.name.lower()
-    ):
-        names["name"] += " spring"
-    return names
+    spring = "" if "spring" in names["name"].lower() else " spring"
+    return names | {"spring": names["name"] + spring}
 
 
 def _starts(mechanism: Mechanism) -> Iterator[PhysicalNumber]:

@@ -148,10 +148,7 @@ class _Kind:
 
     @staticmethod
     def _of(mechanism: Mechanism) -> tuple[object, ...]:
-        stops: list[object] = [
-            (s.name, s.body, s.relative_to, s.sense, s.closed) for s in mechanism.angle_stops
-        ]
-        stops += [(s.name, s.body, s.closed) for s in mechanism.point_stops]
+        stops = [(type(stop), _reader(type(stop))(stop.__dict__)) for stop in mechanism.stops]
         thrown = [marker.body for marker in mechanism.markers if marker.name == PROJECTILE]
         return (
             mechanism.coordinates,

@@ -365,11 +365,18 @@ class TaylorSystem:
     def _of_twists(self) -> Iterator[tuple[int, Any]]:
         """Generalized forces of springs, dampers and motors between angles."""
         for k, row in enumerate(self.structure.twists):
-            stiffness, damping, constant = self._numbers["twist_data"][:, k]
+            stiffness, damping, constant, cubic, middle = self._numbers["twist_data"][:, k]
             turned = total(q * float(sense) for q, sense in zip(self.q, row, strict=True) if sense)
             turning = total(u * float(sense) for u, sense in zip(self.u, row, strict=True) if sense)
+            from_middle = total([turned, minus(middle)])
+            cube = times(times(from_middle, from_middle), from_middle)
             torque = total(
-                [constant, minus(times(stiffness, turned)), minus(times(damping, turning))]
+                [
+                    constant,
+                    minus(times(stiffness, turned)),
+                    minus(times(damping, turning)),
+                    minus(times(cubic, cube)),
+                ]
             )
             for j, sense in enumerate(row):
                 yield j, times(torque, float(sense) if sense else None)

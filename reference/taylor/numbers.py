@@ -3,11 +3,11 @@ r"""A machine for the Taylor integrator: a vector of numbers, and the structure 
 All that :mod:`..equations` computes with complex rates is a sum of real waves Re(z e^{i phase})
 with constant z:
 
-    M_ij = Re(z e^{i(q_i - q_j)})                           z = K_ij (and the inertias on the
-    diagonal) b_i  = sum_j Im(z e^{i(q_i - q_j)}) u_j^2 Q_i  = Re(z e^{i q_i})
-    z = i W_i G_kj = Re(z e^{i q_j}),  gamma_k = -sum_j Im(z e^{i q_j}) u_j^2   z = i conj(L_kj)
-    gap_k = sum_j Im(z e^{i q_j}) - limit                   of a stop on a point: the same z as its
-    gradient's
+    M_ij = Re(z e^{i(q_i - q_j)})                     z = K_ij (and the inertias on the diagonal)
+    b_i  = sum_j Im(z e^{i(q_i - q_j)}) u_j^2         the same z
+    Q_i  = Re(z e^{i q_i})                            z = i W_i
+    G_kj = Re(z e^{i q_j}),  gamma_k = -sum_j Im(z e^{i q_j}) u_j^2       z = i conj(L_kj)
+    gap_k = sum_j Im(z e^{i q_j}) - limit             of a stop on a point: z as of its gradient
 
 and the same without the phase and the i of a coordinate that is a slide. A slide along a line that
 turns with the angle q_c has the phase of that angle, and, since its w is q_k e^{-i q_c}, a
@@ -16,16 +16,23 @@ derivative by q_c as well: q_k times its wave, turned by a right angle.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.applied_forces import AppliedForces
 from ...models.arrays import ComplexArray
-from ...models.force_elements import ConstantTorque, RotationalSpringDamper
+from ...models.elements import (
+    FORCE_ELEMENTS,
+    ConstantForce,
+    ConstantTorque,
+    CubicTorsionSpring,
+    ElementTable,
+    RotationalSpringDamper,
+    SpringDamper,
+)
 from ...models.kinematics import (
     AngleFunction,
     Kinematics,
@@ -106,7 +113,7 @@ class Structure:
         vectors |= {"springs": (len(self.springs), n_q), "spring_offsets": (len(self.springs),)}
         shapes = {name: (2, *shape) for name, shape in waves.items()} | {"limits": (self.n_stops,)}
         shapes |= {name: (2, *shape) for name, shape in vectors.items()}
-        return shapes | {"spring_data": (3, len(self.springs)), "twist_data": (3, len(self.twists))}
+        return shapes | {"spring_data": (3, len(self.springs)), "twist_data": (5, len(self.twists))}
 
     # Switches follow the numbers among the parameters.
 
@@ -144,7 +151,7 @@ def relevant_stops(problem: Problem) -> tuple[str, ...]:
 
 def structure_of(problem: Problem, kinematics: Kinematics, present: NDArray[np.bool_]) -> Structure:
     """The structure a problem's numbers belong to."""
-    applied = AppliedForces(kinematics)
+    terms = force_terms(kinematics)
     n_angles = len(problem.mechanism.angles)
     return Structure(
         n_angles=n_angles,
@@ -154,13 +161,74 @@ def structure_of(problem: Problem, kinematics: Kinematics, present: NDArray[np.b
         gap_rows=tuple(_row(kinematics.gaps[name]) for name in relevant_stops(problem)),
         springs=tuple(
             bool(np.any(spring.rest_length) or np.any(spring.damping))
-            for spring, _ in applied.springs
+            for spring, _ in terms.springs
         ),
-        twists=tuple(_senses(angle) for _, angle in applied.rotational),
+        twists=tuple(_senses(angle) for _, angle in terms.twists),
         closes=problem.stop_law is StopLaw.UNILATERAL,
         present=tuple(bool(flag) for flag in present),
         throws=bool(np.any(projectile_row(problem.mechanism, kinematics).coefficients)),
     )
+
+
+@dataclass
+class ForceTerms:
+    """Force elements of a mechanism by the terms of the equations that they make."""
+
+    springs: list[tuple[SpringDamper, PointCoefficients]] = field(default_factory=list[Any])
+    """Springs and dampers between points, with the vector to the body's point."""
+    twists: list[tuple[tuple[float, ...], AngleFunction]] = field(default_factory=list[Any])
+    """Torques as functions of an angle b = sum of coordinates + its constant: k, c, T_0, k_3 and
+    b_3 of T_0 - k (b - constant) - c db/dt - k_3 (b - constant - b_3)^3."""
+    pulls: list[tuple[ConstantForce, PointCoefficients]] = field(default_factory=list[Any])
+    """Constant forces, with the point that they act on."""
+
+
+def force_terms(kinematics: Kinematics) -> ForceTerms:
+    """The terms of a mechanism's force elements, from the elements' own numbers."""
+    terms = ForceTerms()
+    for element in kinematics.mechanism.force_elements:
+        _TERMS[element](terms, kinematics, element)
+    return terms
+
+
+def _add_spring(terms: ForceTerms, kinematics: Kinematics, e: SpringDamper) -> None:
+    vector = kinematics.between(e.body, e.point, e.relative_to, e.relative_point)
+    terms.springs.append((e, vector))
+
+
+def _add_rotational(terms: ForceTerms, kinematics: Kinematics, e: RotationalSpringDamper) -> None:
+    angle = kinematics.angle(e.body, e.relative_to)
+    relaxed = e.rest_angle - angle.constant
+    terms.twists.append(((e.stiffness, e.damping, e.stiffness * relaxed, 0.0, 0.0), angle))
+
+
+def _add_cubic(terms: ForceTerms, kinematics: Kinematics, e: CubicTorsionSpring) -> None:
+    angle = kinematics.angle(e.body, e.relative_to)
+    relaxed = e.rest_angle - angle.constant
+    numbers = (e.stiffness, 0.0, e.stiffness * relaxed, e.cubic_stiffness, relaxed)
+    terms.twists.append((numbers, angle))
+
+
+def _add_torque(terms: ForceTerms, kinematics: Kinematics, e: ConstantTorque) -> None:
+    angle = kinematics.angle(e.body, e.relative_to)
+    terms.twists.append(((0.0, 0.0, e.torque, 0.0, 0.0), angle))
+
+
+def _add_force(terms: ForceTerms, kinematics: Kinematics, e: ConstantForce) -> None:
+    terms.pulls.append((e, kinematics.point(e.body, e.point)))
+
+
+_TERMS: ElementTable[Callable[[ForceTerms, Kinematics, Any], None]] = ElementTable(
+    "The Taylor integrator",
+    FORCE_ELEMENTS,
+    {
+        SpringDamper: _add_spring,
+        RotationalSpringDamper: _add_rotational,
+        CubicTorsionSpring: _add_cubic,
+        ConstantForce: _add_force,
+        ConstantTorque: _add_torque,
+    },
+)
 
 
 def _row(function: ScalarFunction) -> Row:
@@ -178,7 +246,7 @@ def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real
 
     Of stacked machines (:func:`.batch.stacked`) one vector for each, shape (n, n_numbers).
     """
-    mechanism, applied = problem.mechanism, AppliedForces(kinematics)
+    mechanism, terms = problem.mechanism, force_terms(kinematics)
     machines, n_q = np.shape(mechanism.gravity), len(kinematics.is_angle)
     masses = kinematics.masses.astype(real)
     centres = _wide(kinematics.centres, real)
@@ -195,10 +263,10 @@ def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real
     lead = _wide(projectile_row(mechanism, kinematics).coefficients, real) * (
         np.exp(-1j * real(LAUNCH_ANGLE)) * -1j
     )
-    springs = [vector for _, vector in applied.springs]
+    springs = [vector for _, vector in terms.springs]
     sections = (
         _products(centres, masses, kinematics, real),
-        _waves(_pulls(centres, masses, applied, real), kinematics),
+        _waves(_pulls(centres, masses, terms, mechanism, real), kinematics),
         # Rows L with Re(L w' u) the rates of the loops' constraints, and the gap speeds of the
         # stops on points.
         waves(
@@ -217,9 +285,9 @@ def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real
     # What is taken off the waves (or angles) of a gap.
     limits = [-gap.constant * (problem.stop_law is StopLaw.UNILATERAL) for gap in gaps]
     spring_data = [
-        (spring.stiffness, spring.damping, spring.rest_length) for spring, _ in applied.springs
+        (spring.stiffness, spring.damping, spring.rest_length) for spring, _ in terms.springs
     ]
-    twist_data = [_twist(element, angle) for element, angle in applied.rotational]
+    twist_data = [twist for twist, _ in terms.twists]
     data = [
         number
         for each in (spring_data, twist_data)
@@ -245,29 +313,17 @@ def _stacked(values: Sequence[complex | ComplexArray], shape: tuple[int, ...]) -
     return columns
 
 
-def _pulls(centres: Complex, masses: Real, applied: AppliedForces, real: RealType) -> Complex:
+def _pulls(
+    centres: Complex, masses: Real, terms: ForceTerms, mechanism: Mechanism, real: RealType
+) -> Complex:
     """Coefficients c of the weights and constant forces, whose generalized forces are Re(c w')."""
-    mechanism = applied.kinematics.mechanism
     direction = _wide(np.array(as_complex(mechanism.gravity_direction)).conj(), real)
     gravity = direction * np.asarray(mechanism.gravity, dtype=real)
     pulls = (masses[..., None, :] @ centres)[..., 0, :] * gravity[..., None]
-    for element, point in applied.forces:
+    for element, point in terms.pulls:
         force = np.array(as_complex(element.force)).conj()[..., None]
         pulls = pulls + _wide(force * point.coefficients, real)
     return cast("Complex", pulls)
-
-
-def _twist(
-    element: RotationalSpringDamper | ConstantTorque, angle: AngleFunction
-) -> tuple[float, float, float]:
-    """Stiffness, damping, and torque where the coordinates and speeds are zero."""
-    if isinstance(element, ConstantTorque):
-        return 0.0, 0.0, element.torque
-    return (
-        element.stiffness,
-        element.damping,
-        element.stiffness * (element.rest_angle - angle.constant),
-    )
 
 
 def _wide(values: NDArray[np.complex128], real: RealType) -> Complex:

@@ -15,7 +15,7 @@ from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
-from trebucheck.engines.contact_events import Contacts
+from trebucheck.engines.events import Contacts
 from trebucheck.engines.inspection import Dynamics, Inspection
 from trebucheck.engines.inspection import State as Asked
 from trebucheck.models.applied_forces import AppliedForces
