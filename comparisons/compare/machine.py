@@ -34,7 +34,7 @@ from ..runs.results import (
     SingularPosition,
     verdict_on,
 )
-from ..runs.runner import Runner, failure
+from ..runs.runner import Runner, failure, time_limit
 from ..runs.store import conditions, digest
 from ..runs.study import Study
 from ..runs.tolerances import Needs, is_table_one, judge
@@ -89,7 +89,8 @@ class FailedMachine:
     def made(self, case: Case, engine: Engine) -> MadeRun:
         """A row that says why."""
         outcome, message = failure(self.error)
-        return MadeRun(_row(case, engine, outcome).model_copy(update={"message": message}))
+        ended = {"message": message, "time_limit": time_limit(self.error)}
+        return MadeRun(_row(case, engine, outcome).model_copy(update=ended))
 
     def add(self, case: Case, engine: Engine, result: RunRecord | MadeRun) -> None:
         """Take the row."""
@@ -174,7 +175,8 @@ class MachineRuns:
             raise
         except Exception as error:
             outcome, message = failure(error)
-            return MadeRun(run.model_copy(update={"outcome": outcome, "message": message}))
+            ended = {"outcome": outcome, "message": message, "time_limit": time_limit(error)}
+            return MadeRun(run.model_copy(update=ended))
         return self._judged(run.model_copy(update={"metrics": metrics}), trajectory, engine)
 
     def _judged(self, run: Run, trajectory: Trajectory, engine: Engine) -> MadeRun:

@@ -29,7 +29,7 @@ from ..report.document import (
 )
 from ..report.numbers import format_number
 from ..report.sections import certified_figures, partings, predictable, provenance
-from ..runs.results import Equality, Machine, Metric, Outcome, Pair, Results, Run
+from ..runs.results import FAILURES, Equality, Machine, Metric, Outcome, Pair, Results, Run
 from . import plots
 from .agreement import agreement, largest, metrics_anchor, overview, ranking
 from .sentences import differing, findings, verdict
@@ -129,7 +129,7 @@ def _window(results: Results) -> str:
 def _tiles(results: Results) -> doc.Tiles:
     """Verdicts counted, and the engines at both ends of the ranking by distance."""
     counted = Counter(run.outcome for run in results.runs)
-    failed = sum(counted[each] for each in (Outcome.FAILED, Outcome.NOT_EQUIVALENT))
+    failed = sum(counted[each] for each in (*FAILURES, Outcome.NOT_EQUIVALENT))
     rest = sum(counted[each] for each in (Outcome.NOT_JUDGED, Outcome.ABSENT, Outcome.UNSUPPORTED))
     tiles = [
         Tile(str(counted[Outcome.AGREES]), "agree", "good" if counted[Outcome.AGREES] else "plain"),

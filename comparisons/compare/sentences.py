@@ -16,6 +16,7 @@ MARKS: dict[Outcome, Mark] = {
     Outcome.NOT_JUDGED: "warning",
     Outcome.NOT_EQUIVALENT: "bad",
     Outcome.FAILED: "bad",
+    Outcome.TIMED_OUT: "bad",
     Outcome.ABSENT: "warning",
     Outcome.UNSUPPORTED: "warning",
 }

@@ -34,6 +34,7 @@ _RANKS = {
     Outcome.DISAGREES: 2,
     Outcome.NOT_EQUIVALENT: 3,
     Outcome.FAILED: 4,
+    Outcome.TIMED_OUT: 4,
 }
 """Of outcomes of engines that could run, the best first."""
 

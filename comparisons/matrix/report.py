@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from itertools import pairwise
@@ -48,10 +47,10 @@ _UNSTATED = "scheme not stated"
 _WORDS: dict[Outcome, str] = {
     Outcome.NOT_EQUIVALENT: "another model",
     Outcome.FAILED: "failed",
+    Outcome.TIMED_OUT: "not finished",
     Outcome.ABSENT: "not installed",
     Outcome.UNSUPPORTED: "refused",
 }
-_OVER = re.compile(r"did not finish within (\S+) s")  # as a run says it that is ended
 _READING = (
     "✓ every judged quantity holds its tolerance, ✗ at least one breaks it, ○ not judged (never counted as "
     "agreement), refused: the engine cannot, in its own words below, not finished: a run had so much time and no "
@@ -194,12 +193,8 @@ def _agrees(runs: Sequence[MatrixRun]) -> str:
 
 def _verdict(run: MatrixRun) -> Cell:
     if run.outcome not in COMPARED:
-        over = _OVER.search(run.message or "")
-        return Cell(
-            f"not finished in {over[1]} s" if over else _WORDS[run.outcome],
-            MARKS[run.outcome],
-            hint=run.message or "",
-        )
+        limit = "" if run.time_limit is None else f" in {run.time_limit:g} s"
+        return Cell(_WORDS[run.outcome] + limit, MARKS[run.outcome], hint=run.message or "")
     error, worst = run.error("position_max"), run.worst
     text = format_number(None if error is None else error.part)
     hint = "" if worst is None else f"{worst.label}: {format_number(worst.ratio)} of its tolerance"

@@ -89,6 +89,7 @@ class MatrixRun(Spec):
     timestep: Positive | None = Field(default=None, description="[s]")
     outcome: Outcome
     message: str | None = Field(default=None, description="the refusal's or the failure's sentence")
+    time_limit: Real | None = Field(default=None, description="of a run that timed out [s]")
     judged: Annotated[int, Field(ge=0)] = 0
     held: Annotated[int, Field(ge=0)] = 0
     worst: Breach | None = None
@@ -332,7 +333,7 @@ def _run(run: Run, machine: Machine | None, date: str, version: str) -> MatrixRu
     return MatrixRun(
         problem=run.model, engine=run.engine, preset=run.preset, engine_version=run.engine_version, scheme=run.scheme,
         order=run.order, supplied=run.supplied, timestep=step if isinstance(step, float) else None, outcome=run.outcome,
-        message=run.message, judged=len(run.judged), held=len(run.judged) - len(run.broken), worst=_worst(run.judged),
+        message=run.message, time_limit=run.time_limit, judged=len(run.judged), held=len(run.judged) - len(run.broken), worst=_worst(run.judged),
         errors=() if machine is None else tuple(_errors(run, machine)),
         first_in=None if found is None or found.note else found.leads, causes=tuple(cause.name for cause in named),
         explained=named[0].explained if named else None, date=date, made_by=version,

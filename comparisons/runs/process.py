@@ -13,6 +13,7 @@ that is started for it.
 from __future__ import annotations
 
 import ctypes
+import math
 import os
 import pickle
 import signal
@@ -70,6 +71,15 @@ def simulate_warm(runner: Engine, problem: Problem) -> Trajectory:
 
 def _import_this_module() -> None:
     """In a new process: what it takes to start is not the time of the first call."""
+
+
+class TimeLimitError(SimulationError):
+    """A call that did not come to an end within its limit of time, and was stopped."""
+
+    def __init__(self, message: str, limit: float = math.nan) -> None:
+        super().__init__(message)
+        self.limit = limit
+        """[s]"""
 
 
 @contextmanager
@@ -177,9 +187,10 @@ class Worker:
             return self._submitted(pool, function, runner, given).result(self.timeout)
         except (BrokenProcessPool, TimeoutError) as error:
             pool = self._end(pool)
-            crashed = isinstance(error, BrokenProcessPool)
-            why = "crashed: its process ended by itself" if crashed else self._too_long
-            raise SimulationError(f"{runner.name} {why}.") from None
+            if isinstance(error, BrokenProcessPool):
+                message = f"{runner.name} crashed: its process ended by itself."
+                raise SimulationError(message) from None
+            raise self._too_long(runner) from None
         finally:
             if self.fresh and not FORKS and pool in self._started:
                 self._end(pool)
@@ -197,16 +208,16 @@ class Worker:
             self._imports = False
             self._end(pool)
         if ended is None:
-            raise SimulationError(f"{runner.name} {self._too_long}.")
+            raise self._too_long(runner)
         return cast("_Result", unpacked(runner.name, answer, ended))
 
     def _submitted(self, pool: Any, *call: Any) -> Any:
         with block_sigint():
             return pool.submit(*call)
 
-    @property
-    def _too_long(self) -> str:
-        return f"did not finish within {self.timeout:g} s and was stopped"
+    def _too_long(self, runner: _Named) -> TimeLimitError:
+        message = f"{runner.name} did not finish within {self.timeout:g} s and was stopped."
+        return TimeLimitError(message, self.timeout)
 
     def _start(self) -> Any:
         pool = ProcessPoolExecutor(max_workers=1)

@@ -33,8 +33,8 @@ from ...reference.certification.certificate import Uncertainties, certified, cov
 from ...reference.solution import Solution
 from ...reference.solver import solve
 from .metrics import measure, points
-from .process import Worker
-from .quantities import QUANTITIES
+from .process import TimeLimitError, Worker
+from .quantities import QUANTITIES, parse_label
 from .results import Metric, Outcome, Predictability
 from .scales import Scales, scales_until
 from .stretching import Stretching, stretching_until
@@ -210,7 +210,9 @@ def reference_uncertainties(
     if certificate is None:
         return Uncertainties(source="estimate", values=estimated)
     known = certified(certificate).values
-    kept = {label: value for label, value in estimated.items() if label.split(" (")[0] not in known}
+    kept = {
+        label: value for label, value in estimated.items() if parse_label(label)[0] not in known
+    }
     return Uncertainties(source="certificate", values=kept | known)
 
 
@@ -339,15 +341,25 @@ def run_duration(end: float, step: float, longest: float = math.inf) -> float:
     return min(end + max(_TAIL, _TAIL_STEPS * step), max(longest - step, end))
 
 
+def time_limit(error: Exception) -> float | None:
+    """Limit of time [s] at which a call was stopped; None if it failed for another reason."""
+    return error.limit if isinstance(error, TimeLimitError) else None
+
+
 def failure(error: Exception) -> tuple[Outcome, str]:
-    """The outcome and message of a run that raised: a plug-in may raise anything, and a study must survive it."""
+    """Outcome and message of a run that raised.
+
+    A plug-in may raise anything, and a study must survive it.
+    """
     if not isinstance(error, TrebucheckError):
         return Outcome.FAILED, shortened(f"{type(error).__name__}: {error}")
     if isinstance(error, EngineNotInstalledError):
         return Outcome.ABSENT, str(error)
-    return Outcome.UNSUPPORTED if isinstance(
-        error, UnsupportedProblemError
-    ) else Outcome.FAILED, str(error)
+    if isinstance(error, TimeLimitError):
+        return Outcome.TIMED_OUT, str(error)
+    if isinstance(error, UnsupportedProblemError):
+        return Outcome.UNSUPPORTED, str(error)
+    return Outcome.FAILED, str(error)
 
 
 class _once(Generic[_Result]):  # noqa: N801 - used as a decorator, like the property it stands for
