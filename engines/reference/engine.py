@@ -10,7 +10,6 @@ import numpy as np
 from pydantic import Field
 
 from ...models.arrays import FloatArray
-from ...models.elements import ELEMENTS
 from ...models.features import Feature
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
@@ -51,7 +50,6 @@ class ReferenceEngine(BuiltinEngine):
         formulation="minimal absolute angles, stops by KKT, DOP853 with located events",
         features=frozenset(Feature),
         elements=BUILT,  # which both formulations have
-        elements=frozenset(ELEMENTS),  # their forces and gaps stand with the elements
     )
     # A newcomer to SciPy asks for DOP853 with tolerances that sound tight.
     stock_options: ClassVar[Mapping[str, object]] = {"rtol": 1e-9, "atol": 1e-9}
