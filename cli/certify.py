@@ -115,7 +115,7 @@ def _certified(
 def _publish(certificate: Certificate, path: Path, told: output.Told) -> None:
     """One machine's certificate, written and, unless all are printed as data at the end, shown."""
     from ..comparisons.report import html
-    from ..comparisons.report.sections import certificate_report
+    from ..comparisons.report.pages.run import certificate_report
     from ..models.files import write_text
 
     write_text(path, certificate.to_json() + "\n")

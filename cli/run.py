@@ -57,7 +57,7 @@ def run_command(
 
     trebucheck run --engine pymunk --preset stock --option iterations=30
     """
-    from ..comparisons.report.sections import run_report
+    from ..comparisons.report.pages.run import run_report
     from ..comparisons.runs.runner import Runner
     from ..comparisons.runs.study import Study, one_end
     from ..comparisons.runs.worker import Worker, simulate

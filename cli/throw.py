@@ -92,8 +92,8 @@ def throw_command(
 
     trebucheck throw --model my-machine.json --sensitivities
     """
+    from ..comparisons.report.pages.throw import document
     from ..comparisons.runs.worker import Worker
-    from ..comparisons.throw.report import document
     from ..models.files import refuse_unwritable
     from ..reference.throw.throw import perform
 

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
-from typing import ClassVar
 
 from pydantic import JsonValue
 
@@ -206,8 +205,6 @@ class ReferenceChange:
 @dataclass(frozen=True, repr=False)
 class Difference(Reported):
     """What changed from one comparison to another."""
-
-    reported_by: ClassVar[str] = "comparisons.diff.report"
 
     factor: float
     """Least by which an error must change to have moved."""
