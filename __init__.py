@@ -27,6 +27,20 @@ if TYPE_CHECKING:
     from .conformance.check import check
     from .engines.protocol import Capabilities, Engine
     from .engines.registry import engine, engines
+    from .models.elements import (
+        ConstantForce,
+        ConstantTorque,
+        CubicTorsionSpring,
+        FreeJoint,
+        PinJoint,
+        PointStop,
+        PrismaticJoint,
+        RotationalSpringDamper,
+        SlotJoint,
+        SpringDamper,
+        Stop,
+        WeldJoint,
+    )
     from .models.errors import (
         EngineNotInstalledError,
         InputError,
@@ -34,13 +48,6 @@ if TYPE_CHECKING:
         TrebucheckError,
         UnsupportedProblemError,
     )
-    from .models.force_elements import (
-        ConstantForce,
-        ConstantTorque,
-        RotationalSpringDamper,
-        SpringDamper,
-    )
-    from .models.joints import FreeJoint, PinJoint, PrismaticJoint, SlotJoint, WeldJoint
     from .models.launch import Launch
     from .models.machines.catapult import CatapultParameters, catapult
     from .models.machines.floating_arm import FloatingArmParameters, floating_arm
@@ -51,7 +58,6 @@ if TYPE_CHECKING:
     from .models.mjcf.paths import mjcf_path
     from .models.mjcf.writer import mjcf_names
     from .models.problem import Problem, StopLaw
-    from .models.stops import PointStop, Stop
     from .models.trajectory import Trajectory
     from .reference.throw.throw import throw
 
@@ -61,6 +67,7 @@ __all__ = [
     "CatapultParameters",
     "ConstantForce",
     "ConstantTorque",
+    "CubicTorsionSpring",
     "Engine",
     "EngineNotInstalledError",
     "FloatingArmParameters",
@@ -118,7 +125,13 @@ _ERRORS = (
     "UnsupportedProblemError",
 )
 _JOINTS = ("FreeJoint", "PinJoint", "PrismaticJoint", "SlotJoint", "WeldJoint")
-_FORCE_ELEMENTS = ("ConstantForce", "ConstantTorque", "RotationalSpringDamper", "SpringDamper")
+_FORCE_ELEMENTS = (
+    "ConstantForce",
+    "ConstantTorque",
+    "CubicTorsionSpring",
+    "RotationalSpringDamper",
+    "SpringDamper",
+)
 # Loaded when first asked for (PEP 562): `import trebucheck` stays quick and free of engines.
 _HOMES = {
     "compare": "comparisons.compare.study",
@@ -145,9 +158,7 @@ _HOMES = {
     **dict.fromkeys(("FloatingArmParameters", "floating_arm"), "models.machines.floating_arm"),
     **dict.fromkeys(_ERRORS, "models.errors"),
     **dict.fromkeys(("Body", "Marker", "Mechanism"), "models.mechanism"),
-    **dict.fromkeys(_JOINTS, "models.joints"),
-    **dict.fromkeys(("PointStop", "Stop"), "models.stops"),
-    **dict.fromkeys(_FORCE_ELEMENTS, "models.force_elements"),
+    **dict.fromkeys((*_JOINTS, "PointStop", "Stop", *_FORCE_ELEMENTS), "models.elements"),
 }
 
 

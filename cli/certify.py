@@ -12,8 +12,8 @@ import typer
 from . import options, output
 
 if TYPE_CHECKING:
+    from ..comparisons.runs.process import Worker
     from ..comparisons.runs.study import Progress
-    from ..comparisons.runs.worker import Worker
     from ..models.machines.parameters import TrebuchetParameters
     from ..models.mechanism import Mechanism
     from ..models.problem import Problem, StopLaw
@@ -49,7 +49,7 @@ def certify_command(
 
     trebucheck certify --models squeezer
     """
-    from ..comparisons.runs.worker import Worker
+    from ..comparisons.runs.process import Worker
     from ..models.errors import SimulationError
     from ..models.files import refuse_unwritable
 

@@ -12,7 +12,7 @@ import typer
 from . import options, output
 
 if TYPE_CHECKING:
-    from ..comparisons.diff.changes import Difference
+    from ..comparisons.diff.study import Difference
     from ..comparisons.report.document import Document
 
 FACTOR = 1.1
@@ -91,7 +91,7 @@ def diff_command(
 
 def _text(difference: Difference, format: Format) -> str:
     """The difference in a format, whole."""
-    from ..comparisons.diff.data import data
+    from ..comparisons.diff.study import data
     from ..comparisons.report.pages.diff import document
 
     return (

@@ -273,7 +273,7 @@ def recommend_command(
     trebucheck recommend --model pendulum.json --position 1e-4 --until 5
     """
     from ..comparisons.recommend import Asked, recommend
-    from ..comparisons.recommend.cases import read_torque
+    from ..comparisons.recommend.search import read_torque
     from ..comparisons.report.pages.recommend import document, files
     from ..models.files import write_text
 

@@ -58,10 +58,9 @@ def given(name: str) -> tuple[Mechanism, StopLaw]:
 
 def missing(mechanism: Mechanism, law: StopLaw, capabilities: Capabilities) -> tuple[str, ...]:
     """Names of what a problem needs and an engine does not declare."""
-    names = [
-        str(each)
-        for each in missing_elements(mechanism, capabilities.features, capabilities.lacking, law)
-    ]
+    names = missing_elements(
+        mechanism, capabilities.features, capabilities.lacking, law, capabilities.elements
+    )
     followed = not mechanism.stops or law in capabilities.stop_laws
     return (*names, *([] if followed else [f"{law.value} law of the stops"]))
 

@@ -14,7 +14,7 @@ from types import TracebackType
 from ..comparisons.compare.machine import Case, MachineRuns, RunRecord
 from ..comparisons.compare.sentences import diagnosis
 from ..comparisons.report.numbers import format_number
-from ..comparisons.runs.results import Metric, Outcome, Run
+from ..comparisons.runs.results import FAILURES, Metric, Outcome, Run
 from ..comparisons.runs.study import Study
 from ..comparisons.runs.worker import Worker
 from ..engines.protocol import Capabilities, Engine
@@ -202,8 +202,8 @@ class Suite:
         except (TrebucheckError, TypeError, ValueError) as error:
             return self._failed(problem, f"the engine cannot be made: {error}")
         run = self._made(runs, problem, own)
-        if run.outcome is Outcome.FAILED:
-            slow = "did not finish" in (run.message or "")
+        if run.outcome in FAILURES:
+            slow = run.outcome is Outcome.TIMED_OUT
             longer = (
                 "; a longer --timeout [s] (of pytest: --trebucheck-timeout) may let it"
                 if slow

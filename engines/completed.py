@@ -58,7 +58,14 @@ class CompletedEngine:
         """As the plug-in's engine does."""
         refuse_no_problem(problem)
         left = able(self)
-        refuse_features(problem.mechanism, left.features, self.name, left.lacking, problem.stop_law)
+        refuse_features(
+            problem.mechanism,
+            left.features,
+            self.name,
+            left.lacking,
+            problem.stop_law,
+            left.elements,
+        )
         return self.simulator.simulate(problem)
 
 

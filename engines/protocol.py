@@ -22,7 +22,7 @@ from ..models.errors import (
     TrebucheckError,
     UnsupportedProblemError,
 )
-from ..models.features import Basic, Feature, refuse_features
+from ..models.features import COVERED_BY_FEATURES, Basic, Feature, refuse_features
 from ..models.kinematics import immovable_stops, without_stops
 from ..models.mechanism import Mechanism
 from ..models.memory import available_memory
@@ -59,6 +59,8 @@ class Capabilities:
     """Elements that it can build beside pins, slots in the ground and stops against it."""
     lacking: frozenset[Basic] = frozenset()
     """What it cannot build of these: slots, stops, loops of joints, bodies without inertia, restitution."""
+    elements: frozenset[type] = COVERED_BY_FEATURES
+    """Classes of elements that it builds; those of later releases must be stated here."""
 
     def without(self, elements: Collection[Basic | Feature]) -> Capabilities:
         """The same of an engine whose options take these elements away."""
@@ -289,7 +291,7 @@ class BuiltinEngine(EngineOptions, ABC):
         self.refuse_absence()
         able, law = self.capabilities.without(self.lacking), problem.stop_law
         who = f"{self.name} with these options" if self.lacking else self.name
-        refuse_features(problem.mechanism, able.features, who, able.lacking, law)
+        refuse_features(problem.mechanism, able.features, who, able.lacking, law, able.elements)
         if problem.mechanism.stops and problem.stop_law not in self.capabilities.stop_laws:
             laws = ", ".join(sorted(self.capabilities.stop_laws))
             raise UnsupportedProblemError(

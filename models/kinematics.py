@@ -11,19 +11,63 @@ from typing import cast
 import numpy as np
 
 from .arrays import ComplexArray, FloatArray, as_vectors
-from .joints import GROUND
+from .elements import ELEMENTS, GROUND
+from .errors import UnsupportedProblemError
+from .functions import (
+    AngleFunction,
+    LineFunction,
+    Phasors,
+    PointCoefficients,
+    PointFunction,
+    ScalarFunction,
+    weighted,
+)
 from .mechanism import Marker, Mechanism
-from .phasors import Phasors, PointCoefficients, weighted
-from .scalar_functions import AngleFunction, LineFunction, PointFunction, ScalarFunction
 from .spec import Vector, as_complex
-from .stops import PointStop
+from .tree import Tree
 
 _ROUNDING = 1e-12  # of the greatest derivatives of a gap: those of one that nothing changes
 
 
 @dataclass(frozen=True)
 class Kinematics(Phasors):
-    """Point kinematics of a mechanism; arrays of states are shaped (n, n_q)."""
+    """Point kinematics of a mechanism; arrays of states are shaped (n, n_q).
+
+    Raises:
+        UnsupportedProblemError: an element is of an unknown class.
+    """
+
+    mechanism: Mechanism
+
+    def __post_init__(self) -> None:
+        """Refuses elements that are not in the table of elements.
+
+        Raises:
+            UnsupportedProblemError: the sentence names the element and its class.
+        """
+        for element in self.mechanism.elements:
+            if type(element) not in ELEMENTS:
+                raise UnsupportedProblemError(
+                    f"{self.mechanism.name!r} cannot be solved: {element.name!r} is a "
+                    f"{type(element).__name__}, which is no known element."
+                )
+
+    @cached_property
+    def tree(self) -> Tree:
+        """The mechanism's tree."""
+        return self.mechanism.tree
+
+    @cached_property
+    def is_angle(self) -> FloatArray:
+        """1.0 for an angle, 0.0 for a slide; shape (n_q,)."""
+        return np.array([1.0] * len(self.tree.angles) + [0.0] * len(self.tree.slides))
+
+    @cached_property
+    def carried(self) -> tuple[tuple[int, int], ...]:
+        """Index of each slide along a line that turns, and of the angle that it turns with."""
+        angles = (self.tree.attitudes[slide.joint.parent][0] for slide in self.tree.slides)
+        first = len(self.tree.angles)
+        return tuple((k, angle) for k, angle in enumerate(angles, start=first) if angle is not None)
 
     @cached_property
     def _frames(self) -> dict[str, PointCoefficients]:
@@ -180,19 +224,7 @@ class Kinematics(Phasors):
     @cached_property
     def gaps(self) -> dict[str, ScalarFunction]:
         """Each stop's gap."""
-        gaps: dict[str, ScalarFunction] = {}
-        for stop in self.mechanism.stops:
-            if isinstance(stop, PointStop):
-                vector = self.between(stop.body, stop.point, stop.relative_to, (0.0, 0.0))
-                gaps[stop.name] = self.component(
-                    as_complex(stop.normal), stop.relative_to, vector, -stop.offset
-                )
-            else:
-                angle = self.angle(stop.body, stop.relative_to)
-                row = stop.sense * angle.coefficients
-                row.flags.writeable = False  # shared by all callers
-                gaps[stop.name] = AngleFunction(stop.sense * angle.constant - stop.limit, row)
-        return gaps
+        return {stop.name: stop.gap(self) for stop in self.mechanism.stops}
 
     @cached_property
     def loop_closures(self) -> tuple[ScalarFunction, ...]:

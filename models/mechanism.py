@@ -15,11 +15,19 @@ from typing import Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from .force_elements import ForceElement, SpringDamper
-from .joints import GROUND, AnyJoint, FreeJoint, Joint, refuse_other_lengths
+from .elements import (
+    GROUND,
+    AnyElement,
+    AnyJoint,
+    AnyStop,
+    ForceElement,
+    Joint,
+    PointStop,
+    Stop,
+)
+from .elements.base import refuse_other_lengths
 from .shown import Shown
 from .spec import Name, NonNegative, Positive, Real, Spec, Vector, schema_text
-from .stops import AnyStop, PointStop, Stop
 from .tree import Configuration, Slide, Tree
 
 _DOWNWARDS = (0.0, -1.0)
@@ -164,6 +172,11 @@ class Mechanism(Shown, Spec):
         return self.tree.attitudes
 
     @property
+    def elements(self) -> tuple[AnyElement, ...]:
+        """Its joints, stops and force elements."""
+        return (*self.joints, *self.stops, *self.force_elements)
+
+    @property
     def gravity_vector(self) -> Vector:
         """Acceleration of gravity [m/s^2]."""
         return self.gravity * self.gravity_direction[0], self.gravity * self.gravity_direction[1]
@@ -280,12 +293,13 @@ class Mechanism(Shown, Spec):
         self._refuse_a_start_of_the_wrong_length()
         start = self.tree.configuration(self.start)
         self._refuse_wrong_gaps(start)
-        self._refuse_springs_without_direction(start)
+        for element in self.force_elements:
+            element.refuse_start(start.angles.__getitem__, start.point)
         return self
 
     def _refuse_unknown_bodies(self) -> None:
         known = {GROUND} | {body.name for body in self.bodies}
-        used = [(f"joint {j.name!r}", n) for j in self.joints for n in (j.parent, j.child)]
+        used = [(f"joint {j.name!r}", n) for j in self.joints for n in j.bodies]
         used += [(f"stop {s.name!r}", n) for s in self.stops for n in s.bodies]
         used += [(f"marker {m.name!r}", m.body) for m in self.markers]
         used += [(f"force element {e.name!r}", n) for e in self.force_elements for n in e.bodies]
@@ -319,9 +333,9 @@ class Mechanism(Shown, Spec):
                 )
             placed.add(body.name)
         for joint in self.loop_joints:
-            if isinstance(joint, FreeJoint):
+            if not joint.held_directions:
                 raise ValueError(
-                    f"free joint {joint.name!r} is not the first of {joint.child!r} and so does nothing"
+                    f"{joint.kind} joint {joint.name!r} is not the first of {joint.child!r} and so does nothing"
                 )
             if joint.slides:
                 raise ValueError(
@@ -349,18 +363,6 @@ class Mechanism(Shown, Spec):
             if not stop.closed and gap <= rounding:
                 raise ValueError(
                     f"stop {stop.name!r} is open, but its gap at the start is {gap:.3g} {unit}, not positive"
-                )
-
-    def _refuse_springs_without_direction(self, start: Configuration) -> None:
-        for spring in self.force_elements:
-            if not isinstance(spring, SpringDamper) or not (spring.rest_length or spring.damping):
-                continue
-            apart = start.point(spring.body, spring.point) - start.point(
-                spring.relative_to, spring.relative_point
-            )
-            if abs(apart) <= _CLOSED_GAP:
-                raise ValueError(
-                    f"the points of {spring.name!r} coincide at the start: its force has no direction there"
                 )
 
 

@@ -38,12 +38,21 @@ Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z][A-Z
 """A name that is also legal in MJCF, NetCDF and file names: a letter, then letters, digits, space, _ or -."""
 
 
+# Tags of unions, which pydantic puts into the path of a complaint.
 _TAGS = (
     "pin",
+    "weld",
     "pin-in-slot",
+    "prismatic",
+    "free",
     "stop",
     "point stop",
-)  # of unions: pydantic puts them into the path of a complaint
+    "spring-damper",
+    "rotational-spring-damper",
+    "cubic-torsion-spring",
+    "constant-force",
+    "constant-torque",
+)
 
 
 def _refuse_twice(pairs: list[tuple[str, object]]) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from .joints import GROUND, AnyJoint
+from .elements import GROUND, AnyJoint
 from .spec import Vector
 
 

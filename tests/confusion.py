@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 import trebucheck as tb
-from trebucheck.comparisons.diagnosis.motion import diagnose_motion
-from trebucheck.comparisons.diagnosis.settings import Rerun
+from trebucheck.comparisons.diagnosis.diagnose import diagnose_motion
+from trebucheck.comparisons.diagnosis.rerun import Rerun
 from trebucheck.comparisons.runs.results import Diagnosis, Metric
 from trebucheck.models.machines.registry import model
 from trebucheck.models.trajectory import PointMotion
@@ -339,7 +339,7 @@ def _start(shift: float, index: int) -> Callable[[Bench], Any]:
 
 def _started(index: int, shift: float) -> Callable[[Bench], tb.Trajectory]:
     """Another start; the stops stand where it touches them."""
-    from trebucheck.comparisons.diagnosis.consistent import consistent_mechanism
+    from trebucheck.comparisons.diagnosis.faults import consistent_mechanism
 
     def make(b: Bench) -> tb.Trajectory:
         wrong = consistent_mechanism({**b.mechanism.model_dump(), "start": _start(shift, index)(b)})

@@ -10,7 +10,7 @@ from trebucheck.comparisons.compare.study import Comparison
 from trebucheck.comparisons.converge.study import converge
 from trebucheck.comparisons.diff.study import diff
 from trebucheck.comparisons.explain.study import explain
-from trebucheck.comparisons.problems.check import check
+from trebucheck.comparisons.problems.study import check
 from trebucheck.comparisons.recommend.results import Asked
 from trebucheck.comparisons.recommend.study import recommend
 from trebucheck.comparisons.report.document import Document
@@ -26,7 +26,7 @@ from trebucheck.comparisons.runs.results import Outcome
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.models.problems.registry import benchmark
 from trebucheck.reference.certification.certificate import load_certificate
-from trebucheck.reference.throw.sensitivity import sensitivities_of
+from trebucheck.reference.sensitivity.sensitivities import sensitivities_of
 from trebucheck.reference.throw.throw import perform
 from trebucheck_paper import report as paper_report
 from trebucheck_paper.evidence.claims import Claim, EngineValue, Quantity, Series

@@ -18,11 +18,11 @@ from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
 from ...models.spec import Spec
 from ...models.trajectory import Trajectory
-from ..diagnosis.model import check_and_diagnose
-from ..diagnosis.motion import diagnose_motion, failed_diagnosis
-from ..diagnosis.settings import Rerun
+from ..diagnosis.diagnose import check_and_diagnose, diagnose_motion, failed_diagnosis
+from ..diagnosis.rerun import Rerun
 from ..report.numbers import format_number
 from ..runs.pairs import Compared, pair_of
+from ..runs.process import Worker, simulate
 from ..runs.results import (
     Diagnosis,
     Equality,
@@ -33,11 +33,10 @@ from ..runs.results import (
     SingularPosition,
     verdict_on,
 )
-from ..runs.runner import Runner, failure
+from ..runs.runner import Runner, failure, time_limit
 from ..runs.store import conditions, digest
 from ..runs.study import Study
 from ..runs.tolerances import Needs, is_table_one, judge
-from ..runs.worker import Worker, simulate
 
 
 @dataclass(frozen=True)
@@ -89,7 +88,8 @@ class FailedMachine:
     def made(self, case: Case, engine: Engine) -> MadeRun:
         """A row that says why."""
         outcome, message = failure(self.error)
-        return MadeRun(_row(case, engine, outcome).model_copy(update={"message": message}))
+        ended = {"message": message, "time_limit": time_limit(self.error)}
+        return MadeRun(_row(case, engine, outcome).model_copy(update=ended))
 
     def add(self, case: Case, engine: Engine, result: RunRecord | MadeRun) -> None:
         """Take the row."""
@@ -174,7 +174,8 @@ class MachineRuns:
             raise
         except Exception as error:
             outcome, message = failure(error)
-            return MadeRun(run.model_copy(update={"outcome": outcome, "message": message}))
+            ended = {"outcome": outcome, "message": message, "time_limit": time_limit(error)}
+            return MadeRun(run.model_copy(update=ended))
         return self._judged(run.model_copy(update={"metrics": metrics}), trajectory, engine)
 
     def _judged(self, run: Run, trajectory: Trajectory, engine: Engine) -> MadeRun:

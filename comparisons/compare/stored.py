@@ -11,7 +11,7 @@ from ...models.files import read_bytes
 from ...models.trajectory import load
 from ..runs.results import COMPARED, FORMAT, Results
 from ..runs.store import Store
-from ..runs.until import Until
+from ..runs.study import Until
 from .study import Comparison
 
 

@@ -17,10 +17,10 @@ from ...models.shown import Reported
 from ...models.spec import Spec
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
+from ..runs.process import Worker
 from ..runs.results import Results
 from ..runs.store import Store
 from ..runs.study import PRESETS, OnDemand, Study, in_order, one_end
-from ..runs.worker import Worker
 from .machine import Case, FailedMachine, MachineRuns, MadeRun, RunRecord
 
 

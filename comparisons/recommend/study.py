@@ -20,13 +20,25 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ...models.spec import Spec
 from ...reference.solver import characteristic_time
-from ..runs.study import Counter, Study, in_order
+from ..runs.study import Counter, Study, Until, in_order
 from ..runs.trials import Trial, Trials
-from ..runs.until import Until
-from .cases import ANGLE, GRAVITY, LENGTH, MASS, Case, of_mechanism, of_parameters
-from .obstacles import explain
 from .results import Advice, Asked, Attempt, Choice, EngineAdvice, Errors, NeighbourMachine
-from .search import HARDEST, Level, Search, Sweep, ladder, option_sets
+from .search import (
+    ANGLE,
+    GRAVITY,
+    HARDEST,
+    LENGTH,
+    MASS,
+    Case,
+    Level,
+    Search,
+    Sweep,
+    explain,
+    ladder,
+    of_mechanism,
+    of_parameters,
+    option_sets,
+)
 
 NEIGHBOURS = 32
 _MOST_NEIGHBOURS = 200

@@ -15,8 +15,7 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.launch import Launch
 from ...models.trajectory import Trajectory
-from .comparison import THROWN
-from .metrics import SAME_END
+from .metrics import SAME_END, THROWN
 from .results import Pair
 
 

@@ -25,7 +25,6 @@ from ...engines.protocol import Engine
 from ...engines.registry import engine_class
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
-from ...models.kinematics import Kinematics
 from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
 from ...models.problem import StopLaw
@@ -33,17 +32,14 @@ from ...models.spec import Real, Spec
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 from ...reference.solver import characteristic_time
-from .comparison import THROWN, against
-from .metrics import measure
+from .metrics import THROWN, against, measure, points
 from .runner import Runner, Worker, failure
 from .scales import Scales, scales_until
 from .store import Store, conditions
-from .study import Study, all_in_order
-from .until import Until
+from .study import Study, Until, all_in_order
 
 GRID = 1000
 """Intervals of the common grid."""
-
 Positions = dict[str, tuple[tuple[Real, ...], tuple[Real, ...]]]
 
 
@@ -90,16 +86,6 @@ class Deviation(Spec):
     def of_point(self, name: str) -> Deviation:
         """The same with the position of one point only."""
         return self.model_copy(update={"positions": {name: self.positions[name]}})
-
-
-def points(trajectory: Trajectory) -> dict[str, FloatArray]:
-    """Positions that are compared [m], shape (n, 2): of the markers; without any, of the bodies' centres of mass."""
-    mechanism = trajectory.mechanism
-    if mechanism.markers:
-        return {name: motion.position for name, motion in trajectory.markers.items()}
-    kinematics = Kinematics(mechanism)
-    rows = {body.name: kinematics.point(body.name, body.centre) for body in mechanism.bodies}
-    return {name: kinematics.position(row, trajectory.q) for name, row in rows.items()}
 
 
 def deviation(

@@ -25,7 +25,7 @@ from ...models.mjcf.writer import (
     velocity_sensor,
 )
 from ...models.trajectory import PointMotion
-from ..contact_events import ContactEvents
+from ..events import ContactEvents
 from ..protocol import Recording
 from .constraints import UnilateralConstraint
 from .versions import counts_tendons_in_reactions

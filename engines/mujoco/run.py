@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from ...models.errors import SimulationError
 from ...models.problem import Problem, StopLaw
-from ..contact_events import refuse_moving_gaps
+from ..events import refuse_moving_gaps
 from ..protocol import Recording
 from .options import MujocoOptions
 from .step import Stepper

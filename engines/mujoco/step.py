@@ -10,7 +10,7 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.mjcf.writer import mjcf_names, torque_sensor
 from ...models.problem import Problem
-from ..contact_events import ContactEvents
+from ..events import ContactEvents
 from ..protocol import Recording
 from .build import correction_of, load, preload, start_data
 from .constraints import slot_contacts, stop_constraints

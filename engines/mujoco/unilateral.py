@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from ...models.arrays import FloatArray
 from ...models.kinematics import Kinematics
 from ...models.problem import Problem
-from ..contact_events import AT_REST, Contacts, resting
-from ..event_location import may_be_met, onto_zero_gap
+from ..events import AT_REST, Contacts, may_be_met, onto_zero_gap, resting
 from ..impact import Inertia, resolve_impact
 from .matrices import mass_matrix
 from .options import MujocoOptions

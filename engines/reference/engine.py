@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from ...models.arrays import FloatArray
+from ...models.elements import ELEMENTS
 from ...models.features import Feature
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
@@ -17,7 +18,7 @@ from ...models.spec import Real
 from ...reference.certification.redundant import RedundantSystem
 from ...reference.solution import Solution
 from ...reference.solver import TOLERANCE, solve
-from ...reference.taylor.choice import why_not_taylor
+from ...reference.taylor.expressions import why_not_taylor
 from ...reference.taylor.solve import solve_taylor
 from ...version import __version__
 from ..inspection import Dynamics, Inspection, State
@@ -49,6 +50,7 @@ class ReferenceEngine(BuiltinEngine):
         stop_laws=frozenset(StopLaw),
         formulation="minimal absolute angles, stops by KKT, DOP853 with located events",
         features=frozenset(Feature),
+        elements=frozenset(ELEMENTS),  # their forces and gaps stand with the elements
     )
     # A newcomer to SciPy asks for DOP853 with tolerances that sound tight.
     stock_options: ClassVar[Mapping[str, object]] = {"rtol": 1e-9, "atol": 1e-9}

@@ -6,7 +6,7 @@ import math
 
 from pydantic import Field
 
-from ..joints import GROUND, PinJoint
+from ..elements import GROUND, PinJoint
 from ..mechanism import Marker, Mechanism
 from ..spec import Positive, Spec
 from .parameters import Angle

@@ -11,10 +11,9 @@ import math
 
 from pydantic import Field
 
-from ..joints import PinJoint, SlotJoint
+from ..elements import PinJoint, PointStop, SlotJoint
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import Positive, Spec
-from ..stops import PointStop
 from .parameters import Angle
 from .trebuchet import COUNTERWEIGHT, PROJECTILE, SLING_PIN, TROUGH, loaded_arm
 

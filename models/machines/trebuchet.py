@@ -12,11 +12,10 @@ from collections.abc import Mapping
 
 from pydantic import Field
 
+from ..elements import GROUND, PinJoint, PointStop, SlotJoint, Stop
 from ..errors import InputError
-from ..joints import GROUND, PinJoint, SlotJoint
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import Positive, Spec
-from ..stops import PointStop, Stop
 from .parameters import Angle, TrebuchetParameters
 
 FULCRUM, SLING_PIN, HANGER_PIN = "fulcrum", "sling pin", "hanger pin"

@@ -16,8 +16,7 @@ import numpy as np
 
 from ..drawing.bodies import loaded_rod
 from ..drawing.sketch import distinct, on_a_line
-from ..force_elements import SpringDamper
-from ..joints import GROUND, AnyJoint
+from ..elements import GROUND, AnyJoint, SpringDamper
 from ..kinematics import Kinematics
 from ..mechanism import Body, Mechanism
 from ..spec import Vector

@@ -12,8 +12,7 @@ import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from typing import TypeVar
 
-from ..force_elements import ConstantForce, ConstantTorque, RotationalSpringDamper, SpringDamper
-from ..joints import GROUND
+from ..elements import GROUND, ConstantForce, ConstantTorque, RotationalSpringDamper, SpringDamper
 from ..mechanism import Mechanism
 from ..spec import Vector
 from .appearance import reach_of

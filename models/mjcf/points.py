@@ -16,11 +16,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
+from ..elements import GROUND, AnyJoint, PointStop
 from ..errors import UnsupportedProblemError
-from ..joints import GROUND, AnyJoint
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
-from ..stops import PointStop
 from .appearance import reach_of
 from .text import from_origin, number, numbers, spatial
 from .tree import add_angle_tendon, start_angles

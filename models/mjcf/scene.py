@@ -11,11 +11,10 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import FloatArray
-from ..joints import GROUND, AnyJoint
+from ..elements import GROUND, AnyJoint, PointStop
 from ..kinematics import Kinematics
 from ..mechanism import Mechanism
 from ..spec import Vector
-from ..stops import PointStop
 from .appearance import WOOD, Appearance, Shapes, points_of
 from .recorded import RecordedMotion
 from .text import as_text, number, numbers

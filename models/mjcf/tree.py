@@ -9,7 +9,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 
-from ..joints import GROUND, AnyJoint, FreeJoint
+from ..elements import GROUND, AnyJoint, FreeJoint
 from ..mechanism import Body, Mechanism
 
 

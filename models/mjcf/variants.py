@@ -12,7 +12,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
-from ..joints import GROUND, AnyJoint, PinJoint
+from ..elements import GROUND, AnyJoint, PinJoint
 from ..mechanism import Mechanism
 from ..spec import Vector
 from .text import from_origin, number, numbers

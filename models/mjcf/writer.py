@@ -20,13 +20,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, cast
 
+from ..elements import GROUND, AnyJoint, PointStop, Stop
 from ..errors import InputError, UnsupportedProblemError
 from ..files import write_text
-from ..joints import GROUND, AnyJoint
 from ..kinematics import initial_state
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
-from ..stops import PointStop, Stop
 from .appearance import STONE, Appearance
 from .forces import Forces
 from .names import names_in, rename, valid_names

@@ -8,11 +8,10 @@ from collections.abc import Callable
 import numpy as np
 from pydantic import Field
 
-from ..joints import FreeJoint, SlotJoint
+from ..elements import FreeJoint, PointStop, SlotJoint, Stop
 from ..mechanism import Body, Marker, Mechanism
 from ..problem import StopLaw
 from ..spec import Positive, Real, Spec
-from ..stops import PointStop, Stop
 from .benchmark import Benchmark, Figure, Motion
 from .pendulums import pin_links, rods
 from .readings import at, energy_error, speed

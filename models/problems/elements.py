@@ -7,7 +7,7 @@ import math
 
 from pydantic import Field
 
-from ..joints import GROUND, SlotJoint, WeldJoint
+from ..elements import GROUND, SlotJoint, WeldJoint
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import Positive, Real, Spec
 from .benchmark import Benchmark, Figure

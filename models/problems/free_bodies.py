@@ -7,8 +7,7 @@ import math
 import numpy as np
 from pydantic import Field
 
-from ..force_elements import ConstantForce, SpringDamper
-from ..joints import FreeJoint
+from ..elements import ConstantForce, FreeJoint, SpringDamper
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import Positive, Real, Spec, Vector
 from .benchmark import Benchmark, Figure

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ..arrays import FloatArray
-from ..joints import GROUND, SlotJoint
+from ..elements import GROUND, SlotJoint
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import Positive, Real, Spec
 from . import pendulum_motion

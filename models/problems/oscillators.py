@@ -11,8 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from ..arrays import FloatArray
-from ..force_elements import ConstantTorque, RotationalSpringDamper, SpringDamper
-from ..joints import GROUND
+from ..elements import GROUND, ConstantTorque, RotationalSpringDamper, SpringDamper
 from ..mechanism import Marker, Mechanism
 from ..spec import NonNegative, Positive, Real, Spec
 from .benchmark import Benchmark, Figure

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..joints import GROUND, PinJoint, PrismaticJoint
+from ..elements import GROUND, PinJoint, PrismaticJoint
 from ..mechanism import Body
 from ..spec import Vector
 

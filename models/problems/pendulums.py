@@ -11,10 +11,9 @@ from numpy.polynomial import laguerre
 from pydantic import Field
 
 from ..arrays import FloatArray
-from ..joints import GROUND
+from ..elements import GROUND, Stop
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import Positive, Real, Spec
-from ..stops import Stop
 from .benchmark import Benchmark, Condition, Figure
 from .parts import pin, rod
 from .pendulum_motion import LOWEST, Swing

@@ -13,8 +13,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from ..force_elements import ConstantTorque, SpringDamper
-from ..joints import GROUND
+from ..elements import GROUND, ConstantTorque, SpringDamper
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import NonNegative, Positive, Real, Spec, Vector
 from .benchmark import Benchmark, Figure

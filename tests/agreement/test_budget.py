@@ -10,9 +10,8 @@ import math
 import numpy as np
 import pytest
 from trebucheck.comparisons.explain import causes_of
-from trebucheck.comparisons.explain.budget import budget
 from trebucheck.comparisons.explain.results import Budget, Share
-from trebucheck.comparisons.explain.variants import with_filtered_torques
+from trebucheck.comparisons.explain.study import budget, with_filtered_torques
 from trebucheck.comparisons.runs.trials import Trials
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.registry import engine, engine_class, with_options

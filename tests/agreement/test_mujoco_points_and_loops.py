@@ -12,16 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 from mechanisms import misplaced
-from trebucheck.comparisons.equivalence.checks import EXACT, check_model
+from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model
 from trebucheck.engines.mujoco.engine import MujocoEngine
+from trebucheck.models.elements import GROUND, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.errors import UnsupportedProblemError
-from trebucheck.models.joints import GROUND, PinJoint, SlotJoint
 from trebucheck.models.machines.catapult import catapult
 from trebucheck.models.machines.floating_arm import FloatingArmParameters, floating_arm
 from trebucheck.models.machines.trebuchet import HingedParameters, hinged
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.stops import PointStop, Stop
 from trebucheck.models.trajectory import Trajectory
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solution import Solution

@@ -17,17 +17,19 @@ import jsonschema
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
-from trebucheck.comparisons.recommend import Advice, Asked, obstacles, recommend
-from trebucheck.comparisons.recommend import cases as family
-from trebucheck.comparisons.recommend.cases import Case, read_torque
+from trebucheck.comparisons.recommend import Advice, Asked, recommend
+from trebucheck.comparisons.recommend import search as family
+from trebucheck.comparisons.recommend import search as obstacles
 from trebucheck.comparisons.recommend.results import Obstacle
 from trebucheck.comparisons.recommend.search import (
     RUNGS,
     SCREENED_AT,
+    Case,
     Search,
     configured,
     ladder,
     option_sets,
+    read_torque,
 )
 from trebucheck.comparisons.recommend.study import PYTHON, snippets
 from trebucheck.comparisons.runs.study import Study

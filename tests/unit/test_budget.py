@@ -17,11 +17,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 from trebucheck.comparisons.explain import Cause, Intervention, causes_of
-from trebucheck.comparisons.explain.budget import budget, orders
 from trebucheck.comparisons.explain.report import document, main_quantities
 from trebucheck.comparisons.explain.results import Budget, Explanation, Machine
-from trebucheck.comparisons.explain.study import explain, stock_against_tuned
-from trebucheck.comparisons.explain.variants import Reread, by_kinematics, with_filtered_torques
+from trebucheck.comparisons.explain.study import (
+    Reread,
+    budget,
+    by_kinematics,
+    explain,
+    orders,
+    stock_against_tuned,
+    with_filtered_torques,
+)
 from trebucheck.comparisons.report import html, terminal
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import GRID, Deviation, Trial, Trials

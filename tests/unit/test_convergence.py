@@ -15,24 +15,28 @@ import plugins
 import pytest
 import trebucheck as tb
 from trebucheck.cli.app import main
-from trebucheck.comparisons.converge import floor as floors
+from trebucheck.comparisons.converge import study as floors
 from trebucheck.comparisons.converge import study as studying
-from trebucheck.comparisons.converge.floor import Site, floor, refinements
-from trebucheck.comparisons.converge.orders import (
+from trebucheck.comparisons.converge.report import document
+from trebucheck.comparisons.converge.results import Studies
+from trebucheck.comparisons.converge.study import (
     ASYMPTOTIC,
     FEWEST,
     SLOPE,
     Level,
+    Site,
+    converge,
     fitting,
+    floor,
     largest,
     limit,
     observed_order,
+    parameter_names,
     power_law,
+    refinements,
+    swept_parameters,
     weights,
 )
-from trebucheck.comparisons.converge.report import document
-from trebucheck.comparisons.converge.results import Studies
-from trebucheck.comparisons.converge.study import converge, parameter_names, swept_parameters
 from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.runs.runner import run_duration
 from trebucheck.comparisons.runs.store import Store

@@ -15,17 +15,11 @@ from faulty import Faulty, body, parameters
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from trebucheck.comparisons.compare.sentences import diagnosis
-from trebucheck.comparisons.diagnosis.case import Case
-from trebucheck.comparisons.diagnosis.model import check_and_diagnose
-from trebucheck.comparisons.diagnosis.onset import active_contacts_at, growth
-from trebucheck.comparisons.diagnosis.settings import (
-    Rerun,
-    _other_settings,  # pyright: ignore[reportPrivateUsage]
-)
-from trebucheck.comparisons.diagnosis.signatures import match
-from trebucheck.comparisons.diagnosis.suspects import combined, machine_suspects
-from trebucheck.comparisons.equivalence.checks import EXACT, check_model
-from trebucheck.comparisons.equivalence.states import random_states
+from trebucheck.comparisons.diagnosis.case import Case, match
+from trebucheck.comparisons.diagnosis.diagnose import active_contacts_at, check_and_diagnose, growth
+from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model, random_states
+from trebucheck.comparisons.diagnosis.faults import combined, machine_suspects
+from trebucheck.comparisons.diagnosis.rerun import Rerun, _other_settings
 from trebucheck.comparisons.runs.results import Cause, Diagnosis, Outcome, Run
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.registry import causes_of

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.equivalence.checks import check_model
+from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.engines.inspection import Dynamics, Inspection, State
 from trebucheck.models.problems.registry import benchmark
 from trebucheck.reference.equations import Equations

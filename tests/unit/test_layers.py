@@ -38,7 +38,7 @@ RANKS: tuple[tuple[str, ...], ...] = (
     ("reference/certification",),
     ("engines/reference",),
     ("comparisons/runs",),
-    ("comparisons/equivalence", "comparisons/report"),
+    ("comparisons/report",),
     ("comparisons/diagnosis", "comparisons"),
     (
         "comparisons/compare",

@@ -12,8 +12,7 @@ from typing import Any
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
-from trebucheck.comparisons.diagnosis.consistent import with_closed_loops
-from trebucheck.comparisons.diagnosis.suspects import combined, machine_suspects
+from trebucheck.comparisons.diagnosis.faults import combined, machine_suspects, with_closed_loops
 from trebucheck.comparisons.explain import causes_of
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.models.machines.registry import model

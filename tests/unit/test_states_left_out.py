@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.equivalence.checks import check_model
-from trebucheck.comparisons.equivalence.states import random_states
+from trebucheck.comparisons.diagnosis.equivalence import check_model, random_states
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.reference.engine import ReferenceEngine
 from trebucheck.models.errors import SimulationError

@@ -17,10 +17,10 @@ from trebucheck.comparisons.compare.stored import read_results, stored
 from trebucheck.comparisons.compare.study import Comparison, compare_study
 from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.runs import store as store_module
+from trebucheck.comparisons.runs.process import Worker
 from trebucheck.comparisons.runs.store import Store, conditions, plug_in_digest
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Trials
-from trebucheck.comparisons.runs.worker import Worker
 from trebucheck.engines.registry import engine_class
 from trebucheck.models.errors import UnwritableError
 

@@ -8,12 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.diagnosis.hypotheses import Component, hypotheses
-from trebucheck.comparisons.diagnosis.motion import diagnose_motion
-from trebucheck.comparisons.diagnosis.ranking import ranked
-from trebucheck.comparisons.diagnosis.response import first_order
-from trebucheck.comparisons.diagnosis.settings import Rerun
-from trebucheck.comparisons.diagnosis.suspects import combined, machine_suspects
+from trebucheck.comparisons.diagnosis.diagnose import diagnose_motion
+from trebucheck.comparisons.diagnosis.faults import (
+    Component,
+    combined,
+    hypotheses,
+    machine_suspects,
+)
+from trebucheck.comparisons.diagnosis.fit import first_order
+from trebucheck.comparisons.diagnosis.rank import ranked
+from trebucheck.comparisons.diagnosis.rerun import Rerun
 from trebucheck.comparisons.runs.results import Cause, Diagnosis, Metric
 from trebucheck.models.trajectory import PointMotion
 from trebucheck.reference.equations import Equations

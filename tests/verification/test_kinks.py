@@ -13,10 +13,10 @@ from random_mechanisms import random_mechanism
 from trebucheck.models.force_elements import ConstantForce
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
+from trebucheck.reference.sensitivity.kinks import Kink, one_sided, sides
+from trebucheck.reference.sensitivity.sensitivities import sensitivities
+from trebucheck.reference.sensitivity.variational import consistent_direction
 from trebucheck.reference.solver import solve
-from trebucheck.reference.throw.kinks import Kink, one_sided, sides
-from trebucheck.reference.throw.sensitivity import sensitivities
-from trebucheck.reference.throw.variational import consistent_direction
 
 Direction = dict[str, float]
 LAW = StopLaw.UNILATERAL

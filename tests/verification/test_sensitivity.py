@@ -19,8 +19,7 @@ from mechanisms import slider_crank
 from scipy.linalg import null_space
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.reference.equations import Equations
-from trebucheck.reference.solver import solve
-from trebucheck.reference.throw.sensitivity import (
+from trebucheck.reference.sensitivity.sensitivities import (
     Sensitivities,
     marker_tangent,
     parameter_directions,
@@ -28,7 +27,8 @@ from trebucheck.reference.throw.sensitivity import (
     state_tangent,
     whipper_numbers,
 )
-from trebucheck.reference.throw.variational import VariationalEquations, numbers
+from trebucheck.reference.sensitivity.variational import VariationalEquations, numbers
+from trebucheck.reference.solver import solve
 
 pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
 

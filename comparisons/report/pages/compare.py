@@ -22,11 +22,12 @@ from ....models.trajectory import Trajectory
 from ....reference.certification.certificate import load_certificate
 from ....reference.solution import Solution
 from ...compare.study import Comparison
-from ...diagnosis.ranking import SAME
+from ...diagnosis.rank import SAME
 from ...runs.balance import sampled_balance
 from ...runs.metrics import LEAST_START
 from ...runs.results import (
     COMPARED,
+    FAILURES,
     Cause,
     Diagnosis,
     Equality,
@@ -82,6 +83,7 @@ MARKS: dict[Outcome, Mark] = {
     Outcome.NOT_JUDGED: "warning",
     Outcome.NOT_EQUIVALENT: "bad",
     Outcome.FAILED: "bad",
+    Outcome.TIMED_OUT: "bad",
     Outcome.ABSENT: "warning",
     Outcome.UNSUPPORTED: "warning",
 }
@@ -1024,7 +1026,7 @@ def _window(results: Results) -> str:
 def _tiles(results: Results) -> doc.Tiles:
     """Verdicts counted, and the engines at both ends of the ranking by distance."""
     counted = Counter(run.outcome for run in results.runs)
-    failed = sum(counted[each] for each in (Outcome.FAILED, Outcome.NOT_EQUIVALENT))
+    failed = sum(counted[each] for each in (*FAILURES, Outcome.NOT_EQUIVALENT))
     rest = sum(counted[each] for each in (Outcome.NOT_JUDGED, Outcome.ABSENT, Outcome.UNSUPPORTED))
     tiles = [
         Tile(str(counted[Outcome.AGREES]), "agree", "good" if counted[Outcome.AGREES] else "plain"),

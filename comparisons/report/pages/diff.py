@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 
-from ...diff.changes import Difference, Fate, QuantityChange, RunChange
+from ...diff.study import Difference, Fate, QuantityChange, RunChange
 from ...runs.results import Metric, Run
 from ..document import (
     Block,

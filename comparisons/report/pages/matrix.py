@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
@@ -11,8 +10,17 @@ from itertools import pairwise
 
 from ....engines.supplied import Own, concerned, own, parts
 from ....models.problem import StopLaw
-from ...matrix.results import SHOWN, Error, Matrix, MatrixProblem, MatrixRun, MeasuredOrder
-from ...matrix.spread import FLOOR, sentence, spreads
+from ...matrix.study import (
+    FLOOR,
+    SHOWN,
+    Error,
+    Matrix,
+    MatrixProblem,
+    MatrixRun,
+    MeasuredOrder,
+    sentence,
+    spreads,
+)
 from ...runs.results import COMPARED, Outcome
 from ..document import (
     Block,
@@ -89,12 +97,10 @@ _SCHEME_UNSTATED = "scheme not stated"
 _WORDS: dict[Outcome, str] = {
     Outcome.NOT_EQUIVALENT: "another model",
     Outcome.FAILED: "failed",
+    Outcome.TIMED_OUT: "not finished",
     Outcome.ABSENT: "not installed",
     Outcome.UNSUPPORTED: "refused",
 }
-
-
-_OVER = re.compile(r"did not finish within (\S+) s")  # as a run says it that is ended
 
 
 _READING = (
@@ -249,12 +255,8 @@ def _agrees(runs: Sequence[MatrixRun]) -> str:
 
 def _verdict(run: MatrixRun) -> Cell:
     if run.outcome not in COMPARED:
-        over = _OVER.search(run.message or "")
-        return Cell(
-            f"not finished in {over[1]} s" if over else _WORDS[run.outcome],
-            MARKS[run.outcome],
-            hint=run.message or "",
-        )
+        limit = "" if run.time_limit is None else f" in {run.time_limit:g} s"
+        return Cell(_WORDS[run.outcome] + limit, MARKS[run.outcome], hint=run.message or "")
     error, worst = run.error("position_max"), run.worst
     text = format_number(None if error is None else error.part)
     hint = "" if worst is None else f"{worst.label}: {format_number(worst.ratio)} of its tolerance"

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from ....models.problems.benchmark import Benchmark
 from ....models.spec import Spec
-from ...problems.check import Check, CheckedFigure
+from ...problems.study import Check, CheckedFigure
 from ..document import (
     Block,
     Cell,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ....models.mechanism import Mechanism
-from ...recommend.cases import unit_of
 from ...recommend.results import Advice, Asked, Attempt, Choice, EngineAdvice, Errors
+from ...recommend.search import unit_of
 from .. import document as doc
 from ..document import (
     Block,

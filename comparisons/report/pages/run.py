@@ -12,7 +12,7 @@ from ....models.drawing.scene import scene
 from ....models.trajectory import Trajectory
 from ....reference.certification.certificate import Certificate
 from ...runs.balance import sampled_balance
-from ...runs.distance import Farthest
+from ...runs.runner import Farthest
 from ..document import Animation, Document, Figure, Fold, Listing, Note, Text, page_only, table
 from ..numbers import format_number, format_settings, sentence
 from ..plots import Axis, Panels, Plot, Series, Style

@@ -33,10 +33,10 @@ _HEIGHT = 640  # of a report's frame [px]
 def _pages() -> dict[type, Callable[[Any], Document]]:
     """Maker of the report of each class of results; imported when the first report is made."""
     from ....reference.certification.certificate import Certificate
-    from ....reference.throw.figures import Throw
+    from ....reference.throw.throw import Throw
     from ...compare.study import Comparison
     from ...converge.results import Studies
-    from ...diff.changes import Difference
+    from ...diff.study import Difference
     from ...explain.results import Explanation
     from ...recommend.results import Advice
     from . import compare, converge, diff, explain, recommend, run, throw

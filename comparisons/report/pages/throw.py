@@ -11,16 +11,9 @@ import numpy as np
 
 from ....models.arrays import FloatArray
 from ....models.drawing.scene import Scene, scene
-from ....models.joints import PinJoint
+from ....models.elements import PinJoint
 from ....models.machines.trebuchet import FULCRUM
 from ....models.mechanism import Mechanism
-from ....reference.throw.figures import (
-    FlightFigures,
-    LaunchFigures,
-    Performance,
-    Sensitivity,
-    Throw,
-)
 from ....reference.throw.flight import Flight, Surroundings, fly
 from ....reference.throw.members import (
     MemberForce,
@@ -31,7 +24,15 @@ from ....reference.throw.members import (
     supports,
     upward_force,
 )
-from ....reference.throw.throw import origin, spoken
+from ....reference.throw.throw import (
+    FlightFigures,
+    LaunchFigures,
+    Performance,
+    Sensitivity,
+    Throw,
+    origin,
+    spoken,
+)
 from ....version import __version__
 from ..document import (
     Animation,

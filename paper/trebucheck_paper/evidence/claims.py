@@ -13,7 +13,6 @@ from enum import StrEnum
 from typing import Literal, NamedTuple
 
 from pydantic import Field, JsonValue
-
 from trebucheck.models.errors import InputError
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.shown import Reported

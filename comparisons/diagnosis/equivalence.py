@@ -1,0 +1,518 @@
+"""States in which a built model is looked into: random ones, under every set of stops that are closed at the start."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import chain, combinations
+
+import numpy as np
+
+from ...engines.inspection import Dynamics, Inspectable, Inspection, State
+from ...engines.protocol import Engine
+from ...engines.units import units_of
+from ...models.arrays import FloatArray
+from ...models.errors import EngineNotInstalledError, SimulationError, UnsupportedProblemError
+from ...models.kinematics import immovable_stops, without_stops
+from ...models.mechanism import Mechanism
+from ...reference.contact import active_contacts
+from ...reference.equations import Equations, consistent_coordinates, consistent_speeds
+from ...reference.reactions import undetermined_forces
+from ..runs.results import Check, Equality
+from ..runs.scales import size
+
+# In the units that engines build a mechanism in:
+_SPREAD = 0.5  # [rad or m] of the coordinates about the start
+
+
+SPEED = 1.0  # [rad/s or m/s]
+
+
+_ROUNDING = 1e-12  # [rad/s or m/s], or of the terms whose sum is a gap speed
+
+
+_OPEN = 0.02  # [rad] least gap of an open stop: well beyond the margin at which any engine makes a contact
+
+
+_DRAWS = 60  # for one set of stops; if they are never all active, those that are are taken
+
+
+def random_states(mechanism: Mechanism, n: int = 24, seed: int = 20) -> tuple[State, ...]:
+    """States over all sets of stops that are closed at the start, the same ones each time.
+
+    The first one is the start itself, with the stops that are active there; if its speeds move the
+    gap of a closed stop, with the nearest ones that do not. Fewer than n come back only where a
+    machine allows no state with its other stops open near the start.
+
+    Args:
+        n: how many.
+        seed: of the random numbers.
+    """
+    units = units_of(
+        mechanism
+    )  # a state far off a small machine is none that an engine has to get right
+    equations = Equations(units.mechanism(mechanism))
+    sets = _subsets([stop.name for stop in mechanism.stops if stop.closed])
+    random = np.random.default_rng(seed)
+    states = [_start(equations)]
+    for k in range(n - 1):
+        state = _state(equations, sets[k % len(sets)], random)
+        if state is not None:
+            states.append(state)
+    return tuple(units.inverse.states(mechanism, states))
+
+
+def _subsets(names: list[str]) -> list[tuple[str, ...]]:
+    return list(
+        chain.from_iterable(combinations(names, size) for size in range(len(names), -1, -1))
+    )
+
+
+def _start(equations: Equations) -> State:
+    mechanism = equations.mechanism
+    q = np.array(mechanism.start)
+    u = np.array(mechanism.start_speeds or [0.0] * len(q))
+    touching = tuple(stop.name for stop in mechanism.stops if stop.closed)
+    if not all(_rests(equations, stop, q, u) for stop in touching):
+        u = consistent_speeds(equations, q, u, touching)
+    return State(q, u, active_contacts(equations, q, u, touching))
+
+
+def _rests(equations: Equations, stop: str, q: FloatArray, u: FloatArray) -> bool:
+    """Whether the gap of a stop does not move: a start may drive into a closed stop, or off it."""
+    terms = equations.kinematics.gap_jacobian(stop, q) * u
+    return abs(float(terms.sum())) <= _ROUNDING * max(1.0, float(np.abs(terms).sum()))
+
+
+def _state(
+    equations: Equations, touching: tuple[str, ...], random: np.random.Generator
+) -> State | None:
+    """A state in which exactly these stops are active; else one with fewer; None if there is none."""
+    fallback: State | None = None
+    for q, u in _draws(equations, touching, random):
+        if active_contacts(equations, q, u, touching) == touching:
+            return State(q, u, touching)
+        if fallback is None and touching:
+            fallback = _state(equations, touching[:-1], random)
+    return fallback
+
+
+def _draws(
+    equations: Equations, touching: tuple[str, ...], random: np.random.Generator
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    mechanism = equations.mechanism
+    start = np.array(mechanism.start)
+    others = [stop.name for stop in mechanism.stops if stop.name not in touching]
+    for _ in range(_DRAWS):
+        q = consistent_coordinates(
+            equations, start + random.uniform(-_SPREAD, _SPREAD, len(start)), touching
+        )
+        if q is None or any(float(equations.kinematics.gap(name, q)) < _OPEN for name in others):
+            continue
+        yield (
+            q,
+            consistent_speeds(equations, q, random.uniform(-SPEED, SPEED, len(start)), touching),
+        )
+
+
+EXACT = 1e-10
+
+
+"""Of a quantity's size: four digits above rounding, and six below the smallest fault that is seeded."""
+
+
+ROUNDING = 1e-14
+
+
+"""Of sums and solutions of well conditioned equations, of a quantity's size."""
+
+
+DOUBLE = 2.0**-53
+
+
+_ROUNDINGS = 1000
+
+
+"""Of an engine's numbers: ten bodies with ten operations each, and a digit that absolute angles lose, being differences
+of joint angles. Of single precision that is 6e-5: below the smallest fault that is seeded, 1e-4."""
+
+
+_EXACT_REASON = "the engine's own quantities, to rounding"
+
+
+def check_model(engine: Engine, mechanism: Mechanism) -> Equality:
+    """Compare an engine's built model with the reference's equations.
+
+    An engine that cannot be inspected passes with `exposed` false: then only its motion can tell.
+    States in which its solver finds no accelerations are left out, but for the start.
+    """
+    if not isinstance(engine, Inspectable):
+        return Equality(
+            exposed=False,
+            note=f"{engine.name} does not show its built model; only its motion can tell.",
+        )
+    # A stop that nothing moves has no part in the motion, and no run sees it.
+    mechanism = without_stops(mechanism, immovable_stops(mechanism))
+    states = random_states(mechanism)
+    try:
+        asked, (states, inspection) = len(states), _inspected(engine, mechanism, states)
+    except (EngineNotInstalledError, UnsupportedProblemError, SimulationError):
+        raise  # the run reports it
+    except Exception as error:
+        note = f"{engine.name} could not be looked into: {type(error).__name__}: {error}"
+        return Equality(exposed=True, note=note, checks=(_exactly("inspection", None, None),))
+    checks = tuple(_checks(mechanism, states, inspection))
+    if inspection.roundoff > DOUBLE:
+        checks = tuple(_of_few_digits(check, inspection.roundoff) for check in checks)
+    equality = Equality(exposed=True, states=len(states), checks=checks)
+    if len(states) == asked or not equality.holds:
+        return equality
+    note = f"equivalent in {len(states)} of {asked} states; in the others {engine.name} finds no accelerations"
+    return equality.model_copy(update={"note": note})
+
+
+def _inspected(
+    engine: Inspectable, mechanism: Mechanism, states: Sequence[State]
+) -> tuple[Sequence[State], Inspection]:
+    """The states in which the engine can be looked into, and what it says there.
+
+    Raises:
+        SimulationError: its solver does not find the accelerations at the start, or in most of the
+            states.
+    """
+    try:
+        return states, engine.inspect(mechanism, states)
+    except SimulationError as error:
+        # What a solver cannot do in some state that a motion may never meet says nothing against
+        # the model.
+        looked, failed = [(states[0], engine.inspect(mechanism, states[:1]))], error
+    for state in states[1:]:
+        with suppress(SimulationError):
+            looked.append((state, engine.inspect(mechanism, [state])))
+    if 2 * len(looked) < len(states):
+        raise failed
+    found = tuple(inspection.dynamics[0] for _, inspection in looked)
+    return [state for state, _ in looked], replace(looked[0][1], dynamics=found)
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Quantities of the reference's equations in the states; arrays of shape (n_states, ...)."""
+
+    mass: FloatArray
+    forces: FloatArray
+    accelerations: FloatArray
+    torques: tuple[dict[str, float], ...]
+    gaps: tuple[dict[str, float], ...]
+    """Of all stops, by state [rad]."""
+    bodies: tuple[str, ...]
+    centres: FloatArray
+    """Shape (n_states, n_bodies, 2) [m]."""
+    inertial: FloatArray
+    """What the inertia of each coordinate makes of its largest speed, or of 1 in its units, squared; shape (n_q,)."""
+    inertial_torques: dict[str, float]
+    """The same by stop, of the lightest coordinate that it acts on."""
+    independence: float = math.inf
+    """Least singular value of the constraints in all states, with lengths in parts of the mechanism's size; for
+    :attr:`solved` only."""
+    weights: FloatArray | None = None
+    """At most what gravity does to each coordinate, shape (n_q,); given where forces are sums of rounded terms."""
+
+    @property
+    def solved(self) -> float:
+        """To how much of their sizes accelerations and forces of constraints must agree.
+
+        They solve a least-squares problem with constraints (Gauss). Relative changes of its data of
+        a size of rounding change the solution by their multiple with the condition number (Wedin,
+        BIT 13 (1973) 217), here one over the least singular value of constraints with lengths in
+        parts of the mechanism's size: a wall nearly parallel to the motion that it stops holds it
+        with a force that is known to so many digits less.
+        """
+        return max(EXACT, ROUNDING / self.independence)
+
+    @cached_property
+    def force_scale(self) -> FloatArray:
+        """Size of the forces, by coordinate."""
+        scale = _scale_of(self.forces, self.inertial)
+        return scale if self.weights is None else np.maximum(scale, self.weights)
+
+    @cached_property
+    def acceleration_scale(self) -> FloatArray:
+        """Size of the accelerations, by coordinate."""
+        inertia = self.mass.max(axis=0).diagonal()
+        # Of a coordinate that constraints hold still: what the forces that they balance would do.
+        held = (
+            np.abs(self.forces).max(axis=0) if self.weights is None else self.force_scale
+        ) / inertia
+        return np.maximum(_scale_of(self.accelerations, self.inertial / inertia), held)
+
+    @cached_property
+    def torque_scales(self) -> dict[str, float]:
+        """Size of each stop's torques; one that carries nothing in any state is scaled by the inertial forces."""
+        sizes = {name: _LEAST * inertial for name, inertial in self.inertial_torques.items()}
+        for torques in self.torques:
+            sizes |= {name: max(sizes[name], abs(torque)) for name, torque in torques.items()}
+        return sizes
+
+    def as_dynamics(self, like: Sequence[Dynamics]) -> tuple[Dynamics, ...]:
+        """As an engine would expose them that exposes the same as another one, and the gaps of all stops."""
+        return tuple(
+            Dynamics(
+                accelerations=self.accelerations[k],
+                stop_torques={
+                    name: self.torques[k].get(name, 0.0) for name in exposed.stop_torques
+                },
+                mass_matrix=None if exposed.mass_matrix is None else self.mass[k],
+                forces=None if exposed.forces is None else self.forces[k],
+                centres={
+                    name: self.centres[k, i]
+                    for i, name in enumerate(self.bodies)
+                    if name in exposed.centres
+                },
+                stop_gaps=self.gaps[k],
+            )
+            for k, exposed in enumerate(like)
+        )
+
+
+def expected(
+    mechanism: Mechanism, states: Sequence[State], equations: Equations | None = None
+) -> Expected:
+    """The reference's quantities in the states; or of other equations, to compute the effect of a fault."""
+    equations = equations or Equations(mechanism)
+    q, u = np.array([state.q for state in states]), np.array([state.u for state in states])
+    kinematics = equations.kinematics
+    accelerations, torques = _solved(equations, states, q, u)
+    gaps = {stop.name: kinematics.gap(stop.name, q).tolist() for stop in mechanism.stops}
+    rows = [kinematics.point(body.name, body.centre) for body in mechanism.bodies]
+    units = units_of(mechanism)
+    least = (SPEED * units.coordinates(mechanism) / units.time) ** 2
+    mass = equations.mass_matrix(q)
+    inertial = mass.max(axis=0).diagonal() * np.maximum(np.square(u).max(axis=0), least)
+    return Expected(
+        mass=mass,
+        forces=equations.forces(q, u),
+        accelerations=accelerations,
+        torques=torques,
+        gaps=tuple({name: values[k] for name, values in gaps.items()} for k in range(len(states))),
+        bodies=tuple(body.name for body in mechanism.bodies),
+        centres=np.stack([kinematics.position(row, q) for row in rows], axis=1),
+        inertial=inertial,
+        inertial_torques={
+            stop.name: float((inertial[row != 0] / np.abs(row[row != 0])).min())
+            if row.any()
+            else float(inertial.max())
+            for stop in mechanism.stops
+            for row in [kinematics.gap_jacobian(stop.name, q[0])]
+        },
+    )
+
+
+def _independence(mechanism: Mechanism, states: Sequence[State]) -> float:
+    equations, length = Equations(mechanism), size(mechanism) or units_of(mechanism).length
+    return min(float(equations.independence(state.q, state.closed, length)) for state in states)
+
+
+def _solved(
+    equations: Equations, states: Sequence[State], q: FloatArray, u: FloatArray
+) -> tuple[FloatArray, tuple[dict[str, float], ...]]:
+    """Accelerations, shape (n_states, n_q), and torques of the closed stops that are unique.
+
+    States of the same stops are solved at once.
+    """
+    accelerations, torques = np.empty_like(q), [dict[str, float]() for _ in states]
+    for closed in dict.fromkeys(tuple(state.closed) for state in states):
+        rows = [k for k, state in enumerate(states) if tuple(state.closed) == closed]
+        accelerations[rows], multipliers = equations.solve(q[rows], u[rows], closed)
+        _, undetermined = undetermined_forces(equations, q[rows[0]], closed)
+        for k, efforts in zip(rows, multipliers[:, equations.n_loops :].tolist(), strict=True):
+            torques[k] = {
+                n: x for n, x in zip(closed, efforts, strict=True) if n not in undetermined
+            }
+    return accelerations, tuple(torques)
+
+
+def scaled_differences(reference: Expected, dynamics: Sequence[Dynamics]) -> FloatArray:
+    """All exposed differences as one flat vector, each kind in units of its size: M, f, a, torques, centres."""
+    reach = float(np.abs(reference.centres).max()) or 1.0
+    diagonals = np.sqrt(np.diagonal(reference.mass, axis1=1, axis2=2))
+    sizes, scales = diagonals[:, :, None] * diagonals[:, None, :], reference.torque_scales
+    masses = [(k, d.mass_matrix) for k, d in enumerate(dynamics) if d.mass_matrix is not None]
+    forces = [(k, d.forces) for k, d in enumerate(dynamics) if d.forces is not None]
+    parts = [
+        _differences(masses, reference.mass, sizes),
+        _differences(
+            forces, reference.forces, np.broadcast_to(reference.force_scale, reference.forces.shape)
+        ),
+        (np.array([d.accelerations for d in dynamics]) - reference.accelerations)
+        / reference.acceleration_scale,
+        np.array(
+            [
+                (engine_values.stop_torques.get(name, math.nan) - torque) / scales[name]
+                for engine_values, torques in zip(dynamics, reference.torques, strict=True)
+                for name, torque in torques.items()
+            ]
+        ),
+    ]
+    for i, name in enumerate(reference.bodies):
+        centres = [(k, d.centres[name]) for k, d in enumerate(dynamics) if name in d.centres]
+        parts.append(
+            _differences(
+                centres, reference.centres[:, i], np.full_like(reference.centres[:, i], reach)
+            )
+        )
+    return np.concatenate([np.ravel(part) for part in parts])
+
+
+def _differences(
+    exposed: Sequence[tuple[int, FloatArray]], right: FloatArray, sizes: FloatArray
+) -> FloatArray:
+    """Of what is exposed in some of the states, each with its index, in units of sizes, shape like `right`."""
+    if not exposed:
+        return np.zeros(0)
+    states = [k for k, _ in exposed]
+    return (np.array([values for _, values in exposed]) - right[states]) / sizes[states]
+
+
+_LEAST = 1e-3  # of the inertial forces: where less acts (no gravity, a balanced rotor), rounding is all there is
+
+
+def _scale_of(values: FloatArray, inertial: FloatArray) -> FloatArray:
+    """Size of each component over all states; a component on which hardly anything acts is scaled by the others.
+
+    Args:
+        values: shape (n_states, n_components).
+        inertial: what the speeds of the states make of each component; the scale where hardly
+            anything acts at all.
+    """
+    scale = np.abs(values).max(axis=0)
+    return np.maximum(np.maximum(scale, 1e-3 * scale.max()), _LEAST * inertial)
+
+
+def _checks(
+    mechanism: Mechanism, states: Sequence[State], inspection: Inspection
+) -> Iterator[Check]:
+    reference = replace(expected(mechanism, states), independence=_independence(mechanism, states))
+    if inspection.roundoff > DOUBLE:
+        reference = replace(reference, weights=_weights(mechanism, reference.mass))
+    yield from _start_and_mass(mechanism, inspection)
+    yield from _exact(mechanism, reference, inspection.dynamics)
+    scale = reference.acceleration_scale
+    accelerations = np.array([d.accelerations for d in inspection.dynamics])
+    difference = np.abs(accelerations - reference.accelerations)
+    yield _of_solution(
+        _by_name("acceleration", mechanism.coordinates, difference, scale), reference
+    )
+    yield from _torques(reference, inspection.dynamics)
+    errors = gap_errors(reference, inspection.dynamics)
+    if errors:
+        worst = max(errors, key=lambda name: abs(errors[name]))
+        yield _exactly("stop position", worst, abs(errors[worst]), mechanism.stop(worst).gap_unit)
+
+
+def gap_errors(reference: Expected, dynamics: Sequence[Dynamics]) -> dict[str, float]:
+    """Largest error of each stop's gap by the engine's own measure [rad or m]."""
+    errors: dict[str, float] = {}
+    for engine_values, reference_gaps in zip(dynamics, reference.gaps, strict=True):
+        for name, gap in engine_values.stop_gaps.items():
+            errors[name] = max(errors.get(name, 0.0), gap - reference_gaps[name], key=abs)
+    return errors
+
+
+def _start_and_mass(mechanism: Mechanism, inspection: Inspection) -> Iterator[Check]:
+    """Total mass and start."""
+    if inspection.total_mass is not None:
+        total = sum(body.mass for body in mechanism.bodies)
+        yield _exactly("total mass", None, abs(inspection.total_mass - total) / total)
+    names = mechanism.coordinates
+    difference = np.abs(inspection.start - np.array(mechanism.start))
+    units = units_of(mechanism)
+    lengths = units.coordinates(mechanism)
+    yield _by_name("start", names, difference[None], np.maximum(lengths, np.abs(mechanism.start)))
+    speeds = np.array(mechanism.start_speeds or [0.0] * len(names))
+    difference = np.abs(inspection.start_speeds - speeds)
+    yield _by_name(
+        "start speed", names, difference[None], np.maximum(lengths / units.time, np.abs(speeds))
+    )
+
+
+def _exact(
+    mechanism: Mechanism, reference: Expected, dynamics: Sequence[Dynamics]
+) -> Iterator[Check]:
+    """Centres, mass matrix and forces, where the engine has them."""
+    names = mechanism.coordinates
+    bodies = [body.name for body in mechanism.bodies]
+    if all(set(bodies) <= set(d.centres) for d in dynamics):
+        centres = np.array([[d.centres[name] for name in bodies] for d in dynamics])
+        reach = np.full(len(bodies), float(np.abs(reference.centres).max()) or 1.0)
+        yield _by_name(
+            "centre of mass", bodies, np.linalg.norm(centres - reference.centres, axis=2), reach
+        )
+    masses = [d.mass_matrix for d in dynamics if d.mass_matrix is not None]
+    if len(masses) == len(dynamics):
+        size = np.sqrt(np.einsum("ni,nj->nij", *[np.einsum("nii->ni", reference.mass)] * 2))
+        difference = (np.abs(np.array(masses) - reference.mass) / size).reshape(len(masses), -1)
+        pairs = [f"{a}, {b}" for a in names for b in names]
+        yield _by_name("mass matrix", pairs, difference, np.ones(len(pairs)))
+    forces = [d.forces for d in dynamics if d.forces is not None]
+    if len(forces) == len(dynamics):
+        yield _by_name(
+            "force", names, np.abs(np.array(forces) - reference.forces), reference.force_scale
+        )
+
+
+def _torques(reference: Expected, dynamics: Sequence[Dynamics]) -> Iterator[Check]:
+    names = dict.fromkeys(name for torques in reference.torques for name in torques)
+    for name in names:
+        pairs = [
+            (d.stop_torques.get(name), t[name])
+            for d, t in zip(dynamics, reference.torques, strict=True)
+            if name in t
+        ]
+        size = reference.torque_scales[name]
+        missing = any(torque is None for torque, _ in pairs)
+        worst = (
+            max((abs(torque - right) for torque, right in pairs if torque is not None), default=0.0)
+            / size
+        )
+        yield _of_solution(_exactly("stop torque", name, None if missing else worst), reference)
+
+
+def _exactly(name: str, subject: str | None, value: float | None, unit: str = "1") -> Check:
+    return Check(
+        name=name, subject=subject, value=value, unit=unit, tolerance=EXACT, reason=_EXACT_REASON
+    )
+
+
+def _of_solution(check: Check, reference: Expected) -> Check:
+    """With the tolerance of what solves the equations of motion."""
+    if reference.solved == EXACT:
+        return check
+    reason = f"rounding, over the {reference.independence:.2g} by which constraints are independent"
+    return check.model_copy(update={"tolerance": reference.solved, "reason": reason})
+
+
+def _weights(mechanism: Mechanism, mass: FloatArray) -> FloatArray:
+    """Gravity's generalized forces at most: by Schwarz' inequality sum m g J <= g sqrt(sum m) sqrt(sum m J^2)."""
+    total = sum(body.mass for body in mechanism.bodies)
+    return mechanism.gravity * np.sqrt(total * np.einsum("nii->ni", mass).max(axis=0))
+
+
+def _of_few_digits(check: Check, roundoff: float) -> Check:
+    """With the tolerance of an engine whose numbers have fewer digits than double precision."""
+    digits = max(check.tolerance, _ROUNDINGS * roundoff * check.tolerance / EXACT)
+    reason = f"{_ROUNDINGS} roundings of the engine's numbers, {roundoff:.1e} each"
+    return check.model_copy(update={"tolerance": digits, "reason": reason})
+
+
+def _by_name(
+    name: str, subjects: Sequence[str], difference: FloatArray, scale: FloatArray
+) -> Check:
+    """The worst of all states and subjects; `difference` has shape (n_states, n_subjects), `scale` (n_subjects,)."""
+    relative = difference.max(axis=0) / np.where(scale > 0, scale, 1.0)
+    worst = int(np.argmax(np.nan_to_num(relative, nan=np.inf)))
+    value = float(relative[worst])
+    return _exactly(name, subjects[worst], value if np.isfinite(value) else None)

@@ -1,0 +1,570 @@
+"""A segment of a run between two impacts: its active stops at the start, steps, releases and recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ...models.arrays import ComplexArray, FloatArray, as_vectors
+from ...models.errors import SimulationError
+from ...models.kinematics import Kinematics, initial_state
+from ...models.mechanism import Mechanism
+from ...models.problem import Problem, StopLaw
+from ..events import (
+    AT_REST,
+    SAME_TIME,
+    ContactEvents,
+    Contacts,
+    active_contacts,
+    joined,
+    refuse_moving_gaps,
+    resting,
+)
+from ..protocol import Recording
+from .build import build
+from .impact import gap_speeds, resolve_impact
+from .leapfrog import STARTED, Stepper
+from .options import PymunkOptions
+from .passes import MOST_PASSES, TRACKED, Convergence, convergence, growth
+from .reactions import forces_of, mass_matrix
+from .read import Reading
+
+_TRIAL_ITERATIONS = 5_000  # which stops push depends on the mechanism, not on the preset
+_CHECKED = 64  # steps between two looks at how many passes loops need
+_LOOSE = 1e-4  # of the reach: error of a loop that is not closed
+_ROUNDING = 1e-9  # of the largest torque: error of a torque that is zero
+_NEAR = 4.0  # a stop's torque is computed when its impulse is less than so many of its changes in a step
+
+
+def _pushing(mechanism: Mechanism, h: float, options: PymunkOptions) -> Contacts:
+    """Stops that are active at the start: those that push while the others open."""
+    touching = tuple(stop.name for stop in mechanism.stops if stop.closed)
+    return active_contacts(
+        touching, lambda active: _violated(mechanism, active, touching, h, options.pivot_mass)
+    )
+
+
+def _violated(
+    mechanism: Mechanism, active: Contacts, touching: Contacts, h: float, pivot_mass: float
+) -> str | None:
+    """A touching stop that would have to pull, or that would close, by the forces of a first step."""
+    assembly = build(mechanism, active, 0.0, pivot_mass)
+    stepper = Stepper(assembly, h, hold_lengths=True)
+    stepper.start(_TRIAL_ITERATIONS, leapfrog=True, settle=bool(mechanism.loop_joints))
+    reading = Reading(assembly, stepper.samples(0))
+    torques = {
+        name: float(torque[0])
+        for name, torque in forces_of(reading, tuple(assembly.stops)).torques.items()
+    }
+    least = -_ROUNDING * max(map(abs, torques.values()), default=0.0)
+    kinematics, (q, u), a = (
+        Kinematics(mechanism),
+        initial_state(mechanism),
+        reading.accelerations()[0],
+    )
+    rounding = least * _compliance(kinematics, q, touching)
+
+    def is_wrong(name: str) -> bool:
+        if name in active:
+            return torques[name] < least
+        return (
+            float(kinematics.gap_jacobian(name, q) @ a) + float(kinematics.gap_bias(name, q, u))
+            < rounding
+        )
+
+    return next((name for name in touching if is_wrong(name)), None)
+
+
+def _compliance(kinematics: Kinematics, q: FloatArray, touching: Contacts) -> float:
+    """The largest acceleration of a gap by the unit torque or force of its own stop, in the tree."""
+    rows = np.array([kinematics.gap_jacobian(name, q) for name in touching])
+    moved = np.linalg.pinv(mass_matrix(kinematics, q[None])[0]) @ rows.T
+    return float(np.max(np.sum(rows.T * moved, axis=0), initial=0.0))
+
+
+class Segment:
+    """Steps of an assembly from a start to a given time, and the releases in them."""
+
+    def __init__(
+        self, mechanism: Mechanism, options: PymunkOptions, start: float, end: float
+    ) -> None:
+        """Build the assembly and find which of its closed stops push.
+
+        Args:
+            mechanism: in its state at the start.
+            options: how to step.
+            start, end: times [s].
+        """
+        self.options, self.begins, self.ends = options, start, end
+        self.n = max(1, math.ceil((end - start) / options.timestep * (1 - 1e-12)))
+        self.h = h = (end - start) / self.n
+        active = _pushing(mechanism, h, options)
+        self.assembly = assembly = build(mechanism, active, options.error_bias, options.pivot_mass)
+        self.stepper = Stepper(assembly, h, options.hold_lengths)
+        self.releases: dict[str, float | None] = {
+            stop.name: start if stop.closed and stop.name not in active else None
+            for stop in mechanism.stops
+        }
+        self.regimes = [(0, tuple(assembly.stops))]
+        """First sample and active stops of each interval between releases."""
+        self._impulses: dict[str, float] = {}
+        self._grown = 1.0
+        """Factor by which the slowest mode's error has grown since passes were last enough to let it decay."""
+
+    def begin(self) -> None:
+        """The first sample, and without the leapfrog the first step."""
+        stepper = self.stepper
+        closed = self._checks_passes
+        passes = self._passes(
+            self._convergence(*initial_state(self.assembly.mechanism)) if closed else None
+        )
+        # Stops that meet the joints as well as those of a machine do start with the passes that the
+        # option says.
+        settle = closed and (
+            bool(self.assembly.mechanism.loop_joints) or passes > self.options.iterations
+        )
+        stepper.start(max(self.options.start_iterations, passes), self.options.leapfrog, settle)
+        if not self.options.leapfrog:
+            # The first step has no impulses to start from; a leapfrog has found them at the start.
+            stepper.run(1, self.options.start_iterations)
+            self._release_before_next(1)
+
+    def advance(self, last: int) -> None:
+        """Step to a sample.
+
+        Raises:
+            SimulationError: loops are so nearly rigid or singular that their impulses do not
+                converge.
+        """
+        while self._checks_passes and self.stepper.steps < last:
+            first = self.stepper.steps
+            (q, *_), (u, *_) = self.reading(first, first).coordinates()
+            found = self._convergence(q, u)
+            passes = self._passes(found)
+            rate = 0.0 if found is None else growth(found.left_after(passes))
+            # Singular positions are passed in a few steps, during which impulses need not converge.
+            end = min(last, first + (_CHECKED if rate < 1.0 else 1))
+            self._advance(end, passes)
+            if passes >= MOST_PASSES:
+                self._refuse_open_loops(end)
+            if found is not None:
+                self._note_growth(found, passes, rate, end)
+        self._advance(last, self.options.iterations)
+
+    @property
+    def _checks_passes(self) -> bool:
+        """Whether a step is to have as many passes as its loops need: where joints are to keep their lengths.
+
+        An active stop closes a loop as a joint does.
+        """
+        closed = bool(self.assembly.mechanism.loop_joints or self.assembly.stops)
+        return self.options.hold_lengths and closed
+
+    def _passes(self, found: Convergence | None) -> int:
+        """Passes of a step: as many as it needs, up to `MOST_PASSES`, and no less than the option says."""
+        needed = 1 if found is None else min(found.passes_to(TRACKED), MOST_PASSES)
+        return max(needed, self.options.iterations)
+
+    def _convergence(self, q: FloatArray, u: FloatArray) -> Convergence | None:
+        """Of the assembly in a state, shapes (n_q,); None where the run has lost it."""
+        if not np.isfinite([q, u]).all():
+            return None
+        # Not validated: stops keep the word on whether they are closed at the start, which decides
+        # on the bodies.
+        there = self.assembly.mechanism.model_copy(
+            update={"start": tuple(q.tolist()), "start_speeds": tuple(u.tolist())}
+        )
+        return convergence(build(there, tuple(self.assembly.stops), 0.0, self.options.pivot_mass))
+
+    def _refuse_open_loops(self, k: int) -> None:
+        mechanism = self.assembly.mechanism
+        gaps = self.reading(k, k).gaps()
+        for joint in mechanism.loop_joints:
+            if not gaps[joint.name][0] <= _LOOSE * _reach(mechanism):
+                raise SimulationError(
+                    f"pymunk's impulses on the loop that {joint.name!r} closes do not converge in {MOST_PASSES} passes "
+                    f"at t = {self.times()[k]:.6g} s: it is rigid or nearly singular there; its points are "
+                    f"{gaps[joint.name][0]:.2g} m apart."
+                )
+
+    def _note_growth(self, found: Convergence, passes: int, rate: float, k: int) -> None:
+        """Refuse a mode that so many passes hardly see, once its error has grown beyond what is let be of impulses."""
+        self._grown = self._grown * rate if rate >= 1.0 else 1.0
+        if self._grown * STARTED > TRACKED:
+            raise SimulationError(
+                f"pymunk's impulses do not converge at t = {self.times()[k]:.6g} s: constraints on "
+                f"{' and '.join(map(repr, found.slowest(passes)))} are nearly parallel there, so that {passes} passes "
+                f"leave {found.left_after(passes):.2g} of an error, which grows where that is above 0.5."
+            )
+
+    def _advance(self, last: int, iterations: int) -> None:
+        stepper = self.stepper
+        while self.assembly.stops and stepper.steps < last:
+            stepper.run(1, iterations)
+            self._release_before_next(stepper.steps)
+        stepper.run(max(last - stepper.steps, 0), iterations)
+
+    def _release_before_next(self, k: int) -> None:
+        """Release the stop whose torque vanishes next, if that is before sample k + 1."""
+        if not self._is_any_near_zero(k):
+            return
+        first = max(min(max(self.regimes[-1][0], k - 2), k - 1), 0)
+        active = tuple(self.assembly.stops)
+        reading = Reading(self.assembly, self.stepper.samples(first))
+        torques = forces_of(reading, active).torques
+        find = _foreseen if self.options.locate_releases else _noticed
+        steps_to_zero = {name: find(torque) for name, torque in torques.items()}
+        due = {
+            name: step
+            for name, step in steps_to_zero.items()
+            if step is not None and k + step <= self.n
+        }
+        if due:
+            self._release(min(due, key=lambda name: due[name]), k, min(due.values()))
+
+    def _is_any_near_zero(self, k: int) -> bool:
+        """Whether an impulse may soon pass through zero; Chipmunk gives only its size, but at no cost."""
+        before = self._impulses
+        self._impulses = now = {name: joint.impulse for name, joint in self.assembly.stops.items()}
+        if k < self.regimes[-1][0] + 3:
+            return True
+        return any(now[name] < _NEAR * abs(now[name] - before[name]) for name in now)
+
+    def _release(self, name: str, k: int, step: float) -> None:
+        self.releases[name] = self.begins + (k + step) * self.h
+        self.stepper.release(name)
+        self.regimes.append((k + 1, tuple(self.assembly.stops)))
+
+    def times(self) -> FloatArray:
+        """Of the samples [s], shape (n + 1,)."""
+        return np.linspace(self.begins, self.ends, self.n + 1)
+
+    def reading(self, first: int, last: int, near: FloatArray | None = None) -> Reading:
+        """Samples from one to another, both included; coordinates of the first one are near those given."""
+        return Reading(self.assembly, self.stepper.samples(first, last), near)
+
+    def active_at(self, k: int) -> Contacts:
+        """Stops that are active at a sample."""
+        return next(active for first, active in reversed(self.regimes) if first <= k)
+
+    def recording(self, last: int) -> Recording:
+        """The segment up to a sample."""
+        t, reading = self.times()[: last + 1], self.reading(0, last)
+        gaps = reading.gaps()
+        _refuse_lost_joints(self.assembly.mechanism, gaps, t)
+        q, u = reading.coordinates()
+        kinetic, potential = reading.energies()
+        reactions, torques = self._forces(reading, t)
+        return Recording(
+            t=t,
+            q=q,
+            u=u,
+            markers=reading.markers(),
+            kinetic_energy=kinetic,
+            potential_energy=potential,
+            stop_torques=torques,
+            release_times=self.releases,
+            joint_reactions={name: as_vectors(force) for name, force in reactions.items()},
+            joint_gaps=gaps,
+            steps=len(t) - 1,
+        )
+
+    def _forces(
+        self, reading: Reading, t: FloatArray
+    ) -> tuple[dict[str, ComplexArray], dict[str, FloatArray]]:
+        """Reactions of the joints and torques of the stops; they depend on which stops are active."""
+        joints = [joint.name for joint in reading.mechanism.joints if joint.held_directions]
+        reactions = {name: np.zeros(len(t), dtype=np.complex128) for name in joints}
+        torques = {stop.name: np.zeros(len(t)) for stop in reading.mechanism.stops}
+        ends = [first for first, _ in self.regimes[1:]] + [len(t)]
+        for (first, active), end in zip(self.regimes, ends, strict=True):
+            forces = forces_of(reading, active)
+            for name in joints:
+                reactions[name][first:end] = forces.reactions[name][first:end]
+            for name, torque in forces.torques.items():
+                torques[name][first:end] = np.maximum(torque[first:end], 0.0)
+        return reactions, torques
+
+
+def _refuse_lost_joints(
+    mechanism: Mechanism, gaps: Mapping[str, FloatArray], t: FloatArray
+) -> None:
+    """Impulses that do not converge can separate the bodies although all numbers stay finite."""
+    reach = _reach(mechanism)
+    for name, gap in gaps.items():
+        lost = np.flatnonzero(~(gap <= reach))
+        if len(lost):
+            raise SimulationError(
+                f"pymunk lost the joint {name!r}: its points are {gap[lost[0]]:.3g} m apart at t = {t[lost[0]]:.6g} s; "
+                f"a shorter timestep or more iterations may help."
+            )
+
+
+def _reach(mechanism: Mechanism) -> float:
+    """Sum of all lengths [m]."""
+    joints = [
+        point for joint in mechanism.joints for point in (joint.parent_point, joint.child_point)
+    ]
+    reach = sum(
+        math.hypot(*point) for point in (*joints, *(body.centre for body in mechanism.bodies))
+    )
+    # A rotor on its axle has no length but its radius of gyration.
+    return reach + sum(math.sqrt(body.inertia / body.mass) for body in mechanism.bodies)
+
+
+def _foreseen(torque: FloatArray) -> float | None:
+    """Steps from the last sample to the torque's zero, if it lies before the next one: negative if it is past."""
+    if len(torque) < 2:
+        return None
+    s = np.arange(1 - len(torque), 1, dtype=np.float64)
+    polynomial = np.polynomial.Polynomial.fit(s, torque, len(torque) - 1, domain=[-1, 1])
+    past = torque[-1] <= 0
+    if not past and float(polynomial(1.0)) > 0:
+        return None
+    low, high = (-1.0, 0.0) if past else (0.0, 1.0)
+    roots = [float(root.real) for root in polynomial.roots() if abs(root.imag) < 1e-9]
+    inside = [root for root in roots if low <= root <= high]
+    return min(inside, default=high)
+
+
+def _noticed(torque: FloatArray) -> float | None:
+    """The last sample, if its torque does not push any more."""
+    return 0.0 if torque[-1] <= 0 else None
+
+
+_CHUNK = 64  # steps between checks of the gaps; at most these are repeated at an impact
+_SETTLING_SAMPLES = 3  # after which a contact that has opened must have a gap, or is met
+
+
+@dataclass(frozen=True)
+class _ContactEvent:
+    """An inactive contact is met, or speeds at the start drive into a closed one."""
+
+    time: float
+    """[s]"""
+    q: FloatArray
+    u: FloatArray
+    """The state there, before the impact, shape (n_q,)."""
+    touching: Contacts
+    met: str | None
+    sample: int
+    """The one before it, in its segment."""
+
+
+def run(problem: Problem, options: PymunkOptions) -> Recording:
+    """Simulate a problem.
+
+    Raises:
+        UnsupportedProblemError: the mechanism has a part that has no counterpart here, or under the
+            release-once law starts with a closed stop whose gap changes.
+        SimulationError: impacts follow each other without an end, or their impulses do not
+            converge.
+    """
+    if problem.stop_law is StopLaw.UNILATERAL:
+        return _UnilateralRun(problem, options).recording()
+    refuse_moving_gaps(problem.mechanism, "pymunk")
+    segment = Segment(problem.mechanism, options, 0.0, problem.duration)
+    segment.begin()
+    segment.advance(segment.n)
+    return segment.recording(segment.n)
+
+
+class _UnilateralRun:
+    """Moves one problem whose stops may be met, one segment after another."""
+
+    def __init__(self, problem: Problem, options: PymunkOptions) -> None:
+        self.problem, self.options, self.mechanism = problem, options, problem.mechanism
+        self.events = ContactEvents(self.mechanism, "pymunk")
+        self._last: _ContactEvent | None = None
+        self._plastic: frozenset[str] = frozenset()
+        """Contacts that did not rebound at the last impact, because their rebounds would have been too low."""
+        self._held: frozenset[str] = frozenset()
+        """Contacts that came to rest at the last impact, because they came back at once although they were plastic."""
+        self._parting: dict[str, float] = {}
+        """When each contact opened that touches at a segment's start and does not rest [s]."""
+        # Raises UnsupportedProblemError at once if a stop cannot be enforced, instead of at the
+        # first impact.
+        build(
+            _with_closed(self.mechanism, self.events.releases),
+            (),
+            options.error_bias,
+            options.pivot_mass,
+        )
+
+    def recording(self) -> Recording:
+        """Move from the start to the end, and read out."""
+        recordings: list[Recording] = []
+        start: Mechanism | None = self._first()
+        while start is not None:
+            begins = 0.0 if self._last is None else self._last.time
+            segment = Segment(start, self.options, begins, self.problem.duration)
+            event = self._step_to_event(segment)
+            if event is not None and self._is_too_low(event):
+                start = self._without_rebound(event)
+            else:
+                recordings += self._accepted(segment, event)
+                start = None if event is None else self._after_impact(event)
+        return joined(recordings, self.events)
+
+    def _first(self) -> Mechanism:
+        """The start, after an impact where its speeds drive into a closed stop."""
+        q, u = initial_state(self.mechanism)
+        touching = tuple(stop.name for stop in self.mechanism.stops if stop.closed)
+        speeds = gap_speeds(self.mechanism, touching, q, u)
+        if any(speed < -AT_REST for speed in speeds.values()):
+            return self._after_impact(_ContactEvent(0.0, q, u, touching, None, 0))
+        rest = resting(speeds)
+        self._parting = {name: 0.0 for name in touching if name not in rest}
+        return _with_closed(self.mechanism, rest)
+
+    def _step_to_event(self, segment: Segment) -> _ContactEvent | None:
+        """Step to the next impact, or to the end."""
+        segment.begin()
+        touched = {
+            stop.name for stop in segment.assembly.mechanism.stops if stop.closed
+        } | self._parting.keys()
+        finder, first = _EventFinder(segment, touched, self.events), 0
+        while first < segment.n:
+            last = min(max(first + _CHUNK, segment.stepper.steps), segment.n)
+            segment.advance(last)
+            event = finder.first_event(first, last)
+            if event is not None:
+                return event if event.time < self.problem.duration - SAME_TIME else None
+            first = last
+        return None
+
+    def _is_too_low(self, event: _ContactEvent) -> bool:
+        """Whether a contact is met again within the few steps that cannot resolve how it parted."""
+        again = (
+            self._last is not None
+            and event.met in self._last.touching
+            and event.met not in self._held
+        )
+        return again and event.met in self._parting and event.sample < _SETTLING_SAMPLES
+
+    def _without_rebound(self, event: _ContactEvent) -> Mechanism:
+        """The last impact once more: its contacts that touch again are plastic, and one that was it comes to rest."""
+        assert self._last is not None
+        assert event.met is not None
+        self.events.retract_impact()
+        plastic = self._plastic | (set(event.touching) & set(self._last.touching))
+        held = self._held | {event.met} if event.met in self._plastic else self._held
+        return self._after_impact(self._last, plastic, held)
+
+    def _accepted(self, segment: Segment, event: _ContactEvent | None) -> list[Recording]:
+        """What is recorded of a segment."""
+        last, end = (
+            (segment.n, self.problem.duration) if event is None else (event.sample, event.time)
+        )
+        if event is not None and end - segment.times()[last] < SAME_TIME:
+            last -= 1  # at the time of an impact the state after it is recorded
+        for name, time in (*self._parting.items(), *segment.releases.items()):
+            if time is not None and time <= end:
+                self.events.release([name], time)
+        return [segment.recording(last)] if last >= 0 else []
+
+    def _after_impact(
+        self,
+        event: _ContactEvent,
+        plastic: frozenset[str] = frozenset(),
+        held: frozenset[str] = frozenset(),
+    ) -> Mechanism:
+        """The mechanism as it leaves an impact, in which plastic contacts do not rebound, and held ones do not part."""
+        placed = _with_closed(self.mechanism, event.touching).model_copy(
+            update={"start": tuple(event.q.tolist()), "start_speeds": tuple(event.u.tolist())}
+        )
+        speeds = gap_speeds(placed, event.touching, event.q, event.u)
+        restitution = self.events.restitution(speeds, event.q, event.u, plastic)
+        impact = resolve_impact(placed, restitution, self.options.pivot_mass, held)
+        self.events.note_impact(event.time, impact.impulses)
+        self._last, self._plastic, self._held = event, plastic, held
+        self._parting = {name: event.time for name in event.touching if name not in impact.resting}
+        return _with_closed(placed, impact.resting).model_copy(
+            update={"start_speeds": tuple(impact.u.tolist())}
+        )
+
+
+class _EventFinder:
+    """Finds the first inactive contact that is met in a segment."""
+
+    def __init__(self, segment: Segment, touched: Collection[str], events: ContactEvents) -> None:
+        self.segment, self.events = segment, events
+        self.kinematics = Kinematics(segment.assembly.mechanism)
+        mechanism = segment.assembly.mechanism
+        # A contact that has just opened may penetrate by its rounding or drift: it can be met once
+        # it has had a gap.
+        self._parted = {stop.name for stop in mechanism.stops if stop.name not in touched}
+        self._near = initial_state(mechanism)[0]
+
+    def first_event(self, first: int, last: int) -> _ContactEvent | None:
+        """The first event between two samples, the first one included."""
+        reading = self.segment.reading(first, last, self._near)
+        q, u = reading.coordinates()
+        self._near = q[-1]
+        hits = {
+            stop.name: self._first_penetration(stop.name, first, q, u)
+            for stop in reading.mechanism.stops
+        }
+        events = [
+            self._located(name, k - 1, reading, first) for name, k in hits.items() if k is not None
+        ]
+        return min(events, key=lambda event: event.time, default=None)
+
+    def _first_penetration(self, name: str, first: int, q: FloatArray, u: FloatArray) -> int | None:
+        """The sample before which a contact is met."""
+        opened = self._opened(name)
+        if opened is None:
+            return None
+        gaps = self.kinematics.gap(name, q)
+        speeds = np.sum(self.kinematics.gap_jacobian(name, q) * u, axis=-1)
+        for k in range(max(first, opened), first + len(q)):
+            gap, speed = float(gaps[k - first]), float(speeds[k - first])
+            if gap > 0:
+                self._parted.add(name)
+            elif (
+                gap < 0 and speed < 0 and (name in self._parted or k >= opened + _SETTLING_SAMPLES)
+            ):
+                return k
+        return None
+
+    def _opened(self, name: str) -> int | None:
+        """Sample from which a contact is inactive; None while it is active."""
+        return next((first for first, active in self.segment.regimes if name not in active), None)
+
+    def _located(self, name: str, k: int, reading: Reading, first: int) -> _ContactEvent:
+        """The event between samples k and k + 1, where a gap is zero."""
+        k = max(k, first)
+        (q, u), a = reading.coordinates(), reading.accelerations()
+        q, u, a = q[k - first], u[k - first], a[k - first]
+
+        def gap(after: float) -> float:
+            return float(self.kinematics.gap(name, q + after * (u + after / 2 * a)))
+
+        h = self.segment.h
+        after = (
+            float(brentq(gap, 0.0, h, xtol=1e-16))
+            if gap(0.0) > 0 > gap(h)
+            else (h if gap(0.0) > 0 else 0.0)
+        )
+        time, q_event = float(self.segment.times()[k]) + after, q + after * (u + after / 2 * a)
+        active = [
+            other
+            for other in self.segment.active_at(k)
+            if (self.segment.releases[other] or np.inf) > time
+        ]
+        touching = self.events.touching(
+            time, name, active, lambda other: float(self.kinematics.gap(other, q_event))
+        )
+        return _ContactEvent(time, q_event, u + after * a, touching, name, k)
+
+
+def _with_closed(mechanism: Mechanism, closed: Collection[str]) -> Mechanism:
+    # Not validated: the start's gaps are zero to rounding only.
+    stops = tuple(
+        stop.model_copy(update={"closed": stop.name in closed}) for stop in mechanism.stops
+    )
+    return mechanism.model_copy(update={"stops": stops})
