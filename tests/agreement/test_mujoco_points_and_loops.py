@@ -504,6 +504,8 @@ def test_without_that_the_trough_is_left_at_once() -> None:
 @machines
 def test_forces_are_right_from_the_start(name: str) -> None:
     found, exact = run(name), reference(name).trajectory(np.zeros(1))
+    assert found.stop_torques.keys() == exact.stop_torques.keys()
+    assert found.joint_reactions.keys() == exact.joint_reactions.keys() != set()
     for stop, force in found.stop_torques.items():
         assert force[0] == pytest.approx(exact.stop_torque(stop)[0], rel=1e-9)
     largest = max(float(np.abs(force).max()) for force in exact.joint_reactions.values())
