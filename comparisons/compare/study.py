@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 from ...engines.protocol import Engine
 from ...models.errors import InputError, SimulationError, UnwritableError
@@ -235,8 +235,6 @@ def _unequal(equality: Equality) -> str:
 @dataclass(frozen=True, repr=False)
 class Comparison(Reported):
     """Results, and the motions behind them; motions of earlier runs are read when asked for."""
-
-    reported_by: ClassVar[str] = "comparisons.compare.report"
 
     results: Results
     solutions: Mapping[str, Solution]

@@ -21,8 +21,10 @@ import numpy as np
 
 from ...models.elements import (
     FORCE_ELEMENTS,
+    GROUND,
     JOINTS,
     STOPS,
+    AnyJoint,
     ConstantForce,
     ConstantTorque,
     CubicTorsionSpring,
@@ -38,12 +40,11 @@ from ...models.elements import (
     WeldJoint,
 )
 from ...models.errors import UnsupportedProblemError
-from ...models.joints import GROUND, AnyJoint
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Marker, Mechanism
 from ...models.problem import StopLaw
 from ...models.spec import Vector
-from ..contact_events import refuse_moving_gaps
+from ..events import refuse_moving_gaps
 from .loops import implied_angles
 from .read import (
     AngleLimit,

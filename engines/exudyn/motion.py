@@ -20,7 +20,7 @@ from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
 from ...models.kinematics import Kinematics
 from ...models.problem import Problem, StopLaw
-from ..contact_events import SAME_TIME, ContactEvents, Contacts, active_contacts, resting
+from ..events import SAME_TIME, ContactEvents, Contacts, active_contacts, resting
 from ..protocol import Recording
 from .build import build, silence
 from .matrices import Matrices, matrices, resolve_impact, solve_constrained

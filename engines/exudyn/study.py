@@ -1,4 +1,4 @@
-"""What studies need to know of Exudyn."""
+"""Tables of Exudyn for studies: causes, sweeps, tolerances."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from ..study import (
 
 PYTHON = "Exudyn in Python"
 _REFINEMENT = 4
-"""Steps to one of the base: its steps are dear; what this leaves (1/16 at second order) is accounted for."""
+"""Refinement of the step for the base, whose remaining error (1/16) is accounted for."""
 
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:

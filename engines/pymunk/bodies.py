@@ -1,8 +1,23 @@
-"""Bodies that are welded together are one body of Chipmunk's: their masses are summed, and so nothing can part.
+"""Chipmunk's bodies of a mechanism, and the assembly that they are a part of.
 
-What is attached to a welded body (joints, stops, force elements) is moved to the body that carries
-it, or to the ground. Only welds of the tree are treated here; one that closes a loop is a
-constraint like any other joint.
+Bodies that are welded together are one: their masses are summed, and what is attached to them
+(joints, stops, force elements) is moved to the body that carries them, or to the ground. A weld
+that closes a loop is a constraint like any other joint.
+
+Chipmunk has no massless body and no inertia of zero, so each body of the mechanism is represented
+by one that moves in the same way (equal mass, first and second moment about its pin):
+
+- a *bob*: a body that is pinned to another one is a point mass at its centre of oscillation, on a
+  massless rod, and the rest of its mass is at the pin, in the other body. A point mass on a
+  massless rod is its own bob.
+- a *turning* body keeps its inertia. Where it is pinned to the ground, mass at the pin never moves:
+  a large mass there brings the centre close to the pin, so that the pin's impulses hardly couple
+  with those of the other joints.
+- a point mass on which something else acts than at its mass gets an inertia by mass at its pin,
+  which moves no differently: where it is pinned to the ground as above, elsewhere by mass that its
+  parent has less.
+- bodies that turn together (prismatic joints) share their inertia evenly, for only its sum counts:
+  a slider may be a point mass. Those that do not turn at all get an infinite one.
 """
 
 from __future__ import annotations
@@ -20,6 +35,8 @@ from pymunk import constraints
 from ...models.arrays import FloatArray
 from ...models.elements import (
     ELEMENTS,
+    GROUND,
+    AnyJoint,
     ConstantForce,
     ConstantTorque,
     CubicTorsionSpring,
@@ -35,7 +52,6 @@ from ...models.elements import (
     WeldJoint,
 )
 from ...models.errors import UnsupportedProblemError
-from ...models.joints import GROUND, AnyJoint
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Body, Mechanism
 from ...models.spec import Vector
@@ -63,7 +79,7 @@ class Placement:
 
 @dataclass(frozen=True)
 class Weights:
-    """Mass [kg], centre [m] and inertia about it [kg m^2] of a body with the masses moved onto it."""
+    """Mass [kg], centre [m] and inertia about it [kg m^2] of a body, moved masses included."""
 
     mass: float
     centre: complex
@@ -110,7 +126,7 @@ def same_point(a: complex, b: complex) -> bool:
 
 
 def without_welds(mechanism: Mechanism) -> tuple[Mechanism, Mapping[str, Placement]]:
-    """The mechanism with each group of welded bodies as one body, and where each of its bodies is in that one.
+    """The mechanism with welded bodies as one, and where each of its bodies is in that one.
 
     The coordinates are the same. What is welded to the ground is the ground. The mechanism is not
     validated: a joint that closes a loop may have the ground as its child.
@@ -305,7 +321,7 @@ class Rod:
     length: float
     """[m]"""
     axis: complex | None = None
-    """Direction in the frame of a of the line along which the end on a follows the other one; None if it is fixed."""
+    """Line, in the frame of a, along which the end on a follows the other; None: it is fixed."""
 
 
 @dataclass
@@ -317,15 +333,15 @@ class Assembly:
     rigid: Mechanism
     """The mechanism with each group of welded bodies as one body: what the space is made of."""
     placements: Mapping[str, Placement]
-    """Of all bodies of the mechanism in those."""
+    """Places of all bodies of the mechanism in those."""
     parts: dict[str, Part] = field(default_factory=dict[str, Part])
-    """In the order of the bodies of `rigid`."""
+    """Bodies of the space, in the order of those of `rigid`."""
     rods: list[Rod] = field(default_factory=list[Rod])
     stops: dict[str, constraints.Constraint] = field(
         default_factory=dict[str, constraints.Constraint]
     )
     loads: Loads | None = None
-    """What acts besides joints, springs and gravity; None if nothing does."""
+    """Forces besides those of joints, springs and gravity; None if there are none."""
 
     @property
     def bodies(self) -> list[pymunk.Body]:
@@ -333,7 +349,7 @@ class Assembly:
         return [part.body for part in self.parts.values()]
 
     def end(self, name: str, point: complex) -> tuple[pymunk.Body | None, tuple[float, float]]:
-        """A point of a body (or of the ground) as an end of a joint: engine body and anchor; None is the ground."""
+        """A body's point as an end of a joint: engine body (None is the ground) and anchor."""
         if name == GROUND:
             return None, (point.real, point.imag)
         part = self.parts[name]
@@ -484,8 +500,9 @@ class _PartMaker:
             own = own.with_pivot_mass(complex(*joint.child_point), factor)
         if own.inertia <= 0:
             raise UnsupportedProblemError(
-                f"pymunk cannot turn the body {body.name!r}, whose inertia is 0: it can only be a point mass at "
-                f"the end of a rod that is pinned to the ground or to a body with an inertia."
+                f"pymunk cannot turn the body {body.name!r}, whose inertia is 0: it can only be a "
+                f"point mass at the end of a rod that is pinned to the ground or to a body "
+                "with an inertia."
             )
         return own
 
@@ -504,7 +521,7 @@ class _PartMaker:
 
 
 def _oscillator(own: Weights, pin: complex) -> tuple[Weights, float]:
-    """The point mass that swings about the pin like the body, and the mass that is left on the pin [kg]."""
+    """Point mass that swings about the pin like the body, and the mass left on the pin [kg]."""
     arm = own.centre - pin
     about_pin = own.inertia + own.mass * abs(arm) ** 2
     ratio = about_pin / (own.mass * abs(arm) ** 2)

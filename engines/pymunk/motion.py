@@ -14,7 +14,7 @@ from ...models.errors import SimulationError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
-from ..contact_events import (
+from ..events import (
     AT_REST,
     SAME_TIME,
     ContactEvents,
@@ -34,17 +34,9 @@ from .reactions import forces_of, mass_matrix
 from .read import Reading
 
 _TRIAL_ITERATIONS = 5_000  # which stops push depends on the mechanism, not on the preset
-
-
 _CHECKED = 64  # steps between two looks at how many passes loops need
-
-
 _LOOSE = 1e-4  # of the reach: error of a loop that is not closed
-
-
 _ROUNDING = 1e-9  # of the largest torque: error of a torque that is zero
-
-
 _NEAR = 4.0  # a stop's torque is computed when its impulse is less than so many of its changes in a step
 
 
@@ -345,8 +337,6 @@ def _noticed(torque: FloatArray) -> float | None:
 
 
 _CHUNK = 64  # steps between checks of the gaps; at most these are repeated at an impact
-
-
 _SETTLING_SAMPLES = 3  # after which a contact that has opened must have a gap, or is met
 
 

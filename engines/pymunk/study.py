@@ -1,4 +1,4 @@
-"""What studies need to know of pymunk."""
+"""Tables of pymunk for studies: causes, sweeps, tolerances."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     )  # fmt: skip
 
 
-_BIAS_STEP = 4e-3  # [s] a bias below 1e-300 is zero to the engine: shorter steps would leave no room for short lags
+_BIAS_STEP = 4e-3  # [s] shorter steps need a bias below 1e-300 for short lags, which is zero
 
 
 def _bias(lag: float) -> Options:
@@ -139,7 +139,8 @@ STUDY = EngineStudy(
         "tuned": StepOrder(2.0, "leapfrog read at its own times", "leapfrog, impulses"),
         "stock": StepOrder(
             1.0,
-            "positions and speeds half a step apart, joints corrected at a rate that is not the step's",
+            "positions and speeds half a step apart, joints corrected at a rate that is not the "
+            "step's",
             "semi-implicit Euler, impulses",
         ),
     },

@@ -14,9 +14,8 @@ import trebucheck as tb
 from trebucheck.comparisons.recommend import Advice, Asked, recommend
 from trebucheck.comparisons.recommend.search import Case, configured, option_sets
 from trebucheck.comparisons.recommend.study import snippets
-from trebucheck.comparisons.runs.study import Study
+from trebucheck.comparisons.runs.study import Study, Until
 from trebucheck.comparisons.runs.trials import Trials
-from trebucheck.comparisons.runs.until import Until
 from trebucheck.engines.exudyn.study import PYTHON as EXUDYN_PYTHON
 from trebucheck.engines.mujoco.study import MJCF
 from trebucheck.engines.mujoco.study import PYTHON as MUJOCO_PYTHON

@@ -17,12 +17,12 @@ from mechanisms import (
     table_one_motion,
 )
 from trebucheck.engines.exudyn.engine import ExudynEngine
+from trebucheck.models.elements import Stop
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
 from trebucheck.models.machines.parameters import TrebuchetParameters
 from trebucheck.models.machines.trebuchet import HANGER_REST, SLING_REST, fixed, rolling
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.stops import Stop
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 

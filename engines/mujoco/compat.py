@@ -7,9 +7,16 @@ import threading
 from functools import cache
 from typing import Any
 
+import numpy as np
+
+from ...models.arrays import FloatArray
+
 mujoco: Any = importlib.import_module("mujoco")  # it carries no types
 
+
 CALLBACK = threading.RLock()
+
+
 """MuJoCo has one callback for all models and threads of a process; its compiler calls it as well."""
 
 
@@ -43,6 +50,8 @@ _HUNG = """
   <sensor><force site="body"/></sensor>
 </mujoco>
 """
+
+
 """A spring that pulls with 1 N on a body that is free to follow: nothing holds the body to its parent."""
 
 
@@ -64,4 +73,27 @@ _CLAMPED = """
   </worldbody>
 </mujoco>
 """
+
+
 """A body that two limits press on with 1e11 N each: its weight of 1 N gains 2.5e-5 of a cost of 1e18."""
+
+
+def mass_matrix(model: Any, data: Any) -> FloatArray:
+    """The full mass matrix of the data's position, shape (nv, nv)."""
+    full = np.zeros((model.nv, model.nv))
+    try:
+        mujoco.mj_fullM(model, data, full)
+    except TypeError:  # before 3.10
+        mujoco.mj_fullM(model, full, data.qM)
+    return full
+
+
+def constraint_jacobian(model: Any, data: Any) -> FloatArray:
+    """Of all constraint rows, shape (nefc, nv)."""
+    if not mujoco.mj_isSparse(model):
+        return data.efc_J.reshape(data.nefc, model.nv)
+    dense = np.zeros((data.nefc, model.nv))
+    mujoco.mju_sparse2dense(
+        dense, data.efc_J.ravel(), data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind
+    )
+    return dense

@@ -1,4 +1,4 @@
-"""Stops on points and joints that close loops, as MJCF: what holds a point of a body besides the joint of its tree.
+"""Elements beyond the tree as MJCF: stops on points, joints that close loops, force elements.
 
 A stop on a point is a frictionless contact of a ball with a plane, or with a box on a body that
 moves. A slot that closes a loop is two of them, a ball between the two planes of a rail. A pin that
@@ -12,20 +12,32 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, Generic, TypeVar
 
-from ..elements import GROUND, AnyJoint, PointStop
+from ..elements import (
+    FORCE_ELEMENTS,
+    GROUND,
+    AnyJoint,
+    ConstantForce,
+    ConstantTorque,
+    CubicTorsionSpring,
+    ElementTable,
+    PointStop,
+    RotationalSpringDamper,
+    SpringDamper,
+)
 from ..errors import UnsupportedProblemError
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
 from .appearance import reach_of
-from .text import from_origin, number, numbers, spatial
-from .tree import add_angle_tendon, start_angles
+from .tree import add_angle_tendon, from_origin, number, numbers, spatial, start_angles
 
+_E = TypeVar("_E")
 RAIL_SIDES = ("left", "right")
-"""Of a slot, seen along its axis."""
+"""Sides of a slot, seen along its axis."""
 
 
 def torque_sensor(stop: str) -> str:
@@ -44,6 +56,8 @@ def rail_contact(slot: str, side: str) -> str:
 
 
 _THICKNESS = 4.0  # radii of a ball: half of it is that of a wall on a moving body
+
+
 _BEYOND = 1e4  # lengths of the machine: half the extent of such a wall, which no point comes to the end of
 
 
@@ -272,3 +286,159 @@ def felt_from(mechanism: Mechanism, timestep: float) -> float:
     that named here. The forces that cancel cost five digits of sixteen.
     """
     return 10.0 * max(mechanism.gravity, reach_of(mechanism)) * timestep**2
+
+
+_WORLD = "ground/directions"
+_CONSTANT = {"gainprm": "0", "biastype": "affine"}  # an actuator with a force and no control
+
+
+@dataclass(frozen=True)
+class _ForceWriter(Generic[_E]):
+    """Functions that write a class of force elements; None where it has no such part."""
+
+    add_sites: Callable[[_E, ET.Element, str, Vector], None] | None = None
+    """Sites on a body (or the world), whose frame has an origin."""
+    add_tendon: Callable[[_E, ET.Element, Mechanism], None] | None = None
+    add_actuator: Callable[[_E, ET.Element], None] | None = None
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Writes all force elements of a mechanism, class by class.
+
+    Springs and dampers are tendons: spatial ones between two sites, or fixed ones over the hinges
+    between two bodies. A constant force is an actuator on a site with the directions of a site of
+    the world, a constant torque one on a fixed tendon; the bias of the actuator is the force, so
+    that it acts without any control.
+
+    Raises:
+        UnsupportedProblemError: MJCF cannot express an element; the sentence names it.
+    """
+
+    mechanism: Mechanism
+
+    def __post_init__(self) -> None:
+        for element in self.mechanism.force_elements:
+            _FORCES[element]  # refuses what it does not know
+
+    def add_sites(self, element: ET.Element, body: str, origin: Vector) -> None:
+        """Add to a body (or the world) the points that forces act on."""
+        if body == GROUND and self._has(ConstantForce):
+            ET.SubElement(element, "site", name=_WORLD)
+        for force, writer in self._by_class():
+            if writer.add_sites:
+                writer.add_sites(force, element, body, origin)
+
+    @property
+    def needs_tendons(self) -> bool:
+        """Whether any element is, or acts on, a tendon."""
+        return any(writer.add_tendon for _, writer in self._by_class())
+
+    def add_tendons(self, tendon: ET.Element) -> None:
+        """Add springs and dampers, and what constant torques act on."""
+        for force, writer in self._by_class():
+            if writer.add_tendon:
+                writer.add_tendon(force, tendon, self.mechanism)
+
+    def add_actuators(self, root: ET.Element) -> None:
+        """Add constant forces and torques."""
+        if not any(writer.add_actuator for _, writer in self._by_class()):
+            return
+        actuator = ET.SubElement(root, "actuator")
+        for force, writer in self._by_class():
+            if writer.add_actuator:
+                writer.add_actuator(force, actuator)
+
+    def _has(self, kind: type) -> bool:
+        return any(type(element) is kind for element in self.mechanism.force_elements)
+
+    def _by_class(self) -> Iterator[tuple[Any, _ForceWriter[Any]]]:
+        """Elements with their writers, in the order of the table: that of the file."""
+        for kind, writer in _FORCES.handlers.items():
+            for element in self.mechanism.force_elements:
+                if type(element) is kind:
+                    yield element, writer
+
+
+def _add_spring_sites(spring: SpringDamper, element: ET.Element, body: str, origin: Vector) -> None:
+    for site, (name, point) in zip(_ends(spring), spring.ends, strict=True):
+        if name == body:
+            ET.SubElement(element, "site", name=site, pos=from_origin(origin, point))
+
+
+def _add_spring(spring: SpringDamper, tendon: ET.Element, mechanism: Mechanism) -> None:
+    spatial_tendon = ET.SubElement(
+        tendon,
+        "spatial",
+        _strength(spring),
+        name=_tendon(spring),
+        springlength=number(spring.rest_length),
+        width=number(round(0.006 * reach_of(mechanism), 6)),
+        rgba="0.35 0.45 0.60 1",
+    )
+    for site in _ends(spring):
+        ET.SubElement(spatial_tendon, "site", site=site)
+
+
+def _add_rotational_spring(
+    spring: RotationalSpringDamper, tendon: ET.Element, mechanism: Mechanism
+) -> None:
+    angles = start_angles(mechanism)
+    rest = spring.rest_angle - (angles[spring.body] - angles[spring.relative_to])
+    # MuJoCo takes a length of -1 for none.
+    add_angle_tendon(
+        tendon, mechanism, spring.bodies, 1 if rest >= 0 else -1,
+        name=_tendon(spring), **_strength(spring), springlength=number(abs(rest)),
+    )  # fmt: skip
+
+
+def _add_torque_tendon(torque: ConstantTorque, tendon: ET.Element, mechanism: Mechanism) -> None:
+    add_angle_tendon(tendon, mechanism, torque.bodies, name=_tendon(torque))
+
+
+def _add_torque(torque: ConstantTorque, actuator: ET.Element) -> None:
+    attributes = {"tendon": _tendon(torque), "biasprm": number(torque.torque)}
+    ET.SubElement(actuator, "general", _CONSTANT, name=torque.name, **attributes)
+
+
+def _add_force_site(force: ConstantForce, element: ET.Element, body: str, origin: Vector) -> None:
+    if force.body == body:
+        ET.SubElement(element, "site", name=_site(force), pos=from_origin(origin, force.point))
+
+
+def _add_force(force: ConstantForce, actuator: ET.Element) -> None:
+    gear = f"{spatial(force.force)} 0 0 0"
+    attributes = {"site": _site(force), "refsite": _WORLD, "gear": gear}
+    ET.SubElement(actuator, "general", _CONSTANT, name=force.name, biasprm="1", **attributes)
+
+
+# Sites, tendons and actuators stand in this order in the files.
+_FORCES: ElementTable[_ForceWriter[Any]] = ElementTable(
+    "the MJCF writer",
+    FORCE_ELEMENTS,
+    {
+        SpringDamper: _ForceWriter(add_sites=_add_spring_sites, add_tendon=_add_spring),
+        RotationalSpringDamper: _ForceWriter(add_tendon=_add_rotational_spring),
+        ConstantForce: _ForceWriter(add_sites=_add_force_site, add_actuator=_add_force),
+        ConstantTorque: _ForceWriter(add_tendon=_add_torque_tendon, add_actuator=_add_torque),
+    },
+    {CubicTorsionSpring: "the springs of MJCF are linear"},
+)
+
+
+def _ends(spring: SpringDamper) -> tuple[str, str]:
+    """Names of the sites at its two points."""
+    return f"{spring.name}/point", f"{spring.name}/relative point"
+
+
+def _site(force: ConstantForce) -> str:
+    return f"{force.name}/force"
+
+
+def _tendon(element: SpringDamper | RotationalSpringDamper | ConstantTorque) -> str:
+    """Name of its tendon, beside those of stops."""
+    return f"{element.name}/{element.kind}"
+
+
+def _strength(spring: SpringDamper | RotationalSpringDamper) -> dict[str, str]:
+    return {"stiffness": number(spring.stiffness), "damping": number(spring.damping)}
