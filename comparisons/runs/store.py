@@ -210,6 +210,8 @@ def conditions(*parts: object, engine: Engine | None = None, code: str | None = 
     if engine is not None:
         cls = engine_class(engine.name)
         made_by += [engine.name, cls.version(), engine.settings, engine_digest(cls.__module__)]
+        if type(engine) is not cls:  # an engine that is read in another way, say
+            made_by.append(_file_digest(type(engine).__module__))
         # Settings of a built-in engine are all of it; a plug-in's preset may decide more than its
         # settings tell.
         made_by += [] if isinstance(engine, EngineOptions) else [engine.preset]
@@ -251,6 +253,12 @@ def engine_digest(module: str) -> str:
         named = {match.decode() for match in _FAMILY.findall(sources)}
         waiting += sorted(named - known - set(waiting))
     return total.hexdigest()
+
+
+@cache
+def _file_digest(module: str) -> str | None:
+    file = getattr(sys.modules.get(module), "__file__", None)
+    return None if file is None else digest(Path(file))
 
 
 def _files_of(package: str) -> tuple[Path, list[Path]]:
