@@ -14,12 +14,20 @@ from ..arrays import FloatArray
 from ..elements import GROUND, SlotJoint
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import Positive, Real, Spec
-from . import pendulum_motion
-from .benchmark import Benchmark, Condition, Figure
+from .benchmark import (
+    Benchmark,
+    Condition,
+    Figure,
+    at,
+    coordinate,
+    energy_error,
+    largest_error,
+    passage,
+    period,
+    suite_condition,
+)
+from .closed_forms import LOWEST, Swing, slow_swing_period, time_between, turn, turn_period
 from .parts import pin, rod
-from .pendulum_motion import LOWEST, Swing
-from .readings import at, coordinate, energy_error, largest_error, passage, period, suite_condition
-from .single_freedom import swing_period, time_between
 
 UPRIGHT = -math.pi / 2  # [rad] angle of a link that points up
 _UPRIGHT_SHARE = (
@@ -143,7 +151,7 @@ class SliderCrankParameters(Spec):
     @property
     def swing_time(self) -> float:
         """Period of a crank that does not turn over [s]: it swings evenly about its lowest position."""
-        return swing_period(
+        return slow_swing_period(
             LOWEST, math.pi / 2 + math.asin(self.share), self.potential(UPRIGHT), self.inertia
         )
 
@@ -211,20 +219,20 @@ def _four_bars(p: FourBarParameters) -> Mechanism:
 
 
 def _four_bar_angle(p: FourBarParameters, t: FloatArray) -> FloatArray:
-    return UPRIGHT + pendulum_motion.turn(p.omega, p.turning, t)
+    return UPRIGHT + turn(p.omega, p.turning, t)
 
 
 def _four_bar_duration(p: FourBarParameters) -> float:
     """10 s at 1 m and 1 m/s; at least one and a half turns."""
     return max(
         10.0 * math.sqrt(p.length * 9.81 / p.g),
-        1.5 * pendulum_motion.turn_period(p.omega, p.turning),
+        1.5 * turn_period(p.omega, p.turning),
     )
 
 
 def _four_bar_figures(p: FourBarParameters) -> tuple[Figure, ...]:
     end, angle = _four_bar_duration(p), coordinate("a0")
-    turn = pendulum_motion.turn_period(p.omega, p.turning)
+    turn = turn_period(p.omega, p.turning)
     path = largest_error(angle, lambda t: _four_bar_angle(p, t), end)
     return (
         Figure("time of a turn", turn, "s", 1e-9, passage(angle, UPRIGHT + 2 * math.pi, end)),

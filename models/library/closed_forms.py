@@ -8,14 +8,16 @@ gravity) / (inertia about the pivot), psi'' = -omega^2 sin psi. E.g. Whittaker, 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+from scipy.integrate import quad
 from scipy.special import ellipj, ellipkm1
 
 from ..arrays import FloatArray
-from .benchmark import Figure
-from .readings import coordinate, largest_error, period
+from .benchmark import Figure, coordinate, largest_error, period
 
 LOWEST = math.pi / 2  # [rad] angle of a link that hangs straight down
 
@@ -94,3 +96,57 @@ class Swing:
                 largest_error(quantity, self.at, end),
             ),
         )
+
+
+def time_between(
+    start: float,
+    end: float,
+    start_speed: float,
+    inertia: Callable[[float], float],
+    potential: Callable[[float], float],
+) -> float:
+    """Time of a motion that does not turn back [s].
+
+    Args:
+        start, end: of the coordinate [rad or m].
+        start_speed: of the coordinate, not zero.
+        inertia: reduced to the coordinate [kg m^2 or kg].
+        potential: energy [J].
+    """
+    energy = inertia(start) * start_speed**2 / 2 + potential(start)
+
+    def slowness(a: float) -> float:
+        return math.sqrt(inertia(a) / (2 * (energy - potential(a))))
+
+    # Over a whole turn the integrand is periodic and smooth: pieces of a quarter turn are
+    # integrated to rounding.
+    pieces = max(1, math.ceil(abs(end - start) / (math.pi / 4)))
+    knots = [start + (end - start) * k / pieces for k in range(pieces + 1)]
+    parts = (quad(slowness, a, b, epsabs=0.0, epsrel=1e-13)[0] for a, b in pairwise(knots))
+    return abs(math.fsum(parts))
+
+
+def slow_swing_period(
+    middle: float, amplitude: float, most: float, inertia: Callable[[float], float]
+) -> float:
+    """Period of a swing in the potential -most cos(a - middle) [s].
+
+    With a = middle + amplitude cos(c) and the difference of the cosines as a product, what vanishes
+    at the turning points cancels: the integrand over c is smooth.
+
+    Args:
+        middle: lowest position [rad].
+        amplitude: of the swing, below pi [rad].
+        most: amplitude of the potential energy [J].
+        inertia: reduced to the coordinate [kg m^2].
+    """
+
+    def slowness(c: float) -> float:
+        # (1 - cos(c)) / 2 and (1 + cos(c)) / 2 of the amplitude are left to the two turning points.
+        left = np.sinc(amplitude / math.pi * np.array([math.sin(c / 2) ** 2, math.cos(c / 2) ** 2]))
+        return math.sqrt(inertia(middle + amplitude * math.cos(c)) / (most * float(left.prod())))
+
+    knots = [math.pi * k / 16 for k in range(17)]
+    return 2 * math.fsum(
+        quad(slowness, a, b, epsabs=0.0, epsrel=1e-13)[0] for a, b in pairwise(knots)
+    )

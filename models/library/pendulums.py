@@ -14,10 +14,17 @@ from ..arrays import FloatArray
 from ..elements import GROUND, Stop
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import Positive, Real, Spec
-from .benchmark import Benchmark, Condition, Figure
+from .benchmark import (
+    Benchmark,
+    Condition,
+    Figure,
+    coordinate,
+    energy_error,
+    period,
+    suite_condition,
+)
+from .closed_forms import LOWEST, Swing
 from .parts import pin, rod
-from .pendulum_motion import LOWEST, Swing
-from .readings import coordinate, energy_error, period, suite_condition
 
 _SUITE = "M. Gonzalez et al., MBS benchmark library (Univ. of A Coruna, 2005), problem A01, in the IFToMM library"
 

@@ -16,9 +16,8 @@ from pydantic import Field
 from ..elements import GROUND, ConstantTorque, SpringDamper
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import NonNegative, Positive, Real, Spec, Vector
-from .benchmark import Benchmark, Figure
+from .benchmark import Benchmark, Figure, Quantity, at, coordinate
 from .parts import pin
-from .readings import Quantity, at, coordinate
 
 _END = 0.03  # [s]
 _START = {

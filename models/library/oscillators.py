@@ -14,9 +14,8 @@ from ..arrays import FloatArray
 from ..elements import GROUND, ConstantTorque, RotationalSpringDamper, SpringDamper
 from ..mechanism import Marker, Mechanism
 from ..spec import NonNegative, Positive, Real, Spec
-from .benchmark import Benchmark, Figure
+from .benchmark import Benchmark, Figure, Quantity, at, coordinate, largest_error, period, speed
 from .parts import block, disc, rail
-from .readings import Quantity, at, coordinate, largest_error, period, speed
 
 _LINEAR = "linear equation of motion: Lord Rayleigh, The Theory of Sound (1877), Ch. III"
 _SPAN = 10.0  # periods, or time constants, of a linear motion

@@ -12,9 +12,8 @@ from ..elements import FreeJoint, PointStop, SlotJoint, Stop
 from ..mechanism import Body, Marker, Mechanism
 from ..problem import StopLaw
 from ..spec import Positive, Real, Spec
-from .benchmark import Benchmark, Figure, Motion
+from .benchmark import Benchmark, Figure, Motion, at, energy_error, speed
 from .pendulums import pin_links, rods
-from .readings import at, energy_error, speed
 
 _ZENO = "B. Brogliato, Nonsmooth Mechanics (3rd ed., 2016), Ch. 1: infinitely many impacts by a finite time"
 

@@ -14,8 +14,7 @@ from pydantic import Field
 from ..elements import PinJoint, PointStop, SlotJoint
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import Positive, Spec
-from .parameters import Angle
-from .trebuchet import COUNTERWEIGHT, PROJECTILE, SLING_PIN, TROUGH, loaded_arm
+from .trebuchet import COUNTERWEIGHT, PROJECTILE, SLING_PIN, TROUGH, Angle, loaded_arm
 
 DROP, TRACK = "drop", "track"
 
