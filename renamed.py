@@ -16,6 +16,8 @@ _PACKAGE = __name__.rpartition(".")[0]
 # Old module: the modules that hold its names now; `trebucheck_*` are distributions of their own.
 RENAMED: dict[str, tuple[str, ...]] = {
     "cli.importer": ("trebucheck_importers.command",),
+    "comparisons.compare.machine": ("comparisons.runs.record", "comparisons.compare.study"),
+    "comparisons.compare.stored": ("comparisons.compare.study",),
     "comparisons.compare.agreement": ("comparisons.report.pages.compare",),
     "comparisons.compare.plots": ("comparisons.report.pages.compare",),
     "comparisons.compare.report": ("comparisons.report.pages.compare",),
@@ -81,7 +83,9 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "comparisons.runs.comparison": ("comparisons.runs.metrics",),
     "comparisons.runs.distance": ("comparisons.runs.runner",),
     "comparisons.runs.forked": ("comparisons.runs.process",),
+    "comparisons.runs.pairs": ("comparisons.runs.record",),
     "comparisons.runs.parting": ("comparisons.runs.stretching",),
+    "comparisons.runs.trials": ("comparisons.runs.record",),
     "comparisons.runs.uncertainty": ("comparisons.runs.runner",),
     "comparisons.runs.until": ("comparisons.runs.study",),
     "comparisons.runs.validity": ("comparisons.runs.runner",),
