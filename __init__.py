@@ -17,6 +17,7 @@ import sys
 from types import ModuleType
 from typing import Any
 
+from .models.shown import Renderer, show_with
 from .renamed import install
 from .version import __version__ as __version__
 
@@ -42,10 +43,9 @@ _PUBLIC = {
     "PointStop PrismaticJoint RotationalSpringDamper SlotJoint SpringDamper Stop WeldJoint",
     "models.given": "model problem problems",
     "models.launch": "Launch",
-    "models.machines.catapult": "CatapultParameters catapult",
-    "models.machines.floating_arm": "FloatingArmParameters floating_arm",
-    "models.machines.parameters": "TrebuchetParameters",
-    "models.machines.trebuchet": "HingedParameters fixed hinged rolling",
+    "models.library.catapult": "CatapultParameters catapult",
+    "models.library.floating_arm": "FloatingArmParameters floating_arm",
+    "models.library.trebuchet": "HingedParameters TrebuchetParameters fixed hinged rolling",
     "models.mechanism": "Body Marker Mechanism",
     "models.mjcf.paths": "mjcf_path",
     "models.mjcf.writer": "mjcf_names",
@@ -80,6 +80,12 @@ def _of_satellite(name: str) -> Any:
         ) from error
 
 
+def _renderer() -> Renderer:
+    from .comparisons.report.pages import session  # when something is shown, not before
+
+    return session
+
+
 def __dir__() -> list[str]:
     return sorted(__all__)
 
@@ -99,3 +105,4 @@ class _Package(ModuleType):
 
 sys.modules[__name__].__class__ = _Package
 install()
+show_with(_renderer)

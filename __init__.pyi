@@ -35,10 +35,15 @@ from .models.errors import (
 )
 from .models.given import model, problem, problems
 from .models.launch import Launch
-from .models.machines.catapult import CatapultParameters, catapult
-from .models.machines.floating_arm import FloatingArmParameters, floating_arm
-from .models.machines.parameters import TrebuchetParameters
-from .models.machines.trebuchet import HingedParameters, fixed, hinged, rolling
+from .models.library.catapult import CatapultParameters, catapult
+from .models.library.floating_arm import FloatingArmParameters, floating_arm
+from .models.library.trebuchet import (
+    HingedParameters,
+    TrebuchetParameters,
+    fixed,
+    hinged,
+    rolling,
+)
 from .models.mechanism import Body, Marker, Mechanism
 from .models.mjcf.paths import mjcf_path
 from .models.mjcf.writer import mjcf_names

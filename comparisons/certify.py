@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from ..models.given import Model, model_of
-from ..models.machines.parameters import TrebuchetParameters
+from ..models.library.trebuchet import TrebuchetParameters
 from ..models.problem import Problem, StopLaw
 from ..reference.certification import certify as certification
 from ..reference.certification.certificate import Certificate

@@ -234,6 +234,4 @@ class LineFunction:
 
 
 ScalarFunction = AngleFunction | PointFunction | LineFunction
-
-
 """A function of q that a constraint holds at zero, or at or above zero."""

@@ -7,12 +7,11 @@ from os import PathLike
 from pathlib import Path
 
 from .errors import InputError
-from .machines.registry import library_problem, parameters_type
-from .machines.registry import model as named_model
+from .library.benchmark import Benchmark
+from .library.registry import benchmark, benchmarks, library_problem, parameters_type
+from .library.registry import model as named_model
 from .mechanism import Mechanism
 from .problem import Problem
-from .problems.benchmark import Benchmark
-from .problems.registry import benchmark, benchmarks
 from .spec import Spec
 
 Model = str | PathLike[str] | Mechanism | Problem

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field, JsonValue
@@ -23,8 +23,7 @@ from pydantic import Field, JsonValue
 from ...models.errors import InputError
 from ...models.shown import Reported
 from ...models.spec import Real, Spec
-from ..compare.stored import read_results
-from ..compare.study import Comparison
+from ..compare.study import Comparison, read_results
 from ..runs.quantities import QUANTITIES
 from ..runs.results import COMPARED, Diagnosis, Machine, Metric, Outcome, Results, Run
 
@@ -34,6 +33,7 @@ _RANKS = {
     Outcome.DISAGREES: 2,
     Outcome.NOT_EQUIVALENT: 3,
     Outcome.FAILED: 4,
+    Outcome.TIMED_OUT: 4,
 }
 """Of outcomes of engines that could run, the best first."""
 
@@ -219,8 +219,6 @@ class ReferenceChange:
 @dataclass(frozen=True, repr=False)
 class Difference(Reported):
     """What changed from one comparison to another."""
-
-    reported_by: ClassVar[str] = "comparisons.diff.report"
 
     factor: float
     """Least by which an error must change to have moved."""

@@ -33,8 +33,8 @@ from ...reference.certification.certificate import Uncertainties, certified, cov
 from ...reference.solution import Solution
 from ...reference.solver import solve
 from .metrics import measure, points
-from .process import Worker
-from .quantities import QUANTITIES
+from .process import TimeLimitError, Worker
+from .quantities import QUANTITIES, parse_label
 from .results import Metric, Outcome, Predictability
 from .scales import Scales, scales_until
 from .stretching import Stretching, stretching_until
@@ -210,7 +210,9 @@ def reference_uncertainties(
     if certificate is None:
         return Uncertainties(source="estimate", values=estimated)
     known = certified(certificate).values
-    kept = {label: value for label, value in estimated.items() if label.split(" (")[0] not in known}
+    kept = {
+        label: value for label, value in estimated.items() if parse_label(label)[0] not in known
+    }
     return Uncertainties(source="certificate", values=kept | known)
 
 
@@ -339,15 +341,25 @@ def run_duration(end: float, step: float, longest: float = math.inf) -> float:
     return min(end + max(_TAIL, _TAIL_STEPS * step), max(longest - step, end))
 
 
+def time_limit(error: Exception) -> float | None:
+    """Limit of time [s] at which a call was stopped; None if it failed for another reason."""
+    return error.limit if isinstance(error, TimeLimitError) else None
+
+
 def failure(error: Exception) -> tuple[Outcome, str]:
-    """The outcome and message of a run that raised: a plug-in may raise anything, and a study must survive it."""
+    """Outcome and message of a run that raised.
+
+    A plug-in may raise anything, and a study must survive it.
+    """
     if not isinstance(error, TrebucheckError):
         return Outcome.FAILED, shortened(f"{type(error).__name__}: {error}")
     if isinstance(error, EngineNotInstalledError):
         return Outcome.ABSENT, str(error)
-    return Outcome.UNSUPPORTED if isinstance(
-        error, UnsupportedProblemError
-    ) else Outcome.FAILED, str(error)
+    if isinstance(error, TimeLimitError):
+        return Outcome.TIMED_OUT, str(error)
+    if isinstance(error, UnsupportedProblemError):
+        return Outcome.UNSUPPORTED, str(error)
+    return Outcome.FAILED, str(error)
 
 
 class _once(Generic[_Result]):  # noqa: N801 - used as a decorator, like the property it stands for
@@ -379,6 +391,8 @@ class Runner:
         worker: the process in which engines run; None: this one. Its owner closes it.
         until: end of the compared motion.
         law: of the stops.
+        predictable: whether the motion is known to be predictable up to the end: the horizon is not
+            computed then.
 
     Raises:
         InputError: the end is not valid.
@@ -390,8 +404,11 @@ class Runner:
         worker: Worker | None = None,
         until: Until | None = None,
         law: StopLaw = StopLaw.RELEASE_ONCE,
+        *,
+        predictable: bool = False,
     ) -> None:
         self.mechanism, self.worker, self.law = mechanism, worker or Worker(isolate=False), law
+        self._predictable = predictable
         self.until, self.lock = until or Until(required=False), RLock()
         self._on_grid: Callable[[bytes], Trajectory] = lru_cache(_GRIDS)(self._evaluated)
 
@@ -413,6 +430,11 @@ class Runner:
     def end(self) -> float:
         """End of the compared motion [s]: as asked for, or the launch, or after some characteristic times."""
         return self._solved[1]
+
+    @property
+    def conditions(self) -> tuple[str, str, str]:
+        """Mechanism, end and law: the part of a run's conditions that is not the engine's."""
+        return self.mechanism.content_hash, repr(self.until), self.law.value
 
     @property
     def launch_time(self) -> float | None:
@@ -446,7 +468,7 @@ class Runner:
     @_once
     def judged_to(self) -> float:
         """The end, or the predictability horizon if that is earlier [s]."""
-        return self._stretching.horizon
+        return self.end if self._predictable else self._stretching.horizon
 
     @property
     def stretching(self) -> float:

@@ -21,8 +21,10 @@ import numpy as np
 
 from ...models.elements import (
     FORCE_ELEMENTS,
+    GROUND,
     JOINTS,
     STOPS,
+    AnyJoint,
     ConstantForce,
     ConstantTorque,
     CubicTorsionSpring,
@@ -38,12 +40,11 @@ from ...models.elements import (
     WeldJoint,
 )
 from ...models.errors import UnsupportedProblemError
-from ...models.joints import GROUND, AnyJoint
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Marker, Mechanism
 from ...models.problem import StopLaw
 from ...models.spec import Vector
-from ..contact_events import refuse_moving_gaps
+from ..events import refuse_moving_gaps
 from .loops import implied_angles
 from .read import (
     AngleLimit,
@@ -186,10 +187,7 @@ class _Builder:
 
     def _observe_relative(self, relative: RelativePoint, *more: str) -> None:
         quantities = ("Position", "Velocity", *more)
-        ends = (
-            (relative.kind, relative.point),
-            (relative.anchor_kind, relative.anchor),
-        )
+        ends = ((relative.kind, relative.point), (relative.anchor_kind, relative.anchor))
         for kind, point in ends:
             if point.body != GROUND:
                 self.observe_point(kind, point.name, point, quantities)

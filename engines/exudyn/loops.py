@@ -1,4 +1,4 @@
-"""What loops need in a run that comes near a position in which their constraints depend on each other.
+"""Loops whose constraints depend on each other: in a position that a run comes near, or always.
 
 Two errors of the trapezoidal rule of index 2 grow without bounds there, with 1/s or 1/s^2 for the
 constraints' least singular value s:
@@ -23,37 +23,23 @@ from collections.abc import Callable
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.joints import AnyJoint
+from ...models.elements import AnyJoint
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
-from ..contact_events import Contacts
+from ..events import Contacts
 
 DEPENDENT = 1e-6
-
-
-"""Of the largest singular value of a constraint Jacobian: constraints more nearly dependent follow from each other."""
-
-
+"""Singular value of a Jacobian, over its largest, below which constraints are dependent."""
 _GROWN = 2.0  # times: so much the least singular value grows until a run begins anew
-
-
 _FARTHEST, _NEAREST = (
     256.0,
     4.0,
 )  # steps to a singular position, between which the drift is taken away
-
-
 _VANISHED = (
     0.1  # of the present singular value: one that falls below that at the present rate vanishes
 )
-
-
 _AHEAD = 0.25  # of the steps to a singular position at the present rate, until the next look
-
-
 _LONGEST = 32  # steps without a look
-
-
 _CORRECTIONS = 3
 
 
@@ -107,7 +93,7 @@ class Conditioning:
         self._since, self._wait, self.is_due = 0, 1, False
 
     def look(self, coordinates: Callable[[], FloatArray]) -> bool:
-        """Note one more step, and look at its end if it is time to; whether the run should begin anew there."""
+        """Note one more step; whether the run should begin anew at its end (seldom computed)."""
         self._since += 1
         if self._since < self._wait:
             return False
@@ -127,7 +113,7 @@ class Conditioning:
         return self.is_due
 
     def steps_ahead(self, q: FloatArray) -> float:
-        """Steps from the last of some equal steps to a position in which the least singular value would vanish.
+        """Number of steps from the last of some equal ones to the next singular position.
 
         Args:
             q: coordinates at the end of each step, shape (n, n_q).
@@ -138,7 +124,7 @@ class Conditioning:
         return value / (before - value) if value < before else math.inf
 
     def _nears(self, ahead: float, change: FloatArray) -> bool:
-        """Whether a singular position is so many steps ahead, for the first time or half as many as then."""
+        """Whether a singular position is near, for the first time or at half the last distance."""
         if not _NEAREST < ahead < min(_FARTHEST, self._ahead / 2):
             return False
         if self._least_of(self._jacobian + ahead * change) > _VANISHED * self._value:
@@ -155,19 +141,15 @@ def _singular_values(jacobian: FloatArray) -> FloatArray:
     return values
 
 
-_AWAY = 0.1  # [rad, m] of positions beside the start, where what a singular position at the start does is gone
-
-
+_AWAY = 0.1  # [rad, m] of positions beside the start, which may itself be singular
 _WELL_HELD = 1e-3  # of the largest singular value: the least one of the conditions that are left
-
-
 _FOLLOWS = 1e-9  # of a row: what others leave of it
 
 
 def implied_angles(mechanism: Mechanism) -> frozenset[str]:
-    """Loop joints that hold the angle of two bodies that the other conditions already hold to each other.
+    """Loop joints whose held angle follows from the other conditions.
 
-    Such bodies do not move relative to each other, so that this is so in all positions. The forces
+    The bodies of such a joint do not move relative to each other in any position. The forces
     of the joints between them, which are not unique, are those without the torque of that joint.
     None is left out where the loops hold the gap of a closed stop: which of all these is redundant
     is then decided by the forces.
@@ -224,13 +206,13 @@ def _is_implied(kinematics: Kinematics, q: FloatArray, joint: AnyJoint, left_out
 
 
 def _holds(rows: FloatArray, moved: FloatArray) -> bool:
-    """Whether quantities with a Jacobian `moved` do not change while conditions with a Jacobian `rows` are met."""
+    """Whether conditions of Jacobian `rows` hold quantities of Jacobian `moved` constant."""
     rest = moved - moved @ np.linalg.pinv(rows, rcond=DEPENDENT) @ rows
     return bool(np.abs(rest).max() <= _FOLLOWS * np.abs(moved).max())
 
 
 def _relative_motion(kinematics: Kinematics, q: FloatArray, joint: AnyJoint) -> FloatArray:
-    """Jacobian of a joint's relative angle and of its child's point in the parent's frame, shape (3, n_q)."""
+    """Jacobian of a joint's relative angle and of its child's point in the parent, (3, n_q)."""
     vector, rates = (
         kinematics.between(joint.child, joint.child_point, joint.parent, joint.parent_point),
         kinematics.rates(q),

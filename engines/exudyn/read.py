@@ -18,20 +18,22 @@ import numpy as np
 from ...models.arrays import ComplexArray, FloatArray
 from ...models.elements import (
     FORCE_ELEMENTS,
+    GROUND,
+    AnyJoint,
     ConstantForce,
     ConstantTorque,
     CubicTorsionSpring,
     ElementTable,
+    PointStop,
     RotationalSpringDamper,
     SpringDamper,
+    Stop,
 )
-from ...models.joints import GROUND, AnyJoint
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Marker, Mechanism
 from ...models.spec import Vector
-from ...models.stops import PointStop, Stop
 from ...models.trajectory import PointMotion
-from ..contact_events import ContactEvents, Contacts
+from ..events import ContactEvents, Contacts
 from ..protocol import Recording
 
 exu: Any = importlib.import_module("exudyn")
@@ -44,12 +46,12 @@ Values = Callable[[SensorKey], FloatArray]
 
 
 def rotation(body: str, values: Values, quantity: str = "CoordinatesTotal") -> FloatArray:
-    """Rotation of a body [rad], or its derivative by the quantity's name, shape (n,); of the ground 0, shape (1,)."""
+    """Rotation of a body [rad] or its derivative, shape (n,); of the ground 0, shape (1,)."""
     return np.zeros(1) if body == GROUND else values(("body", body, quantity))[:, 2]
 
 
 def turned(local: FloatArray, angle: FloatArray) -> FloatArray:
-    """Vectors of a frame in the one it is turned in, shape (n, 2); angles [rad] anticlockwise, shape (n,)."""
+    """Vectors (n, 2) of a frame that is turned anticlockwise by angles [rad], shape (n,)."""
     world = (local[:, 0] + 1j * local[:, 1]) * np.exp(1j * angle)
     return np.stack([world.real, world.imag], axis=-1)
 
@@ -61,7 +63,7 @@ class RelativePoint:
     point: Marker
     """Its name is that of the sensors."""
     kind: str
-    """Of the point's sensors; what stands on the ground has none."""
+    """Kind of the point's sensors; what stands on the ground has none."""
     frame: str
     """The other body."""
     origin: Vector
@@ -74,7 +76,7 @@ class RelativePoint:
 
     @property
     def anchor_kind(self) -> str:
-        """Of the anchor's sensors."""
+        """Kind of the anchor's sensors."""
         return f"{self.kind} anchor"
 
     def place(self, values: Values) -> ComplexArray:
@@ -82,13 +84,13 @@ class RelativePoint:
         return self._apart(values, "Position") * self._back(values)
 
     def speed(self, values: Values) -> ComplexArray:
-        """Of the place [m/s], shape (n,)."""
+        """Derivative of the place [m/s], shape (n,)."""
         spin = rotation(self.frame, values, "Coordinates_t")
         speed = self._apart(values, "Velocity") - 1j * spin * self._apart(values, "Position")
         return speed * self._back(values)
 
     def acceleration(self, values: Values, rotational: float) -> ComplexArray:
-        """Of the place [m/s^2], shape (n,); `rotational` is the frame's rotational acceleration [rad/s^2]."""
+        """Its second derivative [m/s^2], shape (n,); `rotational` is the frame's [rad/s^2]."""
         spin = rotation(self.frame, values, "Coordinates_t")
         turning = 2j * spin * self._apart(values, "Velocity")
         turning = turning + (1j * rotational + spin**2) * self._apart(values, "Position")
@@ -142,7 +144,7 @@ class Spring:
     damping: float = 0.0
     """[N m s/rad, N s/m]"""
     torque: float = 0.0
-    """With the gap closed and at rest [N m, N]."""
+    """Torque (or force) with the gap closed and at rest [N m, N]."""
 
     def offset(self, sense: int, torque: float) -> float:
         """Exudyn's offset of a connector that has this torque (or force) with the gap closed."""
@@ -200,7 +202,7 @@ class AngleLimit:
 
 @dataclass(frozen=True)
 class PointContact:
-    """A stop on a point: a line of the ground or of another body that the point is on, without friction."""
+    """A stop on a point: a line of the ground or of another body, without friction."""
 
     force_sensor: ClassVar[str] = "ForceLocal"
     sense: ClassVar[int] = 1
@@ -209,12 +211,12 @@ class PointContact:
     spring: Spring | None
 
     def torque(self, values: Values) -> FloatArray:
-        """Force along the normal while it is active [N], shape (n,); that of a constraint is in the body's frame."""
+        """Force along the normal while it is active [N], shape (n,)."""
         force = values(("stop", self.stop.name, self.force_sensor))
         return force[:, 0] if self.spring else self._along_normal(force, values)
 
     def connector_gap(self, output: Output, values: Values) -> float:
-        """Gap by the connector's displacement at the current state [m]; that of a constraint is in the body's frame."""
+        """Gap by the connector's displacement at the current state [m]."""
         displacement = output("DisplacementLocal")
         if self.spring:
             return -float(displacement)
@@ -244,6 +246,7 @@ class PointContact:
         )
 
     def _along_normal(self, local: FloatArray, values: Values) -> FloatArray:
+        # Forces and displacements of a constraint come in the frame of the point's body.
         angle = rotation(self.stop.body, values) - rotation(self.stop.relative_to, values)
         return turned(local, angle) @ np.array(self.stop.normal)
 
@@ -262,13 +265,13 @@ class System:
     nodes: dict[str, int] = field(default_factory=dict[str, int])
     bodies: dict[str, int] = field(default_factory=dict[str, int])
     stops: dict[str, int] = field(default_factory=dict[str, int])
-    """Items of the stops: of all under the unilateral law, else of those that touch at the start: no other acts."""
+    """Items of the stops: all under the unilateral law, else those that touch at the start."""
     constraints: dict[str, UnilateralConstraint] = field(
         default_factory=dict[str, UnilateralConstraint]
     )
-    """Of the same stops."""
+    """Connectors and sensors of the same stops."""
     springs: Mapping[str, Spring] = field(default_factory=dict[str, Spring])
-    """Of the stops, where they are springs; empty where they are constraints."""
+    """Stops that are springs; empty where they are constraints."""
     sensors: dict[SensorKey, int] = field(default_factory=dict[SensorKey, int])
     left_out: frozenset[str] = frozenset()
     """Loop joints whose held angle is not built, because it follows from the other conditions."""
@@ -467,7 +470,7 @@ class Reader:
         )
 
     def potential_energy(self) -> FloatArray:
-        """Energy of weight and springs [J], shape (n,); Exudyn's own sensor counts that of elastic bodies only."""
+        """Energy of weight and springs [J], shape (n,), which no sensor of Exudyn's gives."""
         mechanism = self.system.mechanism
         places = np.array(
             [self.plane("body", body.name, "CoordinatesTotal") for body in mechanism.bodies]
@@ -493,7 +496,7 @@ class Reader:
         )
 
     def gap(self, joint: AnyJoint) -> FloatArray:
-        """Constraint drift: distance of a joint's points, or of the point from the slot's line [m], shape (n,)."""
+        """Constraint drift: distance of a joint's points, or of point and line [m], shape (n,)."""
         if not joint.free_directions:
             return np.linalg.norm(self.plane("joint", joint.name, "Displacement"), axis=1)
         (across,) = joint.held_directions

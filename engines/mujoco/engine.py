@@ -83,14 +83,14 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
 
     def _run(self, problem: Problem) -> Recording:
         # Imported here so that the class, its options and its documentation need no MuJoCo.
-        from .run import run
+        from .motion import run
 
         return units_of(problem.mechanism).run(run, problem, self)
 
     def view(self, mechanism: Mechanism) -> None:
         """Open MuJoCo's own viewer, and return when it is closed."""
         self.refuse_absence()
-        from .view import view
+        from .build import view
 
         view(mechanism, self.timestep)
 

@@ -27,8 +27,8 @@ from ...models.mjcf.writer import (
 from ...models.trajectory import PointMotion
 from ..events import ContactEvents
 from ..protocol import Recording
-from .constraints import UnilateralConstraint
-from .versions import counts_tendons_in_reactions
+from .build import UnilateralConstraint
+from .compat import counts_tendons_in_reactions
 
 IN_PLANE = [0, 2]  # MuJoCo's x and z are our x and y
 
@@ -48,6 +48,10 @@ class Samples:
         self.times.append(times)
         self.states.append(states)
         self.sensors.append(sensors)
+
+    def last_time(self) -> float:
+        """Time of the last sample [s]."""
+        return float(next(times[-1] for times in reversed(self.times) if len(times)))
 
     def drop_last(self) -> None:
         """Remove the last sample."""

@@ -26,8 +26,11 @@ from pymunk import constraints
 
 from ...models.elements import (
     FORCE_ELEMENTS,
+    GROUND,
     JOINTS,
     STOPS,
+    AnyJoint,
+    AnyStop,
     ConstantForce,
     ConstantTorque,
     CubicTorsionSpring,
@@ -43,11 +46,9 @@ from ...models.elements import (
     WeldJoint,
 )
 from ...models.errors import UnsupportedProblemError
-from ...models.joints import GROUND, AnyJoint
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ...models.spec import Vector
-from ...models.stops import AnyStop
 from .bodies import Assembly, Part, Rod, is_brace, parts_of, same_point, without_welds
 from .loads import (
     Angle,
@@ -265,7 +266,7 @@ class _Builder:
         )
 
     def _brace(self, bob: str) -> Rod:
-        """A rod across the bob's own, of the same length, from the body that the bob is pinned to."""
+        """A rod across the bob's own, as long as that, from the body that the bob is pinned to."""
         joint, part = self.mechanism.joint_of(bob), self.assembly.parts[bob]
         between = float(self.kinematics.angle(bob, joint.parent).value(self.q))
         along = (part.reference - part.pin) * cmath.exp(-1j * between)
@@ -333,7 +334,7 @@ class _ForceBuilder:
         return [self._twist(element, lambda _angle, _speed: element.torque)]
 
     def point_spring(self, element: SpringDamper) -> list[Load]:
-        """Chipmunk's spring where it has both points; the damper, and else the spring, as a load."""
+        """Chipmunk's spring where it has both points; else, and of the damper, a load."""
         own, other = complex(*element.point), complex(*element.relative_point)
         is_own = self._is_on_body(element.body, own) and self._is_on_body(
             element.relative_to, other
@@ -351,7 +352,7 @@ class _ForceBuilder:
         return [Pull(element, vector, stiffness)] if stiffness or element.damping else []
 
     def rotational_spring(self, element: RotationalSpringDamper) -> list[Load]:
-        """Chipmunk's spring where it has both angles; the damper, and else the spring, as a load."""
+        """Chipmunk's spring where it has both angles; else, and of the damper, a load."""
         stiffness = 0.0 if self._add_rotary_spring(element) else element.stiffness
         damping, rest = element.damping, element.rest_angle
         if not (stiffness or damping):

@@ -1,11 +1,12 @@
-"""pymunk (Chipmunk 2D): impulses on maximal coordinates, a semi-implicit step that is a leapfrog in disguise."""
+"""pymunk (Chipmunk 2D): impulses on maximal coordinates, steps that are a leapfrog in disguise."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from ...models.features import Feature
+from ...models.elements import CubicTorsionSpring
+from ...models.features import COVERED_BY_FEATURES, Feature
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
@@ -44,7 +45,9 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
         located_releases=True,
         stop_laws=frozenset(StopLaw),
         features=frozenset(Feature),
-        formulation="maximal coordinates, velocity-level impulses by Gauss-Seidel, leapfrog positions",
+        elements=COVERED_BY_FEATURES | {CubicTorsionSpring},
+        formulation="maximal coordinates, velocity-level impulses by Gauss-Seidel, leapfrog "
+        "positions",
     )
     # What the library does if nothing is set, and its states read as they come after each step.
     stock_options: ClassVar[Mapping[str, object]] = {
@@ -59,7 +62,7 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
 
     @property
     def supplied(self) -> Supplied:
-        """A stop is a joint, which is put in and taken out; Chipmunk tells magnitudes of impulses alone."""
+        """Stops as joints that come and go; forces, of which Chipmunk tells magnitudes alone."""
         return {
             Part.EVENTS: "",
             Part.ELEMENTS: "dampers and constant forces",
@@ -74,7 +77,7 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
         return units_of(problem.mechanism).run(run, problem, self)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
-        """The built bodies' inertia, and accelerations and torques by one step of theirs in each state."""
+        """Inertia of the built bodies, and accelerations and torques by one step in each state."""
         self.refuse_absence()
         from .inspect import inspect
 

@@ -18,29 +18,29 @@ from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
-from ..contact_events import Contacts, resting
-from ..impact_law import pushing
+from ..events import Contacts, resting
+from ..impact import pushing
 from .bodies import Assembly
 from .build import build
 from .leapfrog import STEP, settled_increment
 from .reactions import forces_of
 from .read import reading_of
 
-_ROUNDING = 1e-9  # of the speeds, or of the largest impulse: error of converged impulses where they should be zero
+_ROUNDING = 1e-9  # of the speeds or the largest impulse: error of what should be zero
 
 
 @dataclass(frozen=True)
 class Impact:
-    """What an impact does."""
+    """Result of an impact."""
 
     u: FloatArray
     """Generalized speeds after it, shape (n_q,)."""
     impulses: Mapping[str, float]
-    """Of the contacts that touch [N m s, or N s for one on a point]."""
+    """Impulse of each contact that touches [N m s, or N s for one on a point]."""
     resting: Contacts
     """Those of them whose gap does not move after it."""
     violated: str | None
-    """A contact that would have to pull, or that goes on closing: not all of those that push take part."""
+    """A contact that would have to pull or goes on closing: other contacts take part."""
 
 
 def gap_speeds(
@@ -79,7 +79,8 @@ def resolve_impact(
         impact = _complementary(weightless, dict.fromkeys(restitution, 0.0), pivot_mass)
     if impact is None:
         raise SimulationError(
-            f"pymunk finds no impact of the stops {', '.join(restitution)} in which all of them push."
+            f"pymunk finds no impact of the stops {', '.join(restitution)} in which all of them "
+            "push."
         )
     return impact
 
@@ -163,14 +164,14 @@ def _set_target(joint: constraints.Constraint, restitution: float) -> None:
 
 
 def _impulses(assembly: Assembly, increment: FloatArray, active: Contacts) -> dict[str, float]:
-    """Of the contacts that take part: what the change of momentum needs with the assembly at rest."""
+    """Impulses of the contacts that take part, by the bodies' change of momentum."""
     assembly.rates = np.zeros_like(increment)
     torques = forces_of(reading_of(assembly, increment), active).torques
     return {name: float(torques[name][0]) for name in active}
 
 
 def _speeds_after(assembly: Assembly, increment: FloatArray) -> FloatArray:
-    """Generalized speeds: those before, and the bodies' change of velocity in the mechanism's coordinates."""
+    """Generalized speeds after the bodies' change of velocity, shape (n_q,)."""
     assembly.rates = increment
     change = reading_of(assembly).coordinates()[1][0]
     return np.asarray(initial_state(assembly.mechanism)[1] + change, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Joints that are kept to a higher order than by Chipmunk alone: rods, and the start of pins in the ground.
+"""Steps of a Chipmunk space as a leapfrog, with joints kept to a higher order than by Chipmunk.
 
 They are moved by the bodies' states in rows of x, y, angle, vx, vy and angular velocity, one body
 after the other.
@@ -44,7 +44,7 @@ class CorrectedRod(ABC):
         self._last = 0.0
 
     def prepare(self, start: Row) -> None:
-        """Correct the increment at the start, half of which is kept: by twice the stretch without its odd orders."""
+        """Correct the increment at the start, of which half is kept: twice the even stretch."""
         stretch = (self._stretch(start, self._h) + self._stretch(start, -self._h)) / 2
         self.joint.distance = self._length - 2.0 * stretch
 
@@ -57,7 +57,7 @@ class CorrectedRod(ABC):
         self.joint.distance = self._length - 2.0 * self._stretch(half, self._h)
 
     def begin(self, earlier: Row, first: Row) -> None:
-        """Correct the first step, from the state after the start's increment and the one before it."""
+        """Correct the first step, from the states after and before the start's increment."""
         self._last = self._stretch(earlier, self._h)
         self.aim(first)
 
@@ -79,7 +79,7 @@ class CorrectedRod(ABC):
 
 
 def corrected(rod: Rod, offsets: Mapping[int, int], h: float) -> CorrectedRod:
-    """How a rod is kept to its length in steps of h [s]; `offsets` are those of the bodies in a row, by identity."""
+    """Correction of a rod in steps of h [s]; `offsets` of the bodies in a row, by identity."""
     return FixedRod(rod, offsets, h) if rod.axis is None else SlidingRod(rod, rod.axis, offsets, h)
 
 
@@ -129,12 +129,12 @@ class SlidingRod(CorrectedRod):
         self._axis = axis
 
     def move_anchor(self, row: Row) -> None:
-        """Move the end on the line to where the other end will be across from it after the next step."""
+        """Move the end on the line across from where the other end is after the next step."""
         self._end_a = self._foot(row, self._h)
         self.joint.anchor_a = (self._end_a.real, self._end_a.imag)
 
     def _foot(self, row: Row, h: float) -> complex:
-        """The end on the line across from the other one, if both bodies keep their velocities for a while."""
+        """End on the line across from the other one, if both bodies keep their velocities."""
         point = _predicted(row, self._b, h) + self._end_b * _turned(row, self._b, h)
         local = (point - _predicted(row, self._a, h)) * _turned(row, self._a, h).conjugate()
         along = ((local - self._end_a) * self._axis.conjugate()).real
@@ -198,7 +198,7 @@ def _turned(row: Row, k: int, h: float) -> complex:
 
 
 def _advance(row: Row, k: int, arm: complex, h: float) -> tuple[complex, complex]:
-    """Velocity of a body's point [m/s], and the deviation of its arc from the tangent in a step [m]."""
+    """Velocity of a body's point [m/s], and its arc's deviation from the tangent [m]."""
     if k < 0:
         return 0j, 0j
     arm *= _turned(row, k, 0.0)
@@ -210,7 +210,7 @@ def _advance(row: Row, k: int, arm: complex, h: float) -> tuple[complex, complex
 
 
 def _arc(angle: float, turn: float, x: float, y: float) -> tuple[float, float, float, float]:
-    """A body's local point from its centre, and the deviation of its arc from the tangent in a rotation [m]."""
+    """A local point from the body's centre, and its arc's deviation from the tangent [m]."""
     if x == 0.0 == y:
         return 0.0, 0.0, 0.0, 0.0
     c, s = math.cos(angle), math.sin(angle)
@@ -226,34 +226,16 @@ _FIELDS = (
     | pymunk.batch.BodyFields.VELOCITY
     | pymunk.batch.BodyFields.ANGULAR_VELOCITY
 )
-
-
 _WIDTH = 6  # x, y, angle, vx, vy, angular velocity of each body
-
-
 STEP = 1.0  # [s] of the step whose velocity increment is settled
-
-
 # The accuracy of the impulses is an option of a run, not of the model: passes are doubled until
 # they converge.
 _FIRST_PASSES, _ROUNDS = 500, 12
-
-
 _SETTLED = 5e-14  # change of the velocities in a round: some 200 roundings, the noise that remains
-
-
-_ENOUGH = 1e-11  # a tenth of the tolerance to which models are compared; rounding errors add up over the passes
-
-
+_ENOUGH = 1e-11  # a tenth of the tolerance of model comparisons; rounding errors add up
 _MOST = 1e-10  # that tolerance: rounding errors of impulses that have converged may be no larger
-
-
 _MOST_START_PASSES = 200_000  # in one of the rounds, twice as many as before each
-
-
 STARTED = 1e-9  # of the increment at the start: change in a round
-
-
 _LAST_BITS = 1e-15  # of the reach: rounding error of a position, which a joint undoes in the step
 
 
@@ -320,8 +302,9 @@ class Stepper:
             self._run(steps, iterations)
         except (ArithmeticError, ValueError):
             raise SimulationError(
-                f"pymunk lost the joints of {self.assembly.mechanism.name!r} {self.steps * self.h:.6g} s after the "
-                "start or the last impact; a shorter timestep or more iterations may help."
+                f"pymunk lost the joints of {self.assembly.mechanism.name!r} "
+                f"{self.steps * self.h:.6g} s after the start or the last "
+                "impact; a shorter timestep or more iterations may help."
             ) from None
 
     def _run(self, steps: int, iterations: int) -> None:
@@ -388,7 +371,7 @@ class Stepper:
         return cast("Row", memoryview(self._buffer.float_buf()).cast("d").tolist())
 
     def _next_poses(self) -> Callable[[pymunk.Body], Pose]:
-        """Where each body is after the next step, and its speeds there by those of the last two half steps."""
+        """Poses after the next step, with speeds extrapolated from the last two half steps."""
         row, h, offsets = self.rows[-1], self.h, self._offsets
         before = row
         if self.leapfrog:
@@ -449,7 +432,7 @@ _Place = tuple[pymunk.Vec2d, float]  # position [m] and angle [rad] of a body
 
 
 def settled_increment(assembly: Assembly) -> FloatArray:
-    """Change of the assembly's rates in a step of `STEP` to its present position, with its impulses converged.
+    """Change of the rates in a step of `STEP` to the present position, with impulses converged.
 
     The rates are those before afterwards; shape (n_bodies, 3).
 
@@ -478,8 +461,8 @@ def settled_increment(assembly: Assembly) -> FloatArray:
     if not change <= enough:
         raise SimulationError(
             f"pymunk's impulses on {assembly.mechanism.name!r} are not settled after "
-            f"{assembly.space.iterations} passes, which change them by {change:.2g} still: its masses differ too much, "
-            "or constraints are nearly parallel."
+            f"{assembly.space.iterations} passes, which change them by {change:.2g} still: its "
+            "masses differ too much, or constraints are nearly parallel."
         )
     assembly.rates = before
     return increment

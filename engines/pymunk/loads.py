@@ -1,4 +1,4 @@
-"""Forces that Chipmunk has no element for, or whose element is of a lower order than its steps, on its bodies.
+"""Forces on Chipmunk's bodies that it has no element for, or one of too low an order.
 
 Chipmunk adds `body.force` and `body.torque` to a step's impulses at its end position and then sets
 them to zero, so they are set before every step: constant forces and torques, and those of dampers.
@@ -26,7 +26,7 @@ from ...models.elements import SpringDamper
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a body is at a step's end [m, rad], and its speeds there [m/s, rad/s], counter-clockwise."""
+    """Place [m, rad] and speeds [m/s, rad/s] of a body at a step's end, counter-clockwise."""
 
     position: complex
     angle: float
@@ -36,7 +36,7 @@ class Pose:
 
 @dataclass
 class Resultant:
-    """What acts on a body: force on its centre [N] and counter-clockwise torque [N m]."""
+    """Force on a body's centre [N] and counter-clockwise torque [N m]."""
 
     force: complex = 0j
     torque: float = 0.0
@@ -51,7 +51,7 @@ class Bodies:
         self.resultants: dict[pymunk.Body, Resultant] = {}
 
     def pose(self, body: pymunk.Body) -> Pose:
-        """Of a body."""
+        """Pose of a body."""
         if body not in self._poses:
             self._poses[body] = self._pose_of(body)
         return self._poses[body]
@@ -123,7 +123,7 @@ class Angle(Protocol):
 
 @dataclass(frozen=True)
 class FixedAngle:
-    """Of the ground."""
+    """Angle of the ground."""
 
     def value_and_speed(self, bodies: Bodies) -> tuple[float, float]:
         """0."""
@@ -135,7 +135,7 @@ class FixedAngle:
 
 @dataclass(frozen=True)
 class EngineAngle:
-    """Of a body that turns in Chipmunk as well."""
+    """Angle of a body that turns in Chipmunk as well."""
 
     body: pymunk.Body
 
@@ -151,7 +151,7 @@ class EngineAngle:
 
 @dataclass
 class RodAngle:
-    """Of a point mass on a massless rod, whose couple is a pair of forces on the rod's ends."""
+    """Angle of a point mass on a massless rod; a couple is two forces on the rod's ends."""
 
     rod: Combination
     """From the rod's pin to the mass."""
@@ -201,7 +201,7 @@ class Pull:
     vector: Combination
     """From the other body's point to the body's."""
     stiffness: float
-    """Of the spring that acts here [N/m]; 0 where Chipmunk's own does."""
+    """Stiffness of the spring that acts here [N/m]; 0 where Chipmunk's own does."""
 
     def act(self, bodies: Bodies) -> None:
         """Add what it exerts in these poses."""
@@ -237,7 +237,7 @@ class Twist:
 
 @dataclass
 class Loads:
-    """All that acts on an assembly's bodies beside gravity and Chipmunk's own joints and springs."""
+    """Forces on an assembly's bodies beside gravity and Chipmunk's own joints and springs."""
 
     loads: list[Load] = field(default_factory=list[Load])
 

@@ -1,11 +1,10 @@
 """Forces of joints and stops, from the motion of Chipmunk's bodies.
 
 They come from the bodies' changes of momentum in a step, because Chipmunk gives only the magnitude
-of a joint's
-impulse: constraint forces are the rates of change of momentum and angular momentum, less gravity
-and what the force elements exert. A joint of the tree carries all bodies that it supports; the
-forces of joints that close a loop and of active stops are the least-squares solution of G^T lam =
-r, with the residual r of the equations of motion without them:
+of a joint's impulse: constraint forces are the rates of change of momentum and angular momentum,
+less gravity and what the force elements exert. A joint of the tree carries all bodies that it
+supports; the forces of joints that close a loop and of active stops are the least-squares solution
+of G^T lam = r, with the residual r of the equations of motion without them:
 
     r_k = for an angle, the couple on the bodies that turn with it beyond gravity, force elements
           and the tree's forces; for a slide, the force along it.
@@ -19,14 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.arrays import ComplexArray, FloatArray
-from ...models.joints import GROUND
+from ...models.elements import GROUND, Stop
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
-from ...models.stops import Stop
-from ..contact_events import Contacts
+from ..events import Contacts
 from .read import Reading
 
-_SINGULAR = 1e-10  # of the largest singular value: constraints more nearly dependent than this share their force evenly
+_SINGULAR = 1e-10  # of the largest singular value: dependent constraints share their force
 
 
 @dataclass(frozen=True)
@@ -36,7 +34,7 @@ class Forces:
     reactions: Mapping[str, ComplexArray]
     """Force of each joint on its child [N], complex, shape (n,)."""
     torques: Mapping[str, FloatArray]
-    """Of the active stops [N m, or N for one on a point], shape (n,)."""
+    """Torque of each active stop [N m, or N for one on a point], shape (n,)."""
 
 
 def forces_of(reading: Reading, active: Contacts) -> Forces:
@@ -148,7 +146,7 @@ def _couple(reading: Reading, name: str, reactions: Mapping[str, ComplexArray]) 
 def _multipliers(
     reading: Reading, needed: Mapping[str, ComplexArray], active: Contacts
 ) -> FloatArray:
-    """Multipliers of the loop joints, component by component, then of the active stops; shape (n, n_constraints).
+    """Multipliers of the loop joints' components, then of the active stops, (n, n_constraints).
 
     Errors of r are those of accelerations times the mass matrix M, so the inverse of M is their
     weight: the equation of a light body determines a small force better than that of a heavy one
@@ -183,7 +181,7 @@ def _missing(reading: Reading, needed: Mapping[str, ComplexArray]) -> FloatArray
 
 
 def _rows(kinematics: Kinematics, q: FloatArray, active: Contacts) -> FloatArray:
-    """G: Jacobian of the loop joints' gaps and of the active stops', shape (n, n_constraints, n_q)."""
+    """G: Jacobian of loop joints' and active stops' gaps, shape (n, n_constraints, n_q)."""
     rows = list(np.moveaxis(kinematics.loop_jacobian(q), -2, 0))
     rows += [kinematics.gap_jacobian(name, q) for name in active]
     return np.stack(rows, axis=-2)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...models.applied_forces import AppliedForces
 from ...models.arrays import ComplexArray, FloatArray, as_vectors
-from ...models.joints import GROUND, AnyJoint
+from ...models.elements import GROUND, AnyJoint
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.spec import Vector
@@ -24,7 +24,7 @@ from .bodies import Assembly, Part, Placement, is_pin
 
 @dataclass(frozen=True)
 class Samples:
-    """Engine bodies at the sample times: values and their first and second rates, shape (3, n, n_bodies)."""
+    """Engine bodies at the samples: values, first and second rates, shape (3, n, n_bodies)."""
 
     points: ComplexArray
     """Position [m], velocity [m/s] and acceleration [m/s^2], complex."""
@@ -34,7 +34,7 @@ class Samples:
 
 @dataclass(frozen=True)
 class PointState:
-    """A point at the sample times: position [m], velocity [m/s], acceleration [m/s^2], complex, shape (n,)."""
+    """A point at the samples: position, velocity, acceleration [m, s], complex, shape (n,)."""
 
     position: ComplexArray
     velocity: ComplexArray
@@ -51,7 +51,7 @@ class PointState:
 
 @dataclass(frozen=True)
 class Frame:
-    """A body of the mechanism: the motion of a reference point and of its angle, clockwise, shape (n,)."""
+    """A body of the mechanism: motion of a reference point and of its clockwise angle, (n,)."""
 
     reference: complex
     at: PointState
@@ -99,7 +99,7 @@ class Reading:
     assembly: Assembly
     samples: Samples
     near: FloatArray | None = None
-    """Coordinates near those of the first sample, for its angles' full turns; the mechanism's start if left out."""
+    """Coordinates that tell the full turns of the first sample; None: those of the start."""
     frames: dict[str, Frame] = field(default_factory=dict[str, Frame])
 
     def __post_init__(self) -> None:
@@ -202,7 +202,7 @@ class Reading:
 
     @cached_property
     def applied_couples(self) -> FloatArray:
-        """Couple of the force elements about the centres of the bodies that turn with each angle [N m], (n, n_angles).
+        """Couples of the force elements on the bodies of each angle [N m], (n, n_angles).
 
         Their generalized forces, less those of the same forces at the centres.
         """
@@ -219,7 +219,7 @@ class Reading:
         return self._motion[2]
 
     def gaps(self) -> dict[str, FloatArray]:
-        """Constraint drift: distance of a joint's points [m], shape (n,); for a bob, the error of its rod's length."""
+        """Constraint drift [m], shape (n,): distance of points, or error of a bob's rod."""
         return {
             joint.name: self._drift(joint)
             for joint in self.mechanism.joints

@@ -244,6 +244,11 @@ class BaseForceElement(Spec):
         return (self.feature,)
 
     @property
+    def ends(self) -> tuple[tuple[str, Vector], ...]:
+        """Bodies and their points that it connects; none where it connects angles or acts on one."""
+        return ()
+
+    @property
     def dissipates(self) -> bool:
         """Whether it takes energy out of the motion."""
         return False

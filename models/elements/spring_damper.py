@@ -37,6 +37,11 @@ class SpringDamper(TwoBodyForceElement):
     rest_length: NonNegative = Field(default=0.0, description="l0 [m]")
 
     @property
+    def ends(self) -> tuple[tuple[str, Vector], ...]:
+        """Both bodies with their points, the body's own first."""
+        return (self.body, self.point), (self.relative_to, self.relative_point)
+
+    @property
     def dissipates(self) -> bool:
         """Whether it has damping."""
         return self.damping > 0

@@ -16,11 +16,11 @@ import numpy as np
 
 from ..drawing.bodies import loaded_rod
 from ..drawing.sketch import distinct, on_a_line
-from ..elements import GROUND, AnyJoint, SpringDamper
+from ..elements import GROUND, AnyJoint
 from ..kinematics import Kinematics
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
-from .text import number, numbers
+from .tree import number, numbers
 
 WOOD, IRON, ROPE, STONE, BOX = (
     "0.60 0.38 0.18 1", "0.22 0.23 0.26 1", "0.96 0.62 0.10 1", "0.50 0.48 0.46 1", "0.52 0.33 0.20 1"
@@ -248,10 +248,8 @@ def points_of(mechanism: Mechanism, body: str) -> list[Vector]:
     points = [
         point for joint in mechanism.joints for name, point in _members(joint) if name == body
     ]
-    for spring in mechanism.force_elements:
-        if isinstance(spring, SpringDamper):
-            ends = (spring.body, spring.point), (spring.relative_to, spring.relative_point)
-            points += [point for name, point in ends if name == body]
+    for element in mechanism.force_elements:
+        points += [point for name, point in element.ends if name == body]
     return points + [
         item.point for item in (*mechanism.markers, *mechanism.point_stops) if item.body == body
     ]

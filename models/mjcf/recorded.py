@@ -12,7 +12,7 @@ from pydantic import Field
 
 from ..mechanism import Mechanism
 from ..spec import Real, Spec
-from .names import valid_names
+from .tree import valid_names
 
 HOME = "home"
 """The keyframe of the start, speeds included."""

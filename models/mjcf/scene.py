@@ -17,7 +17,7 @@ from ..mechanism import Mechanism
 from ..spec import Vector
 from .appearance import WOOD, Appearance, Shapes, points_of
 from .recorded import RecordedMotion
-from .text import as_text, number, numbers
+from .tree import as_text, number, numbers
 
 SCENE_FILE = "scene.xml"
 

@@ -24,8 +24,7 @@ from typing import Any
 
 from ..errors import InputError, UnsupportedProblemError
 from ..mechanism import Marker, Mechanism
-from .text import from_origin, number, numbers
-from .tree import joints_of, outwards
+from .tree import from_origin, joints_of, number, numbers, outwards
 from .variants import POINT_INERTIA, Inertia
 
 PROJECTILE, HOLD, LANDING = "thrown_projectile", "hold_projectile", "landing_ground"

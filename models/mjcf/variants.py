@@ -12,10 +12,10 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
-from ..elements import GROUND, AnyJoint, PinJoint
+from ..elements import GROUND, AnyJoint
 from ..mechanism import Mechanism
 from ..spec import Vector
-from .text import from_origin, number, numbers
+from .tree import from_origin, number, numbers
 
 POINT_INERTIA = 2e-15
 """Moment of inertia that stands for none [kg m^2]: twice the least that MuJoCo takes (mjMINVAL).
@@ -86,14 +86,14 @@ def _enlarge(mechanism: Mechanism, found: dict[str, Inertia], joint: AnyJoint) -
     """
     child, at = found[joint.child], complex(*joint.child_point)
     needed = _SHARE * child.second_moment(at)
-    if not isinstance(joint, PinJoint) or child.inertia >= needed:
+    if joint.kind != "pin" or child.inertia >= needed:
         return
     first = child.mass * abs(child.centre - at)
     moved = first**2 / (child.second_moment(at) - needed) - child.mass
     if joint.parent != GROUND:
         smaller = found[joint.parent].with_mass_at(complex(*joint.parent_point), -moved)
         carrier = mechanism.joint_of(joint.parent)
-        from_ground = isinstance(carrier, PinJoint) and carrier.parent == GROUND
+        from_ground = carrier.kind == "pin" and carrier.parent == GROUND
         if smaller.mass <= 0 or (smaller.inertia <= 0 and not from_ground):
             return
         found[joint.parent] = smaller

@@ -14,13 +14,13 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, cast
 
-from ..elements import GROUND, AnyJoint, PointStop, Stop
+from ..elements import GROUND, STOPS, AnyJoint, ElementTable, PointStop, Stop
 from ..errors import InputError, UnsupportedProblemError
 from ..files import write_text
 from ..given import Model, model
@@ -28,14 +28,25 @@ from ..kinematics import initial_state
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
 from .appearance import STONE, Appearance
-from .forces import Forces
-from .names import names_in, rename, valid_names
-from .points import Points, force_sensor, torque_sensor
+from .elements import Forces, Points, force_sensor, torque_sensor
 from .recorded import HOME, RecordedMotion
 from .scene import SCENE_FILE, ground_level, scene
-from .text import as_text, from_origin, number, numbers, spatial
 from .throw import Thrown
-from .tree import add_angle_tendon, hinge_weights, joint_values, slide_joints, start_angles
+from .tree import (
+    add_angle_tendon,
+    as_text,
+    from_origin,
+    hinge_weights,
+    joint_values,
+    names_in,
+    number,
+    numbers,
+    rename,
+    slide_joints,
+    spatial,
+    start_angles,
+    valid_names,
+)
 from .variants import Variant, inertias
 
 KINETIC_ENERGY, POTENTIAL_ENERGY = "energy/kinetic", "energy/potential"
@@ -159,6 +170,10 @@ class _Writer:
     def __init__(
         self, mechanism: Mechanism, timestep: float, motion: RecordedMotion | None, variant: Variant
     ) -> None:
+        for joint in mechanism.joints:  # unknown joints and stops are refused
+            slide_joints(joint)
+        for stop in mechanism.stops:
+            _STOP_SENSORS[stop]
         self.mechanism, self.motion, self.variant = mechanism, motion, variant
         self.thrown = Thrown(mechanism, timestep) if variant.throw else None
         self.inertias = inertias(mechanism, variant)
@@ -341,15 +356,7 @@ class _Writer:
 
     def _add_sensors(self, sensor: ET.Element) -> None:
         for stop in self.mechanism.stops:
-            if isinstance(stop, PointStop):
-                self.points.add_stop_sensor(sensor, stop)
-            elif stop in self.on_tendon:
-                ET.SubElement(
-                    sensor, "tendonlimitfrc", name=torque_sensor(stop.name), tendon=stop.name
-                )
-            else:
-                joint = self.mechanism.joint_of(stop.body).name
-                ET.SubElement(sensor, "jointlimitfrc", name=torque_sensor(stop.name), joint=joint)
+            _STOP_SENSORS[stop](self, sensor, stop)
         for joint in self.mechanism.tree_joints:
             if joint.held_directions:
                 ET.SubElement(
@@ -362,6 +369,28 @@ class _Writer:
             ET.SubElement(sensor, "framelinvel", of, name=velocity_sensor(marker.name))
         ET.SubElement(sensor, "e_kinetic", name=KINETIC_ENERGY)
         ET.SubElement(sensor, "e_potential", name=POTENTIAL_ENERGY)
+
+    def _add_limit_sensor(self, sensor: ET.Element, stop: Stop) -> None:
+        """The torque of a limit, of a joint or of a tendon."""
+        name = torque_sensor(stop.name)
+        if stop in self.on_tendon:
+            ET.SubElement(sensor, "tendonlimitfrc", name=name, tendon=stop.name)
+        else:
+            joint = self.mechanism.joint_of(stop.body).name
+            ET.SubElement(sensor, "jointlimitfrc", name=name, joint=joint)
+
+    def _add_contact_sensor(self, sensor: ET.Element, stop: PointStop) -> None:
+        self.points.add_stop_sensor(sensor, stop)
+
+
+_STOP_SENSORS: ElementTable[Callable[[_Writer, ET.Element, Any], None]] = ElementTable(
+    "the MJCF writer",
+    STOPS,
+    {
+        Stop: _Writer._add_limit_sensor,
+        PointStop: _Writer._add_contact_sensor,
+    },
+)
 
 
 def _turned_back(vector: Vector, angle: float) -> Vector:

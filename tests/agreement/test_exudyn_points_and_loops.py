@@ -11,17 +11,16 @@ import numpy as np
 import pytest
 from mechanisms import G, floor, four_bar, hanging_bob, pin, position_error, rods_on_a_slot
 from scipy.integrate import quad
-from trebucheck.comparisons.equivalence.checks import check_model
+from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.engines.exudyn.engine import ExudynEngine
+from trebucheck.models.elements import GROUND, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
-from trebucheck.models.joints import GROUND, PinJoint, SlotJoint
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.machines.catapult import CatapultParameters, catapult
 from trebucheck.models.machines.floating_arm import FloatingArmParameters, floating_arm
 from trebucheck.models.machines.trebuchet import ARM_STOP, HingedParameters, fixed, hinged
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.stops import PointStop, Stop
 from trebucheck.models.trajectory import Trajectory
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve, solve_to_launch
