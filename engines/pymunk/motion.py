@@ -46,7 +46,7 @@ from .leapfrog import STARTED, STEP, Stepper, settled_increment
 from .options import PymunkOptions
 from .passes import MOST_PASSES, TRACKED, Convergence, convergence, growth
 from .reactions import forces_of, mass_matrix
-from .read import Reading, reading_of
+from .read import MotionReading, reading_of
 
 _CHUNK = 64  # steps between checks of the gaps; at most these are repeated at an impact
 _SETTLING_SAMPLES = 3  # after which a contact that has opened must have a gap, or is met
@@ -72,7 +72,7 @@ def _violated(
     assembly = build(mechanism, active, 0.0, pivot_mass)
     stepper = Stepper(assembly, h, hold_lengths=True)
     stepper.start(_TRIAL_ITERATIONS, leapfrog=True, settle=bool(mechanism.loop_joints))
-    reading = Reading(assembly, stepper.samples(0))
+    reading = MotionReading(assembly, stepper.samples(0))
     torques = {
         name: float(torque[0])
         for name, torque in forces_of(reading, tuple(assembly.stops)).torques.items()
@@ -103,7 +103,7 @@ def _compliance(kinematics: Kinematics, q: FloatArray, touching: Contacts) -> fl
     return float(np.max(np.sum(rows.T * moved, axis=0), initial=0.0))
 
 
-class Segment:
+class SteppedSegment:
     """Steps of an assembly from a start to a given time, and the releases in them."""
 
     def __init__(
@@ -230,7 +230,7 @@ class Segment:
             return
         first = max(min(max(self.regimes[-1][0], k - 2), k - 1), 0)
         active = tuple(self.assembly.stops)
-        reading = Reading(self.assembly, self.stepper.samples(first))
+        reading = MotionReading(self.assembly, self.stepper.samples(first))
         torques = forces_of(reading, active).torques
         find = _foreseen if self.options.locate_releases else _noticed
         steps_to_zero = {name: find(torque) for name, torque in torques.items()}
@@ -265,9 +265,9 @@ class Segment:
         """Times of the samples [s], shape (n + 1,)."""
         return np.linspace(self.begins, self.ends, self.n + 1)
 
-    def reading(self, first: int, last: int, near: FloatArray | None = None) -> Reading:
+    def reading(self, first: int, last: int, near: FloatArray | None = None) -> MotionReading:
         """Samples from one to another, both included; `near` tells full turns of the first."""
-        return Reading(self.assembly, self.stepper.samples(first, last), near)
+        return MotionReading(self.assembly, self.stepper.samples(first, last), near)
 
     def active_at(self, k: int) -> Contacts:
         """Stops that are active at a sample."""
@@ -296,7 +296,7 @@ class Segment:
         )
 
     def _forces(
-        self, reading: Reading, t: FloatArray
+        self, reading: MotionReading, t: FloatArray
     ) -> tuple[dict[str, ComplexArray], dict[str, FloatArray]]:
         """Reactions of the joints and torques of the stops, by which stops are active."""
         joints = [joint.name for joint in reading.mechanism.joints if joint.held_directions]
@@ -422,7 +422,7 @@ class PymunkMotion:
 
     def proceed(self, start: float, end: float, watch: Watch) -> Halt:
         """Move through a segment, to the next impact or to the end."""
-        segment = Segment(self._start, self.options, start, end)
+        segment = SteppedSegment(self._start, self.options, start, end)
         segment.begin()
         if not self.unilateral:
             segment.advance(segment.n)
@@ -441,7 +441,7 @@ class PymunkMotion:
         self._plastic = self._kept = frozenset()
         return Halt(event.time, segment.released_until(event.time), met=event.met)
 
-    def _step_to_event(self, segment: Segment, watch: Watch) -> _ContactEvent | None:
+    def _step_to_event(self, segment: SteppedSegment, watch: Watch) -> _ContactEvent | None:
         """Step to the next impact; None: to the end."""
         finder, first = _EventFinder(segment, self._touching, watch), 0
         while first < segment.n:
@@ -499,7 +499,7 @@ class PymunkMotion:
 class _EventFinder:
     """Finds the first inactive contact that is met in a segment."""
 
-    def __init__(self, segment: Segment, touched: Collection[str], watch: Watch) -> None:
+    def __init__(self, segment: SteppedSegment, touched: Collection[str], watch: Watch) -> None:
         self.segment, self.watch = segment, watch
         self.kinematics = Kinematics(segment.assembly.mechanism)
         mechanism = segment.assembly.mechanism
@@ -543,7 +543,7 @@ class _EventFinder:
         """Sample from which a contact is inactive; None while it is active."""
         return next((first for first, active in self.segment.regimes if name not in active), None)
 
-    def _located(self, name: str, k: int, reading: Reading, first: int) -> _ContactEvent:
+    def _located(self, name: str, k: int, reading: MotionReading, first: int) -> _ContactEvent:
         """The event between samples k and k + 1, where a gap is zero."""
         k = max(k, first)
         (q, u), a = reading.coordinates(), reading.accelerations()
