@@ -19,11 +19,10 @@ from ...models.elements import (
     Stop,
     WeldJoint,
 )
-from ...models.features import Feature
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
-from ..protocol import BuiltinEngine, Capabilities, Recording
+from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
 from ..study import EngineStudy
 from ..supplied import Part, Supplied
 from ..units import SI, Units, units_of
@@ -75,7 +74,7 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         formulation="redundant Cartesian coordinates, joints and stops by Lagrange multipliers, "
         "implicit integrator; impacts located inside a step and solved in the metric of its mass "
         "matrix",
-        features=frozenset(Feature),
+        features=built_features(BUILT),
         elements=BUILT,
     )
     # Exudyn's own defaults: generalized-alpha on the positions' constraints, modified Newton,

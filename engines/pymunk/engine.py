@@ -19,11 +19,10 @@ from ...models.elements import (
     Stop,
     WeldJoint,
 )
-from ...models.features import Feature
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
-from ..protocol import BuiltinEngine, Capabilities, Recording
+from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
 from ..study import EngineStudy
 from ..supplied import Part, Supplied
 from ..units import units_of
@@ -76,7 +75,7 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
         joint_gaps=True,
         located_releases=True,
         stop_laws=frozenset(StopLaw),
-        features=frozenset(Feature),
+        features=built_features(BUILT),
         elements=BUILT,
         formulation="maximal coordinates, velocity-level impulses by Gauss-Seidel, leapfrog "
         "positions",

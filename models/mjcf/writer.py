@@ -170,7 +170,7 @@ class _Writer:
         for joint in mechanism.joints:  # unknown joints and stops are refused
             slide_joints(joint)
         for stop in mechanism.stops:
-            _STOP_SENSORS[stop]
+            STOP_SENSORS[stop]
         self.mechanism, self.motion, self.variant = mechanism, motion, variant
         self.thrown = Thrown(mechanism, timestep) if variant.throw else None
         self.inertias = inertias(mechanism, variant)
@@ -353,7 +353,7 @@ class _Writer:
 
     def _add_sensors(self, sensor: ET.Element) -> None:
         for stop in self.mechanism.stops:
-            _STOP_SENSORS[stop](self, sensor, stop)
+            STOP_SENSORS[stop](self, sensor, stop)
         for joint in self.mechanism.tree_joints:
             if joint.held_directions:
                 ET.SubElement(
@@ -380,7 +380,7 @@ class _Writer:
         self.points.add_stop_sensor(sensor, stop)
 
 
-_STOP_SENSORS: ElementTable[Callable[[_Writer, ET.Element, Any], None]] = ElementTable(
+STOP_SENSORS: ElementTable[Callable[[_Writer, ET.Element, Any], None]] = ElementTable(
     "the MJCF writer",
     STOPS,
     {
