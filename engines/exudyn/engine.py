@@ -5,20 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from ...models.elements import (
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    FreeJoint,
-    PinJoint,
-    PointStop,
-    PrismaticJoint,
-    RotationalSpringDamper,
-    SlotJoint,
-    SpringDamper,
-    Stop,
-    WeldJoint,
-)
+from ...models.elements import CubicTorsionSpring
+from ...models.features import COVERED_BY_FEATURES
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
@@ -29,23 +17,8 @@ from ..units import SI, Units, units_of
 from .options import ExudynOptions
 from .study import STUDY
 
-BUILT: frozenset[type] = frozenset(
-    {
-        PinJoint,
-        WeldJoint,
-        SlotJoint,
-        PrismaticJoint,
-        FreeJoint,
-        Stop,
-        PointStop,
-        SpringDamper,
-        RotationalSpringDamper,
-        CubicTorsionSpring,
-        ConstantForce,
-        ConstantTorque,
-    }
-)
-"""Classes with a builder (:mod:`.build`, whose tables cannot be read without the library)."""
+BUILT: frozenset[type] = COVERED_BY_FEATURES | {CubicTorsionSpring}
+"""Classes that the tables of :mod:`.build` have a handler for; these need the library."""
 
 
 class ExudynEngine(ExudynOptions, BuiltinEngine):
