@@ -15,16 +15,7 @@ from typing import Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from .elements import (
-    GROUND,
-    AnyElement,
-    AnyJoint,
-    AnyStop,
-    ForceElement,
-    Joint,
-    PointStop,
-    Stop,
-)
+from .elements import GROUND, AnyElement, AnyJoint, AnyStop, ForceElement, Joint, PointStop, Stop
 from .elements.base import refuse_other_lengths
 from .shown import Shown
 from .spec import Name, NonNegative, Positive, Real, Spec, Vector, schema_text

@@ -224,10 +224,7 @@ def _four_bar_angle(p: FourBarParameters, t: FloatArray) -> FloatArray:
 
 def _four_bar_duration(p: FourBarParameters) -> float:
     """10 s at 1 m and 1 m/s; at least one and a half turns."""
-    return max(
-        10.0 * math.sqrt(p.length * 9.81 / p.g),
-        1.5 * turn_period(p.omega, p.turning),
-    )
+    return max(10.0 * math.sqrt(p.length * 9.81 / p.g), 1.5 * turn_period(p.omega, p.turning))
 
 
 def _four_bar_figures(p: FourBarParameters) -> tuple[Figure, ...]:

@@ -383,10 +383,7 @@ class _Writer:
 _STOP_SENSORS: ElementTable[Callable[[_Writer, ET.Element, Any], None]] = ElementTable(
     "the MJCF writer",
     STOPS,
-    {
-        Stop: _Writer._add_limit_sensor,
-        PointStop: _Writer._add_contact_sensor,
-    },
+    {Stop: _Writer._add_limit_sensor, PointStop: _Writer._add_contact_sensor},
 )
 
 
