@@ -12,7 +12,7 @@ from functools import cache
 from typing import Any, ClassVar, Protocol, Self, cast, runtime_checkable
 
 import numpy as np
-from pydantic import Field, JsonValue
+from pydantic import Field, JsonValue, model_validator
 
 from ..models.arrays import FloatArray
 from ..models.errors import (
@@ -29,6 +29,7 @@ from ..models.memory import available_memory
 from ..models.problem import Problem, StopLaw
 from ..models.spec import Positive, Spec
 from ..models.trajectory import PointMotion, Provenance, Trajectory
+from .options import current_name
 from .study import EngineStudy
 from .supplied import Supplied
 
@@ -146,6 +147,19 @@ class EngineOptions(Spec):
 
     preset: str = Field(default="tuned", description="the preset these options were made from")
     timestep: Positive = Field(default=1e-3, le=1.0, description="step size [s]")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_old_names(cls, options: Any) -> Any:
+        """Take options by the names that they had in an earlier release."""
+        if not isinstance(options, Mapping):
+            return options
+        given = dict(cast("Mapping[str, Any]", options))
+        for name in list(given):
+            current = current_name(name, cls.model_fields)
+            if current not in given:  # an option under both names is refused as unknown
+                given[current] = given.pop(name)
+        return given
 
     @property
     def settings(self) -> dict[str, JsonValue]:

@@ -5,21 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from ...models.elements import (
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    FreeJoint,
-    PinJoint,
-    PointStop,
-    PrismaticJoint,
-    RotationalSpringDamper,
-    SlotJoint,
-    SpringDamper,
-    Stop,
-    WeldJoint,
-)
-from ...models.features import Feature
+from ...models.elements import CubicTorsionSpring
+from ...models.features import COVERED_BY_FEATURES, Feature
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
@@ -29,24 +16,6 @@ from ..supplied import Part, Supplied
 from ..units import SI, Units, units_of
 from .options import ExudynOptions
 from .study import STUDY
-
-BUILT: frozenset[type] = frozenset(
-    {
-        PinJoint,
-        WeldJoint,
-        SlotJoint,
-        PrismaticJoint,
-        FreeJoint,
-        Stop,
-        PointStop,
-        SpringDamper,
-        RotationalSpringDamper,
-        CubicTorsionSpring,
-        ConstantForce,
-        ConstantTorque,
-    }
-)
-"""Classes with a builder (:mod:`.build`, whose tables cannot be read without the library)."""
 
 
 class ExudynEngine(ExudynOptions, BuiltinEngine):
@@ -76,7 +45,7 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         "implicit integrator; impacts located inside a step and solved in the metric of its mass "
         "matrix",
         features=frozenset(Feature),
-        elements=BUILT,
+        elements=COVERED_BY_FEATURES | {CubicTorsionSpring},
     )
     # Exudyn's own defaults: generalized-alpha on the positions' constraints, modified Newton,
     # adaptive step. Its default step is 0.01 s, its tutorials take 1e-3 s. A newcomer switches a

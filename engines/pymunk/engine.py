@@ -5,21 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from ...models.elements import (
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    FreeJoint,
-    PinJoint,
-    PointStop,
-    PrismaticJoint,
-    RotationalSpringDamper,
-    SlotJoint,
-    SpringDamper,
-    Stop,
-    WeldJoint,
-)
-from ...models.features import Feature
+from ...models.elements import CubicTorsionSpring
+from ...models.features import COVERED_BY_FEATURES, Feature
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
@@ -31,25 +18,6 @@ from .options import PymunkOptions
 from .study import STUDY
 
 _LIBRARY_ERROR_BIAS = (1.0 - 0.1) ** 60
-
-
-BUILT: frozenset[type] = frozenset(
-    {
-        PinJoint,
-        WeldJoint,
-        SlotJoint,
-        PrismaticJoint,
-        FreeJoint,
-        Stop,
-        PointStop,
-        SpringDamper,
-        RotationalSpringDamper,
-        CubicTorsionSpring,
-        ConstantForce,
-        ConstantTorque,
-    }
-)
-"""Classes with a builder (:mod:`.build`, whose tables cannot be read without the library)."""
 
 
 class PymunkEngine(PymunkOptions, BuiltinEngine):
@@ -77,7 +45,7 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
         located_releases=True,
         stop_laws=frozenset(StopLaw),
         features=frozenset(Feature),
-        elements=BUILT,
+        elements=COVERED_BY_FEATURES | {CubicTorsionSpring},
         formulation="maximal coordinates, velocity-level impulses by Gauss-Seidel, leapfrog "
         "positions",
     )

@@ -51,7 +51,7 @@ _TRIAL_ITERATIONS = 5_000  # which stops push depends on the mechanism, not on t
 _CHECKED = 64  # steps between two looks at how many passes loops need
 _LOOSE = 1e-4  # of the reach: error of a loop that is not closed
 _ROUNDING = 1e-9  # of the largest torque: error of a torque that is zero
-_NEAR = 4.0  # a stop's torque is computed when its impulse is less than so many of its changes in a step
+_NEAR = 4.0  # changes in a step: where an impulse is less, the stop's torque is computed
 
 
 def _pushing(mechanism: Mechanism, h: float, options: PymunkOptions) -> Contacts:
@@ -65,7 +65,7 @@ def _pushing(mechanism: Mechanism, h: float, options: PymunkOptions) -> Contacts
 def _violated(
     mechanism: Mechanism, active: Contacts, touching: Contacts, h: float, pivot_mass: float
 ) -> str | None:
-    """A touching stop that would have to pull, or that would close, by the forces of a first step."""
+    """A touching stop that would have to pull, or would close, by a first step's forces."""
     assembly = build(mechanism, active, 0.0, pivot_mass)
     stepper = Stepper(assembly, h, hold_lengths=True)
     stepper.start(_TRIAL_ITERATIONS, leapfrog=True, settle=bool(mechanism.loop_joints))
@@ -94,7 +94,7 @@ def _violated(
 
 
 def _compliance(kinematics: Kinematics, q: FloatArray, touching: Contacts) -> float:
-    """The largest acceleration of a gap by the unit torque or force of its own stop, in the tree."""
+    """Largest acceleration of a gap by the unit torque or force of its own stop, in the tree."""
     rows = np.array([kinematics.gap_jacobian(name, q) for name in touching])
     moved = np.linalg.pinv(mass_matrix(kinematics, q[None])[0]) @ rows.T
     return float(np.max(np.sum(rows.T * moved, axis=0), initial=0.0))
@@ -127,7 +127,7 @@ class Segment:
         """First sample and active stops of each interval between releases."""
         self._impulses: dict[str, float] = {}
         self._grown = 1.0
-        """Factor by which the slowest mode's error has grown since passes were last enough to let it decay."""
+        """Growth of the slowest mode's error since passes were last enough to let it decay."""
 
     def begin(self) -> None:
         """The first sample, and without the leapfrog the first step."""
@@ -157,34 +157,32 @@ class Segment:
         while self._checks_passes and self.stepper.steps < last:
             first = self.stepper.steps
             (q, *_), (u, *_) = self.reading(first, first).coordinates()
-            found = self._convergence(q, u)
-            passes = self._passes(found)
-            rate = 0.0 if found is None else growth(found.left_after(passes))
+            here = self._convergence(q, u)
+            passes = self._passes(here)
+            rate = 0.0 if here is None else growth(here.left_after(passes))
             # Singular positions are passed in a few steps, during which impulses need not converge.
             end = min(last, first + (_CHECKED if rate < 1.0 else 1))
             self._advance(end, passes)
             if passes >= MOST_PASSES:
                 self._refuse_open_loops(end)
-            if found is not None:
-                self._note_growth(found, passes, rate, end)
+            if here is not None:
+                self._note_growth(here, passes, rate, end)
         self._advance(last, self.options.iterations)
 
     @property
     def _checks_passes(self) -> bool:
-        """Whether a step is to have as many passes as its loops need: where joints are to keep their lengths.
-
-        An active stop closes a loop as a joint does.
-        """
+        """Whether a step has as many passes as its loops need: if joints keep their lengths."""
+        # An active stop closes a loop as a joint does.
         closed = bool(self.assembly.mechanism.loop_joints or self.assembly.stops)
         return self.options.hold_lengths and closed
 
-    def _passes(self, found: Convergence | None) -> int:
-        """Passes of a step: as many as it needs, up to `MOST_PASSES`, and no less than the option says."""
-        needed = 1 if found is None else min(found.passes_to(TRACKED), MOST_PASSES)
+    def _passes(self, here: Convergence | None) -> int:
+        """Passes that a step needs, up to `MOST_PASSES`, and no less than the option says."""
+        needed = 1 if here is None else min(here.passes_to(TRACKED), MOST_PASSES)
         return max(needed, self.options.iterations)
 
     def _convergence(self, q: FloatArray, u: FloatArray) -> Convergence | None:
-        """Of the assembly in a state, shapes (n_q,); None where the run has lost it."""
+        """Convergence in a state, shapes (n_q,); None where the run has lost its joints."""
         if not np.isfinite([q, u]).all():
             return None
         # Not validated: stops keep the word on whether they are closed at the start, which decides
@@ -200,19 +198,20 @@ class Segment:
         for joint in mechanism.loop_joints:
             if not gaps[joint.name][0] <= _LOOSE * _reach(mechanism):
                 raise SimulationError(
-                    f"pymunk's impulses on the loop that {joint.name!r} closes do not converge in {MOST_PASSES} passes "
-                    f"at t = {self.times()[k]:.6g} s: it is rigid or nearly singular there; its points are "
-                    f"{gaps[joint.name][0]:.2g} m apart."
+                    f"pymunk's impulses on the loop that {joint.name!r} closes do not converge in "
+                    f"{MOST_PASSES} passes at t = {self.times()[k]:.6g} s: it is rigid or nearly "
+                    f"singular there; its points are {gaps[joint.name][0]:.2g} m apart."
                 )
 
-    def _note_growth(self, found: Convergence, passes: int, rate: float, k: int) -> None:
-        """Refuse a mode that so many passes hardly see, once its error has grown beyond what is let be of impulses."""
+    def _note_growth(self, here: Convergence, passes: int, rate: float, k: int) -> None:
+        """Refuse a mode that passes hardly see, once its error has grown beyond the tolerance."""
         self._grown = self._grown * rate if rate >= 1.0 else 1.0
         if self._grown * STARTED > TRACKED:
             raise SimulationError(
                 f"pymunk's impulses do not converge at t = {self.times()[k]:.6g} s: constraints on "
-                f"{' and '.join(map(repr, found.slowest(passes)))} are nearly parallel there, so that {passes} passes "
-                f"leave {found.left_after(passes):.2g} of an error, which grows where that is above 0.5."
+                f"{' and '.join(map(repr, here.slowest(passes)))} are nearly parallel there, so "
+                f"that {passes} passes leave {here.left_after(passes):.2g} of an error, which "
+                "grows where that is above 0.5."
             )
 
     def _advance(self, last: int, iterations: int) -> None:
@@ -241,7 +240,7 @@ class Segment:
             self._release(min(due, key=lambda name: due[name]), k, min(due.values()))
 
     def _is_any_near_zero(self, k: int) -> bool:
-        """Whether an impulse may soon pass through zero; Chipmunk gives only its size, but at no cost."""
+        """Whether an impulse may soon be zero, by its size: all that Chipmunk gives at no cost."""
         before = self._impulses
         self._impulses = now = {name: joint.impulse for name, joint in self.assembly.stops.items()}
         if k < self.regimes[-1][0] + 3:
@@ -260,11 +259,11 @@ class Segment:
         }
 
     def times(self) -> FloatArray:
-        """Of the samples [s], shape (n + 1,)."""
+        """Times of the samples [s], shape (n + 1,)."""
         return np.linspace(self.begins, self.ends, self.n + 1)
 
     def reading(self, first: int, last: int, near: FloatArray | None = None) -> Reading:
-        """Samples from one to another, both included; coordinates of the first one are near those given."""
+        """Samples from one to another, both included; `near` tells full turns of the first."""
         return Reading(self.assembly, self.stepper.samples(first, last), near)
 
     def active_at(self, k: int) -> Contacts:
@@ -296,7 +295,7 @@ class Segment:
     def _forces(
         self, reading: Reading, t: FloatArray
     ) -> tuple[dict[str, ComplexArray], dict[str, FloatArray]]:
-        """Reactions of the joints and torques of the stops; they depend on which stops are active."""
+        """Reactions of the joints and torques of the stops, by which stops are active."""
         joints = [joint.name for joint in reading.mechanism.joints if joint.held_directions]
         reactions = {name: np.zeros(len(t), dtype=np.complex128) for name in joints}
         torques = {stop.name: np.zeros(len(t)) for stop in reading.mechanism.stops}
@@ -319,8 +318,8 @@ def _refuse_lost_joints(
         lost = np.flatnonzero(~(gap <= reach))
         if len(lost):
             raise SimulationError(
-                f"pymunk lost the joint {name!r}: its points are {gap[lost[0]]:.3g} m apart at t = {t[lost[0]]:.6g} s; "
-                f"a shorter timestep or more iterations may help."
+                f"pymunk lost the joint {name!r}: its points are {gap[lost[0]]:.3g} m apart at "
+                f"t = {t[lost[0]]:.6g} s; a shorter timestep or more iterations may help."
             )
 
 
@@ -337,7 +336,7 @@ def _reach(mechanism: Mechanism) -> float:
 
 
 def _foreseen(torque: FloatArray) -> float | None:
-    """Steps from the last sample to the torque's zero, if it lies before the next one: negative if it is past."""
+    """Steps from the last sample to the torque's zero before the next one (negative: past)."""
     if len(torque) < 2:
         return None
     s = np.arange(1 - len(torque), 1, dtype=np.float64)
