@@ -1,5 +1,7 @@
 # make report   set up, compare all engines, write report/report.html
-# make test     set up, run the whole test suite
+# make test     set up, run the test suites of the core and of the audit of the paper
+# make test-all set up, run the test suites of all distributions here (not of the plug-ins: they need environments)
+# make all      set up all distributions here: core, paper, environments, importers, toolkit
 # make quick    the fast tier: no engine simulates (under a minute)
 # make plugins  the engines of others: an environment each, their tests, plugins/results/*.json
 # make importers  what reads MJCF: an environment each, importers/*/results.json (half an hour)
@@ -11,24 +13,38 @@ BIN    := $(VENV)/bin
 SOURCES := $(shell git ls-files '*.py' 'models/mjcf' '*.json' '*.j2' '*.js' '*.css' 2>/dev/null) pyproject.toml
 OPEN   ?= $(shell command -v xdg-open || command -v open || echo true)
 
-PLUGINS ?= $(patsubst plugins/%/pyproject.toml,%,$(wildcard plugins/*/pyproject.toml))
+PLUGINS ?= $(filter-out toolkit,$(patsubst plugins/%/pyproject.toml,%,$(wildcard plugins/*/pyproject.toml)))
+SATELLITES := ./environments ./importers ./plugins/toolkit
 
-.PHONY: report test quick lint types generated docs benchmark plugins importers mujoco3 clean
+.PHONY: report test test-all all quick lint types generated docs benchmark plugins importers mujoco3 clean
 
-# The wheel is installed, not the checkout: that proves that it is complete, and is what type checkers resolve.
+# Wheels are installed, not the checkout: that proves that they are complete, and is what type checkers resolve.
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 $(VENV)/installed: $(SOURCES) constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt ".[test,lint]"
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps .
-	rm -rf build *.egg-info
+	$(PIP) --constraint constraints.txt ".[test,lint]" ./paper
+	$(PIP) --force-reinstall --no-deps . ./paper
+	rm -rf build *.egg-info paper/build paper/*.egg-info
 	touch $@
+
+$(VENV)/satellites: $(VENV)/installed
+	$(PIP) --constraint constraints.txt $(SATELLITES)
+	$(PIP) --force-reinstall --no-deps $(SATELLITES)
+	rm -rf $(SATELLITES:%=%/build) $(SATELLITES:%=%/*.egg-info)
+	touch $@
+
+all: $(VENV)/satellites
 
 report: $(VENV)/installed
 	$(BIN)/trebucheck compare --out report || test $$? -eq 1  # 1: some run disagrees, as stock presets do; the report says which
 	@test -n "$$CI$$SSH_CONNECTION" || $(OPEN) report/report.html >/dev/null 2>&1 || true
 
+PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 test: $(VENV)/installed
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+	$(PYTEST)
+
+test-all: $(VENV)/satellites
+	$(PYTEST) tests paper/tests environments/tests importers/tests plugins/toolkit/tests
 
 quick: $(VENV)/installed
 	$(BIN)/python -m pytest tests/unit tests/verification -m "not slow" -n 2
@@ -37,10 +53,10 @@ lint: $(VENV)/installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-types: $(VENV)/installed
+types: $(VENV)/satellites
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
-generated: $(VENV)/installed
+generated: $(VENV)/satellites
 	$(BIN)/python docs/generate.py
 
 docs: $(VENV)/installed
@@ -54,7 +70,7 @@ BUDGET ?= 120
 plugins:
 	$(PYTHON) plugins/run.py . --budget $(BUDGET) $(PLUGINS)
 
-importers: $(VENV)/installed
+importers: $(VENV)/satellites
 	$(PYTHON) importers/run.py $(abspath $(BIN)/trebucheck) $(IMPORTERS); \
 		code=$$?; $(BIN)/python docs/generate.py importers && exit $$code
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from .models.shown import Renderer, show_with
 from .renamed import install
 from .version import __version__
 
@@ -26,6 +27,20 @@ if TYPE_CHECKING:
     from .conformance.check import check
     from .engines.protocol import Capabilities, Engine
     from .engines.registry import engine, engines
+    from .models.elements import (
+        ConstantForce,
+        ConstantTorque,
+        CubicTorsionSpring,
+        FreeJoint,
+        PinJoint,
+        PointStop,
+        PrismaticJoint,
+        RotationalSpringDamper,
+        SlotJoint,
+        SpringDamper,
+        Stop,
+        WeldJoint,
+    )
     from .models.errors import (
         EngineNotInstalledError,
         InputError,
@@ -33,24 +48,21 @@ if TYPE_CHECKING:
         TrebucheckError,
         UnsupportedProblemError,
     )
-    from .models.force_elements import (
-        ConstantForce,
-        ConstantTorque,
-        RotationalSpringDamper,
-        SpringDamper,
-    )
-    from .models.joints import FreeJoint, PinJoint, PrismaticJoint, SlotJoint, WeldJoint
     from .models.launch import Launch
-    from .models.machines.catapult import CatapultParameters, catapult
-    from .models.machines.floating_arm import FloatingArmParameters, floating_arm
-    from .models.machines.parameters import TrebuchetParameters
-    from .models.machines.registry import model
-    from .models.machines.trebuchet import HingedParameters, fixed, hinged, rolling
+    from .models.library.catapult import CatapultParameters, catapult
+    from .models.library.floating_arm import FloatingArmParameters, floating_arm
+    from .models.library.registry import model
+    from .models.library.trebuchet import (
+        HingedParameters,
+        TrebuchetParameters,
+        fixed,
+        hinged,
+        rolling,
+    )
     from .models.mechanism import Body, Marker, Mechanism
     from .models.mjcf.paths import mjcf_path
     from .models.mjcf.writer import mjcf_names
     from .models.problem import Problem, StopLaw
-    from .models.stops import PointStop, Stop
     from .models.trajectory import Trajectory
     from .reference.throw.throw import throw
 
@@ -60,6 +72,7 @@ __all__ = [
     "CatapultParameters",
     "ConstantForce",
     "ConstantTorque",
+    "CubicTorsionSpring",
     "Engine",
     "EngineNotInstalledError",
     "FloatingArmParameters",
@@ -117,7 +130,13 @@ _ERRORS = (
     "UnsupportedProblemError",
 )
 _JOINTS = ("FreeJoint", "PinJoint", "PrismaticJoint", "SlotJoint", "WeldJoint")
-_FORCE_ELEMENTS = ("ConstantForce", "ConstantTorque", "RotationalSpringDamper", "SpringDamper")
+_FORCE_ELEMENTS = (
+    "ConstantForce",
+    "ConstantTorque",
+    "CubicTorsionSpring",
+    "RotationalSpringDamper",
+    "SpringDamper",
+)
 # Loaded when first asked for (PEP 562): `import trebucheck` stays quick and free of engines.
 _HOMES = {
     "compare": "comparisons.compare.study",
@@ -131,22 +150,20 @@ _HOMES = {
     "Engine": "engines.protocol",
     "engine": "engines.registry",
     "Launch": "models.launch",
-    "TrebuchetParameters": "models.machines.parameters",
-    "model": "models.machines.registry",
+    "TrebuchetParameters": "models.library.trebuchet",
+    "model": "models.library.registry",
     "Problem": "models.problem",
     "StopLaw": "models.problem",
     "Trajectory": "models.trajectory",
     "throw": "reference.throw.throw",
-    "fixed": "models.machines.trebuchet",
-    "rolling": "models.machines.trebuchet",
-    **dict.fromkeys(("CatapultParameters", "catapult"), "models.machines.catapult"),
-    **dict.fromkeys(("HingedParameters", "hinged"), "models.machines.trebuchet"),
-    **dict.fromkeys(("FloatingArmParameters", "floating_arm"), "models.machines.floating_arm"),
+    "fixed": "models.library.trebuchet",
+    "rolling": "models.library.trebuchet",
+    **dict.fromkeys(("CatapultParameters", "catapult"), "models.library.catapult"),
+    **dict.fromkeys(("HingedParameters", "hinged"), "models.library.trebuchet"),
+    **dict.fromkeys(("FloatingArmParameters", "floating_arm"), "models.library.floating_arm"),
     **dict.fromkeys(_ERRORS, "models.errors"),
     **dict.fromkeys(("Body", "Marker", "Mechanism"), "models.mechanism"),
-    **dict.fromkeys(_JOINTS, "models.joints"),
-    **dict.fromkeys(("PointStop", "Stop"), "models.stops"),
-    **dict.fromkeys(_FORCE_ELEMENTS, "models.force_elements"),
+    **dict.fromkeys((*_JOINTS, "PointStop", "Stop", *_FORCE_ELEMENTS), "models.elements"),
 }
 
 
@@ -160,6 +177,15 @@ def __getattr__(name: str) -> Any:
     value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
     globals()[name] = value
     return value
+
+
+def _renderer() -> Renderer:
+    from .comparisons.report.pages import session  # when something is shown, not before
+
+    return session
+
+
+show_with(_renderer)
 
 
 def _paper() -> Any:

@@ -12,7 +12,6 @@ from functools import cache
 from typing import Annotated, Any
 
 import typer
-from trebucheck_importers import command as importer
 
 from ..models.errors import SimulationError, TrebucheckError, shortened
 from . import (

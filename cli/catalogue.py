@@ -83,7 +83,7 @@ def export_command(
 
     Example: trebucheck models export rolling --set r=7 --out my-rolling
     """
-    from ..comparisons.mjcf.model import step_and_motion
+    from ..comparisons.mjcf import step_and_motion
     from ..models.mjcf.variants import Variant
     from ..models.mjcf.writer import write_model_folder
     from ..models.problem import Problem

@@ -56,9 +56,8 @@ def data_command(
 
 
 def _write(name: str, assignments: list[str] | None, path: Path, timeout: float) -> None:
-    from ..comparisons.data.certified import certified_dataset
-    from ..comparisons.data.files import content, published
-    from ..comparisons.runs.worker import Worker
+    from ..comparisons.data.certified import certified_dataset, content, published
+    from ..comparisons.runs.process import Worker
     from ..models.files import refuse_unwritable, write_bytes
     from ..models.problem import Problem
     from ..models.trajectory import write_dataset
@@ -74,7 +73,7 @@ def _write(name: str, assignments: list[str] | None, path: Path, timeout: float)
 
 
 def _list(check: bool) -> None:
-    from ..comparisons.data.files import states
+    from ..comparisons.data.certified import states
     from ..comparisons.report.document import Cell, Column, Document, ranked, table, words
 
     rows = [(name, f"{size / 1024:.0f}", digest, Cell(state, "good" if state == "good" else "bad"))

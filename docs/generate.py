@@ -28,16 +28,16 @@ from trebucheck.comparisons.compare import plots as figures
 from trebucheck.comparisons.compare.agreement import differences
 from trebucheck.comparisons.compare.study import Comparison
 from trebucheck.comparisons.converge.results import Studies
-from trebucheck.comparisons.data.files import names, publish
-from trebucheck.comparisons.diff.data import DifferenceData
+from trebucheck.comparisons.data.certified import names, publish
+from trebucheck.comparisons.diff.study import DifferenceData
 from trebucheck.comparisons.explain.results import Explanation
 from trebucheck.comparisons.judge.study import Judgement
-from trebucheck.comparisons.matrix.read import distilled, orders_of
-from trebucheck.comparisons.matrix.read import read as read_matrix
 from trebucheck.comparisons.matrix.report import document as matrix_document
-from trebucheck.comparisons.mjcf.events import record_motion
-from trebucheck.comparisons.problems.check import check
+from trebucheck.comparisons.matrix.study import distilled, orders_of
+from trebucheck.comparisons.matrix.study import read as read_matrix
+from trebucheck.comparisons.mjcf import record_motion
 from trebucheck.comparisons.problems.report import library
+from trebucheck.comparisons.problems.study import check
 from trebucheck.comparisons.recommend import Advice
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.document import Document, table, without_empty_columns
@@ -114,7 +114,9 @@ def write_schemas() -> None:
     )
     (ROOT / "comparisons" / "schemas" / "converge.schema.json").write_text(schema_text(Studies))
     (ROOT / "comparisons" / "schemas" / "explain.schema.json").write_text(schema_text(Explanation))
-    (ROOT / "paper" / "schemas" / "paper.schema.json").write_text(schema_text(Study))
+    (ROOT / "paper" / "trebucheck_paper" / "schemas" / "paper.schema.json").write_text(
+        schema_text(Study)
+    )
     (ROOT / "comparisons" / "schemas" / "recommend.schema.json").write_text(schema_text(Advice))
 
 
@@ -379,7 +381,7 @@ def write_trajectories() -> None:
     """The certified trajectories."""
     for name in names():
         publish(name, ROOT / "comparisons" / "data" / "trajectories")
-    publish_zoo(ROOT / "models" / "zoo" / "files")
+    publish_zoo(ROOT / "importers" / "trebucheck_importers" / "zoo" / "files")
 
 
 def write_zoo_list() -> None:
@@ -389,7 +391,7 @@ def write_zoo_list() -> None:
         for each in zoo()
     ]
     listed = markdown.text(Document("", (table(["model", "what it has", "needs"], rows),)))
-    (ROOT / "models" / "zoo" / "README.md").write_text(
+    (ROOT / "importers" / "trebucheck_importers" / "zoo" / "README.md").write_text(
         _ZOO.format(count=len(rows)) + listed.strip() + "\n"
     )
 

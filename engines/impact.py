@@ -1,34 +1,140 @@
-"""The impact of all contacts that touch, through an engine's full mass matrix and the joints that close loops.
+"""Impacts of adapters: which contacts push, and by what impulses.
 
-With W the inverse of the mass matrix on the motions that the loops allow, and G the gap Jacobian,
-the impulses x solve
+Newton's law of restitution with complementarity (Moreau 1988; Glocker and Pfeiffer, Nonlinear
+Dynamics 7, 1995): with v the speeds of the gaps before an impact and v+ after it, the impulses p of
+the contacts that touch are
 
-    0 <= x  complementary to  G W G^T x + (1 + e) G v >= 0
+    0 <= p  complementary to  v+ + e v >= 0,        v+ = v + A p,
 
-(Newton's law of restitution, Moreau), all contacts at once (:mod:`.impact_law`); v are speeds in
-any coordinates.
+A being the inverse inertia that they feel. v+ is unique; impulses of redundant contacts are not.
+Where these have different e, the one that asks for the highest speed pushes and the others part.
+Where contacts stand against each other no v+ may give each its rebound: then none of them rebounds.
+
+With W the inverse of an engine's mass matrix on the motions that its loops allow, and G the gap
+Jacobian, A is G W G^T (:class:`Inertia`, :func:`resolve_impact`), in any coordinates.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..models.arrays import FloatArray
 from ..models.errors import SimulationError
-from . import impact_law
 
+AT_REST = 1e-9  # [rad/s, m/s] gap speeds below this are rounding errors of an impact's solution
+_ROUNDING = 1e-10  # of the largest impulse, or speed: error of those that are zero
 _RANK = 1e-12  # of the largest singular value: redundant constraints have smaller ones
-_NEARLY = (
-    1e-6  # the same where errors of positions are undone: near singular positions they would grow
-)
+# The same where errors of positions are undone: near singular positions they would grow.
+_NEARLY = 1e-6
+
+Contacts = tuple[str, ...]
+"""Names of stops, in the order of the mechanism's."""
+
+
+# --- Which contacts push
+
+
+def resting(speeds: Mapping[str, float], rounding: float = AT_REST) -> Contacts:
+    """Contacts that neither part nor close, by the speeds of their gaps [rad/s, m/s]."""
+    return tuple(name for name, speed in speeds.items() if abs(speed) <= rounding)
+
+
+def active_contacts(touching: Contacts, violated: Callable[[Contacts], str | None]) -> Contacts:
+    """The touching contacts that push while the others open, all decided at once.
+
+    This is the complementarity problem 0 <= force, complementary to gap acceleration (or speed) >=
+    0. Murty's least-index pivoting (Opsearch 11, 1974) moves the first contact that violates its
+    condition to the other side until none does; it ends because the problem has one solution. A set
+    that comes up twice means zeros, whose sign is that of their rounding errors: it is accepted.
+
+    Args:
+        touching: contacts with zero gap and zero gap speed.
+        violated: function of a set of active contacts; it returns the first one of `touching` that
+            would have to pull while it is active, or that would close while it is inactive, or
+            None.
+    """
+    active, tried = touching, set[Contacts]()
+    while touching and active not in tried and (wrong := violated(active)):
+        tried.add(active)
+        active = tuple(name for name in touching if (name in active) != (name == wrong))
+    return active
+
+
+def pushing(touching: Contacts, violated: Callable[[Contacts], str | None]) -> Contacts | None:
+    """The contacts that push in an impact; None if no set of them fulfils the law.
+
+    Args:
+        touching: contacts that touch.
+        violated: function of a set of contacts that push; it returns one of `touching` that breaks
+            the law, or None.
+    """
+    active = active_contacts(touching, violated)
+    if violated(active) is None:
+        return active
+    # Pivoting has no end where redundant contacts ask for different speeds: the sets are tried one
+    # by one.
+    return next((chosen for chosen in _subsets(touching) if violated(chosen) is None), None)
+
+
+def _subsets(touching: Contacts) -> Iterator[Contacts]:
+    """All of them, the largest first."""
+    sizes = range(len(touching), -1, -1)
+    return itertools.chain.from_iterable(itertools.combinations(touching, size) for size in sizes)
+
+
+# --- Impulses
+
+
+def impulses(matrix: FloatArray, speeds: FloatArray, restitution: FloatArray) -> FloatArray | None:
+    """Impulses of the contacts that touch [N m s, N s]; None if none exist.
+
+    Redundant contacts get the impulses of the least norm.
+
+    Args:
+        matrix: A, symmetric and positive semidefinite, shape (n, n).
+        speeds: v [rad/s, m/s], shape (n,).
+        restitution: e, shape (n,).
+    """
+    rebounding = _complementary(matrix, (1.0 + restitution) * speeds)
+    return _complementary(matrix, speeds) if rebounding is None else rebounding
+
+
+def _complementary(matrix: FloatArray, offset: FloatArray) -> FloatArray | None:
+    """The p >= 0 complementary to matrix p + offset >= 0, or None."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(np.float64).tiny))
+    scaled, target = scale[:, None] * matrix * scale, -scale * offset
+    rounding = _ROUNDING * np.abs(target).max(initial=0.0)
+    names = tuple(map(str, range(len(offset))))
+
+    def solution(active: Contacts) -> FloatArray:
+        where = [int(name) for name in active]
+        result = np.zeros(len(names))
+        result[where] = np.linalg.lstsq(scaled[np.ix_(where, where)], target[where], _RANK)[0]
+        return result
+
+    def violated(active: Contacts) -> str | None:
+        result = solution(active)
+        left, acts = scaled @ result - target, np.isin(names, active)
+        pulls = acts & (result < -rounding)
+        closes = ~acts & (left < -rounding)
+        parts = acts & (abs(left) > rounding)
+        wrong = pulls | closes if (pulls | closes).any() else parts
+        return names[int(np.argmax(wrong))] if wrong.any() else None
+
+    active = pushing(names, violated)
+    return None if active is None else scale * np.maximum(solution(active), 0.0)
+
+
+# --- Impacts by a mass matrix
 
 
 @dataclass(frozen=True)
 class Impact:
-    """What an impact does."""
+    """Speeds and impulses of one impact."""
 
     speeds: FloatArray
     """After it, shape (n_v,)."""
@@ -38,9 +144,18 @@ class Impact:
     """Speeds of their gaps after it [rad/s, m/s]."""
 
 
+def inverse(mass: FloatArray) -> FloatArray:
+    """Inverse of a mass matrix, scaled to a diagonal of ones before it is inverted.
+
+    Joints of a light body and of a heavy one are then equally well inverted.
+    """
+    scale = 1.0 / np.sqrt(np.diag(mass))
+    return scale[:, None] * np.linalg.inv(scale[:, None] * mass * scale) * scale
+
+
 @dataclass(frozen=True)
 class Inertia:
-    """What impulses do to the speeds in one position."""
+    """Response of the speeds to impulses in one position."""
 
     mass: FloatArray
     """Full mass matrix, shape (n_v, n_v)."""
@@ -48,40 +163,36 @@ class Inertia:
     """Jacobian of the joints that close loops, shape (n_loops, n_v)."""
 
     def without_drift(self, speeds: FloatArray, active: FloatArray) -> FloatArray:
-        """Speeds that violate neither the loops nor the active contacts, whose Jacobian has shape (n_active, n_v).
+        """Speeds that violate neither the loops nor the active contacts.
 
         Soft constraints leave them speeds of some 1e-9 rad/s, which are none of an impact's.
+
+        Args:
+            speeds: shape (n_v,).
+            active: Jacobian of the active contacts, shape (n_active, n_v).
         """
         return self._allowed(np.concatenate([self.loops, active])) @ speeds
 
     def move_onto(self, active: FloatArray, residual: FloatArray) -> FloatArray:
-        """The least change of the position that makes residuals of the loops and of the active contacts zero, (n_v,).
+        """The least change of the position that makes residuals zero, shape (n_v,).
 
         Args:
             active: Jacobian of the contacts, shape (n_active, n_v).
             residual: of the loops, then of the contacts, shape (n_loops + n_active,).
         """
         rows = np.concatenate([self.loops, active])
-        by_impulse = self._inverse() @ rows.T
+        by_impulse = inverse(self.mass) @ rows.T
         return -by_impulse @ np.linalg.pinv(rows @ by_impulse, _NEARLY, hermitian=True) @ residual
 
     def response(self) -> FloatArray:
         """W, shape (n_v, n_v)."""
-        return self._allowed(self.loops) @ self._inverse()
-
-    def _inverse(self) -> FloatArray:
-        # Scaled to a diagonal of ones: joints of a light body and of a heavy one are equally well
-        # inverted.
-        scale = 1.0 / np.sqrt(np.diag(self.mass))
-        return scale[:, None] * np.linalg.inv(scale[:, None] * self.mass * scale) * scale
+        return self._allowed(self.loops) @ inverse(self.mass)
 
     def _allowed(self, rows: FloatArray) -> FloatArray:
-        """Projection of speeds on those with rows @ speeds = 0, orthogonal in the metric of the mass matrix."""
-        by_impulse = self._inverse() @ rows.T
-        return (
-            np.eye(len(self.mass))
-            - by_impulse @ np.linalg.pinv(rows @ by_impulse, _RANK, hermitian=True) @ rows
-        )
+        """Projection of speeds on those with rows @ speeds = 0, orthogonal in the mass metric."""
+        by_impulse = inverse(self.mass) @ rows.T
+        response = np.linalg.pinv(rows @ by_impulse, _RANK, hermitian=True)
+        return np.eye(len(self.mass)) - by_impulse @ response @ rows
 
 
 def resolve_impact(
@@ -106,14 +217,14 @@ def resolve_impact(
     names, rows = tuple(gaps), np.array(list(gaps.values()))
     by_impulse = inertia.response() @ rows.T
     coefficients = np.array([restitution[name] for name in names])
-    impulses = impact_law.impulses(rows @ by_impulse, rows @ speeds, coefficients)
-    if impulses is None:
+    solution = impulses(rows @ by_impulse, rows @ speeds, coefficients)
+    if solution is None:
         raise SimulationError(
             f"{engine} finds no impact of the stops {', '.join(names)} in which all of them push."
         )
-    after = speeds + by_impulse @ impulses
+    after = speeds + by_impulse @ solution
     return Impact(
         after,
-        dict(zip(names, impulses.tolist(), strict=True)),
+        dict(zip(names, solution.tolist(), strict=True)),
         dict(zip(names, (rows @ after).tolist(), strict=True)),
     )

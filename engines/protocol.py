@@ -12,9 +12,17 @@ from functools import cache
 from typing import Any, ClassVar, Protocol, Self, cast, runtime_checkable
 
 import numpy as np
-from pydantic import Field, JsonValue
+from pydantic import Field, JsonValue, model_validator
 
 from ..models.arrays import FloatArray
+from ..models.elements import (
+    FORCE_ELEMENTS,
+    FreeJoint,
+    PointStop,
+    PrismaticJoint,
+    SlotJoint,
+    WeldJoint,
+)
 from ..models.errors import (
     EngineNotInstalledError,
     InputError,
@@ -22,13 +30,14 @@ from ..models.errors import (
     TrebucheckError,
     UnsupportedProblemError,
 )
-from ..models.features import Basic, Feature, refuse_features
+from ..models.features import COVERED_BY_FEATURES, Basic, Feature, refuse_features
 from ..models.kinematics import immovable_stops, without_stops
 from ..models.mechanism import Mechanism
 from ..models.memory import available_memory
 from ..models.problem import Problem, StopLaw
 from ..models.spec import Positive, Spec
 from ..models.trajectory import PointMotion, Provenance, Trajectory
+from .options import current_name
 from .study import EngineStudy
 from .supplied import Supplied
 
@@ -59,11 +68,32 @@ class Capabilities:
     """Elements that it can build beside pins, slots in the ground and stops against it."""
     lacking: frozenset[Basic] = frozenset()
     """What it cannot build of these: slots, stops, loops of joints, bodies without inertia, restitution."""
+    elements: frozenset[type] = COVERED_BY_FEATURES
+    """Classes of elements that it builds; those of later releases must be stated here."""
 
     def without(self, elements: Collection[Basic | Feature]) -> Capabilities:
         """The same of an engine whose options take these elements away."""
         lacking = self.lacking | {each for each in elements if isinstance(each, Basic)}
         return replace(self, features=self.features.difference(elements), lacking=lacking)
+
+
+_FEATURES_OF_CLASSES: Mapping[type, Feature] = {
+    FreeJoint: Feature.FREE_JOINT,
+    SlotJoint: Feature.MOVING_SLOT,
+    PrismaticJoint: Feature.PRISMATIC,
+    WeldJoint: Feature.WELD,
+    PointStop: Feature.MOVING_WALL,
+    **{element: element.feature for element in FORCE_ELEMENTS},
+}
+
+
+def built_features(classes: Collection[type]) -> frozenset[Feature]:
+    """Features of an engine that builds these classes of elements on every body.
+
+    Gravity in any direction is among them: it is a property of the mechanism, not of an element.
+    """
+    features = {feature for element, feature in _FEATURES_OF_CLASSES.items() if element in classes}
+    return frozenset({*features, Feature.GRAVITY_DIRECTION})
 
 
 class Simulator(Protocol):
@@ -144,6 +174,19 @@ class EngineOptions(Spec):
 
     preset: str = Field(default="tuned", description="the preset these options were made from")
     timestep: Positive = Field(default=1e-3, le=1.0, description="step size [s]")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_old_names(cls, options: Any) -> Any:
+        """Take options by the names that they had in an earlier release."""
+        if not isinstance(options, Mapping):
+            return options
+        given = dict(cast("Mapping[str, Any]", options))
+        for name in list(given):
+            current = current_name(name, cls.model_fields)
+            if current not in given:  # an option under both names is refused as unknown
+                given[current] = given.pop(name)
+        return given
 
     @property
     def settings(self) -> dict[str, JsonValue]:
@@ -289,7 +332,7 @@ class BuiltinEngine(EngineOptions, ABC):
         self.refuse_absence()
         able, law = self.capabilities.without(self.lacking), problem.stop_law
         who = f"{self.name} with these options" if self.lacking else self.name
-        refuse_features(problem.mechanism, able.features, who, able.lacking, law)
+        refuse_features(problem.mechanism, able.features, who, able.lacking, law, able.elements)
         if problem.mechanism.stops and problem.stop_law not in self.capabilities.stop_laws:
             laws = ", ".join(sorted(self.capabilities.stop_laws))
             raise UnsupportedProblemError(

@@ -1,78 +1,75 @@
-"""Features: elements that not every solver of mechanisms has; a solver declares which it has."""
+"""Elements that not every solver has: what a mechanism needs, and how a solver refuses it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
-from enum import StrEnum
+from collections.abc import Collection
 
+from .elements import (
+    ConstantForce,
+    ConstantTorque,
+    FreeJoint,
+    PinJoint,
+    PointStop,
+    PrismaticJoint,
+    RotationalSpringDamper,
+    SlotJoint,
+    SpringDamper,
+    Stop,
+    WeldJoint,
+)
+from .elements.base import Basic, Feature
 from .errors import UnsupportedProblemError
-from .force_elements import ConstantForce, ConstantTorque, RotationalSpringDamper, SpringDamper
-from .joints import GROUND, FreeJoint, PrismaticJoint, SlotJoint, WeldJoint
 from .mechanism import Mechanism
 from .problem import StopLaw
-from .stops import Stop
+
+__all__ = [
+    "COVERED_BY_FEATURES",
+    "Basic",
+    "Feature",
+    "features_of",
+    "missing_elements",
+    "refuse_features",
+]
+
+COVERED_BY_FEATURES: frozenset[type] = frozenset(
+    {
+        PinJoint,
+        WeldJoint,
+        SlotJoint,
+        PrismaticJoint,
+        FreeJoint,
+        Stop,
+        PointStop,
+        SpringDamper,
+        RotationalSpringDamper,
+        ConstantForce,
+        ConstantTorque,
+    }
+)
+"""Classes that a solver has if it declares their features; closed.
+
+Engines of earlier releases declare `frozenset(Feature)` and so would claim each new feature before
+they have it. A class that is not here must be claimed itself.
+"""
 
 
-class Basic(StrEnum):
-    """An element that solvers have unless they say that they lack it; its text is its name in the plural."""
-
-    SLOT = "slots in the ground"
-    LOOP = "loops of joints"
-    POINT_MASS = "bodies without inertia about their centre of mass"
-    STOP = "stops on angles"
-    POINT_STOP = "stops on points"
-    REBOUND = "stops with a restitution"
-
-
-class Feature(StrEnum):
-    """An element beside pins, slots in the ground and stops against it; its text is its name in the plural."""
-
-    FREE_JOINT = "free joints"
-    MOVING_SLOT = "slots in moving bodies"
-    PRISMATIC = "prismatic joints"
-    WELD = "welds"
-    MOVING_WALL = "stops against moving bodies"
-    SPRING = "springs and dampers between points"
-    ROTATIONAL_SPRING = "springs and dampers between angles"
-    FORCE = "constant forces"
-    TORQUE = "constant torques"
-    GRAVITY_DIRECTION = "gravity in another direction than downwards"
-
-
-_OF_MECHANISMS: dict[Feature, Callable[[Mechanism], Iterable[str]]] = {
-    Feature.FREE_JOINT: lambda m: (j.name for j in m.joints if isinstance(j, FreeJoint)),
-    Feature.MOVING_SLOT: lambda m: (
-        j.name for j in m.joints if isinstance(j, SlotJoint) and j.parent != GROUND
-    ),
-    Feature.PRISMATIC: lambda m: (j.name for j in m.joints if isinstance(j, PrismaticJoint)),
-    Feature.WELD: lambda m: (j.name for j in m.joints if isinstance(j, WeldJoint)),
-    Feature.MOVING_WALL: lambda m: (s.name for s in m.point_stops if s.relative_to != GROUND),
-    Feature.SPRING: lambda m: (e.name for e in m.force_elements if isinstance(e, SpringDamper)),
-    Feature.ROTATIONAL_SPRING: lambda m: (
-        e.name for e in m.force_elements if isinstance(e, RotationalSpringDamper)
-    ),
-    Feature.FORCE: lambda m: (e.name for e in m.force_elements if isinstance(e, ConstantForce)),
-    Feature.TORQUE: lambda m: (e.name for e in m.force_elements if isinstance(e, ConstantTorque)),
-    Feature.GRAVITY_DIRECTION: lambda m: ("gravity",) if m.gravity_direction != (0.0, -1.0) else (),
-}
-
-
-_BASICS: dict[Basic, Callable[[Mechanism], Iterable[str]]] = {
-    Basic.SLOT: lambda m: (
-        j.name for j in m.joints if isinstance(j, SlotJoint) and j.parent == GROUND
-    ),
-    Basic.LOOP: lambda m: (j.name for j in m.loop_joints),
-    Basic.POINT_MASS: lambda m: (b.name for b in m.bodies if b.inertia == 0),
-    Basic.STOP: lambda m: (s.name for s in m.stops if isinstance(s, Stop)),
-    Basic.POINT_STOP: lambda m: (s.name for s in m.point_stops),
-    Basic.REBOUND: lambda m: (s.name for s in m.stops if s.restitution),
-}
+def _needs(mechanism: Mechanism) -> dict[Feature | Basic, list[str]]:
+    """Names of the elements of every feature, in the order of the enumerations."""
+    needs: dict[Feature | Basic, list[str]] = {need: [] for need in (*Feature, *Basic)}
+    for element in mechanism.elements:
+        for feature in element.features:
+            needs[feature].append(element.name)
+    if mechanism.gravity_direction != (0.0, -1.0):
+        needs[Feature.GRAVITY_DIRECTION].append("gravity")
+    needs[Basic.LOOP] += [joint.name for joint in mechanism.loop_joints]
+    needs[Basic.POINT_MASS] += [body.name for body in mechanism.bodies if body.inertia == 0]
+    return needs
 
 
 def features_of(mechanism: Mechanism) -> dict[Feature, tuple[str, ...]]:
-    """The features that a mechanism has, and the names of its elements of each."""
-    found = {feature: tuple(names(mechanism)) for feature, names in _OF_MECHANISMS.items()}
-    return {feature: names for feature, names in found.items() if names}
+    """Features that a mechanism has, each with the names of its elements."""
+    needs = _needs(mechanism)
+    return {feature: tuple(needs[feature]) for feature in Feature if needs[feature]}
 
 
 def missing_elements(
@@ -80,22 +77,30 @@ def missing_elements(
     known: Collection[Feature],
     lacking: Collection[Basic] = (),
     law: StopLaw = StopLaw.UNILATERAL,
-) -> dict[Feature | Basic, tuple[str, ...]]:
-    """What a mechanism needs and a solver does not have, and the names of its elements of each.
+    classes: Collection[type] = COVERED_BY_FEATURES,
+) -> dict[str, tuple[str, ...]]:
+    """Needs of a mechanism that a solver lacks, each with the names of its elements.
 
     Args:
         known: features that the solver has.
         lacking: elements of every solver that this one lacks.
         law: of the stops; under the release-once law none is met, and a restitution is nothing to
             be followed.
+        classes: of the elements that the solver has.
     """
-    missing: dict[Feature | Basic, tuple[str, ...]] = {
-        feature: names for feature, names in features_of(mechanism).items() if feature not in known
-    }
-    basics = {basic: tuple(_BASICS[basic](mechanism)) for basic in Basic if basic in lacking}
-    if law is StopLaw.RELEASE_ONCE:
-        basics.pop(Basic.REBOUND, None)
-    return missing | {basic: names for basic, names in basics.items() if names}
+    needs = _needs(mechanism)
+    missing: dict[str, list[str]] = {f: needs[f] for f in Feature if f not in known and needs[f]}
+    for basic in Basic:
+        followed = basic is not Basic.REBOUND or law is not StopLaw.RELEASE_ONCE
+        if basic in lacking and needs[basic] and followed:
+            missing[basic] = needs[basic]
+    for element in mechanism.elements:
+        if type(element) in classes or any(feature in missing for feature in element.features):
+            continue
+        missing.setdefault(f"elements of the class {type(element).__name__}", []).append(
+            element.name
+        )
+    return {need: tuple(names) for need, names in missing.items()}
 
 
 def refuse_features(
@@ -104,6 +109,7 @@ def refuse_features(
     who: str,
     lacking: Collection[Basic] = (),
     law: StopLaw = StopLaw.UNILATERAL,
+    classes: Collection[type] = COVERED_BY_FEATURES,
 ) -> None:
     """Refuse a mechanism with elements that a solver does not have.
 
@@ -112,15 +118,15 @@ def refuse_features(
         who: the solver, as the sentence begins.
         lacking: elements of every solver that this one lacks.
         law: of the stops.
+        classes: of the elements that the solver has.
 
     Raises:
         UnsupportedProblemError: the sentence names the elements.
     """
-    missing = missing_elements(mechanism, known, lacking, law)
+    missing = missing_elements(mechanism, known, lacking, law, classes)
     if missing:
         texts = [
-            f"{feature} ({', '.join(repr(name) for name in names)})"
-            for feature, names in missing.items()
+            f"{need} ({', '.join(repr(name) for name in names)})" for need, names in missing.items()
         ]
         raise UnsupportedProblemError(
             f"{who} cannot move {mechanism.name!r}: it has no {' and no '.join(texts)}."

@@ -1,4 +1,4 @@
-"""Kinematics of a mechanism: points and angles of its bodies, gaps of its stops, loops, energies."""
+"""Kinematics of a mechanism: points, angles, gaps of stops, loop closures, energies."""
 
 from __future__ import annotations
 
@@ -11,19 +11,63 @@ from typing import cast
 import numpy as np
 
 from .arrays import ComplexArray, FloatArray, as_vectors
-from .joints import GROUND
+from .elements import ELEMENTS, GROUND
+from .errors import UnsupportedProblemError
+from .functions import (
+    AngleFunction,
+    LineFunction,
+    Phasors,
+    PointCoefficients,
+    PointFunction,
+    ScalarFunction,
+    weighted,
+)
 from .mechanism import Marker, Mechanism
-from .phasors import Phasors, PointCoefficients, weighted
-from .scalar_functions import AngleFunction, LineFunction, PointFunction, ScalarFunction
 from .spec import Vector, as_complex
-from .stops import PointStop
+from .tree import Tree
 
 _ROUNDING = 1e-12  # of the greatest derivatives of a gap: those of one that nothing changes
 
 
 @dataclass(frozen=True)
 class Kinematics(Phasors):
-    """Point kinematics of a mechanism; arrays of states are shaped (n, n_q)."""
+    """Point kinematics of a mechanism; arrays of states are shaped (n, n_q).
+
+    Raises:
+        UnsupportedProblemError: an element is of an unknown class.
+    """
+
+    mechanism: Mechanism
+
+    def __post_init__(self) -> None:
+        """Refuses elements that are not in the table of elements.
+
+        Raises:
+            UnsupportedProblemError: the sentence names the element and its class.
+        """
+        for element in self.mechanism.elements:
+            if type(element) not in ELEMENTS:
+                raise UnsupportedProblemError(
+                    f"{self.mechanism.name!r} cannot be solved: {element.name!r} is a "
+                    f"{type(element).__name__}, which is no known element."
+                )
+
+    @cached_property
+    def tree(self) -> Tree:
+        """The mechanism's tree."""
+        return self.mechanism.tree
+
+    @cached_property
+    def is_angle(self) -> FloatArray:
+        """1.0 for an angle, 0.0 for a slide; shape (n_q,)."""
+        return np.array([1.0] * len(self.tree.angles) + [0.0] * len(self.tree.slides))
+
+    @cached_property
+    def carried(self) -> tuple[tuple[int, int], ...]:
+        """Index of each slide along a line that turns, and of the angle that it turns with."""
+        angles = (self.tree.attitudes[slide.joint.parent][0] for slide in self.tree.slides)
+        first = len(self.tree.angles)
+        return tuple((k, angle) for k, angle in enumerate(angles, start=first) if angle is not None)
 
     @cached_property
     def _frames(self) -> dict[str, PointCoefficients]:
@@ -40,12 +84,12 @@ class Kinematics(Phasors):
         return rows
 
     def _turned(self, body: str, vector: complex) -> complex:
-        """A vector of a body's frame, turned by the constant that is added to the angle it turns with."""
+        """A vector of a body's frame, turned by the constant part of the body's angle."""
         turned = self.tree.attitudes[body][1]
         return vector if isinstance(turned, float) and not turned else vector * np.exp(-1j * turned)
 
     def _moved(self, at: PointCoefficients, body: str, arm: complex) -> PointCoefficients:
-        """A point at an arm from another one, in a body's frame [m]; its coefficients are its own."""
+        """A point at an arm from another one, in a body's frame [m]; coefficients are copied."""
         index, arm, coefficients = (
             self.tree.attitudes[body][0],
             self._turned(body, arm),
@@ -81,7 +125,7 @@ class Kinematics(Phasors):
     def component(
         self, direction: complex, of: str, vector: PointCoefficients, constant: float = 0.0
     ) -> PointFunction | LineFunction:
-        """A vector's component along a direction of a body's frame (or the ground's), plus a constant [m]."""
+        """A vector's component along a direction of a body or the ground, plus a constant [m]."""
         index, direction = self.tree.attitudes[of][0], self._turned(of, direction)
         if index is not None:
             return LineFunction(self, constant, direction, index, vector)
@@ -98,7 +142,7 @@ class Kinematics(Phasors):
         return as_vectors(self.rate(row, q, u))
 
     def speed_scale(self, row: PointCoefficients) -> float:
-        """A scale of speeds [m/s]: what a point would fall by all its arms, and what it moves at the start.
+        """A scale of speeds [m/s]: of a fall by all arms of a point, plus its speed at the start.
 
         That of the body which has the largest, if it is larger: a point that loops hold fast has
         but rounding for one.
@@ -123,7 +167,7 @@ class Kinematics(Phasors):
     def point_motion(
         self, marker: Marker, q: FloatArray, u: FloatArray, a: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Position [m], velocity [m/s] and acceleration [m/s^2] of a marker, each of shape (..., 2)."""
+        """Position [m], velocity [m/s] and acceleration [m/s^2] of a marker, shapes (..., 2)."""
         row = self.point(marker.body, marker.point)
         return self.position(row, q), self.velocity(row, q, u), self.acceleration(row, q, u, a)
 
@@ -159,7 +203,7 @@ class Kinematics(Phasors):
         return 0.5 * (np.abs(speeds) ** 2 @ self.masses + u**2 @ self.inertias)
 
     def potential_energy(self, q: FloatArray) -> FloatArray:
-        """Potential energy of gravity [J], zero at the world's origin (the fulcrum's height), shape (...,)."""
+        """Potential energy of gravity [J], zero at the world's origin, shape (...,)."""
         upwards = -as_complex(self.mechanism.gravity_direction).conjugate()
         offsets = np.array([self.point(b.name, b.centre).offset for b in self.mechanism.bodies])
         heights = ((self.phasors(q) @ self.centres.T + offsets) * upwards).real
@@ -180,19 +224,7 @@ class Kinematics(Phasors):
     @cached_property
     def gaps(self) -> dict[str, ScalarFunction]:
         """Each stop's gap."""
-        gaps: dict[str, ScalarFunction] = {}
-        for stop in self.mechanism.stops:
-            if isinstance(stop, PointStop):
-                vector = self.between(stop.body, stop.point, stop.relative_to, (0.0, 0.0))
-                gaps[stop.name] = self.component(
-                    as_complex(stop.normal), stop.relative_to, vector, -stop.offset
-                )
-            else:
-                angle = self.angle(stop.body, stop.relative_to)
-                row = stop.sense * angle.coefficients
-                row.flags.writeable = False  # shared by all callers
-                gaps[stop.name] = AngleFunction(stop.sense * angle.constant - stop.limit, row)
-        return gaps
+        return {stop.name: stop.gap(self) for stop in self.mechanism.stops}
 
     @cached_property
     def loop_closures(self) -> tuple[ScalarFunction, ...]:
@@ -245,7 +277,7 @@ def initial_state(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
 
 
 def immovable_stops(mechanism: Mechanism) -> tuple[str, ...]:
-    """Stops whose gap no coordinate changes: between bodies that are welded to each other, or across a rail.
+    """Names of stops whose gap no coordinate changes, such as stops between welded bodies.
 
     They have no part in the motion. A stop of a body against itself is none of them: it is an error
     of the description.

@@ -15,11 +15,10 @@ from typing import Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from .force_elements import ForceElement, SpringDamper
-from .joints import GROUND, AnyJoint, FreeJoint, Joint, refuse_other_lengths
+from .elements import GROUND, AnyElement, AnyJoint, AnyStop, ForceElement, Joint, PointStop, Stop
+from .elements.base import refuse_other_lengths
 from .shown import Shown
 from .spec import Name, NonNegative, Positive, Real, Spec, Vector, schema_text
-from .stops import AnyStop, PointStop, Stop
 from .tree import Configuration, Slide, Tree
 
 _DOWNWARDS = (0.0, -1.0)
@@ -33,7 +32,8 @@ class Body(Spec):
     angle: Name | None = Field(
         default=None,
         exclude_if=lambda name: name is None,
-        description="name of its angle coordinate; none where its joint in the tree holds its angle",
+        description="name of its angle coordinate; none where its joint in the tree holds its "
+        "angle",
     )
     mass: Positive = Field(description="[kg]")
     centre: Vector = Field(description="centre of mass in the body's frame [m]")
@@ -50,7 +50,8 @@ class Marker(Spec):
     point: Vector = Field(description="in the body's frame [m]")
     mass: Positive | None = Field(
         default=None,
-        description="what leaves the machine there, if it is not the whole body [kg]; part of the body's",
+        description="what leaves the machine there, if it is not the whole body [kg]; "
+        "part of the body's",
     )
 
 
@@ -135,7 +136,7 @@ class Mechanism(Shown, Spec):
         return Tree({body.name: body.angle for body in self.bodies}, self.joints)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """With some fields changed; pydantic's would keep the tree of those before."""
+        """A copy with some fields changed; pydantic's own would keep the tree of the original."""
         copied = super().model_copy(update=update, deep=deep)
         vars(copied).pop("_tree", None)
         return copied
@@ -157,11 +158,16 @@ class Mechanism(Shown, Spec):
 
     @property
     def attitudes(self) -> dict[str, tuple[int | None, float]]:
-        """Of each body (and the ground) the index of the angle that it turns with, and the constant added to it [rad].
+        """Index of the angle that each body (and the ground) turns with, plus a constant [rad].
 
         No index: it does not turn.
         """
         return self.tree.attitudes
+
+    @property
+    def elements(self) -> tuple[AnyElement, ...]:
+        """Its joints, stops and force elements."""
+        return (*self.joints, *self.stops, *self.force_elements)
 
     @property
     def gravity_vector(self) -> Vector:
@@ -180,7 +186,7 @@ class Mechanism(Shown, Spec):
 
     @property
     def loop_closure_residual(self) -> dict[str, float]:
-        """By how much each joint that closes a loop is open at the start: its points, along what it holds [m]."""
+        """Distance of the points of each loop joint at the start, along what it holds [m]."""
         tree, residuals = self.tree, dict[str, float]()
         start = tree.configuration(self.start)
         for joint in tree.loop_joints:
@@ -195,7 +201,7 @@ class Mechanism(Shown, Spec):
 
     @property
     def loop_angle_residual(self) -> dict[str, float]:
-        """By how much each loop joint that holds an angle is turned at the start, full turns apart [rad]."""
+        """Error of each angle that a loop joint holds at the start, without full turns [rad]."""
         tree = self.tree
         angles = tree.configuration(self.start).angles
         return {
@@ -230,7 +236,7 @@ class Mechanism(Shown, Spec):
         return next(joint for joint in self.joints if joint.child == body)
 
     def thrown_mass(self, marker: Marker) -> float | None:
-        """Mass thrown at a marker [kg]: its own, or its body's if that is a point mass there; None: not known."""
+        """Mass thrown at a marker [kg]: its own, or that of a point mass there; None: not known."""
         body = self.body(marker.body) if marker.body != GROUND else None
         if marker.mass is not None or body is None:
             return marker.mass
@@ -238,7 +244,7 @@ class Mechanism(Shown, Spec):
 
     @property
     def force_unit(self) -> str:
-        """Unit of what the stops that are closed at the start push with, for quantities of whichever of them."""
+        """Unit of the forces of the stops that are closed at the start."""
         return (
             " or ".join(dict.fromkeys(stop.force_unit for stop in self.stops if stop.closed))
             or "N m"
@@ -280,19 +286,21 @@ class Mechanism(Shown, Spec):
         self._refuse_a_start_of_the_wrong_length()
         start = self.tree.configuration(self.start)
         self._refuse_wrong_gaps(start)
-        self._refuse_springs_without_direction(start)
+        for element in self.force_elements:
+            element.refuse_start(start.angles.__getitem__, start.point)
         return self
 
     def _refuse_unknown_bodies(self) -> None:
         known = {GROUND} | {body.name for body in self.bodies}
-        used = [(f"joint {j.name!r}", n) for j in self.joints for n in (j.parent, j.child)]
+        used = [(f"joint {j.name!r}", n) for j in self.joints for n in j.bodies]
         used += [(f"stop {s.name!r}", n) for s in self.stops for n in s.bodies]
         used += [(f"marker {m.name!r}", m.body) for m in self.markers]
         used += [(f"force element {e.name!r}", n) for e in self.force_elements for n in e.bodies]
         for joint in self.joints:
             if joint.child == GROUND:
                 raise ValueError(
-                    f"joint {joint.name!r} has the ground as its child; the ground can only be a parent"
+                    f"joint {joint.name!r} has the ground as its child; "
+                    "the ground can only be a parent"
                 )
         for user, name in used:
             if name not in known:
@@ -315,13 +323,15 @@ class Mechanism(Shown, Spec):
             if joint.holds_angle != (body.angle is None):
                 needs = "no angle of its own" if joint.holds_angle else "a name for its angle"
                 raise ValueError(
-                    f"body {body.name!r} hangs on the {joint.kind} joint {joint.name!r} and needs {needs}"
+                    f"body {body.name!r} hangs on the {joint.kind} joint {joint.name!r} "
+                    f"and needs {needs}"
                 )
             placed.add(body.name)
         for joint in self.loop_joints:
-            if isinstance(joint, FreeJoint):
+            if not joint.held_directions:
                 raise ValueError(
-                    f"free joint {joint.name!r} is not the first of {joint.child!r} and so does nothing"
+                    f"{joint.kind} joint {joint.name!r} is not the first of {joint.child!r} "
+                    "and so does nothing"
                 )
             if joint.slides:
                 raise ValueError(
@@ -344,23 +354,13 @@ class Mechanism(Shown, Spec):
             (gap, rounding), unit = _gap(stop, start), stop.gap_unit
             if stop.closed and abs(gap) > rounding:
                 raise ValueError(
-                    f"stop {stop.name!r} is closed, but its gap at the start is {gap:.3g} {unit}, not 0"
+                    f"stop {stop.name!r} is closed, "
+                    f"but its gap at the start is {gap:.3g} {unit}, not 0"
                 )
             if not stop.closed and gap <= rounding:
                 raise ValueError(
-                    f"stop {stop.name!r} is open, but its gap at the start is {gap:.3g} {unit}, not positive"
-                )
-
-    def _refuse_springs_without_direction(self, start: Configuration) -> None:
-        for spring in self.force_elements:
-            if not isinstance(spring, SpringDamper) or not (spring.rest_length or spring.damping):
-                continue
-            apart = start.point(spring.body, spring.point) - start.point(
-                spring.relative_to, spring.relative_point
-            )
-            if abs(apart) <= _CLOSED_GAP:
-                raise ValueError(
-                    f"the points of {spring.name!r} coincide at the start: its force has no direction there"
+                    f"stop {stop.name!r} is open, "
+                    f"but its gap at the start is {gap:.3g} {unit}, not positive"
                 )
 
 

@@ -139,7 +139,7 @@ class Plugin:
             "--quiet",
             "--disable-pip-version-check",
         ]
-        both = [str(self.source), str(HERE / self.name)]
+        both = [str(self.source), str(HERE / "toolkit"), str(HERE / self.name)]
         code = self.call([*pip, "--constraint", str(chosen), *both, "pytest"], 1800.0)
         code = code or self.call([*pip, "--force-reinstall", "--no-deps", *both], 1800.0)
         if (
@@ -225,6 +225,8 @@ def core_files(source: Path) -> Iterator[Path]:
     """Of trebucheck, as far as the results depend on them."""
     for folder in ("models", "reference", "engines", "comparisons", "conformance"):
         yield from (path for path in files(source / folder) if path.suffix in (".py", ".cjs"))
+    toolkit = source / "plugins" / "toolkit" / "trebucheck_toolkit"
+    yield from (path for path in files(toolkit) if path.suffix in (".py", ".cjs"))
     yield source / "constraints.txt"
 
 

@@ -36,7 +36,7 @@ events itself. What follows from an event is decided here, once for all integrat
   part, active ones included.
 - **No endless bouncing.** For 0 < e < 1 rebounds follow each other ever faster and come to rest at
   a finite time. A stop that is met slowly does not bounce (e = 0 there), and the rest of the series
-  is summed (:mod:`.bouncing`). With e = 1 nothing settles, nor should it.
+  is summed (:class:`Bouncing`). With e = 1 nothing settles, nor should it.
 - **No endless rattling.** Two stops may throw the machine to and fro between them, ever faster,
   towards an instant that is never reached. Impacts within `TOGETHER` of each other are one: their
   stops are solved at once, after which none of them closes.
@@ -44,7 +44,7 @@ events itself. What follows from an event is decided here, once for all integrat
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,17 +55,17 @@ from ..models.arrays import BoolArray, FloatArray
 from ..models.errors import InputError, SimulationError
 from ..models.kinematics import Kinematics, initial_state
 from ..models.problem import Problem, StopLaw
-from .bouncing import Bouncing
+from ..models.rebound import SETTLED, speed_scale
 from .equations import Equations
 
 TOGETHER = 1e-9  # [s]
 _TOUCHING = 1e-11  # [rad] an open stop with a gap below this takes part in an impact
 _AT_REST = 1e-9  # [rad/s] gap speeds below this are rounding of an impact's solution
 _IMMOBILE = 1e-14  # of the largest inverse inertia: that of a gap which cannot move
-_SAME_DEMAND = (
-    1e-12,
-    1e-9,
-)  # of the largest gap speed (acceleration): two that differ by less do not contradict
+# Of the largest gap speed (acceleration): two demands that differ by less do not contradict.
+_SAME_DEMAND = (1e-12, 1e-9)
+# Of the speed scale, times 1 - e: the time of rest is taken from the first rebound that is slower.
+_SUMMED = 1e-4
 _CONTRADICTION = 1e-7  # inverse of the largest y, in units of the offset, that is an answer
 _FITS = 1e-9  # [m], [m/s] how well loops of joints must close at the start
 
@@ -85,10 +85,12 @@ def solve_lcp(matrix: FloatArray, offset: FloatArray) -> FloatArray | None:
     if size == 0.0:
         return x
     root = _root(scale[:, None] * matrix[np.ix_(mobile, mobile)] * scale)
-    sets = (_least_distance(root, b / size + rounding) for rounding in _SAME_DEMAND)
-    active = next((found for found in sets if found is not None), None)
-    if active is None:
-        return None
+    for rounding in _SAME_DEMAND:
+        active = _least_distance(root, b / size + rounding)
+        if active is not None:
+            break
+    else:
+        return None  # the stops' demands contradict each other
     y = np.linalg.lstsq(root[:, active].T, -b[active])[0]
     x[mobile[active]] = scale[active] * np.linalg.lstsq(root[:, active], y)[0]
     return np.maximum(x, 0.0)
@@ -173,10 +175,11 @@ def resolve_impact(
         approach,
         np.where(np.abs(approach) <= _AT_REST, 0.0, approach),
     )
-    impulses = next(
-        (found for demand in demands if (found := solve_lcp(matrix, demand)) is not None), None
-    )
-    if impulses is None:
+    for demand in demands:
+        impulses = solve_lcp(matrix, demand)
+        if impulses is not None:
+            break
+    else:
         raise SimulationError(
             f"the impact of the stops {', '.join(touching)} has no solution: they jam."
         )
@@ -363,3 +366,108 @@ class ActiveSet:
             raise InputError(
                 f"start does not fit the joints that close a loop ({names}): their points stand apart by up to {worst}."
             )
+
+
+class Bouncing:
+    """Restitution of the stops of one motion, and when each came to rest.
+
+    For 0 < e < 1 infinitely many rebounds end by a finite time, of which the last are summed in
+    closed form. Once they are short, what pulls the gap g back is linear in time and in the gap's
+    speed, g'' = -(a + j t + c g'), with t along the resting motion. With rebound speed v after an
+    impact at t, the series of the remaining flights sums, to first order in j and c, to
+
+        rest = t + tau (1 - tau (j / (3 a) + c / 6)),        tau = 2 v / (a (1 - e)).
+
+    The sum errs by the cube of tau over the motion's own time, and an impact is located to the
+    rounding of its gap over its speed: the time of rest is taken where both are small (`_SUMMED`),
+    while impacts are followed further (`SETTLED`), so that states err by a rebound some 1e-13 times
+    as high as the first fall. Both limits are parts of one speed scale.
+    """
+
+    def __init__(self, equations: Equations) -> None:
+        self.equations = equations
+        self._restitution = {stop.name: stop.restitution for stop in equations.mechanism.stops}
+        self.rest_times: dict[str, list[float]] = {name: [] for name in self._restitution}
+        """By stop, the instants at which it ceased to bounce, or was met without rebound [s]."""
+        self._energy = 0.0
+        self._summed: dict[str, float] = {}
+
+    def restitution(self, q: FloatArray, u: FloatArray, speeds: Mapping[str, float]) -> FloatArray:
+        """What each touching stop's gap speed is multiplied with, 0 where it is met too slowly to rebound.
+
+        Args:
+            q, u: state before the impact, shape (n_q,).
+            speeds: gap speeds by stop [its speed_unit].
+        """
+        self._energy = max(self._energy, float(self.equations.kinematics.kinetic_energy(q, u)))
+        return np.array(
+            [
+                self._restitution[n] if v < -SETTLED * self._scale(n, q) else 0.0
+                for n, v in speeds.items()
+            ]
+        )
+
+    def note_impact(
+        self,
+        t: float,
+        q: FloatArray,
+        u: FloatArray,
+        closed: Sequence[str],
+        speeds: Mapping[str, float],
+    ) -> None:
+        """Note which of the stops that were met are at rest now, and when those that bounce will be.
+
+        Args:
+            t: when [s].
+            q, u: the state after, shape (n_q,).
+            closed: stops that are active after it.
+            speeds: gap speeds before it, of stops that were not active.
+        """
+        self._summed = {name: rest for name, rest in self._summed.items() if set(speeds) == {name}}
+        for name, speed in speeds.items():
+            e = self._restitution[name]
+            slow = 0.0 < e < 1.0 and e * abs(speed) < _SUMMED * (1.0 - e) * self._scale(name, q)
+            if slow and name not in self._summed:
+                self._summed[name] = t + self._remaining(name, q, u, closed, e, abs(speed))
+            elif not slow:
+                self._summed.pop(name, None)
+            if name in closed:
+                self.rest_times[name].append(self._summed.pop(name, t))
+
+    def interrupt(self) -> None:
+        """Forget what was summed: another stop has opened."""
+        self._summed.clear()
+
+    def _scale(self, name: str, q: FloatArray) -> float:
+        row = self._row(name, q)
+        return speed_scale(self._energy, float(row @ self.equations.response(q, row)))
+
+    def _row(self, name: str, q: FloatArray) -> FloatArray:
+        return self.equations.kinematics.gap_jacobian(name, q)
+
+    def _remaining(
+        self, name: str, q: FloatArray, u: FloatArray, closed: Sequence[str], e: float, speed: float
+    ) -> float:
+        """Time that the remaining rebounds take of a stop met with a gap speed [s]; 0 if nothing pulls back."""
+        others = tuple(other for other in closed if other != name)
+        row = self._row(name, q)
+        response = self.equations.response(q, row)
+        along = response / (
+            row @ response
+        )  # speeds that an impulse of the stop causes, for a gap speed of 1
+        resting = u - along * (row @ u)
+        pull = self._pull(name, q, resting, others)
+        if pull <= 0.0:
+            return 0.0
+        tau = 2.0 * e * speed / (pull * (1.0 - e))
+        acceleration = self.equations.solve(q, resting, (*others, name))[0]
+        later = self._pull(name, q + tau * resting, resting + tau * acceleration, others)
+        up, down = (
+            self._pull(name, q, resting + sign * speed * along, others) for sign in (1.0, -1.0)
+        )
+        return tau * (1.0 - (later - pull) / (3.0 * pull) - tau * (up - down) / (12.0 * speed))
+
+    def _pull(self, name: str, q: FloatArray, u: FloatArray, others: Sequence[str]) -> float:
+        """The gap's acceleration towards zero without the stop, the others being active."""
+        free = self.equations.solve(q, u, others)[0]
+        return -float(self._row(name, q) @ free + self.equations.kinematics.gap_bias(name, q, u))

@@ -4,9 +4,9 @@ With w = (-i e^{-i q}) on angles and 1 on slides (:mod:`..models.phasors`) and K
 over the bodies' centres C, one Hermitian matrix H_ij = conj(w_i) K_ij w_j holds everything
 quadratic:
 
-    M(q)   = Re H + diag(I)                    mass matrix (M_ij = Re(K_ij e^{i(q_i - q_j)}) for two
-    angles) b(q,u) = Im(H) (s u^2),  s = 1 on angles   centrifugal forces, on the left: M a + b = Q
-    + G^T lam Q(q)   = Re(conj(w) (C^H m) (-i g))        gravity
+    M(q)   = Re H + diag(I)                 mass matrix (Re(K_ij e^{i(q_i - q_j)}) for two angles)
+    b(q,u) = Im(H) (s u^2),  s = 1 on angles    centrifugal, on the left: M a + b = Q + G^T lam
+    Q(q)   = Re(conj(w) (C^H m) (-i g))         gravity
 
 Slides along lines that turn add a second derivative to w, so that its Jacobian J is not diagonal:
 then H = J^H K J, b = Re(J^H K dJ/dt u) and Q = Re(J^H (C^H m) (-i g)). Force elements add theirs
@@ -14,7 +14,7 @@ then H = J^H K J, b = Re(J^H K dJ/dt u) and Q = Re(J^H (C^H m) (-i g)). Force el
 
 Constraints (closed stops, loops of joints) enter by the index-1 form of KKT: G a = -gamma. Where
 some of them follow from the others (a beam on three parallel cranks), the accelerations are unique
-and the multipliers are not: those of least norm are taken (:mod:`.dependence`).
+and the multipliers are not: those of least norm are taken (:class:`Scales`).
 
 Consistent initialisation: the nearest coordinates and speeds that fulfil the constraints.
 Gauss-Newton with the least step that removes the linearised residual, G(q) dq = -residual; speeds
@@ -27,7 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -39,14 +39,13 @@ from ..models.kinematics import Kinematics, immovable_stops
 from ..models.mechanism import Mechanism
 from ..models.scalar_functions import AngleFunction, PointFunction, ScalarFunction
 from .compiled import Added, CompiledEquations, compiled_equations, not_unique
-from .dependence import Basis, Scales, least_step, scales_of
 
 _ITERATIONS = 30  # from a slightly changed mechanism's start it takes three or four
 _FITS = 1e-14  # [rad or m] relative to the size of the coordinates
-_BESIDE, _POSITIONS = (
-    1e-2,
-    3,
-)  # [rad; slides: of the largest length] distance and number of positions tried beside one
+_BESIDE = 1e-2  # [rad; slides: of the largest length] distance of the positions tried beside one
+_POSITIONS = 3  # number of these
+# Of the largest singular value of S: loops need to close to 1e-9 m, and S is as far off.
+_DEPENDENT = 1e-6
 
 
 class Equations:
@@ -389,3 +388,73 @@ def _rank_near(equations: Equations, q: FloatArray, closed: Sequence[str]) -> in
                 "on each other there and not beside it, so accelerations are not unique."
             )
     return rank
+
+
+@dataclass(frozen=True)
+class Scales:
+    r"""Scales in which constraints are compared: diagonals of D_r (n_constraints,) and D_c (n_q,).
+
+    Redundant constraints (a beam on three parallel cranks) leave accelerations unique and
+    multipliers not: with G^T n = 0, every lam + c n exerts the same generalized forces. Let
+    S = D_r G D_c, with columns divided by the root of the mass matrix' diagonal, and each row by
+    the greatest length it can have then in any position, so that no unit matters. With
+    S = U sigma V^T and rank r, the first r columns of U make independent constraints of them,
+
+        (U_r^T D_r) G a = -(U_r^T D_r) gamma,        lam = D_r U_r mu,
+
+    whose multipliers mu are unique. Of all lam that exert the same forces, this one has the least
+    norm of D_r^{-1} lam.
+    """
+
+    rows: FloatArray
+    columns: FloatArray
+
+    def rank(self, jacobian: FloatArray) -> int:
+        """Number of independent constraints in one position."""
+        values = np.linalg.svd(self._scaled(jacobian), compute_uv=False)
+        return int((values > _DEPENDENT * values.max(initial=0.0)).sum())
+
+    def basis(self, jacobian: FloatArray, rank: int) -> Basis:
+        """The basis of constraints of a known rank, in positions (...)."""
+        basis = np.swapaxes(np.linalg.svd(self._scaled(jacobian))[0], -1, -2) * self.rows
+        return Basis(basis[..., :rank, :], basis[..., rank:, :])
+
+    def _scaled(self, jacobian: FloatArray) -> FloatArray:
+        """S of constraints in positions (...), shape (..., n_constraints, n_q)."""
+        return self.rows[..., None] * jacobian * self.columns[..., None, :]
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Independent combinations of dependent constraints, and combinations of multipliers that exert no force."""
+
+    rows: FloatArray
+    """U_r^T D_r, shape (..., rank, n_constraints)."""
+    null: FloatArray
+    """Multipliers that exert no generalized force, shape (..., n_constraints - rank, n_constraints)."""
+
+
+def scales_of(inertia: FloatArray, amplitudes: FloatArray) -> Scales:
+    """Scales of constraints.
+
+    Args:
+        inertia: the mass matrix' diagonal, shape (..., n_q).
+        amplitudes: the greatest values of the constraints' derivatives in any position, (...,
+            n_constraints, n_q).
+    """
+    columns = 1.0 / np.sqrt(np.where(inertia > 0, inertia, 1.0))
+    lengths = np.linalg.norm(amplitudes * columns[..., None, :], axis=-1)
+    return Scales(1.0 / np.where(lengths > 0, lengths, 1.0), columns)
+
+
+def least_step(jacobian: FloatArray, residual: FloatArray, rank: int) -> FloatArray:
+    """The least dq with G dq = residual for constraints of a known rank, shape (n_q,).
+
+    Beside the positions in which all constraints are fulfilled, dependent ones contradict each
+    other: their combination is left out, as small as it is, for it would move the mechanism along
+    its own motion.
+    """
+    if rank == len(jacobian):
+        return np.asarray(np.linalg.lstsq(jacobian, residual, rcond=None)[0], dtype=np.float64)
+    left, values, right = np.linalg.svd(jacobian)
+    return right[:rank].T @ (left[:, :rank].T @ residual / values[:rank])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from ..models.arrays import FloatArray
+from ..models.elements import STOPS, ElementTable, PointStop, Stop
 from ..models.errors import UnsupportedProblemError
 from ..models.joints import GROUND
 from ..models.kinematics import Kinematics
@@ -35,14 +37,28 @@ def joint_reactions(
     loops = _loop_forces(kinematics, q, loop_multipliers)
     for joint in mechanism.loop_joints:
         _act(left, joint.child, joint.parent, loops[joint.name])
-    for stop in mechanism.point_stops:
-        normal = _in_world(kinematics, q, stop.relative_to, complex(*stop.normal))
-        _act(left, stop.body, stop.relative_to, stop_torques[stop.name][:, None] * normal)
+    for stop in mechanism.stops:
+        normal = _NORMALS[stop](kinematics, q, stop)
+        if normal is not None:
+            _act(left, stop.body, stop.relative_to, stop_torques[stop.name][:, None] * normal)
     joints = mechanism.tree_joints
     for joint in reversed(joints):  # from the tips to the ground
         if joint.parent != GROUND:
             left[joint.parent] = left[joint.parent] + left[joint.child]
     return {joint.name: left[joint.child] for joint in joints if joint.held_directions} | loops
+
+
+def _no_force(kinematics: Kinematics, q: FloatArray, stop: Stop) -> None:
+    """A stop on an angle: its torque needs no force of a joint."""
+
+
+def _wall_normal(kinematics: Kinematics, q: FloatArray, stop: PointStop) -> FloatArray:
+    return _in_world(kinematics, q, stop.relative_to, complex(*stop.normal))
+
+
+_NORMALS: ElementTable[Callable[[Kinematics, FloatArray, Any], FloatArray | None]] = ElementTable(
+    "The reference's joint forces", STOPS, {Stop: _no_force, PointStop: _wall_normal}
+)
 
 
 def _act(left: dict[str, FloatArray], body: str, other: str, force: FloatArray) -> None:

@@ -8,27 +8,27 @@ and Guillemin, Stable Mappings and Their Singularities, 1973, on transversal cro
 value that only touches zero tells of branches that touch, or of a mechanism at rest.
 
 Across such a position the motion is taken as one polynomial over a short window that fulfils the
-equations of motion at Gauss's points, which lie beside the position (:mod:`.collocation`). Whatever
+equations of motion at Gauss's points, which lie beside the position (:func:`collocated`). Whatever
 leaves the branch has a pole in the window and is near no polynomial: then polynomials of different
 degrees differ, or the loops do not close between the points. Their difference tells how far the
 passage is known. Multipliers have simple poles there in general: see
-:meth:`.window.Window.multipliers`.
+:meth:`Window.multipliers`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
+from numpy.polynomial import legendre
 from scipy.integrate import DenseOutput
+from scipy.linalg import lu_factor, lu_solve
 
 from ..models.arrays import FloatArray
 from ..models.errors import SimulationError
-from .collocation import Given, Polynomial, collocated, gauss
-from .dependence import least_step, scales_of
-from .equations import Equations
-from .window import BESIDE, SingularPassage, Window
+from .equations import Equations, least_step, scales_of
 
 _NEAR = 0.15  # singular value below which a window is tried; of a crank and a coupler alike, about their angle [rad]
 _CLOSE = 0.05  # a window is kept if it comes this close, though it turns before: rounding grows as 1/square of that
@@ -42,10 +42,8 @@ _DRIFT = 3e-12  # of the largest arm: loops that close no better are integrated 
 _SAMPLES = 200  # of a window, in search of singular positions
 _ITERATIONS, _PLACINGS = 20, 8
 _EPSILON = 4 * float(np.finfo(np.float64).eps)
-_PROBES, _SAFETY = (
-    np.linspace(0.0, 1.0, 5),
-    2.0,
-)  # of a step; of what it may change, as speeds inside it are others
+_PROBES = np.linspace(0.0, 1.0, 5)  # of a step
+_SAFETY = 2.0  # times what a step may change, as speeds inside it are others
 _POSITIONS = 32  # random ones, for the largest arms
 
 
@@ -375,3 +373,225 @@ def note_singular_start(equations: Equations, q: FloatArray, u: FloatArray) -> N
         if near and equations.rank(place, ()) == rank:
             equations.note_rank((), rank)
             return
+
+
+BESIDE = 1e-3  # of a window's half: as near to a singular position counts as in it
+_POLE = 1e-5  # of a window's half
+
+
+@dataclass(frozen=True)
+class SingularPassage:
+    """A singular position that the motion went through on its smooth branch."""
+
+    time: float
+    """[s]"""
+    time_uncertainty: float
+    """[s]"""
+    uncertainty: float
+    """By which the coordinates behind it differ between two polynomials [rad, m of the largest arm's part]."""
+    lost: int
+    """How many of the independent constraints depend on the others there."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """The motion from beside a singular position to beside it again, and the passages in it."""
+
+    start: float
+    end: float
+    passages: tuple[SingularPassage, ...]
+    motion: Polynomial
+    forces: FloatArray
+    """Legendre series of the multipliers, times the distances from all poles in halves of the window."""
+    poles: FloatArray
+    """Times of all passages, also of those after `end` [s]."""
+
+    def until(self, end: float, releases: bool) -> Window:
+        """The part up to `end` [s], where a stop opens or not.
+
+        Raises:
+            SimulationError: a stop's torque passes a pole there instead of zero.
+        """
+        if releases and np.any(np.abs(self.poles - end) < BESIDE * self.motion.half):
+            raise SimulationError(
+                f"the reference gave up at t = {end:.6g} s: a stop opens in a singular position, in which its torque "
+                "grows beyond all bounds."
+            )
+        return replace(
+            self,
+            end=end,
+            passages=tuple(passage for passage in self.passages if passage.time <= end),
+        )
+
+    def dense_output(self) -> DenseOutput:
+        """As that of an integrator's step."""
+        return _WindowOutput(self)
+
+    def accelerations(self, t: FloatArray) -> FloatArray:
+        """Of the branch at times t [s], shape (n, n_q)."""
+        return self.motion.values(self.motion.a, t)
+
+    def multipliers(self, t: FloatArray) -> FloatArray:
+        """Shape (n, n_constraints); as 1/(t - time) beside a passage unless the branch needs no such force.
+
+        Within a hundred-thousandth of the window the mean of both sides is given: the finite part.
+        """
+        near = _POLE * self.motion.half
+        of = (
+            np.argmin(np.abs(t[:, None] - self.poles), axis=1)
+            if len(self.poles)
+            else np.zeros(len(t), dtype=int)
+        )
+        pole = self.poles[of] if len(self.poles) else np.full(len(t), np.inf)
+        inside = np.abs(t - pole) < near
+        sides = [np.where(inside, pole + side * near, t) for side in (-1.0, 1.0)]
+        return 0.5 * np.sum(
+            [self.motion.values(self.forces, at) / self._distances(at) for at in sides], axis=0
+        )
+
+    def _distances(self, t: FloatArray) -> FloatArray:
+        return np.prod((t[:, None] - self.poles) / self.motion.half, axis=1)[:, None]
+
+
+class _WindowOutput(DenseOutput):
+    def __init__(self, window: Window) -> None:
+        super().__init__(window.start, window.end)
+        self._motion = window.motion
+
+    def _call_impl(self, t: FloatArray) -> FloatArray:
+        m = self._motion
+        return np.concatenate([m.values(m.q, t), m.values(m.u, t)], axis=-1).T
+
+
+# Of the largest arm: a change this small ends Newton's iteration; and one where none is smaller.
+_ROUNDING, _STALLED = 1e-15, 1e-12
+Accelerations = Callable[[FloatArray, FloatArray], FloatArray]
+"""Of coordinates and speeds, shapes (n, n_q)."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """The state that a motion has at one time [s]."""
+
+    time: float
+    q: FloatArray
+    u: FloatArray
+
+
+@dataclass(frozen=True)
+class Polynomial:
+    """A motion over a window from `start` [s], twice `half` long: Legendre series on -1 to 1, each (n, ...)."""
+
+    start: float
+    half: float
+    q: FloatArray
+    u: FloatArray
+    a: FloatArray
+
+    def values(self, series: FloatArray, t: FloatArray) -> FloatArray:
+        """A series at times t [s]: shape (*t.shape, ...)."""
+        values = legendre.legval((np.asarray(t) - self.start) / self.half - 1.0, series)
+        return np.asarray(np.moveaxis(values, 0, -1), dtype=np.float64)
+
+
+def collocated(
+    accelerations: Accelerations,
+    given: Given,
+    window: tuple[float, float],
+    n: int,
+    guess: Polynomial | None,
+    arms: FloatArray,
+) -> Polynomial | None:
+    """The polynomial motion that fulfils the equations at n points of a window and a given state.
+
+    Hairer, Norsett, Wanner, *Solving Ordinary Differential Equations I*, 1993, II.7. Where the
+    motion is analytic the error falls as fast as its Legendre series does. What happens between
+    the points, at which the equations may be singular, is never evaluated.
+
+    Args:
+        accelerations: the equations of motion.
+        given: the state, at the window's start or in its middle.
+        window: its start and half its length [s].
+        n: number of points.
+        guess: another polynomial near it; constant accelerations, those of the given state, if left
+        out.
+        arms: weights of the coordinates, shape (n_q,), that make them comparable.
+
+    Returns:
+        None if Newton's iteration does not converge.
+    """
+    start, half = window
+    base = (given.time - start) / half - 1.0
+    x, to_series, once, twice = gauss(n, base)
+    once, twice = half * once, half**2 * twice
+    start_q, start_u = (
+        given.q + half * np.outer(x - base, given.u),
+        np.broadcast_to(given.u, (n, len(given.u))),
+    )
+    a = (
+        _first(accelerations, given, base, n)
+        if guess is None
+        else guess.values(guess.a, start + half * (x + 1))
+    )
+    last, factors = np.inf, None
+    for _ in range(_ITERATIONS):
+        q, u = start_q + twice @ a, start_u + once @ a
+        if factors is None:
+            factors = lu_factor(_newton(accelerations, q, u, once, twice), check_finite=False)
+        change = lu_solve(factors, (accelerations(q, u) - a).ravel(), check_finite=False).reshape(
+            a.shape
+        )
+        a = a + change
+        size = float((np.abs(twice @ change) * arms).max())
+        if not size < 10:
+            return None
+        if size < _ROUNDING or (size < _STALLED and size > 0.3 * last):
+            return _integrated(given, window, to_series @ a, base)
+        factors = None if size > 0.1 * last else factors
+        last = size
+    return None
+
+
+def _first(accelerations: Accelerations, given: Given, base: float, n: int) -> FloatArray:
+    """Constant accelerations; none where the given state is in the middle, and so a singular position."""
+    a = accelerations(given.q, given.u) if base < 0 else np.zeros_like(given.u)
+    return np.broadcast_to(a, (n, len(a)))
+
+
+def _integrated(
+    given: Given, window: tuple[float, float], series: FloatArray, base: float
+) -> Polynomial:
+    start, half = window
+    u = np.asarray(half * legendre.legint(series, lbnd=base), dtype=np.float64)
+    u[0] += given.u
+    q = np.asarray(half * legendre.legint(u, lbnd=base), dtype=np.float64)
+    q[0] += given.q
+    return Polynomial(start, half, q, u, series)
+
+
+def _newton(
+    accelerations: Accelerations, q: FloatArray, u: FloatArray, once: FloatArray, twice: FloatArray
+) -> FloatArray:
+    """Derivative of a - f(q, u) by the accelerations at all points, f's own by differences."""
+    n, n_q = q.shape
+    matrix = np.zeros((n, n_q, n, n_q))
+    for j in range(n_q):
+        dq, du = np.zeros(n_q), np.zeros(n_q)
+        dq[j], du[j] = 1e-7, 1e-6 * max(1.0, float(np.abs(u).max()))
+        by_q = (accelerations(q + dq, u) - accelerations(q - dq, u)) / (2 * dq[j])
+        by_u = (accelerations(q, u + du) - accelerations(q, u - du)) / (2 * du[j])
+        matrix[:, :, :, j] = -(
+            by_q[:, :, None] * twice[:, None, :] + by_u[:, :, None] * once[:, None, :]
+        )
+    return matrix.reshape(n * n_q, n * n_q) + np.eye(n * n_q)
+
+
+@lru_cache(16)
+def gauss(n: int, base: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Gauss's n points, what makes Legendre series of values there, and their integrals from `base`, once and twice."""
+    points, weights = legendre.leggauss(n)
+    x = np.asarray(points, dtype=np.float64)
+    to_series = (np.arange(n) + 0.5)[:, None] * legendre.legvander(x, n - 1).T * weights
+    integrals = (legendre.legval(x, legendre.legint(to_series, m, lbnd=base)).T for m in (1, 2))
+    once, twice = (np.asarray(values, dtype=np.float64) for values in integrals)
+    return x, to_series, once, twice

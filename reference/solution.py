@@ -20,7 +20,7 @@ from ..version import __version__
 from .equations import Equations
 from .integrator import numerical, refuse_infinite
 from .reactions import joint_reactions, undetermined_forces
-from .window import SingularPassage, Window
+from .singular import SingularPassage, Window
 
 
 @dataclass(frozen=True)

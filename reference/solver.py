@@ -10,38 +10,44 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy.integrate import DenseOutput, OdeSolution
 from scipy.optimize import brentq
 
 from ..models.arrays import FloatArray
+from ..models.elements import (
+    FORCE_ELEMENTS,
+    ConstantForce,
+    ConstantTorque,
+    CubicTorsionSpring,
+    ElementTable,
+    RotationalSpringDamper,
+    SpringDamper,
+)
 from ..models.errors import InputError, SimulationError
 from ..models.kinematics import initial_state
 from ..models.mechanism import Mechanism
 from ..models.problem import LONGEST, Problem, StopLaw
-from .compiled_integrator import CompiledIntegrator
 from .contact import ActiveSet, EventFunction, PostEventState
-from .damping import longest_step
 from .equations import Equations
-from .integrator import MOST_STEPS, Integrator, StepLimit, numerical, one_thread
-from .singular import Watch, note_singular_start
+from .integrator import MOST_STEPS, CompiledIntegrator, Integrator, StepLimit, numerical, one_thread
+from .singular import Watch, Window, note_singular_start
 from .solution import Segment, Solution
-from .window import Window
 
 _MAX_EVENTS = 10_000
 _LAUNCH_SPANS = (2.0, 5.5)  # characteristic times; Table I launches at 1.5
-
 _PROBES = np.linspace(0.0, 1.0, 6)  # where inside a step the functions are sampled
 _PARTS = 8  # of a window across a singular position, each probed as a step is
 _SAME_TIME = 1e-13  # [s] events closer than this are one instant
+_TIME_CONSTANTS = 3.0  # length of a step where a damper decides
 _ROUNDING = 1e-12  # [rad] a gap this little below zero has just been at zero
-
 TOLERANCE = 3e-14
-"""Just above the least SciPy takes (100 machine epsilons): energy then varies by some 1e-13, between the steps, too."""
+"""Just above the least that SciPy takes (100 machine epsilons): energy then varies by some 1e-13."""
 
 
 def solve(
@@ -422,3 +428,48 @@ def _root(function: Callable[[float], float], start: float, end: float) -> float
     if first * last >= 0:
         return start if abs(first) <= abs(last) else end
     return float(brentq(function, start, end, xtol=1e-15, rtol=1e-15))
+
+
+def _damping(element: SpringDamper | RotationalSpringDamper) -> float:
+    return element.damping
+
+
+def _no_damping(element: object) -> float:
+    return 0.0
+
+
+_DAMPING: ElementTable[Callable[[Any], float]] = ElementTable(
+    "The reference's limit of steps",
+    FORCE_ELEMENTS,
+    {
+        SpringDamper: _damping,
+        RotationalSpringDamper: _damping,
+        CubicTorsionSpring: _no_damping,
+        ConstantForce: _no_damping,
+        ConstantTorque: _no_damping,
+    },
+)
+
+
+def longest_step(equations: Equations, q: FloatArray, closed: Sequence[str]) -> float:
+    """Longest step in a position, shape (n_q,) [s]; infinite without dampers.
+
+    DOP853's steps are limited by stability, not by accuracy, where a damper decides. On the border
+    of stability a step's end is accurate, for the error estimate of the next step corrects it, but
+    the dense output in between is not: with h times the decay rate at 6 it errs a hundred times
+    more than the step. Steps of at most `_TIME_CONSTANTS` are well inside.
+
+    Args:
+        closed: active stops.
+    """
+    elements = equations.mechanism.force_elements
+    if not any(_DAMPING[element](element) > 0 for element in elements):
+        return np.inf
+    units = np.eye(len(q))
+    # Accelerations are quadratic in speeds: dampers are what is odd in them.
+    up, down = (
+        equations.solve(np.broadcast_to(q, units.shape), sign * units, closed)[0]
+        for sign in (1.0, -1.0)
+    )
+    fastest = np.abs(np.linalg.eigvals((up - down).T / 2)).max()
+    return _TIME_CONSTANTS / float(fastest) if fastest > 0 else np.inf

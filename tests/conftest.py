@@ -15,7 +15,7 @@ import trebucheck as tb
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from trebucheck.cli.app import main
-from trebucheck.comparisons.runs.worker import Worker
+from trebucheck.comparisons.runs.process import Worker
 from trebucheck.engines.registry import engine_class, engine_names
 
 # Derandomised: a red run is red again on the next machine. `HYPOTHESIS_PROFILE=search` looks
@@ -43,7 +43,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "engine_name" in metafunc.fixturenames:
-        asked = metafunc.config.getoption("--engines")
+        asked = metafunc.config.getoption("--engines", default="")
         names = asked.split(",") if asked else list(engine_names())
         metafunc.parametrize("engine_name", [_param(name) for name in names])
 

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from scipy.optimize import brentq
-from trebucheck.comparisons.compare import machine as comparing
+from trebucheck.comparisons.compare import study as comparing
+from trebucheck.comparisons.runs.process import Worker
 from trebucheck.comparisons.runs.results import Outcome, Run
 from trebucheck.comparisons.runs.runner import Runner
-from trebucheck.comparisons.runs.until import Until
-from trebucheck.comparisons.runs.worker import Worker
+from trebucheck.comparisons.runs.study import Until
 from trebucheck.engines import registry
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.models.kinematics import Kinematics

@@ -1,23 +1,35 @@
-"""Convergence of engines on a machine: parameters swept, orders fitted, floors explained, limits extrapolated."""
+"""Convergence of an engine on a mechanism: parameters swept, orders fitted, floors explained.
+
+The order is a straight line in the log-log plane, over the range in which there is one. Richardson's
+limit is what an engine would say with no time step at all, as functions of time: the deviations
+from the reference stand on one grid of times, so that those of different steps can be subtracted
+and extrapolated sample by sample. (Richardson 1911; Roache, Verification and Validation, on
+observed orders.) The cause of a floor is decided by refining every other parameter once there.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
 import numpy as np
+from scipy import stats
+from scipy.optimize import brentq
 
 from ...engines.protocol import Engine
 from ...engines.registry import engine, engine_class, engine_names, engine_study, options_for
-from ...engines.study import ConstraintKinds, StepOrder, SweptParameter
+from ...engines.study import ConstraintKinds, Options, Refinement, StepOrder, SweptParameter
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
-from ..runs.study import Counter, Study, all_in_order
-from ..runs.trials import Deviation, Trial, Trials, trials_of
-from .floor import Site, floor
-from .orders import FEWEST, Extrapolated, Level, fitting, largest, limit, power_law
+from ...reference.certification.certificate import REFUSED_BELOW
+from ..report.numbers import format_number
+from ..runs.process import all_in_order
+from ..runs.record import Curves, EngineRuns, RunRecord, runs_of
+from ..runs.runner import run_duration
+from ..runs.study import Counter, Study
 from .results import (
     Curve,
     Floor,
@@ -30,6 +42,307 @@ from .results import (
     Studies,
 )
 from .results import Study as ParameterStudy
+
+CONFIDENCE = 0.95
+FEWEST = 4  # points of a line: two make it, two more can gainsay it
+SLOPE = 0.1
+"""How far the local slope may depart from a line's along its run: the bar the suite states for orders. A parabola that
+is off a line by r at worst, over a length L of the logarithm, has slopes that are off by 6 r / L at
+its ends; so a run is taken for straight if its worst point is off by no more than SLOPE * L / 6."""
+TENFOLD = 10.0
+"""An exponent is only claimed where the error changes at least so much: less may be a floor with a slope."""
+
+
+def power_law(
+    values: Sequence[float], errors: Sequence[float | None], uncertainty: float = 0.0
+) -> PowerLaw | None:
+    """The power law that tells the most of a study: error = factor * value^exponent.
+
+    Of all runs of at least four neighbouring points on a line (least squares of the logarithms)
+    whose slope departs by less than `SLOPE`, the one along which the error changes most. The rule
+    knows of no expected exponent; it leaves out a floor, on which the error does not change, and a
+    coarse end with another slope.
+
+    Args:
+        values: of the swept parameter, positive.
+        errors: None where a run failed, which parts neighbours.
+        uncertainty: errors not above it are not fitted: they measure the reference.
+
+    Returns:
+        None where no run of points qualifies, or along none the error changes tenfold.
+    """
+    order = np.argsort(values)
+    x = np.array(values, dtype=np.float64)[order]
+    y = np.array(
+        [np.nan if e is None or e <= uncertainty or e <= 0 else e for e in errors], dtype=np.float64
+    )[order]
+    laws = [
+        law
+        for law in _lines(x, y)
+        if abs(law.exponent) * np.log(law.high / law.low) >= np.log(TENFOLD)
+    ]
+    return max(laws, key=lambda law: abs(law.exponent) * np.log(law.high / law.low), default=None)
+
+
+def _lines(x: FloatArray, y: FloatArray) -> Iterator[PowerLaw]:
+    """Every run of neighbours that one line tells well enough."""
+    for first, end in combinations(range(len(x) + 1), 2):
+        # A run of one and the same error is a floor; linregress has no deviation for it.
+        if end - first >= FEWEST and np.isfinite(y[first:end]).all() and np.ptp(y[first:end]) > 0:
+            law, off = _line(np.log(x[first:end]), np.log(y[first:end]))
+            if 6.0 * off <= SLOPE * np.log(law.high / law.low):
+                yield law
+
+
+def _line(x: FloatArray, y: FloatArray) -> tuple[PowerLaw, float]:
+    """The line through all these logarithms, and how far the worst point is off it."""
+    line = stats.linregress(x, y)
+    quantile = stats.t.ppf((1 + CONFIDENCE) / 2, len(x) - 2)
+    law = PowerLaw(
+        exponent=float(line.slope),
+        half_width=float(quantile * line.stderr),
+        factor=float(np.exp(line.intercept)),
+        low=float(np.exp(x[0])),
+        high=float(np.exp(x[-1])),
+        points=len(x),
+    )
+    return law, float(np.abs(y - line.intercept - line.slope * x).max())
+
+
+ASYMPTOTIC = 0.1
+"""How far an observed order may lie from a whole number: the bar the suite states for orders themselves."""
+_LOWEST, _HIGHEST = 0.1, 8.0  # orders that are looked for
+_NEAR, _CANDIDATES = (
+    0.03,
+    6001,
+)  # range of the fitting step about the one asked for, relative; steps tried in it
+
+
+@dataclass(frozen=True)
+class Level:
+    """A motion's deviation at one time step."""
+
+    step: float
+    """[s]"""
+    position: FloatArray
+    """[m], shape (..., 2, n): of one point or several."""
+    torques: FloatArray
+    """[N m], shape (number of stops, n)."""
+
+
+@dataclass(frozen=True)
+class Extrapolated:
+    """A limit, and how it was come by."""
+
+    levels: tuple[float, ...]
+    order: float
+    power: int
+    position: FloatArray
+    """Deviation of the limit from the reference [m], shape (..., 2, n)."""
+    torques: FloatArray
+    position_three: FloatArray
+
+    @property
+    def estimate(self) -> float:
+        """The limit's own error [m], without the reference: its distance from the one of three levels."""
+        return largest(self.position - self.position_three)
+
+
+def largest(position: FloatArray) -> float:
+    """Largest length of any vector over time [m]; shape (..., 2, n)."""
+    return float(np.linalg.norm(position, axis=-2).max())
+
+
+def limit(levels: Sequence[Level]) -> Extrapolated | None:
+    """The best limit of a ladder of levels, judged without the reference.
+
+    Of all three neighbouring levels whose successive differences show a whole order, those whose
+    limits from two and from three levels lie nearest to each other. A coarse triple fails by the
+    next power, a fine one by rounding.
+
+    Args:
+        levels: of one engine and preset, at least three.
+
+    Returns:
+        None if no three levels show a whole order.
+    """
+    ladder = sorted(levels, key=lambda level: -level.step)
+    triples = zip(ladder, ladder[1:], ladder[2:], strict=False)
+    limits = [
+        extrapolated for triple in triples if (extrapolated := _extrapolated(triple)) is not None
+    ]
+    return min(limits, key=lambda extrapolated: extrapolated.estimate, default=None)
+
+
+def observed_order(steps: Sequence[float], first: float, second: float) -> float | None:
+    """The order p for which (h0^p - h1^p) / (h1^p - h2^p) is the ratio of two successive differences.
+
+    Args:
+        steps: three, from coarse to fine [s]; their ratios need not be the same.
+        first: size of the difference between the coarser two.
+        second: between the finer two.
+
+    Returns:
+        None where no order between 0.1 and 8 does.
+    """
+    h0, h1, h2 = steps
+
+    def excess(p: float) -> float:
+        return np.log((h0**p - h1**p) / (h1**p - h2**p)) - np.log(first / second)
+
+    if not (first > 0 and second > 0) or excess(_LOWEST) * excess(_HIGHEST) > 0:
+        return None
+    return float(brentq(excess, _LOWEST, _HIGHEST))
+
+
+def weights(steps: Sequence[float], powers: Sequence[int]) -> FloatArray:
+    """What to add the levels up with, so that the given powers of the step cancel; they sum to 1.
+
+    Args:
+        steps: one more than there are powers [s].
+    """
+    h = np.array(steps) / min(steps)
+    matrix = np.stack([h ** float(p) for p in (0, *powers)])
+    return np.linalg.solve(matrix, np.eye(len(steps))[0])
+
+
+def _extrapolated(triple: tuple[Level, Level, Level]) -> Extrapolated | None:
+    steps = tuple(level.step for level in triple)
+    coarse, middle, fine = (level.position for level in triple)
+    order = observed_order(steps, largest(coarse - middle), largest(middle - fine))
+    if order is None or round(order) < 1 or abs(order - round(order)) > ASYMPTOTIC:
+        return None
+    power = round(order)
+    two, three = weights(steps[1:], (power,)), weights(steps, (power, power + 1))
+    return Extrapolated(
+        levels=steps,
+        order=order,
+        power=power,
+        position=np.tensordot(two, np.stack([middle, fine]), 1),
+        torques=np.tensordot(two, np.stack([level.torques for level in triple[1:]]), 1),
+        position_three=np.tensordot(three, np.stack([coarse, middle, fine]), 1),
+    )
+
+
+def fitting(step: float, end: float, events: Sequence[float], longest: float = math.inf) -> float:
+    """The step near the one asked for of which whole numbers come nearest to filling what remains after each event.
+
+    Engines fit a whole number of equal steps between an event and the end, and so shorten them by
+    up to one part in that number. Unequal shortening would spoil the ratio of the steps, on which
+    Richardson's extrapolation rests.
+
+    Args:
+        step: asked for [s].
+        end: of the compared motion [s].
+        events: times of the reference's releases [s].
+        longest: that the reference goes on to [s].
+    """
+    candidates = step * np.linspace(1.0 - _NEAR, 1.0 + _NEAR, _CANDIDATES)
+    durations = np.array([run_duration(end, float(candidate), longest) for candidate in candidates])
+    left = [(durations - start) / candidates for start in (0.0, *events)]
+    shortened = np.max([(np.ceil(n - 1e-9) - n) / n for n in left], axis=0)
+    return float(candidates[int(np.argmin(shortened))])
+
+
+LOWERED = 0.8
+"""A refinement that leaves less than this share of an error has lowered it: the smallest one, a halving at first order,
+leaves 0.5, and 0.8 where only two fifths of the error are of its making."""
+_SINGLE = float(np.finfo(np.float32).epsneg)
+_NAMED = 3  # refinements in the evidence
+GROWN = 1.5
+"""An error this many times the floor, at a finer value, is one that grows."""
+
+
+def refinements(
+    name: str, settings: Options, swept: Sequence[str], constraints: ConstraintKinds
+) -> Iterator[tuple[Refinement, dict[str, Any]]]:
+    """Every refinement at an engine's settings, and every option the tuned preset has otherwise, one at a time.
+
+    Args:
+        name: of the engine.
+        settings: of the engine.
+        swept: options of the swept parameter, which are left alone.
+        constraints: what those of the mechanism hold.
+    """
+    for refinement in engine_study(name).refinements:
+        change = refinement.change(settings, constraints)
+        if change and not set(change) & set(swept) and set(change) <= set(settings):
+            yield refinement, change
+    for option, value in engine(name, "tuned").settings.items():
+        if option in settings and settings[option] != value and option not in (*swept, "timestep"):
+            yield Refinement(f"option {option}", f"{option} as tuned", _unchanged), {option: value}
+
+
+def _unchanged(_: Options, __: ConstraintKinds) -> None:
+    return None
+
+
+@dataclass(frozen=True)
+class Site:
+    """Where a floor is looked into."""
+
+    engine: str
+    settings: Options
+    swept: Sequence[str]
+    error: float
+    value: float | None
+    measure: Callable[[dict[str, Any]], float | None]
+    """The error with some options changed; None if the run fails."""
+    constraints: ConstraintKinds
+    """What those of the mechanism hold."""
+
+
+def floor(site: Site, uncertainty: float, finer: Sequence[tuple[float, float]] = ()) -> Floor:
+    """Decide what sets an error that the swept parameter does not lower.
+
+    Args:
+        site: where, and how errors are measured there.
+        uncertainty: of the reference, in the error's unit.
+        finer: value and error of points beyond, towards finer values.
+    """
+
+    def because(cause: str, evidence: str) -> Floor:
+        return Floor(error=site.error, value=site.value, cause=cause, evidence=evidence)
+
+    if site.error <= REFUSED_BELOW * uncertainty:
+        return because(
+            "the reference's uncertainty",
+            f"it is known to {format_number(uncertainty)}, a tenth of this or more",
+        )
+    grown = [(value, error) for value, error in finer if error >= GROWN * site.error]
+    if grown and site.value is not None and "timestep" in site.swept:
+        value, error = grown[-1]
+        power = math.log(error / site.error) / math.log(value / site.value)
+        return because(
+            "rounding",
+            f"grows again as the step h shrinks, as h^{power:.1f} to {format_number(value)} s",
+        )
+    return because(*_lowered_most(site))
+
+
+def _lowered_most(site: Site) -> tuple[str, str]:
+    remaining: list[tuple[float, Refinement]] = []
+    for refinement, change in refinements(site.engine, site.settings, site.swept, site.constraints):
+        try:
+            error = site.measure(change)
+        except InputError:
+            continue  # finer than the engine takes
+        if error is not None:
+            remaining.append((error / site.error, refinement))
+    lowered = sorted(
+        ((share, refinement) for share, refinement in remaining if share <= LOWERED),
+        key=lambda lowering: lowering[0],
+    )
+    if not lowered:
+        nothing = f"none of {len(remaining)} other knobs, turned one notch, lowers it by a fifth"
+        if engine_study(site.engine).single_precision:
+            return "single precision", f"{nothing}; it rounds to {_SINGLE:.1e}, as its study says"
+        return "not found", nothing
+    effects = "; ".join(
+        f"{refinement.description} leaves {share:.2g}" for share, refinement in lowered[:_NAMED]
+    )
+    return lowered[0][1].cause, effects
+
 
 _METRICS: Mapping[QuantityName, str] = {"position": "position_max", "torque": "stop_torque_max"}
 _STEPS = tuple(1e-2 / 2**k for k in range(8))  # 1e-2 to 7.8e-5 s: two decades and a little
@@ -62,7 +375,7 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
         len(study.mechanisms) * sum(len(parameter.values) for _, parameter in plan), study.progress
     )
     with study.worker() as worker:
-        moved, failures = trials_of(study, worker)
+        moved, failures = runs_of(study, worker)
         known = dict(_uncertainties(moved, failures))
         swept = [
             (each, name, parameter)
@@ -72,7 +385,7 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
         ]
 
         def sweep(
-            trials: Trials, name: str, parameter: SweptParameter
+            trials: EngineRuns, name: str, parameter: SweptParameter
         ) -> tuple[str, ParameterStudy, Extrapolated | None]:
             own = options_for(name, study.options)
             found = _Sweep(trials, known[trials.mechanism.name], name, parameter, count, own)
@@ -93,7 +406,7 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
 
 
 def _uncertainties(
-    moved: Iterable[Trials], failures: dict[str, str]
+    moved: Iterable[EngineRuns], failures: dict[str, str]
 ) -> Iterator[tuple[str, dict[QuantityName, float]]]:
     """Of each machine's reference, by the machine's name; notes where that failed."""
     for trials in moved:
@@ -188,7 +501,7 @@ def _refuse_options(name: str, parameter: SweptParameter, own: Mapping[str, Any]
 
 
 def _machine(
-    trials: Trials,
+    trials: EngineRuns,
     uncertainty: dict[QuantityName, float],
     swept: Sequence[tuple[ParameterStudy, Extrapolated | None]],
     absent: list[str],
@@ -217,7 +530,7 @@ class _Sweep:
 
     def __init__(
         self,
-        trials: Trials,
+        trials: EngineRuns,
         uncertainty: dict[QuantityName, float],
         name: str,
         parameter: SweptParameter,
@@ -234,7 +547,7 @@ class _Sweep:
         """Options that stay as they are, the user's own among them."""
         self.of_step = "timestep" in parameter.options(parameter.values[0])
         self.without = None if parameter.without is None else self.trial(parameter.without, 1)
-        self.trials: list[Trial | None] = []
+        self.trials: list[RunRecord | None] = []
         """One a value; None where the engine refused the options."""
         self.points: list[Point] = []
         for value in parameter.values:
@@ -279,9 +592,9 @@ class _Sweep:
         """With the options that stay, and these over them."""
         return engine(self.name, self.parameter.preset, **{**self.fixed, **options})
 
-    def trial(self, options: Mapping[str, Any], repeats: int) -> Trial:
+    def trial(self, options: Mapping[str, Any], repeats: int) -> RunRecord:
         """Of the engine with these options."""
-        return self.machine.trial(self.engine(options), repeats)
+        return self.machine.record(self.engine(options), repeats)
 
     def study(self) -> ParameterStudy:
         """As data, with laws and floors."""
@@ -371,9 +684,9 @@ class _Sweep:
             return None
         return limit(
             [
-                Level(point.value, trial.deviation.position, _torques(trial.deviation))
+                Level(point.value, trial.curves.position, _torques(trial.curves))
                 for point, trial in zip(self.points, self.trials, strict=True)
-                if trial is not None and trial.deviation is not None
+                if trial is not None and trial.curves is not None
             ]
         )
 
@@ -392,46 +705,46 @@ def _still_falls(ran: Sequence[tuple[float, float]]) -> bool:
     return np.log(larger / smaller) >= 0.5 * abs(np.log(before / last))
 
 
-def _whole(trial: Trial, quantity: QuantityName) -> float | None:
+def _whole(trial: RunRecord, quantity: QuantityName) -> float | None:
     return trial.position if quantity == "position" else trial.torque
 
 
-def _position(trial: Trial) -> float | None:
+def _position(trial: RunRecord) -> float | None:
     """Largest error at any sample or at the end [m].
 
     The end lies between two samples of a coarse step, and a growing error is largest there. What
     gives the reference back is not interpolated.
     """
     sampled = trial.position
-    if not sampled or trial.deviation is None:
+    if not sampled or trial.curves is None:
         return sampled
-    return max(sampled, float(np.linalg.norm(trial.deviation.position[..., -1], axis=-1).max()))
+    return max(sampled, float(np.linalg.norm(trial.curves.position[..., -1], axis=-1).max()))
 
 
 def _point(
     value: float,
     parameter: SweptParameter,
-    trial: Trial | None,
+    trial: RunRecord | None,
     message: str | None,
-    without: Trial | None,
+    without: RunRecord | None,
 ) -> Point:
     options: dict[str, Any] = dict(parameter.options(value))
-    if trial is None or trial.deviation is None:
+    if trial is None or trial.curves is None:
         return Point(value=value, options=options, message=message)
-    base = without.deviation if without is not None else None
+    base = without.curves if without is not None else None
     return Point(
         value=value,
         options=options,
         position=_position(trial),
         torque=trial.torque,
-        own_position=None if base is None else largest(trial.deviation.position - base.position),
-        own_torque=None if base is None else _largest(_torques(trial.deviation) - _torques(base)),
+        own_position=None if base is None else largest(trial.curves.position - base.position),
+        own_torque=None if base is None else _largest(_torques(trial.curves) - _torques(base)),
         steps=trial.steps,
         wall_times=trial.wall_times,
     )
 
 
-def _torques(deviation: Deviation) -> FloatArray:
+def _torques(deviation: Curves) -> FloatArray:
     """Shape (number of stops, n)."""
     return np.array([deviation.torques[name] for name in sorted(deviation.torques)])
 

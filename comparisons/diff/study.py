@@ -1,4 +1,4 @@
-"""Two comparisons of the same mechanisms: which verdicts broke or were mended, and which errors moved.
+"""Two comparisons of the same mechanisms: which verdicts broke, and which errors moved.
 
 Runs belong together by model, engine and preset, quantities by name and subject. An error is known
 no better than the reference is, and no better than its samples and the rounding of its own steps
@@ -9,17 +9,472 @@ a factor on.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
+from pydantic import Field, JsonValue
 
 from ...models.errors import InputError
-from ..compare.stored import read_results
-from ..compare.study import Comparison
+from ...models.shown import Reported
+from ...models.spec import Real, Spec
+from ..compare.study import Comparison, read_results
 from ..runs.quantities import QUANTITIES
-from ..runs.results import COMPARED, Machine, Metric, Outcome, Results, Run
-from .changes import Difference, QuantityChange, ReferenceChange, RunChange
+from ..runs.results import COMPARED, Diagnosis, Machine, Metric, Outcome, Results, Run
+
+_RANKS = {
+    Outcome.AGREES: 0,
+    Outcome.NOT_JUDGED: 1,
+    Outcome.DISAGREES: 2,
+    Outcome.NOT_EQUIVALENT: 3,
+    Outcome.FAILED: 4,
+    Outcome.TIMED_OUT: 4,
+}
+"""Of outcomes of engines that could run, the best first."""
+
+
+class Fate(StrEnum):
+    """What became of a run; the text is what tables show."""
+
+    SAME = "same verdict"
+    BETTER = "better"
+    WORSE = "worse"
+    FAILS = "fails"
+    """It did not fail before, or was not there."""
+    APPEARED = "appeared"
+    VANISHED = "vanished"
+    NOT_COMPARED = "not compared"
+
+
+@dataclass(frozen=True)
+class QuantityChange:
+    """One quantity of a run in both results; None where it has no such quantity."""
+
+    model: str
+    run: str
+    old: Metric | None
+    new: Metric | None
+    unknown: float
+    """What both results leave unknown of the difference of their errors, in the quantity's unit."""
+
+    @property
+    def either(self) -> Metric:
+        """The new one, if there is one: for name and unit."""
+        metric = self.new or self.old
+        assert metric is not None
+        return metric
+
+    @property
+    def broke(self) -> bool:
+        """A verdict that is worse now: it breaks its tolerance, or it held it and is judged no longer."""
+        return _verdict_rank(self.new) > _verdict_rank(self.old)
+
+    @property
+    def mended(self) -> bool:
+        """It holds its tolerance now, and was there and did not before."""
+        return (
+            self.old is not None
+            and self.old.holds is not True
+            and self.new is not None
+            and self.new.holds is True
+        )
+
+    @property
+    def by_tolerance(self) -> bool:
+        """Whether the verdict is another one, and would be the old one had the tolerance not changed."""
+        old, size = self.old, _size(self.new)
+        if (
+            old is None
+            or old.tolerance is None
+            or size is None
+            or self.new is None
+            or self.new.holds is None
+        ):
+            return False
+        return self.new.holds is not old.holds and (size <= old.tolerance) is old.holds
+
+    @property
+    def factor(self) -> float | None:
+        """New error over old one, errors below what is unknown taken as that; None where one of them has no value."""
+        old, new = _size(self.old), _size(self.new)
+        if old is None or new is None:
+            return None
+        least = max(old, self.unknown), max(new, self.unknown)
+        return 1.0 if least[0] == least[1] else least[1] / least[0] if least[0] else math.inf
+
+    @property
+    def bounded(self) -> bool:
+        """Whether one of the errors is below what is unknown, so that the factor is at least as far from one."""
+        return any((size or 0.0) < self.unknown for size in (_size(self.old), _size(self.new)))
+
+    def moved(self, factor: float) -> bool:
+        """Whether the error changed by more than what is unknown and by more than the factor, or has come or gone."""
+        old, new = _size(self.old), _size(self.new)
+        if old is None or new is None:
+            return (old is None) != (new is None)
+        ratio = self.factor or 0.0
+        return abs(new - old) > self.unknown and not 1 / factor <= ratio <= factor
+
+    @property
+    def distance(self) -> float:
+        """How far the worse of both errors is beyond its tolerance, as a factor; infinite for a missing event."""
+        return max(_excess(self.old), _excess(self.new))
+
+
+def _verdict_rank(metric: Metric | None) -> int:
+    return 1 if metric is None or metric.holds is None else 0 if metric.holds else 2
+
+
+def _size(metric: Metric | None) -> float | None:
+    return None if metric is None or metric.value is None else abs(metric.value)
+
+
+def _excess(metric: Metric | None) -> float:
+    if metric is None or metric.holds is None:
+        return 0.0
+    size = _size(metric)
+    return math.inf if size is None else size / metric.tolerance if metric.tolerance else math.inf
+
+
+@dataclass(frozen=True)
+class RunChange:
+    """A run in both results; None where it is not among them."""
+
+    old: Run | None
+    new: Run | None
+    reason: str = ""
+    """Why the two are not of the same motion, so that they are not compared; '' where they are."""
+    quantities: tuple[QuantityChange, ...] = ()
+
+    @property
+    def run(self) -> Run:
+        """The new one, if there is one: for its names."""
+        run = self.new or self.old
+        assert run is not None
+        return run
+
+    @property
+    def fate(self) -> Fate:
+        """What became of it."""
+        old, new = _rank(self.old), _rank(self.new)
+        if new is None:
+            return Fate.SAME if old is None else Fate.VANISHED
+        failed = new == _RANKS[Outcome.FAILED]
+        if old is None:
+            return Fate.FAILS if failed else Fate.APPEARED
+        if self.reason:
+            return Fate.NOT_COMPARED
+        if old == new:
+            return Fate.SAME
+        return Fate.BETTER if new < old else Fate.FAILS if failed else Fate.WORSE
+
+    @property
+    def diagnoses(self) -> tuple[Diagnosis, Diagnosis] | None:
+        """Both, where the two name another first quantity or other causes."""
+        if self.reason or self.old is None or self.new is None:
+            return None
+        old, new = self.old.diagnosis, self.new.diagnosis
+        return (old, new) if old and new and _named(old) != _named(new) else None
+
+    @property
+    def settings(self) -> dict[str, tuple[JsonValue, JsonValue]]:
+        """Options of the engine whose values differ, old and new."""
+        if self.old is None or self.new is None:
+            return {}
+        old, new = self.old.settings, self.new.settings
+        return {
+            name: (old.get(name), new.get(name))
+            for name in {**old, **new}
+            if old.get(name) != new.get(name)
+        }
+
+
+def _rank(run: Run | None) -> int | None:
+    """Of its outcome; None for a run that is not there, or whose engine is not installed or not able to."""
+    return None if run is None else _RANKS.get(run.outcome)
+
+
+def _named(diagnosis: Diagnosis) -> tuple[str, ...]:
+    return diagnosis.leads, *(cause.name for cause in diagnosis.named)
+
+
+@dataclass(frozen=True)
+class ReferenceChange:
+    """A figure of the reference that moved by more than both results say it is uncertain by."""
+
+    model: str
+    name: str
+    unit: str
+    old: float | None
+    new: float | None
+    unknown: float
+    """Sum of both uncertainties."""
+
+
+@dataclass(frozen=True, repr=False)
+class Difference(Reported):
+    """What changed from one comparison to another."""
+
+    factor: float
+    """Least by which an error must change to have moved."""
+    runs: tuple[RunChange, ...] = field(repr=False)
+    references: tuple[ReferenceChange, ...] = field(repr=False)
+    versions: dict[str, tuple[str, str]]
+    """Software whose versions differ, old and new."""
+    conditions: tuple[str, ...]
+    """What was asked for and judged otherwise, a sentence each."""
+
+    @cached_property
+    def broken(self) -> tuple[QuantityChange, ...]:
+        """Verdicts that are worse, the one farthest beyond its tolerance first."""
+        return self._sorted([each for each in self.quantities if each.broke])
+
+    @cached_property
+    def mended(self) -> tuple[QuantityChange, ...]:
+        """Verdicts that hold now, the one that was farthest beyond its tolerance first."""
+        return self._sorted([each for each in self.quantities if each.mended])
+
+    @cached_property
+    def moved(self) -> tuple[QuantityChange, ...]:
+        """Further errors that moved; first those that came, went or grew, the largest factor first."""
+        others = [
+            q for q in self.quantities if q.moved(self.factor) and not q.broke and not q.mended
+        ]
+        return tuple(sorted(others, key=_growth, reverse=True))
+
+    @property
+    def quantities(self) -> tuple[QuantityChange, ...]:
+        """All that were compared."""
+        return tuple(quantity for run in self.runs for quantity in run.quantities)
+
+    def of_fate(self, *fates: Fate) -> tuple[RunChange, ...]:
+        """Runs of which one of these became."""
+        return tuple(each for each in self.runs if each.fate in fates)
+
+    @property
+    def compared(self) -> int:
+        """Number of runs that are in both and of the same motion."""
+        return sum(
+            _rank(r.old) is not None and _rank(r.new) is not None and not r.reason
+            for r in self.runs
+        )
+
+    @property
+    def worse(self) -> bool:
+        """Something broke: a verdict, a run that is worse, fails or is gone, or the reference itself."""
+        return bool(
+            self.broken or self.references or self.of_fate(Fate.WORSE, Fate.FAILS, Fate.VANISHED)
+        )
+
+    @property
+    def passed(self) -> bool:
+        """Nothing broke, and something was compared."""
+        return not self.worse and self.compared > 0
+
+    @property
+    def summary(self) -> str:
+        """One line: whether something broke, and how many of what changed."""
+        fates = Counter(each.fate for each in self.runs)
+        counts = [
+            (
+                len(self.references),
+                "figure of the reference moved",
+                "figures of the reference moved",
+            ),
+            (fates[Fate.VANISHED], "run is gone", "runs are gone"),
+            (fates[Fate.FAILS], "run fails", "runs fail"),
+            (fates[Fate.WORSE], "run is worse", "runs are worse"),
+            (len(self.broken), "verdict broke", "verdicts broke"),
+            (len(self.mended), "verdict mended", "verdicts mended"),
+            (fates[Fate.BETTER], "run is better", "runs are better"),
+            (fates[Fate.APPEARED], "run appeared", "runs appeared"),
+            (fates[Fate.NOT_COMPARED], "run not compared", "runs not compared"),
+        ]
+        shown = [
+            f"{number} {one if number == 1 else more}" for number, one, more in counts if number
+        ]
+        moved = f"{len(self.moved)} of {len(self.quantities)} errors moved by more than a factor {self.factor:g}"
+        head = (
+            "Something broke"
+            if self.worse
+            else "Nothing broke"
+            if self.passed
+            else "Nothing could be compared"
+        )
+        runs = f"{self.compared} run{'' if self.compared == 1 else 's'} compared"
+        return f"{head}: {', '.join([*shown, moved])}; {runs}."
+
+    def headline(self) -> str:
+        """The summary."""
+        return self.summary
+
+    def rows(self) -> Iterator[dict[str, object]]:
+        """A quantity of a run a row, with its error before and now."""
+        for each in self.quantities:
+            values = [None if metric is None else metric.value for metric in (each.old, each.new)]
+            found = {"broke": each.broke, "mended": each.mended, "moved": each.moved(self.factor)}
+            quantity = {
+                "quantity": each.either.label,
+                "unit": each.either.unit,
+                "old": values[0],
+                "new": values[1],
+            }
+            yield {"model": each.model, "run": each.run, **quantity, "factor": each.factor, **found}
+
+    @staticmethod
+    def _sorted(changes: Sequence[QuantityChange]) -> tuple[QuantityChange, ...]:
+        return tuple(sorted(changes, key=lambda each: each.distance, reverse=True))
+
+
+def _growth(change: QuantityChange) -> float:
+    return math.inf if change.factor is None else change.factor
+
+
+class Side(Spec):
+    """A quantity of a run in one of the two results."""
+
+    value: Real | None
+    tolerance: Real | None
+    holds: bool | None = Field(description="whether it holds its tolerance; null: it is not judged")
+
+
+class Quantity(Spec):
+    """One quantity of a run in both results."""
+
+    model: str
+    run: str = Field(description="engine and preset")
+    quantity: str
+    unit: str
+    old: Side | None = Field(description="null: that result has no such quantity")
+    new: Side | None
+    unknown: Real | None = Field(
+        description="what both results leave unknown of the difference, in the quantity's unit; null: all of it"
+    )
+    factor: Real | None = Field(
+        description="new error over old one, errors below what is unknown taken as that; null: one has no value, or "
+        "the old one is zero"
+    )
+    bounded: bool = Field(
+        description="whether an error is below what is unknown, so that the factor is a bound"
+    )
+    broke: bool
+    mended: bool
+    moved: bool
+    by_tolerance: bool = Field(
+        description="whether the verdict is another one by its tolerance alone"
+    )
+
+
+class RunFate(Spec):
+    """A run in both results."""
+
+    model: str
+    run: str = Field(description="engine and preset")
+    old: Outcome | None = Field(description="its verdict; null: it is not among those runs")
+    new: Outcome | None
+    fate: Fate
+    reason: str = Field(description="why the two are not of the same motion; empty where they are")
+    message: str | None = Field(description="of the new run")
+    settings: dict[str, tuple[JsonValue, JsonValue]] = Field(
+        description="options that differ, old and new"
+    )
+
+
+class Reference(Spec):
+    """A figure of the reference that moved by more than both results say it is uncertain by."""
+
+    model: str
+    figure: str
+    unit: str
+    old: Real | None
+    new: Real | None
+    unknown: Real = Field(description="sum of both uncertainties")
+
+
+class DifferenceData(Spec):
+    """What moved and what broke from one comparison to another."""
+
+    format: Literal["trebucheck-diff-1"] = "trebucheck-diff-1"
+    passed: bool = Field(description="nothing broke, and something was compared")
+    summary: str
+    factor: Real = Field(description="least by which an error must change to have moved")
+    versions: dict[str, tuple[str, str]] = Field(
+        description="software whose versions differ, old and new"
+    )
+    conditions: tuple[str, ...] = Field(description="what was asked for or judged otherwise")
+    references: tuple[Reference, ...]
+    runs: tuple[RunFate, ...]
+    quantities: tuple[Quantity, ...]
+
+
+def data(found: Difference) -> DifferenceData:
+    """All of a difference; the order is that of the runs."""
+    return DifferenceData(
+        passed=found.passed,
+        summary=found.summary,
+        factor=found.factor,
+        versions=found.versions,
+        conditions=found.conditions,
+        references=tuple(map(_reference, found.references)),
+        runs=tuple(map(_run, found.runs)),
+        quantities=tuple(_quantity(each, found.factor) for each in found.quantities),
+    )
+
+
+def _reference(each: ReferenceChange) -> Reference:
+    return Reference(
+        model=each.model,
+        figure=each.name,
+        unit=each.unit,
+        old=each.old,
+        new=each.new,
+        unknown=each.unknown,
+    )
+
+
+def _run(each: RunChange) -> RunFate:
+    old, new = (None if run is None else run.outcome for run in (each.old, each.new))
+    message = None if each.new is None else each.new.message
+    return RunFate(
+        model=each.run.model, run=each.run.label, old=old, new=new, fate=each.fate, reason=each.reason,
+        message=message, settings=each.settings,
+    )  # fmt: skip
+
+
+def _quantity(each: QuantityChange, factor: float) -> Quantity:
+    return Quantity(
+        model=each.model,
+        run=each.run,
+        quantity=each.either.label,
+        unit=each.either.unit,
+        old=_side(each.old),
+        new=_side(each.new),
+        unknown=_finite(each.unknown),
+        factor=_finite(each.factor),
+        bounded=each.bounded,
+        broke=each.broke,
+        mended=each.mended,
+        moved=each.moved(factor),
+        by_tolerance=each.by_tolerance,
+    )
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _side(metric: Metric | None) -> Side | None:
+    return (
+        None
+        if metric is None
+        else Side(value=metric.value, tolerance=metric.tolerance, holds=metric.holds)
+    )
+
 
 FACTOR = 1.1
 """Least factor of a movement: tables show errors with two digits, and a tenth is what their second digit tells."""
@@ -60,7 +515,9 @@ def diff(
     return Difference(
         factor=factor,
         runs=tuple(
-            _run_change(_run(before, n), _run(after, n), *(m.get(n[0]) for m in machines))
+            _run_change(
+                _run_study(before, n), _run_study(after, n), *(m.get(n[0]) for m in machines)
+            )
             for n in names
         ),
         references=tuple(
@@ -83,7 +540,7 @@ def _name(run: Run) -> tuple[str, str, str]:
     return run.model, run.engine, run.preset
 
 
-def _run(results: Results, name: tuple[str, str, str]) -> Run | None:
+def _run_study(results: Results, name: tuple[str, str, str]) -> Run | None:
     return next((run for run in results.runs if _name(run) == name), None)
 
 

@@ -20,10 +20,10 @@ from ..explain import study as explanation
 from ..explain.results import Explanation
 from ..recommend import Advice, Asked
 from ..recommend import study as advice
-from ..recommend.cases import read_torque
+from ..recommend.search import read_torque
+from ..runs.process import Worker
 from ..runs.store import Store
 from ..runs.study import PRESETS, Progress, Study
-from ..runs.worker import Worker
 
 Given = str | Mechanism | Problem
 """Name of a machine or of a problem of the library, a mechanism of your own, or a problem."""

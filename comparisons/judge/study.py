@@ -15,10 +15,10 @@ from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.trajectory import PointMotion, Provenance, Trajectory
 from ...reference.equations import Equations
-from ..compare.machine import machine_row
-from ..diagnosis.motion import diagnose_motion, failed_diagnosis
-from ..diagnosis.signatures import ENERGIES
-from ..runs.comparison import not_observed
+from ..diagnosis.case import ENERGIES
+from ..diagnosis.diagnose import diagnose_motion, failed_diagnosis
+from ..runs.metrics import not_observed
+from ..runs.record import machine_row
 from ..runs.results import (
     Diagnosis,
     Machine,
@@ -32,9 +32,8 @@ from ..runs.results import (
 from ..runs.runner import Runner
 from ..runs.study import REFERENCE, Counter, Study
 from ..runs.tolerances import judge
-from .impacts import Impact, jumps, merged
-from .impacts import metrics as impact_metrics
-from .read import Given, read
+from .read import Given, Impact, jumps, merged, read
+from .read import metrics as impact_metrics
 
 NOT_GIVEN = "the file does not give it"
 

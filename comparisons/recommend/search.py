@@ -1,4 +1,4 @@
-"""The cheapest settings that reach what is asked: every step recommended was measured, the order only guesses where.
+"""Search for the cheapest settings that reach an accuracy; every recommended step was measured.
 
 A set of options is first run at one moderate step on the machine and all its neighbours. The
 neighbours on which it did worst go on with it: at every further step the machine and these must
@@ -7,25 +7,224 @@ reach what is asked.
 For each engine there are a few sets of options from plain to tuned, and a ladder of time steps. A
 set adds to the one before it what changes most. How much each change buys is measured, not assumed:
 the order here only decides which of two equally quick sets is recommended, the plainer one.
+
+Neighbours are machines of the same kind, drawn at random, each independently of the others.
+Of n machines so drawn and one more, each is as likely as any other to be the worst; so a fresh one
+from the same ranges is worse than the worst of n in one case of n + 1, whatever the distribution of
+their errors.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from ...engines.protocol import Engine
 from ...engines.registry import engine, engine_class, engine_study
 from ...engines.study import OptionSet
-from ..runs.study import in_order
-from ..runs.trials import Trial
-from .cases import Case
+from ...models.errors import InputError, TrebucheckError
+from ...models.machines.registry import model, parameters_type
+from ...models.mechanism import Mechanism
+from ...models.spec import Spec
+from ...reference.certification.certificate import refusal
+from ..runs.process import in_order
+from ..runs.record import EngineRuns, RunRecord
+from .results import Asked, Errors, Obstacle
+
+_METRICS = {"position": "position_max", "torque": "stop_torque_max", "release": "release_time"}
+_SAMPLES = 2001  # of the reference, in search of the largest torque
+
+
+@dataclass(frozen=True)
+class Case:
+    """A machine with its trials and its accuracy target."""
+
+    trials: EngineRuns
+    target: Asked
+
+    @cached_property
+    def largest_torque(self) -> float:
+        """The largest torque of any stop over the compared time, by the reference [N m, N]."""
+        times = np.linspace(0.0, self.trials.end, _SAMPLES)
+        torques = self.trials.solution.motion(times).stop_torques.values()
+        return max((float(torque.max()) for torque in torques), default=0.0)
+
+    @cached_property
+    def allowed(self) -> dict[str, float]:
+        """Largest error allowed, by quantity, in its own unit."""
+        target = self.target
+        torque = (
+            target.torque
+            if target.torque_share is None
+            else target.torque_share * self.largest_torque
+        )
+        limits = {"position": target.position, "torque": torque, "release": target.release}
+        return {name: value for name, value in limits.items() if value is not None}
+
+    def refuse_what_cannot_be_judged(self) -> None:
+        """Refuse a quantity that the machine does not have, or that its reference is not certain enough to judge.
+
+        Raises:
+            InputError: the sentence names the quantity.
+        """
+        mechanism = self.trials.mechanism
+        if not any(stop.closed for stop in mechanism.stops) and {"torque", "release"} & set(
+            self.allowed
+        ):
+            raise InputError(
+                f"{mechanism.name!r} has no stop that is closed at the start: only a position can be asked."
+            )
+        if "release" in self.allowed and not self._due:
+            raise InputError(
+                f"no stop of {mechanism.name!r} releases within the compared {self.trials.end:.6g} s: no error of a "
+                "release can be asked."
+            )
+        if self.target.torque_share is not None and self.largest_torque == 0:
+            raise InputError(
+                f"no stop of {mechanism.name!r} pushes: its torque can only be asked in {self.unit('torque')}."
+            )
+        for quantity, value in self.allowed.items():
+            refused = refusal(
+                _METRICS[quantity], None, value, self.trials.uncertainty(_METRICS[quantity])
+            )
+            if refused is not None:
+                raise InputError(f"{quantity} = {value:g} {self.unit(quantity)}: {refused}.")
+
+    def unit(self, quantity: str) -> str:
+        """Of a quantity, on this machine."""
+        return unit_of(quantity, self.trials.mechanism)
+
+    def errors(self, trial: RunRecord) -> dict[str, float]:
+        """By quantity; infinite where the run failed or a release did not come."""
+        if not trial.ran:
+            return dict.fromkeys(_METRICS, math.inf)
+        position, torque = trial.position, trial.torque
+        return {
+            "position": math.inf if position is None else position,
+            "torque": math.inf if torque is None else torque,
+            "release": self._release_error(trial),
+        }
+
+    @property
+    def _due(self) -> list[str]:
+        """Stops closed at the start that the reference releases within the compared time."""
+        mechanism, times = self.trials.mechanism, self.trials.solution.release_times
+        due = [name for name, time in times.items() if time is not None and time <= self.trials.end]
+        return [name for name in due if mechanism.stop(name).closed]
+
+    def _release_error(self, trial: RunRecord) -> float:
+        values = [trial.value("release_time", name) for name in self._due]
+        return max((math.inf if value is None else abs(value) for value in values), default=0.0)
+
+    def ratio(self, trial: RunRecord) -> float:
+        """The largest error over what is allowed: up to 1 it is reached."""
+        errors = self.errors(trial)
+        return max(
+            errors[name] / allowed if allowed else math.inf
+            for name, allowed in self.allowed.items()
+        )
+
+    def described(self, trial: RunRecord) -> Errors:
+        """As the report has it."""
+        errors = {
+            name: value if math.isfinite(value) else None
+            for name, value in self.errors(trial).items()
+        }
+        if not self._due:
+            errors["release"] = None
+        torque, peak = errors["torque"], self.largest_torque
+        return Errors(**errors, torque_share=None if torque is None or peak == 0 else torque / peak)
+
+
+def unit_of(quantity: str, mechanism: Mechanism) -> str:
+    """Of a quantity that can be asked for."""
+    return {"position": "m", "torque": mechanism.force_unit, "release": "s"}[quantity]
+
+
+def read_torque(text: str) -> dict[str, float]:
+    """'1e-3' as N m (or N), '0.1%' as a share of the largest: the field of :class:`Asked` and its value.
+
+    Raises:
+        InputError: it is no number.
+    """
+    number = text.strip()
+    share = number.endswith("%")
+    try:
+        value = float(number.removesuffix("%"))
+    except ValueError:
+        raise InputError(
+            f"--torque {text!r} is not a number of N m, or N (1e-3), nor a share of the largest stop torque (0.1%)."
+        ) from None
+    return {"torque_share": value / 100} if share else {"torque": value}
+
+
+LENGTH, MASS, ANGLE, GRAVITY = 1.4, 2.5, 0.3, 1.4
+"""Lengths, masses and gravity are varied up to these factors, up and down; start angles by that much [rad]."""
+_LENGTHS, _MASSES, _ANGLES = (
+    ("l1", "l2", "r", "h"),
+    ("m_b", "m_cw", "m_a"),
+    ("theta0", "phi0", "alpha0"),
+)
+_SEED = 1  # the family is the same in every run
+Neighbour = tuple[Mechanism, dict[str, float]]
+"""A machine, and the parameters (or factors) it was made with."""
+
+
+def of_parameters(name: str, parameters: Spec | None) -> Iterator[Neighbour]:
+    """Endless neighbours of a named machine: lengths, masses and start angles varied; gravity kept."""
+    kind = parameters_type(name)
+    base = (parameters or kind()).model_dump()
+    random = np.random.default_rng(_SEED)
+    while True:
+        own = {key: base[key] * _factor(random, LENGTH) for key in _LENGTHS if key in base}
+        own |= {key: base[key] * _factor(random, MASS) for key in _MASSES if key in base}
+        own |= {
+            key: base[key] + float(random.uniform(-ANGLE, ANGLE)) for key in _ANGLES if key in base
+        }
+        yield from _built(lambda own=own: model(name, kind(**(base | own))), own)
+
+
+def of_mechanism(mechanism: Mechanism) -> Iterator[Neighbour]:
+    """Endless neighbours of any mechanism: masses (inertia with them) and gravity; its geometry is its own."""
+    random = np.random.default_rng(_SEED)
+    while True:
+        factors = {f"mass of {body.name}": _factor(random, MASS) for body in mechanism.bodies}
+        gravity = _factor(random, GRAVITY)
+        yield from _built(
+            lambda factors=factors, gravity=gravity: _scaled(
+                mechanism, list(factors.values()), gravity
+            ),
+            factors | {"gravity": gravity},
+        )
+
+
+def _factor(random: np.random.Generator, largest: float) -> float:
+    return float(math.exp(random.uniform(-1.0, 1.0) * math.log(largest)))
+
+
+def _scaled(mechanism: Mechanism, factors: list[float], gravity: float) -> Mechanism:
+    bodies = tuple(
+        body.model_copy(update={"mass": body.mass * factor, "inertia": body.inertia * factor})
+        for body, factor in zip(mechanism.bodies, factors, strict=True)
+    )
+    return mechanism.model_copy(update={"bodies": bodies, "gravity": mechanism.gravity * gravity})
+
+
+def _built(make: Callable[[], Mechanism], own: dict[str, float]) -> Iterator[Neighbour]:
+    try:
+        yield make(), own
+    except TrebucheckError:
+        return  # outside what a machine can be: the next draw will do
+
 
 RUNGS = 8
+
+
 # Of the machine's characteristic time. At twice this step even the best sets are not yet in the
 # range where their errors follow the order, and one machine says little of another.
 _LONGEST = 1 / 150
@@ -83,7 +282,7 @@ class Level:
     """Largest error over what is allowed."""
     hardest: int
     """Index of the machine of that."""
-    trials: dict[int, Trial]
+    trials: dict[int, RunRecord]
     """By index of machine; the machine asked about is 0."""
 
     @property
@@ -155,7 +354,7 @@ class Search:
             return True
         return guess is None
 
-    def _is_dearer(self, screened: Trial, index: int) -> bool:
+    def _is_dearer(self, screened: RunRecord, index: int) -> bool:
         """Whether a step must cost more than the cheapest settings found, by the time of the screened one."""
         return (
             _wall(screened) * self.steps[SCREENED_AT] / self.steps[index] > _DEARER * self.cheapest
@@ -177,8 +376,8 @@ class Search:
         sweep.levels[step] = Level(step, ratios[panel[0]], panel[0], {i: trials[i] for i in panel})
         return panel
 
-    def _trial(self, case: int, options: OptionSet, step: float, repeats: int = 1) -> Trial:
-        return self.cases[case].trials.trial(configured(self.engine, options, step), repeats)
+    def _trial(self, case: int, options: OptionSet, step: float, repeats: int = 1) -> RunRecord:
+        return self.cases[case].trials.record(configured(self.engine, options, step), repeats)
 
     def _walk(self, sweep: Sweep, panel: list[int]) -> None:
         start = self._guess(sweep, panel)
@@ -243,7 +442,7 @@ class Search:
         step = self.steps[index]
         if step in sweep.levels:
             return sweep.levels[step]
-        trials: dict[int, Trial] = {}
+        trials: dict[int, RunRecord] = {}
         worst, hardest = 0.0, panel[0]
         for i in panel:
             trials[i] = self._trial(i, sweep.options, step)
@@ -255,9 +454,9 @@ class Search:
         sweep.levels[step] = Level(step, worst, hardest, trials)
         return sweep.levels[step]
 
-    def chosen(self, sweeps: Sequence[Sweep]) -> tuple[Sweep, Level, Trial] | None:
+    def chosen(self, sweeps: Sequence[Sweep]) -> tuple[Sweep, Level, RunRecord] | None:
         """The cheapest that reaches it, with its repeated trial; the plainest of those as cheap as can be told."""
-        candidates: list[tuple[Sweep, Level, Trial]] = []
+        candidates: list[tuple[Sweep, Level, RunRecord]] = []
         for sweep in sweeps:
             level = sweep.reached
             if level is not None and _wall(level.trials[0]) <= _DEARER * self.cheapest:
@@ -269,11 +468,117 @@ class Search:
         cheapest = min(_wall(trial) for _, _, trial in candidates)
         return next(row for row in candidates if _wall(row[2]) <= _TIE * cheapest)
 
-    def over_all_steps(self, sweep: Sweep, case: int) -> list[tuple[float, Trial]]:
+    def over_all_steps(self, sweep: Sweep, case: int) -> list[tuple[float, RunRecord]]:
         """One machine's trials at all steps from the screened one down, the longest first."""
         return [(step, self._trial(case, sweep.options, step)) for step in self.steps[SCREENED_AT:]]
 
 
-def _wall(trial: Trial) -> float:
+def _wall(trial: RunRecord) -> float:
     """Median wall time [s]; infinite for a run that failed."""
     return float(np.median(trial.wall_times)) if trial.wall_times else math.inf
+
+
+_RISES = 2.0  # times the least error: more than an error that merely scatters with where a release falls in a step
+_FLAT = 1.5  # times the least error: within it, it does not depend on the step
+_FALLS = 0.5  # order in the step, at the shortest steps: half of what the least accurate method has
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Why an error does not fall further."""
+
+    obstacle: Obstacle
+    sentence: str
+
+
+def classify(steps: Sequence[float], errors: Sequence[float], allowed: float, unit: str) -> Verdict:
+    """Why an error stays above what is allowed.
+
+    Args:
+        steps: [s], the longest first; at least two.
+        errors: at these steps, in `unit`; infinite where the run failed.
+    """
+    kept = [(h, e) for h, e in zip(steps, errors, strict=True) if math.isfinite(e) and e > 0]
+    if len(kept) < 2:
+        return Verdict(Obstacle.FAILURE, "the runs failed")
+    best = min(range(len(kept)), key=lambda i: kept[i][1])
+    least = kept[best][1]
+    after = kept[best:]
+    if after[-1][1] > _RISES * least:
+        return _rounding(after, unit)
+    flat = [h for h, e in kept if e <= _FLAT * least]
+    if len(flat) == len(kept):
+        span = f"from {kept[0][0]:g} s to {kept[-1][0]:g} s"
+        return Verdict(Obstacle.CONSTANT, f"it does not depend on the step ({least:.1e} {unit} {span}): another option "
+                       f"or the method itself sets it")  # fmt: skip
+    order = _slope(kept[-2:])
+    if order >= _FALLS:
+        return _falling(kept, order, allowed, unit)
+    return Verdict(
+        Obstacle.FLOOR,
+        f"it no longer falls below a step of {flat[0]:g} s: a floor of {least:.1e} {unit} is met",
+    )
+
+
+def _rounding(after: Sequence[tuple[float, float]], unit: str) -> Verdict:
+    (step, least), (last, grown) = after[0], after[-1]
+    return Verdict(
+        Obstacle.ROUNDING,
+        f"it grows again below a step of {step:g} s ({least:.1e} {unit}, but {grown:.1e} {unit} at {last:g} s, "
+        f"as 1/step^{-_slope(after):.1f}), as rounding or what is left by the solver's iteration does",
+    )
+
+
+def _falling(
+    kept: Sequence[tuple[float, float]], order: float, allowed: float, unit: str
+) -> Verdict:
+    step, error = kept[-1]
+    needed = step * (allowed / error) ** (1 / order)
+    return Verdict(
+        Obstacle.STEP,
+        f"it is still falling at the shortest step tried ({error:.1e} {unit} at {step:g} s, order {order:.1f}); by "
+        f"that order some {needed:.1g} s would do, which was not measured",
+    )
+
+
+def _slope(points: Sequence[tuple[float, float]]) -> float:
+    logs = np.log(np.array(points))
+    return float(np.polyfit(logs[:, 0], logs[:, 1], 1)[0])
+
+
+def explain(search: Search, sweeps: Sequence[Sweep]) -> Verdict:
+    """Why none of an engine's sets reaches what is asked: by the best of them, on the machine it did worst on.
+
+    The whole ladder of steps is measured for it.
+    """
+    sweep = min(sweeps, key=lambda sweep: sweep.best.worst)
+    level = sweep.best
+    case = search.cases[level.hardest]
+    messages = [
+        trial.message
+        for level in sweep.levels.values()
+        for trial in level.trials.values()
+        if trial.message
+    ]
+    if not math.isfinite(level.worst):
+        return Verdict(Obstacle.FAILURE, messages[0] if messages else "a stop does not release")
+    measured = search.over_all_steps(sweep, level.hardest)
+    steps, errors = [h for h, _ in measured], [case.errors(trial) for _, trial in measured]
+    hardest_errors = case.errors(level.trials[level.hardest])
+    # The quantity that is furthest off; two of them have two causes, but the first must go before
+    # the second shows.
+    name = max(case.allowed, key=lambda name: hardest_errors[name] / case.allowed[name])
+    along = [error[name] for error in errors]
+    verdict = classify(steps, along, case.allowed[name], case.unit(name))
+    least, step = min([(hardest_errors[name], level.step), *zip(along, steps, strict=True)])
+    reached = _reached(sweep, case, name, least, step, level.hardest)
+    return Verdict(verdict.obstacle, f"{reached}; {verdict.sentence}.")
+
+
+def _reached(sweep: Sweep, case: Case, name: str, error: float, step: float, index: int) -> str:
+    where = "this machine" if index == 0 else "its hardest neighbour"
+    unit, allowed = case.unit(name), case.allowed[name]
+    return (
+        f"the best, {sweep.options.name!r} at {step:g} s, has an error of the {name} of {error:.1e} {unit} on {where}"
+        f", where {allowed:.1e} {unit} are asked"
+    )

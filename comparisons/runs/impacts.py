@@ -26,7 +26,6 @@ _MOST = 100  # impacts that are aligned, of each of the two: enough to find the 
 _DROPPED = 0.5  # of a step: shorter rebounds are left out at once
 _ROUNDING = 1e-9  # of the largest impulse of an impact: error of one that is zero, of a stop that only touches
 _MISSING = 1e9  # cost of an impact that only one has, in those of an unresolved one
-
 Pair = tuple[float | None, float | None]
 """Times of an impact in the engine's motion and in the reference's; None: it has none [s]."""
 

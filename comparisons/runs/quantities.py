@@ -1,6 +1,6 @@
-"""The quantities of a comparison: what each metric measures, in which scale, and what a user calls it.
+"""Quantities of a motion and kinds of metrics: what each measures, its scale, and its name for users.
 
-A quantity that follows from another one (a mean square beside its largest value) has no verdict of
+A metric that follows from another one (a mean square beside its largest value) has no verdict of
 its own: counting one fact twice would make an agreement look broader than it is.
 """
 
@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
+from enum import StrEnum
+from typing import NamedTuple, Self
 
 from ...models.errors import InputError
 from ...models.mechanism import Mechanism
@@ -18,28 +20,76 @@ from .stretching import LIMIT
 _NUMBER = 1.0
 
 
+class Kind(StrEnum):
+    """Kind of a quantity of a motion; the text is what reports and files say."""
+
+    COORDINATES = "coordinates"
+    SPEEDS = "speeds of coordinates"
+    POSITION = "position"
+    VELOCITY = "velocity"
+    TORQUE = "torque"
+    """Of a stop on an angle."""
+    FORCE = "force"
+    """Of a joint, or of a stop on a point."""
+    KINETIC_ENERGY = "kinetic energy"
+    POTENTIAL_ENERGY = "potential energy"
+
+
+class Quantity(NamedTuple):
+    """A quantity of a motion: its kind, and the marker, stop or joint that it is about."""
+
+    kind: Kind
+    subject: str | None = None
+
+    @property
+    def text(self) -> str:
+        """Name in reports and files, such as 'position of the projectile'."""
+        return self.kind.value if self.subject is None else f"{self.kind} of the {self.subject}"
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Reads such a name.
+
+        Raises:
+            ValueError: it begins with no kind of quantity.
+        """
+        kind, _, subject = text.partition(" of the ")
+        return cls(Kind(kind), subject or None)
+
+
+def metric_label(name: str, subject: str | None) -> str:
+    """Label of a metric: its name, and its subject in parentheses if it has one."""
+    return name if subject is None else f"{name} ({subject})"
+
+
+def parse_label(label: str) -> tuple[str, str | None]:
+    """Name and subject of a metric's label, as :func:`metric_label` makes it."""
+    name, separator, subject = label.partition(" (")
+    return name, subject.removesuffix(")") if separator else None
+
+
 @dataclass(frozen=True)
-class Quantity:
-    """One metric."""
+class MetricKind:
+    """One kind of metric: how far two motions are apart in some respect."""
 
     name: str
-    """Of the metric in results."""
+    """Name of the metric in results."""
     title: str
-    """What users call it, in `--tolerance` as well."""
+    """Name for users, in `--tolerance` as well."""
     scale: str
-    """Field of :class:`Scales`; 'stop' for that of the stop it is about, 'gap' for its gap's, 'base error' for what the
-    stretching at the predictability horizon makes one of, '' for none."""
+    """Field of :class:`Scales`; 'stop' for that of the stop it is about, 'gap' for its gap's,
+    'base error' for what the stretching at the predictability horizon makes one of, '' for none."""
     follows: str | None = None
     """Metric from which it follows, and which is judged in its place."""
     invariant: bool = False
-    """It is judged beyond the predictability horizon."""
+    """Whether it is judged beyond the predictability horizon."""
     event: bool = False
-    """It is the time of an event."""
+    """Whether it is the time of an event."""
     of: str = ""
-    """What its subjects are: 'marker', 'angle', 'slide', 'moving' (coordinates and markers), 'stop', 'closed stop' or
-    'joint'; '' the whole mechanism."""
+    """Kind of its subjects: 'marker', 'angle', 'slide', 'moving' (coordinates and markers), 'stop',
+    'closed stop' or 'joint'; '' the whole mechanism."""
     of_files: bool = False
-    """It is judged of files only: engines are not asked for it."""
+    """Whether it is judged of files only: engines are not asked for it."""
 
     def subjects(self, mechanism: Mechanism) -> tuple[str, ...]:
         """Names that a tolerance of it can be stated for."""
@@ -55,7 +105,7 @@ class Quantity:
         return tuple(name for name in of.get(self.of, ()) if name is not None)
 
     def scale_of(self, scales: Scales, subject: str | None, mechanism: Mechanism) -> float:
-        """What parts of it are measured in, in the metric's unit."""
+        """Scale of which its relative values are parts, in the metric's unit."""
         if self.scale == "stop":
             assert subject is not None
             return scales.torques[subject]
@@ -73,52 +123,48 @@ class Quantity:
 
 
 _ALL = (
-    Quantity("position_max", "position", "length", of="marker"),
-    Quantity("position_rms", "position (mean square)", "length", follows="position_max"),
-    Quantity("velocity_max", "speed", "speed", of="marker"),
-    Quantity("angle_max", "angle", "angle", of="angle"),
-    Quantity("slide_max", "slide", "length", of="slide"),
-    Quantity("angular_speed_max", "angular-speed", "angular_speed", of="angle"),
-    Quantity("slide_speed_max", "slide-speed", "speed", of="slide"),
-    Quantity("launch_time", "launch-time", "time", event=True),
-    Quantity("launch_speed", "launch-speed", "speed"),
-    Quantity("release_time", "release", "time", event=True, of="closed stop"),
-    Quantity("impact_time", "impact", "time", event=True, of="stop"),
-    Quantity("impact_impulse", "impulse", "impulse", of="stop", of_files=True),
-    Quantity("impact_speed", "impact-speed", "impact speed", of="moving", of_files=True),
-    Quantity("stop_torque_max", "stop-torque", "stop", of="stop"),
-    Quantity(
+    MetricKind("position_max", "position", "length", of="marker"),
+    MetricKind("position_rms", "position (mean square)", "length", follows="position_max"),
+    MetricKind("velocity_max", "speed", "speed", of="marker"),
+    MetricKind("angle_max", "angle", "angle", of="angle"),
+    MetricKind("slide_max", "slide", "length", of="slide"),
+    MetricKind("angular_speed_max", "angular-speed", "angular_speed", of="angle"),
+    MetricKind("slide_speed_max", "slide-speed", "speed", of="slide"),
+    MetricKind("launch_time", "launch-time", "time", event=True),
+    MetricKind("launch_speed", "launch-speed", "speed"),
+    MetricKind("release_time", "release", "time", event=True, of="closed stop"),
+    MetricKind("impact_time", "impact", "time", event=True, of="stop"),
+    MetricKind("impact_impulse", "impulse", "impulse", of="stop", of_files=True),
+    MetricKind("impact_speed", "impact-speed", "impact speed", of="moving", of_files=True),
+    MetricKind("stop_torque_max", "stop-torque", "stop", of="stop"),
+    MetricKind(
         "stop_torque_settled", "stop-torque (away from releases)", "stop", follows="stop_torque_max"
     ),
-    Quantity("stop_impulse", "stop-impulse", "", follows="stop_torque_max"),
-    Quantity("joint_reaction_max", "reaction", "force", of="joint"),
-    Quantity("joint_reaction_relative", "reaction (relative)", "", follows="joint_reaction_max"),
-    Quantity("kinetic_energy_max", "kinetic-energy", "energy"),
-    Quantity("potential_energy_max", "potential-energy", "energy"),
-    Quantity("energy_balance", "energy", "energy", invariant=True),
-    Quantity("energy_drift", "energy (of the start's)", "", follows="energy_balance"),
-    Quantity("energy_drift_kinetic", "energy (of the kinetic)", "", follows="energy_balance"),
-    Quantity("horizontal_momentum", "momentum", "momentum", invariant=True),
-    Quantity("stop_gap_held", "stop-gap", "gap", of="closed stop"),
-    Quantity("stop_penetration", "penetration", "gap", of="stop"),
-    Quantity("complementarity", "complementarity", "gap", follows="stop_penetration"),
-    Quantity("joint_gap_max", "joint-gap", "length", invariant=True, of="joint"),
-    Quantity("base_error", "base-error", "base error"),
-    Quantity("first_parting", "first-parting", "time", follows="base_error"),
-    Quantity("missing_time", "duration", "time"),
+    MetricKind("stop_impulse", "stop-impulse", "", follows="stop_torque_max"),
+    MetricKind("joint_reaction_max", "reaction", "force", of="joint"),
+    MetricKind("joint_reaction_relative", "reaction (relative)", "", follows="joint_reaction_max"),
+    MetricKind("kinetic_energy_max", "kinetic-energy", "energy"),
+    MetricKind("potential_energy_max", "potential-energy", "energy"),
+    MetricKind("energy_balance", "energy", "energy", invariant=True),
+    MetricKind("energy_drift", "energy (of the start's)", "", follows="energy_balance"),
+    MetricKind("energy_drift_kinetic", "energy (of the kinetic)", "", follows="energy_balance"),
+    MetricKind("horizontal_momentum", "momentum", "momentum", invariant=True),
+    MetricKind("stop_gap_held", "stop-gap", "gap", of="closed stop"),
+    MetricKind("stop_penetration", "penetration", "gap", of="stop"),
+    MetricKind("complementarity", "complementarity", "gap", follows="stop_penetration"),
+    MetricKind("joint_gap_max", "joint-gap", "length", invariant=True, of="joint"),
+    MetricKind("base_error", "base-error", "base error"),
+    MetricKind("first_parting", "first-parting", "time", follows="base_error"),
+    MetricKind("missing_time", "duration", "time"),
 )
-
-QUANTITIES: Mapping[str, Quantity] = {quantity.name: quantity for quantity in _ALL}
-"""By name of the metric."""
-
-JUDGED: Mapping[str, Quantity] = {
-    quantity.title: quantity for quantity in _ALL if quantity.follows is None
-}
-"""By title: those that a tolerance can be stated for."""
+QUANTITIES: Mapping[str, MetricKind] = {kind.name: kind for kind in _ALL}
+"""Kinds of metrics by their name."""
+JUDGED: Mapping[str, MetricKind] = {kind.title: kind for kind in _ALL if kind.follows is None}
+"""Kinds that a tolerance can be stated for, by title."""
 
 
-def judged_quantity(title: str) -> Quantity:
-    """The quantity of that title, or of that metric's name.
+def judged_quantity(title: str) -> MetricKind:
+    """Kind of metric of that title or name.
 
     Raises:
         InputError: there is none, or it has no verdict of its own.
@@ -128,6 +174,7 @@ def judged_quantity(title: str) -> Quantity:
         close = get_close_matches(title, JUDGED, n=1)
         hint = f" (did you mean {close[0]!r}?)" if close else ""
         raise InputError(
-            f"tolerance {title[:60]!r} is not of a judged quantity{hint}; there are: {', '.join(JUDGED)}."
+            f"tolerance {title[:60]!r} is not of a judged quantity{hint}; "
+            f"there are: {', '.join(JUDGED)}."
         )
     return quantity

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import platform
+import re
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, cast
 
-from pydantic import Field, JsonValue
+from pydantic import Field, JsonValue, model_validator
 
 from ...models.mechanism import Mechanism
 from ...models.problem import StopLaw
@@ -15,6 +16,7 @@ from ...models.spec import Real, Spec
 from .scales import Scales
 
 FORMAT = "trebucheck-results-2"
+_OLD_TIME_LIMIT = re.compile(r"did not finish within ([0-9.e+-]+) s and was stopped\.$")
 
 
 class ResultFile(Spec):
@@ -65,6 +67,8 @@ class Outcome(StrEnum):
     NOT_EQUIVALENT = "not equivalent"
     """The built model is another one: its motion was not compared."""
     FAILED = "failed"
+    TIMED_OUT = "timed out"
+    """It did not come to an end within the limit of time, and was stopped."""
     ABSENT = "not installed"
     UNSUPPORTED = "not supported"
 
@@ -250,6 +254,11 @@ class Run(Measured, Spec):
     preset: str
     outcome: Outcome
     message: str | None = Field(default=None, description="why it failed")
+    time_limit: Real | None = Field(
+        default=None,
+        exclude_if=lambda value: value is None,
+        description="at which a run that timed out was stopped [s]",
+    )
     engine_version: str
     scheme: str = Field(
         default="",
@@ -278,6 +287,18 @@ class Run(Measured, Spec):
     diagnosis: Diagnosis | None = Field(
         default=None, description="of a run that failed its gate or a tolerance"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_time_limit(cls, given: Any) -> Any:
+        """Results of earlier releases tell a time limit by the words of the message alone."""
+        if isinstance(given, dict):
+            fields = cast("dict[str, Any]", given)
+            limit = _OLD_TIME_LIMIT.search(str(fields.get("message")))
+            if fields.get("outcome") == Outcome.FAILED and limit is not None:
+                seconds = float(limit.group(1))
+                return {**fields, "outcome": Outcome.TIMED_OUT, "time_limit": seconds}
+        return given
 
     @property
     def label(self) -> str:
@@ -387,11 +408,14 @@ class Results(ResultFile):
     @property
     def passed(self) -> bool:
         """No run disagrees, differs or fails, and something was judged; an absent engine disagrees with nobody."""
-        bad = (Outcome.DISAGREES, Outcome.NOT_EQUIVALENT, Outcome.FAILED)
+        bad = (Outcome.DISAGREES, Outcome.NOT_EQUIVALENT, *FAILURES)
         return all(run.outcome not in bad for run in self.runs) and any(
             run.judged for run in self.runs
         )
 
+
+FAILURES = (Outcome.FAILED, Outcome.TIMED_OUT)
+"""Outcomes of runs that did not come to an end."""
 
 COMPARED = (Outcome.AGREES, Outcome.DISAGREES, Outcome.NOT_JUDGED)
 """Outcomes of runs whose motion was compared."""

@@ -1,20 +1,22 @@
-"""Engines run on one mechanism: for how long, where, beside which reference motion, and what a failure becomes.
+"""The reference motion of one mechanism, engines run beside it, and what both may be trusted in.
 
 The reference runs where the engines do, under the same limit of time: in a process of its own if
-they are isolated.
+they are isolated. Its own uncertainty in each metric comes from its certificate, else from a coarser
+integration. A trajectory is compared only if it is whole, finite, in shape, and of the mechanism.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from threading import RLock
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from ...engines.protocol import Engine
+from ...engines.protocol import Capabilities, Engine
 from ...models.arrays import FloatArray
 from ...models.errors import (
     EngineNotInstalledError,
@@ -23,23 +25,303 @@ from ...models.errors import (
     UnsupportedProblemError,
     shortened,
 )
-from ...models.launch import LAUNCH_ANGLE
+from ...models.launch import LAUNCH_ANGLE, Launch
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.trajectory import Trajectory
-from ...reference.certification.certificate import Uncertainties
+from ...reference.certification.certificate import Uncertainties, certified, covering_certificate
 from ...reference.solution import Solution
-from .metrics import measure
+from ...reference.solver import solve
+from .metrics import measure, points
+from .process import TimeLimitError, Worker
+from .quantities import QUANTITIES, parse_label
 from .results import Metric, Outcome, Predictability
 from .scales import Scales, scales_until
 from .stretching import Stretching, stretching_until
-from .uncertainty import reference_uncertainties
-from .until import Until
-from .validity import refuse_invalid
-from .worker import Worker
+from .study import Until
+
+_SAME_TIME = 1e-9  # of the duration: how late the first sample may be
+_LARGEST = 1e100  # in SI units: its square is still a number
+
+
+def refuse_invalid(
+    engine: str, trajectory: object, mechanism: Mechanism, capabilities: Capabilities
+) -> Trajectory:
+    """The trajectory, if it is a valid one.
+
+    Args:
+        engine: for messages.
+        trajectory: what the engine gave.
+        mechanism: what it was to move.
+        capabilities: what it says it observes.
+
+    Raises:
+        SimulationError: the sentence says what is wrong with it.
+    """
+    if not isinstance(trajectory, Trajectory):
+        raise SimulationError(
+            f"{engine} gave a {type(trajectory).__name__} instead of a Trajectory."
+        )
+    fault = next(_faults(trajectory, mechanism, capabilities), None)
+    if fault is not None:
+        raise SimulationError(f"{engine} gave an invalid trajectory: {fault}.")
+    return trajectory
+
+
+def _faults(
+    trajectory: Trajectory, mechanism: Mechanism, capabilities: Capabilities
+) -> Iterator[str]:
+    if trajectory.mechanism != mechanism:
+        yield f"it is of another mechanism, {trajectory.mechanism.name!r}"
+    yield from _time_faults(trajectory.t)
+    yield from _name_faults(trajectory, mechanism, capabilities)
+    n = len(trajectory.t)
+    for label, values, shape in _arrays(trajectory, n, len(mechanism.coordinates)):
+        yield from _array_faults(label, values, shape, trajectory.t)
+    for name, time in trajectory.release_times.items():
+        if time is not None and not (np.isfinite(time) and time >= 0):
+            yield f"the release time of {name!r} is {time!r} s"
+    for time, impulses in trajectory.impacts:
+        if not (np.isfinite(time) and time >= 0):
+            yield f"an impact's time is {time!r} s"
+        yield from _names("impacts", impulses, {stop.name for stop in mechanism.stops}, set())
+        yield from (
+            f"the impulse of {name!r} is {p!r}"
+            for name, p in impulses.items()
+            if not np.isfinite(p)
+        )
+
+
+def _time_faults(t: Any) -> Iterator[str]:
+    if not isinstance(t, np.ndarray) or t.dtype != np.float64:
+        yield f"t is {_kind(t)}; an array of float64 is needed"
+    elif t.ndim != 1 or len(t) < 2:
+        yield f"t has the shape {t.shape}; at least two times are needed"
+    elif not np.isfinite(t).all():
+        yield f"t[{int(np.argmin(np.isfinite(t)))}] is not finite"
+    elif (np.diff(t) < 0).any():
+        yield f"t decreases after {t[int(np.argmax(np.diff(t) < 0))]:.6g} s"
+    elif not 0.0 <= t[0] <= _SAME_TIME * t[-1]:
+        yield f"it begins at t = {t[0]:.6g} s instead of 0"
+
+
+def _name_faults(
+    trajectory: Trajectory, mechanism: Mechanism, capabilities: Capabilities
+) -> Iterator[str]:
+    markers = {marker.name for marker in mechanism.markers}
+    stops, joints = (
+        {stop.name for stop in mechanism.stops},
+        {joint.name for joint in mechanism.joints},
+    )
+    closed = {stop.name for stop in mechanism.stops if stop.closed}
+    yield from _names("markers", trajectory.markers, markers, markers)
+    torques = closed if capabilities.stop_torques else set[str]()
+    yield from _names("stop_torques", trajectory.stop_torques, stops, torques)
+    yield from _names("release_times", trajectory.release_times, stops, closed)
+    yield from _names("joint_gaps", trajectory.joint_gaps, joints, set())
+    held = {joint.name for joint in mechanism.joints if joint.held_directions}
+    promised = held if capabilities.joint_reactions else set[str]()
+    yield from _names("joint_reactions", trajectory.joint_reactions, joints, promised)
+
+
+def _names(
+    field: str, values: Mapping[str, object], known: set[str], needed: set[str]
+) -> Iterator[str]:
+    unknown, missing = sorted(values.keys() - known), sorted(needed - values.keys())
+    if unknown:
+        yield f"{field} has {unknown[0]!r}, which the mechanism does not have"
+    if missing:
+        yield f"{field} lacks {missing[0]!r}"
+
+
+def _arrays(trajectory: Trajectory, n: int, n_q: int) -> Iterator[tuple[str, Any, tuple[int, ...]]]:
+    """Label, values and shape of everything sampled."""
+    yield "q", trajectory.q, (n, n_q)
+    yield "u", trajectory.u, (n, n_q)
+    yield "kinetic_energy", trajectory.kinetic_energy, (n,)
+    yield "potential_energy", trajectory.potential_energy, (n,)
+    for name, motion in trajectory.markers.items():
+        yield f"position of {name!r}", motion.position, (n, 2)
+        yield f"velocity of {name!r}", motion.velocity, (n, 2)
+    yield from (
+        (f"torque of {name!r}", torque, (n,)) for name, torque in trajectory.stop_torques.items()
+    )
+    yield from (
+        (f"reaction of {name!r}", force, (n, 2))
+        for name, force in trajectory.joint_reactions.items()
+    )
+    yield from ((f"gap of {name!r}", gap, (n,)) for name, gap in trajectory.joint_gaps.items())
+
+
+def _array_faults(label: str, given: Any, shape: tuple[int, ...], t: Any) -> Iterator[str]:
+    if not isinstance(given, np.ndarray):
+        yield f"{label} is {_kind(given)}; an array is needed"
+        return
+    values: Any = given
+    if values.shape != shape:
+        yield f"{label} has the shape {values.shape}, not {shape}"
+    elif not np.issubdtype(values.dtype, np.number) or np.iscomplexobj(values):
+        yield f"{label} holds no real numbers"
+    elif not np.isfinite(values).all():
+        first = int(np.argmin(np.isfinite(values.reshape(len(t), -1)).all(axis=1)))
+        yield f"{label} is not finite at t = {t[first]:.6g} s"
+    elif np.abs(values).max() > _LARGEST:
+        yield f"{label} reaches {np.abs(values).max():.3g}, which is too large to compare"
+
+
+def _kind(given: object) -> str:
+    return (
+        f"an array of {given.dtype}"
+        if isinstance(given, np.ndarray)
+        else f"a {type(given).__name__}"
+    )
+
+
+_COARSE = 1e-12  # tolerance of the second integration: some thirty times the reference's own
+_SAFETY = 4.0
+_ROUNDING = 64 * float(np.finfo(np.float64).eps)
+_DENSE, _LEAST, _MOST = 40, 60, 20_000  # samples in a characteristic time, and of all
+
+
+def reference_uncertainties(
+    solution: Solution,
+    end: float,
+    scales: Scales,
+    thrown: str,
+    invariants_to: float | None = None,
+    stretching: Stretching | None = None,
+) -> Uncertainties:
+    """Uncertainty of the reference in each metric, in its unit, by its label; the largest of all subjects by its name.
+
+    The coarser integration is measured as any engine is. Its distance is about its own error,
+    thirty times that of the reference unless they agree by chance: hence four times the distance,
+    and sixty-four roundings of the scale. What a certificate says of its quantities, up to the
+    launch, replaces that.
+
+    Args:
+        end: of the compared motion [s].
+        scales: of the motion up to there.
+        thrown: marker whose launch is measured.
+        invariants_to: end of what invariants are compared over [s].
+        stretching: of the motion up to there.
+    """
+    estimated = _estimated(solution, end, scales, thrown, invariants_to, stretching)
+    certificate = covering_certificate(solution, invariants_to or end)
+    if certificate is None:
+        return Uncertainties(source="estimate", values=estimated)
+    known = certified(certificate).values
+    kept = {
+        label: value for label, value in estimated.items() if parse_label(label)[0] not in known
+    }
+    return Uncertainties(source="certificate", values=kept | known)
+
+
+def _estimated(
+    solution: Solution,
+    end: float,
+    scales: Scales,
+    thrown: str,
+    invariants_to: float | None,
+    stretching: Stretching | None,
+) -> dict[str, float]:
+    problem, until = solution.problem, invariants_to or end
+    margin = min(problem.duration, until * 1.02)  # so that the coarser one's events lie inside, too
+    coarse = solve(
+        Problem(problem.mechanism, duration=margin, stop_law=problem.stop_law), _COARSE, _COARSE
+    )
+    n = int(np.clip(_DENSE * until / scales.time, _LEAST, _MOST))
+    samples = np.unique(np.concatenate([np.linspace(0.0, margin, n), [end, until]]))
+    metrics = measure(
+        coarse.trajectory(samples[samples <= margin]), solution, end,
+        scales=scales, thrown=thrown, invariants_to=invariants_to, stretching=stretching,
+    )  # fmt: skip
+    values: dict[str, float] = {}
+    for metric in _without_sampling(
+        metrics, coarse.launch_at(LAUNCH_ANGLE, thrown), solution, thrown
+    ):
+        value = _SAFETY * _distance(metric, scales, solution) + _rounding(metric, scales, solution)
+        values[metric.label] = value
+        values[metric.name] = max(values.get(metric.name, 0.0), value)
+    return values
+
+
+def _without_sampling(
+    metrics: Sequence[Metric], launch: Launch | None, solution: Solution, thrown: str
+) -> Iterator[Metric]:
+    """The metrics with what a solution tells by itself, and a trajectory by its samples: its launch.
+
+    A motion that does not part shows no base error, but a bound of it.
+    """
+    parted = any(metric.name == "first_parting" and metric.value is not None for metric in metrics)
+    expected = solution.launch_at(LAUNCH_ANGLE, thrown)
+    located: dict[str, float] = {}
+    if launch is not None and expected is not None:
+        located = {
+            "launch_time": launch.time - expected.time,
+            "launch_speed": launch.speed - expected.speed,
+        }
+    for metric in metrics:
+        if metric.name in ("launch_time", "launch_speed"):
+            yield metric.model_copy(update={"value": located.get(metric.name)})
+        elif metric.name not in ("missing_time", "first_parting") and (
+            parted or metric.name != "base_error"
+        ):
+            yield metric
+
+
+def _distance(metric: Metric, scales: Scales, solution: Solution) -> float:
+    """Between the two integrations; as large as its scale, and so unknown, for an event that only one of them has."""
+    if metric.value is None:
+        return QUANTITIES[metric.name].scale_of(scales, metric.subject, solution.problem.mechanism)
+    return max(
+        0.0, abs(metric.value) - (metric.sampling_error or 0.0)
+    )  # the reference is not known by samples
+
+
+def _rounding(metric: Metric, scales: Scales, solution: Solution) -> float:
+    quantity = QUANTITIES[metric.name]
+    if quantity.scale == "energy":
+        return _ROUNDING * scales.largest_energy
+    return _ROUNDING * quantity.scale_of(scales, metric.subject, solution.problem.mechanism)
+
+
+@dataclass(frozen=True)
+class Farthest:
+    """Where and when a run is farthest from the reference."""
+
+    point: str
+    """Marker, or body of a mechanism without markers."""
+    distance: float
+    """[m]"""
+    time: float
+    """[s]"""
+    until: float
+    """End of the compared time [s]: that of the motion, or the predictability horizon if that is earlier."""
+
+
+def farthest(trajectory: Trajectory, runner: Runner) -> Farthest:
+    """The largest distance of any point from the reference, at the run's own sample times.
+
+    Args:
+        runner: of the mechanism, with the end of the motion.
+
+    Raises:
+        InputError: the reference cannot begin, or the end does not come.
+        SimulationError: the reference failed.
+    """
+    end = runner.judged_to
+    times = trajectory.t[trajectory.t <= end]
+    expected = points(runner.reference(times))
+    distances = {
+        name: np.linalg.norm(position[: len(times)] - expected[name], axis=1)
+        for name, position in points(trajectory).items()
+    }
+    point = max(distances, key=lambda name: float(distances[name].max()))
+    at = int(distances[point].argmax())
+    return Farthest(point, float(distances[point][at]), float(times[at]), end)
+
 
 _Result = TypeVar("_Result")
-
 _TAIL_STEPS, _TAIL = (
     20,
     0.02,
@@ -59,15 +341,25 @@ def run_duration(end: float, step: float, longest: float = math.inf) -> float:
     return min(end + max(_TAIL, _TAIL_STEPS * step), max(longest - step, end))
 
 
+def time_limit(error: Exception) -> float | None:
+    """Limit of time [s] at which a call was stopped; None if it failed for another reason."""
+    return error.limit if isinstance(error, TimeLimitError) else None
+
+
 def failure(error: Exception) -> tuple[Outcome, str]:
-    """The outcome and message of a run that raised: a plug-in may raise anything, and a study must survive it."""
+    """Outcome and message of a run that raised.
+
+    A plug-in may raise anything, and a study must survive it.
+    """
     if not isinstance(error, TrebucheckError):
         return Outcome.FAILED, shortened(f"{type(error).__name__}: {error}")
     if isinstance(error, EngineNotInstalledError):
         return Outcome.ABSENT, str(error)
-    return Outcome.UNSUPPORTED if isinstance(
-        error, UnsupportedProblemError
-    ) else Outcome.FAILED, str(error)
+    if isinstance(error, TimeLimitError):
+        return Outcome.TIMED_OUT, str(error)
+    if isinstance(error, UnsupportedProblemError):
+        return Outcome.UNSUPPORTED, str(error)
+    return Outcome.FAILED, str(error)
 
 
 class _once(Generic[_Result]):  # noqa: N801 - used as a decorator, like the property it stands for
@@ -99,6 +391,8 @@ class Runner:
         worker: the process in which engines run; None: this one. Its owner closes it.
         until: end of the compared motion.
         law: of the stops.
+        predictable: whether the motion is known to be predictable up to the end: the horizon is not
+            computed then.
 
     Raises:
         InputError: the end is not valid.
@@ -110,8 +404,11 @@ class Runner:
         worker: Worker | None = None,
         until: Until | None = None,
         law: StopLaw = StopLaw.RELEASE_ONCE,
+        *,
+        predictable: bool = False,
     ) -> None:
         self.mechanism, self.worker, self.law = mechanism, worker or Worker(isolate=False), law
+        self._predictable = predictable
         self.until, self.lock = until or Until(required=False), RLock()
         self._on_grid: Callable[[bytes], Trajectory] = lru_cache(_GRIDS)(self._evaluated)
 
@@ -133,6 +430,11 @@ class Runner:
     def end(self) -> float:
         """End of the compared motion [s]: as asked for, or the launch, or after some characteristic times."""
         return self._solved[1]
+
+    @property
+    def conditions(self) -> tuple[str, str, str]:
+        """Mechanism, end and law: the part of a run's conditions that is not the engine's."""
+        return self.mechanism.content_hash, repr(self.until), self.law.value
 
     @property
     def launch_time(self) -> float | None:
@@ -166,7 +468,7 @@ class Runner:
     @_once
     def judged_to(self) -> float:
         """The end, or the predictability horizon if that is earlier [s]."""
-        return self._stretching.horizon
+        return self.end if self._predictable else self._stretching.horizon
 
     @property
     def stretching(self) -> float:

@@ -1,36 +1,153 @@
-"""What every command that runs engines takes: one study, checked once, before anything runs; and how it is run."""
+"""What is compared and how it is run, checked once before anything runs.
+
+`Until` is the end of a compared motion as a user states it, `Study` the mechanisms, engines and
+presets with the options of their runs.
+"""
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import closing
+import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from threading import Lock
-from typing import Any, TypeVar
+from typing import Any, Literal, Self
 
 from ...engines import registry
 from ...engines.protocol import Engine
 from ...engines.registry import engine_class, engine_names, options_for, refuse_unknown_options
 from ...models.errors import InputError
+from ...models.launch import LAUNCH_ANGLE
 from ...models.machines.registry import library_problem, model
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.problems.registry import find_benchmark
 from ...models.spec import Spec
-from .runner import Worker
+from ...reference.solution import Solution
+from ...reference.solver import characteristic_time, solve, solve_to_launch, solve_until
+from .metrics import THROWN
+from .process import Worker
 from .store import Store
 from .tolerances import Needs
-from .until import Until
 
-_K = TypeVar("_K")
-_V = TypeVar("_V")
+_FORM = "must be 'launch', 'launch:MARKER', 'release:STOP', or a time in seconds"
+_TAIL = 0.4  # of the compared time: the reference goes on, so that events of engines that are late can be found
+_SPANS = (2.0, 5.5, 16.0)  # characteristic times within which a release is looked for
+
+
+@dataclass(frozen=True)
+class Until:
+    """The end of a compared motion."""
+
+    kind: Literal["launch", "time", "release"] = "launch"
+    time: float = math.nan
+    """[s], of kind 'time'."""
+    name: str = ""
+    """Marker or stop; '' is the marker that machines throw."""
+    required: bool = True
+    """Whether a motion without that event is refused; if not, it is compared for some characteristic times."""
+
+    @classmethod
+    def of(cls, given: str | float | None) -> Self:
+        """From 'launch', 'launch:tip', 'release:hanger rest', '2.5' or 2.5; None: the launch, if there is one.
+
+        Raises:
+            InputError: it has none of these forms.
+        """
+        if given is None:
+            return cls(required=False)
+        if isinstance(given, str):
+            kind, separator, name = given.strip().partition(":")
+            if kind == "launch" and bool(separator) == bool(name.strip()):
+                return cls(name=name.strip())
+            if kind == "release" and name.strip():
+                return cls("release", name=name.strip())
+        try:
+            return cls("time", float(given))
+        except (ValueError, OverflowError):
+            shown = str(given) if len(str(given)) <= 60 else f"{str(given)[:57]}..."
+            raise InputError(f"until = {shown!r} {_FORM}.") from None
+
+    @property
+    def thrown(self) -> str:
+        """The marker whose launch is measured."""
+        return self.name if self.kind == "launch" and self.name else THROWN
+
+    def solve(self, mechanism: Mechanism, law: StopLaw) -> tuple[Solution, float]:
+        """The reference motion, somewhat longer than the compared one, and the end of that [s].
+
+        Raises:
+            InputError: the time is not valid, there is no such marker or stop, or the event does
+            not come.
+            SimulationError: the reference cannot move the mechanism.
+        """
+        if self.kind == "time":
+            duration = Problem(mechanism, duration=self.time, stop_law=law).duration
+            return solve(
+                Problem(mechanism, duration=duration * (1 + _TAIL), stop_law=law)
+            ), duration
+        if mechanism.gravity == 0:
+            raise InputError(
+                f"{mechanism.name!r} has no gravity, and so no time scale within which an event could be looked for; "
+                "name the end of the compared motion in seconds, e.g. --until 2.5."
+            )
+        return (
+            self._released(mechanism, law)
+            if self.kind == "release"
+            else self._launched(mechanism, law)
+        )
+
+    def _released(self, mechanism: Mechanism, law: StopLaw) -> tuple[Solution, float]:
+        closed = [stop.name for stop in mechanism.stops if stop.closed]
+        if self.name not in closed:
+            raise InputError(
+                f"until = 'release:{self.name[:60]}': {mechanism.name!r} has no such closed stop: {closed}."
+            )
+        solution = _solved(mechanism, law, lambda found: found.release_times[self.name])
+        time = solution.release_times[self.name]
+        if time is None or time == 0.0:
+            within = f"does not open within {solution.problem.duration:.6g} s"
+            when = "opens at the start" if time == 0.0 else within
+            raise InputError(f"until = 'release:{self.name}': the stop {when}; name another end.")
+        return solution, time
+
+    def _launched(self, mechanism: Mechanism, law: StopLaw) -> tuple[Solution, float]:
+        if self.name and mechanism.marker(self.name) is None:
+            known = [marker.name for marker in mechanism.markers]
+            raise InputError(
+                f"until = 'launch:{self.name[:60]}': {mechanism.name!r} has no such marker: {known}."
+            )
+
+        def launched(solution: Solution) -> float | None:
+            launch = solution.launch_at(LAUNCH_ANGLE, self.thrown)
+            return None if launch is None else launch.time
+
+        known = self.thrown == THROWN
+        solution = solve_to_launch(mechanism, law) if known else _solved(mechanism, law, launched)
+        time = launched(solution)
+        if time is None and self.required:
+            raise InputError(
+                f"{mechanism.name!r} does not launch within {solution.problem.duration:.6g} s, so there is no end to "
+                "measure up to; name one, e.g. --until 2.5."
+            )
+        return solution, time or solution.problem.duration / (1 + _TAIL)
+
+
+def _solved(
+    mechanism: Mechanism, law: StopLaw, event: Callable[[Solution], float | None]
+) -> Solution:
+    """Solved until the event, and on by the tail."""
+    scale = characteristic_time(mechanism)
+
+    def done(solution: Solution) -> bool:
+        time = event(solution)
+        return time is not None and time * (1 + _TAIL) <= solution.problem.duration
+
+    return solve_until(mechanism, (spans * scale for spans in _SPANS), done, law)
+
 
 PRESETS = ("tuned", "stock")
 REFERENCE = "reference"
-
 Progress = Callable[[str, int, int], None]
 """Called before each part with what it is, the number of parts done and of all parts."""
 
@@ -249,53 +366,3 @@ class Counter:
         with self._lock:
             self.show(what)
             self.done += 1
-
-
-class OnDemand(Mapping[_K, _V]):
-    """A mapping whose values are made, once, when they are first asked for."""
-
-    def __init__(self, makers: Mapping[_K, Callable[[], _V]]) -> None:
-        self._makers, self._values = dict(makers), dict[_K, _V]()
-
-    def __getitem__(self, key: _K) -> _V:
-        if key not in self._values:
-            self._values[key] = self._makers[key]()
-        return self._values[key]
-
-    def __iter__(self) -> Iterator[_K]:
-        return iter(self._makers)
-
-    def __len__(self) -> int:
-        return len(self._makers)
-
-
-def in_order(
-    function: Callable[[_K], _V], items: Iterable[_K], jobs: int, ahead: int | None = None
-) -> Generator[_V]:
-    """The function's values in the order of the items, each computed when asked for, or several at once.
-
-    Args:
-        jobs: processes that serve the function's calls. There is a thread more: while one measures
-            here what its process gave, the others keep all processes busy.
-        ahead: how many values are computed before they are asked for, at most; None: all, of a
-            finite number of items.
-    """
-    if jobs == 1:
-        yield from map(function, items)
-        return
-    threads, waiting = ThreadPoolExecutor(jobs + 1), deque[Future[_V]]()
-    try:
-        for item in items:
-            waiting.append(threads.submit(function, item))
-            if ahead is not None and len(waiting) > ahead:
-                yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
-    finally:  # no further run is started when this is left early
-        threads.shutdown(wait=False, cancel_futures=True)
-
-
-def all_in_order(function: Callable[[_K], _V], items: Iterable[_K], jobs: int) -> list[_V]:
-    """All of :func:`in_order`; where one raises an error, no further ones are started."""
-    with closing(in_order(function, items, jobs)) as results:
-        return list(results)

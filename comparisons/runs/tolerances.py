@@ -28,9 +28,9 @@ from ...models.mechanism import Mechanism
 from ...models.spec import Real, Spec
 from ...reference.certification.certificate import REFUSED_BELOW, refusal
 from ...reference.solver import solve_to_launch
-from .comparison import THROWN
 from .impacts import FOLLOWED
-from .quantities import QUANTITIES, Quantity, judged_quantity
+from .metrics import THROWN
+from .quantities import QUANTITIES, MetricKind, judged_quantity, metric_label
 from .results import Machine, Metric, Run
 from .scales import Scales, scales_until
 from .stretching import PARTED, stretching_at
@@ -45,7 +45,6 @@ _OTHER_MACHINES = 10.0
 _CARRIED = 100.0
 """Of a claim that is carried to another machine, beyond size, step and stretching: so much more a launch that comes
 late, or a rest that holds for long, takes of random machines; the default bounds it."""
-
 Source = Literal["need", "claim", "default"]
 
 
@@ -271,7 +270,7 @@ def _judged(metric: Metric, run: Run, machine: Machine, needs: Needs) -> Metric:
         return metric.model_copy(update={"follows": quantity.follows})
     applied = _applied(metric, quantity, run, machine, needs)
     known = machine.reference_uncertainty
-    uncertainty = known.get(f"{metric.name} ({metric.subject})", known.get(metric.name))
+    uncertainty = known.get(metric_label(metric.name, metric.subject), known.get(metric.name))
     scale = _scale(metric, quantity, machine)
     applied = _vouched(applied, uncertainty, DEFAULT * scale)
     refused = refusal(metric.name, metric.subject, applied.value, uncertainty)
@@ -328,7 +327,7 @@ def _vouched(applied: AppliedTolerance, uncertainty: float | None, most: float) 
 
 
 def _applied(
-    metric: Metric, quantity: Quantity, run: Run, machine: Machine, needs: Needs
+    metric: Metric, quantity: MetricKind, run: Run, machine: Machine, needs: Needs
 ) -> AppliedTolerance:
     scale, need = _scale(metric, quantity, machine), needs.need(metric)
     unresolved = _unresolved(metric, run)
@@ -353,14 +352,14 @@ def _unresolved(metric: Metric, run: Run) -> str:
     return f"; rebounds shorter than {FOLLOWED:g} steps of {step:.3g} s may be missing"
 
 
-def _scale(metric: Metric, quantity: Quantity, machine: Machine) -> float:
+def _scale(metric: Metric, quantity: MetricKind, machine: Machine) -> float:
     """What the metric is measured in parts of; an invariant by the whole motion."""
     whole = machine.whole_scales if quantity.invariant else None
     return quantity.scale_of(whole or machine.scales, metric.subject, machine.mechanism)
 
 
 def _default(
-    metric: Metric, quantity: Quantity, scale: float, run: Run, asked: Need | None
+    metric: Metric, quantity: MetricKind, scale: float, run: Run, asked: Need | None
 ) -> AppliedTolerance:
     part = DEFAULT if asked is None else asked.value
     value, reason = part * scale, f"{100 * part:g} % of {scale:.4g} {metric.unit}, for every engine"
@@ -379,7 +378,7 @@ def _step(run: Run) -> float | None:
 
 
 def _claim(
-    metric: Metric, quantity: Quantity, scale: float, run: Run, machine: Machine
+    metric: Metric, quantity: MetricKind, scale: float, run: Run, machine: Machine
 ) -> AppliedTolerance | None:
     """The engine's own, carried from Table I to this machine.
 
@@ -427,7 +426,7 @@ def _share(stated: StatedTolerance, metric: Metric, machine: Machine) -> float:
     )
 
 
-def _stated_scale(quantity: Quantity, scales: Scales, mechanism: Mechanism) -> float:
+def _stated_scale(quantity: MetricKind, scales: Scales, mechanism: Mechanism) -> float:
     """Of a quantity on the machine that claims are stated for; of stops that are closed the least."""
     closed = [stop.name for stop in mechanism.stops if stop.closed]
     return quantity.scale_of(scales, min(closed, key=lambda name: scales.torques[name]), mechanism)

@@ -1,20 +1,24 @@
-"""Exudyn: redundant coordinates, joints and stops as algebraic constraints with multipliers, implicit steps."""
+"""Exudyn: redundant coordinates, algebraic constraints with multipliers, implicit steps."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from ...models.features import Feature
+from ...models.elements import CubicTorsionSpring
+from ...models.features import COVERED_BY_FEATURES
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
-from ..protocol import BuiltinEngine, Capabilities, Recording
+from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
 from ..study import EngineStudy
 from ..supplied import Part, Supplied
 from ..units import SI, Units, units_of
 from .options import ExudynOptions
 from .study import STUDY
+
+BUILT: frozenset[type] = COVERED_BY_FEATURES | {CubicTorsionSpring}
+"""Classes that the tables of :mod:`.build` have a handler for; these need the library."""
 
 
 class ExudynEngine(ExudynOptions, BuiltinEngine):
@@ -24,7 +28,7 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
     a release and the end: a short last step would be a source of noise in the multipliers.
 
     A tuned run with loops begins anew beside positions in which their constraints depend on each
-    other (:mod:`.conditioning`); steps that fail there are replaced by a longer one over the
+    other (:mod:`.loops`); steps that fail there are replaced by a longer one over the
     position.
 
     Under the unilateral law an open stop's gap is looked at after every step; where it fell below
@@ -40,9 +44,11 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         joint_gaps=True,
         located_releases=True,
         stop_laws=frozenset(StopLaw),
-        formulation="redundant Cartesian coordinates, joints and stops by Lagrange multipliers, implicit integrator; "
-        "impacts located inside a step and solved in the metric of its mass matrix",
-        features=frozenset(Feature),
+        formulation="redundant Cartesian coordinates, joints and stops by Lagrange multipliers, "
+        "implicit integrator; impacts located inside a step and solved in the metric of its mass "
+        "matrix",
+        features=built_features(BUILT),
+        elements=BUILT,
     )
     # Exudyn's own defaults: generalized-alpha on the positions' constraints, modified Newton,
     # adaptive step. Its default step is 0.01 s, its tutorials take 1e-3 s. A newcomer switches a
@@ -59,7 +65,7 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
 
     @property
     def supplied(self) -> Supplied:
-        """A stop is a constraint, which is switched on and off; impulses are found with Exudyn's mass matrix."""
+        """Switched constraints for stops; impulses found with Exudyn's mass matrix."""
         return {Part.EVENTS: "", Part.IMPACTS: ""}
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
@@ -70,10 +76,10 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         return self._units(mechanism).inspect(inspect, mechanism, states, self)
 
     def _run(self, problem: Problem) -> Recording:
-        from .step import run  # loads Exudyn
+        from .motion import run  # loads Exudyn
 
         return self._units(problem.mechanism).run(run, problem, self)
 
     def _units(self, mechanism: Mechanism) -> Units:
-        """SI where a stiffness is given in it, of stops on angles and on points alike."""
+        """SI where a stiffness is given, which is in SI units."""
         return units_of(mechanism) if self.stop_stiffness is None else SI

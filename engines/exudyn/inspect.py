@@ -1,4 +1,4 @@
-"""The built Exudyn system in single states: its own matrices and outputs, in the mechanism's coordinates.
+"""Inspection of the built Exudyn system in single states, by its own matrices and outputs.
 
 A state q is set by placing Exudyn's bodies, z(q); J = dz/dq carries its matrices back, M = J^T M_z
 J and f = J^T (f_z - M_z dJ/dt u). Accelerations and torques are solutions of Exudyn's own
@@ -13,20 +13,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...models.arrays import FloatArray
+from ...models.elements import AnyJoint
 from ...models.errors import InputError, SimulationError
-from ...models.joints import AnyJoint
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.tree import Slide
 from ..inspection import Dynamics, Inspection, State
-from .body_coordinates import BodyCoordinates
-from .build import System, build, exu, silence
-from .constraints import Spring
-from .lines import on_joint
+from .build import build, silence
 from .matrices import Matrices, Solved, matrices
 from .options import ExudynOptions
-from .read import Reader
-from .sensors import SensorKey, Values
+from .read import BodyCoordinates, Reader, SensorKey, Spring, System, Values, exu, on_joint
 from .solver import Solver
 
 
@@ -49,10 +45,10 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: ExudynOption
 
 
 def _springs(mechanism: Mechanism, options: ExudynOptions) -> dict[str, Spring] | None:
-    """Springs whose torque is set, in each state, to that of the closed stop at rest, where dampers have no effect.
+    """Springs that stand for the closed stops, if the options make them springs.
 
-    The stiffness has none either, but for rounding: a stiff spring would amplify the last digits of
-    the two angles.
+    Each state sets their torques to those of the stops at rest, where dampers have no effect. The
+    stiffness has none either, but a stiff spring would amplify the last digits of the two angles.
     """
     if options.stop_stiffness is None:
         return None
@@ -125,7 +121,7 @@ class _Inspector:
         return tuple(body.name for body in self.system.mechanism.bodies)
 
     def _reader(self) -> Reader:
-        """Of the current state, as a run reads its table."""
+        """Reader of the current state, as a run reads its table."""
         return Reader(self.system, self.solver.columns, self.solver.row(0.0)[None])
 
     def _places(self, reader: Reader) -> FloatArray:
@@ -133,7 +129,7 @@ class _Inspector:
         return self.solver.of_bodies(reader.table[0], "CoordinatesTotal")
 
     def _accelerations(self) -> FloatArray:
-        """Of q, by Exudyn's outputs: rotations of nodes, and points in the frames of slots; shape (n_q,)."""
+        """Accelerations of q by Exudyn's outputs of nodes and of points in slots, shape (n_q,)."""
         main, mechanism = self.system.main, self.system.mechanism
         rotations = {
             name: float(
@@ -152,7 +148,7 @@ class _Inspector:
         return float((place[0] * slide.direction.conjugate()).real)
 
     def _with_accelerations(self, joint: AnyJoint) -> Values:
-        """Values of the sensors now, and of the accelerations of a joint's points, which a run has no need of."""
+        """Sensors now, and accelerations of a joint's points, which a run does not record."""
         relative = on_joint(joint)
 
         def values(sensor: SensorKey) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Exudyn's own mass matrix, forces and constraint Jacobian, and the accelerations, multipliers and impacts they give.
+"""Exudyn's mass matrix, forces and constraint Jacobian; accelerations and impacts by them.
 
 In Exudyn's redundant coordinates z (x, y, rotation by body), with f the forces and G the Jacobian
 of joints and stops,
@@ -20,11 +20,11 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
-from .. import impact_law
-from ..contact_events import Contacts
-from .build import System, exu
-from .conditioning import DEPENDENT
-from .solver import State
+from .. import impact as impact_law
+from ..events import Contacts
+from .loops import DEPENDENT
+from .read import System, exu
+from .solver import BodyState
 
 # Central difference of order 8: weights of f(k h) - f(-k h), k = 1..4, over h. A Jacobian is a sum
 # of sines and cosines of rotations; at _TURN [rad] a step the truncation is _TURN^8 / 630 = 1e-15,
@@ -83,7 +83,7 @@ class Matrices:
         return np.array(self.solver.GetSystemMassMatrix())[:n, :n]
 
     def forces(self) -> FloatArray:
-        """Of weight, and of springs where stops are springs; no constraint's; shape (3 n_bodies,)."""
+        """Forces of all but constraints (stops that are springs included), shape (3 n_bodies,)."""
         self.solver.ComputeODE2RHS(self.system.main)
         return np.array(self.solver.GetSystemResidual())[: self.solver.GetODE2size()]
 
@@ -95,7 +95,7 @@ class Matrices:
         )
 
     def stop_row(self, name: str) -> FloatArray:
-        """Row of a stop in G, shape (3 n_bodies,); a spring's is the force of a unit multiplier on it, but for sign."""
+        """Row of a stop in G, shape (3 n_bodies,); of a spring, minus a unit torque's force."""
         self.system.set_active((name,))
         if not self.system.springs:
             return self._constraints()[0][self._stop_rows(name)[0]]
@@ -141,7 +141,7 @@ class Matrices:
         return np.sum(list(pairs), axis=0) / step
 
     def _acting_rows(self) -> FloatArray:
-        """G of what acts, as Exudyn orders it: an equation that does not act reads lam = 0, a one on its diagonal."""
+        """Rows of G that act; one that does not reads lam = 0, with a one on its diagonal."""
         rows, diagonal = self._constraints()
         return rows[diagonal == 0]
 
@@ -154,14 +154,16 @@ class Matrices:
         return jacobian[:, :n], np.diag(jacobian[:, n:])
 
     def _stop_rows(self, name: str) -> list[int]:
-        """Equations of a stop's connector; the first is its gap's (a point contact's second one is always zero)."""
+        """Equations of a stop's connector: the gap's first (a point contact has a second, zero)."""
         return list(self.system.main.systemData.GetObjectLTGAE(self.system.stops[name]))
 
 
 def solve_constrained(
     mass: FloatArray, jacobian: FloatArray, forces: FloatArray, right: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """The z'' and lam of M z'' + G^T lam = f, G z'' = right; where constraints are redundant, the lam of least norm.
+    """Solution z'', lam of M z'' + G^T lam = f, G z'' = right.
+
+    Where constraints are redundant, lam is that of least norm.
 
     Raises:
         SimulationError: a body has no inertia of its own or by its joints.
@@ -192,8 +194,8 @@ def solve_constrained(
 
 
 def resolve_impact(
-    system: System, state: State, restitution: Mapping[str, float]
-) -> tuple[State, dict[str, float]]:
+    system: System, state: BodyState, restitution: Mapping[str, float]
+) -> tuple[BodyState, dict[str, float]]:
     """The state after the impact of all contacts that touch, and the impulse of each [N m s, N s].
 
     Newton's law with complementarity (:mod:`..impact_law`): z'+ = z'- + sum_i p_i r_i, with r_i
@@ -222,7 +224,8 @@ def resolve_impact(
     impulses = impact_law.impulses(rows @ responses.T, rows @ state.rates, coefficients)
     if impulses is None:
         raise SimulationError(
-            f"exudyn finds no impact of the stops {', '.join(restitution)} in which all of them push."
+            f"exudyn finds no impact of the stops {', '.join(restitution)} in which all of them "
+            "push."
         )
     after = replace(state, rates=state.rates + impulses @ responses)
     return after, dict(zip(restitution, impulses.tolist(), strict=True))

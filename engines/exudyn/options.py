@@ -43,7 +43,8 @@ class ExudynOptions(EngineOptions):
     )
     stop_stiffness: Positive | None = Field(
         default=None,
-        description="closed stops are springs [N m/rad, or N/m on a point], in balance at the start; none: constraints",
+        description="closed stops are springs [N m/rad, or N/m on a point], in balance at the "
+        "start; none: constraints",
     )
     # Undamped, a spring rings on after each kink of its torque, and lets go too early or late: the
     # trapezoidal rule damps nothing. At 0.1 ringing halves in each period, and the damper's lag is

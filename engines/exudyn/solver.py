@@ -19,14 +19,10 @@ from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
-from ..contact_events import Contacts
-from .body_coordinates import BodyCoordinates
-from .build import System, exu
-from .conditioning import DEPENDENT, Conditioning, LoopConstraints
+from ..events import Contacts
+from .loops import DEPENDENT, Conditioning, LoopConstraints, built_rows
 from .options import ExudynOptions
-from .read import Reader, coordinates
-from .rigid_loops import built_rows
-from .sensors import SensorKey, Values
+from .read import BodyCoordinates, Reader, SensorKey, System, Values, coordinates, exu
 
 _EVERY_STEP = 1e-12  # [s] the default is 0.01 s; this is below any step
 _SAME_TIME = 1e-9  # of the run's last time: Exudyn adds up its steps
@@ -49,7 +45,7 @@ _BEYOND, _FAR = (
     2.2,
     50.0,
 )  # of the steps to the position, for the shortest; if it is as near as this many
-_BACK = 2  # steps before the last good one at which a leap begins: the last ones were near the position as well
+_BACK = 2  # good steps that a leap takes back: the last ones were near the position as well
 _LEAP_ITERATIONS = 200
 # Redundant joints contradict each other by the drift of the positions, of the order of the
 # truncation error, and no iteration gets below that. Just above it iterations end, with multipliers
@@ -72,15 +68,15 @@ class _Outcome(Enum):
 
     ARRIVED = auto()
     STOPPED = auto()
-    """By the monitor."""
+    """The monitor stopped the run."""
     INTERRUPTED = auto()
-    """To begin anew: loops are or were nearly dependent (:mod:`.conditioning`)."""
+    """The run begins anew: loops are or were nearly dependent (:mod:`.loops`)."""
     FAILED = auto()
 
 
 @dataclass(frozen=True)
-class State:
-    """Displacements from the reference and their rates at a time [s], shape (3 n_bodies,): x, y, rotation by body."""
+class BodyState:
+    """Displacements (x, y, rotation by body) from the reference and rates, (3 n_bodies,)."""
 
     t: float
     coordinates: FloatArray
@@ -89,12 +85,12 @@ class State:
 
 @dataclass(frozen=True)
 class Balance:
-    """What the equations of motion say at a state."""
+    """Solution of the equations of motion at a state."""
 
     row: FloatArray
     """All sensors: a row of a table."""
     accelerations: FloatArray
-    """Of Exudyn's coordinates [m/s^2, rad/s^2], shape (3 n_bodies,)."""
+    """Second derivatives of Exudyn's coordinates [m/s^2, rad/s^2], shape (3 n_bodies,)."""
 
 
 class Solver:
@@ -109,29 +105,29 @@ class Solver:
         self.columns: dict[SensorKey, slice] = {
             key: slice(a, b) for key, a, b in zip(system.sensors, ends[:-1], ends[1:], strict=True)
         }
-        """Of each sensor in a table; column 0 is the time [s]."""
+        """Columns of each sensor in a table; column 0 is the time [s]."""
         self._dependent = _may_be_dependent(system.mechanism)
         self._redundant = _has_redundant_joints(system)
         self._residual = options.newton_absolute
         self._kinematics = Kinematics(system.mechanism)
         self._conditioning: Conditioning | None = None
 
-    def start(self) -> State:
+    def start(self) -> BodyState:
         """The state as built."""
         rates = np.array(
             self.system.main.systemData.GetODE2Coordinates_t(exu.ConfigurationType.Initial)
         )
-        return State(0.0, np.zeros(len(rates)), rates)
+        return BodyState(0.0, np.zeros(len(rates)), rates)
 
-    def state(self, table: FloatArray, row: int) -> State:
+    def state(self, table: FloatArray, row: int) -> BodyState:
         """The state in a row of a table."""
         coordinates, rates = (
             self.of_bodies(table[row], quantity) for quantity in ("Coordinates", "Coordinates_t")
         )
-        return State(float(table[row, 0]), coordinates, rates)
+        return BodyState(float(table[row, 0]), coordinates, rates)
 
     def of_bodies(self, row: FloatArray, quantity: str) -> FloatArray:
-        """A quantity of all bodies' nodes in a row of a table: x, y, rotation by body, shape (3 n_bodies,)."""
+        """A quantity of all nodes in a row of a table: x, y, rotation by body, (3 n_bodies,)."""
         return np.concatenate(
             [row[self.columns["body", b.name, quantity]] for b in self.system.mechanism.bodies]
         )
@@ -150,7 +146,7 @@ class Solver:
         """Torque (or force) of an active stop in a row of a table [N m, N]."""
         return float(self.system.constraints[stop].torque(self.values(row))[0])
 
-    def balance(self, state: State, active: Contacts) -> Balance:
+    def balance(self, state: BodyState, active: Contacts) -> Balance:
         """Sensors and accelerations at a state, under the joints and the active stops.
 
         Exudyn takes the constraints' second derivative from one-sided difference quotients, which
@@ -172,21 +168,26 @@ class Solver:
         settings = self._settings(time, time + self.options.timestep, 1)
         settings.timeIntegration.newton.numericalDifferentiation.relativeEpsilon = difference
         main, solver = self.system.main, exu.MainSolverImplicitSecondOrder()
+        failure = f"exudyn finds no accelerations at t = {time:.6g} s: is the position singular?"
         try:
+            # Exudyn solves for the accelerations here; where it fails those of the last state stay.
             solved = bool(solver.InitializeSolver(main, settings))
-        except RuntimeError:  # Exudyn's own errors are RuntimeErrors; their text is a page
-            solved = False
+        except RuntimeError:  # of Exudyn's own; its text is a page
+            raise SimulationError(failure) from None
         row = self.row(time)
         accelerations = np.array(main.systemData.GetODE2Coordinates_tt())
-        if not solved or not np.isfinite(accelerations).all():
-            raise SimulationError(
-                f"exudyn finds no accelerations at t = {time:.6g} s: is the position singular?"
-            )
+        if not (solved and np.isfinite(accelerations).all()):
+            raise SimulationError(failure)
         solver.FinalizeSolver(main, settings)
         return Balance(row, accelerations)
 
     def run(
-        self, state: State, active: Contacts, end: float, steps: int, monitor: Monitor | None = None
+        self,
+        state: BodyState,
+        active: Contacts,
+        end: float,
+        steps: int,
+        monitor: Monitor | None = None,
     ) -> FloatArray:
         """Table of all sensors at the start and after each step, shape (n, columns).
 
@@ -236,7 +237,7 @@ class Solver:
 
     def _equal_steps(
         self,
-        state: State,
+        state: BodyState,
         active: Contacts,
         end: float,
         steps: int,
@@ -262,19 +263,19 @@ class Solver:
         interrupted = finished and self._conditioning is not None and self._conditioning.is_due
         return table, _Outcome.INTERRUPTED if interrupted else _Outcome.FAILED
 
-    def _explicit_step(self, state: State, active: Contacts, end: float) -> FloatArray:
-        """Table of one step of the trapezoidal rule whose end has the accelerations of an explicit Euler step's."""
+    def _explicit_step(self, state: BodyState, active: Contacts, end: float) -> FloatArray:
+        """Table of one trapezoidal step with the accelerations at an explicit Euler step's end."""
         h, first = end - state.t, self.balance(state, active)
         coordinates = state.coordinates + h * (state.rates + h / 2 * first.accelerations)
         predicted = self.balance(
-            State(end, coordinates, state.rates + h * first.accelerations), active
+            BodyState(end, coordinates, state.rates + h * first.accelerations), active
         )
         rates = state.rates + h / 2 * (first.accelerations + predicted.accelerations)
         self.steps += 1
-        return np.stack([first.row, self.balance(State(end, coordinates, rates), active).row])
+        return np.stack([first.row, self.balance(BodyState(end, coordinates, rates), active).row])
 
     def _watched(self, active: Contacts) -> Conditioning | None:
-        """Of the loops; generalised alpha damps what it would be watched for."""
+        """Monitor of the loops; generalised alpha needs none, as it damps the error."""
         if not self.system.mechanism.loop_joints or not self.options.integrator.startswith(
             "trapezoidal"
         ):
@@ -284,18 +285,18 @@ class Solver:
     def _coordinates(self) -> FloatArray:
         return coordinates(self.system.mechanism, self.system.now)[0]
 
-    def _without_drift(self, table: FloatArray) -> State:
-        """The nearest state to that at the end of a table in which loops and active stops are closed."""
+    def _without_drift(self, table: FloatArray) -> BodyState:
+        """Nearest state to that at the end of a table with loops and active stops closed."""
         state, reader = self.state(table, -1), Reader(self.system, self.columns, table[-1:])
         bodies, start = BodyCoordinates(self._kinematics), initial_state(self.system.mechanism)[0]
         constraints = LoopConstraints(self._kinematics, self.system.active)
         q, u = constraints.projected(reader.coordinates()[0], reader.speeds()[0])
-        return State(state.t, bodies.placed(q) - bodies.placed(start), bodies.jacobian(q) @ u)
+        return BodyState(state.t, bodies.placed(q) - bodies.placed(start), bodies.jacobian(q) @ u)
 
     def _past_failure(
         self, table: FloatArray, step: float, end: float, monitor: Monitor | None
     ) -> tuple[FloatArray, _Outcome]:
-        """A table that ends before a step that failed, with a longer step and equal ones after it."""
+        """A table without its last steps, with a longer step over the failure and equal ones."""
         table = table[: max(1, len(table) - _BACK)]
         state = self.state(table, -1)
         for length in self._leaps(table):
@@ -315,7 +316,7 @@ class Solver:
         step: float,
         end: float,
         monitor: Monitor | None,
-        now: State | None = None,
+        now: BodyState | None = None,
     ) -> tuple[FloatArray, _Outcome]:
         """A table and equal steps after it, from `now` or the state at its end."""
         nears = (
@@ -330,9 +331,9 @@ class Solver:
         return np.concatenate([table[:-1], rest]), outcome
 
     def _leap(
-        self, state: State, until: float, monitor: Monitor | None
+        self, state: BodyState, until: float, monitor: Monitor | None
     ) -> tuple[FloatArray, _Outcome]:
-        """One step, which fails as well if its end is on another branch of the motion: if the speeds jump."""
+        """One step, which fails also if the speeds jump: its end is on another branch then."""
         leap, outcome = self._equal_steps(
             state, self.system.active, until, 1, monitor, _LEAP_ITERATIONS
         )
@@ -342,7 +343,7 @@ class Solver:
         return leap, outcome
 
     def _leaps(self, table: FloatArray) -> tuple[float, ...]:
-        """Lengths of steps in place of one that failed after a table, in steps; only loops have singular positions."""
+        """Lengths, in steps, of those in place of a failed one; only loops are singular."""
         if self.options.adaptive_step or not self.system.mechanism.loop_joints:
             return ()
         if self._conditioning is None:
@@ -359,7 +360,10 @@ class Solver:
             else "the step is too long, or a position singular"
         )
         if self._redundant:
-            hint = "its joints are redundant, and contradict each other as they drift; a shorter timestep may help"
+            hint = (
+                "its joints are redundant, and contradict each other as they drift; "
+                "a shorter timestep may help"
+            )
         solver = f"exudyn's {self.options.integrator} solver"
         raise SimulationError(
             f"{solver} gave up after t = {table[-1, 0]:.6g} s of {end:.6g} s; {hint}."
@@ -389,7 +393,7 @@ class Solver:
         finally:
             main.SetPostStepUserFunction(0)
 
-    def _set(self, state: State, accelerations: FloatArray | None = None) -> None:
+    def _set(self, state: BodyState, accelerations: FloatArray | None = None) -> None:
         data, initial = self.system.main.systemData, exu.ConfigurationType.Initial
         data.SetODE2Coordinates(state.coordinates, initial)
         data.SetODE2Coordinates_t(state.rates, initial)
@@ -429,7 +433,7 @@ class Solver:
 
 
 def _may_be_dependent(mechanism: Mechanism) -> bool:
-    """Whether constraints may follow from others: loops may have singular positions; stops may be redundant."""
+    """Whether constraints may follow from others: of loops, or of redundant stops."""
     kinematics, (q, _) = Kinematics(mechanism), initial_state(mechanism)
     rows = [kinematics.gap_jacobian(stop.name, q) for stop in mechanism.stops if stop.closed]
     dependent = len(rows) > 1 and int(np.linalg.matrix_rank(np.array(rows), rtol=DEPENDENT)) < len(

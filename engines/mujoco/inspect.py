@@ -13,9 +13,8 @@ from ...models.mechanism import Mechanism
 from ...models.mjcf.writer import mjcf_names
 from ...models.tree import Slide
 from ..inspection import Dynamics, Inspection, State
-from .build import load, preload, start_data
-from .constraints import UnilateralConstraint, slot_contacts, stop_constraints
-from .matrices import mass_matrix
+from .build import UnilateralConstraint, load, preload, slot_contacts, start_data, stop_constraints
+from .compat import mass_matrix
 from .options import MujocoOptions
 from .read import IN_PLANE, absolute_from_relative
 from .reference_acceleration import ReferenceAccelerationCorrection, mujoco

@@ -33,14 +33,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.arrays import FloatArray
-from .matrices import constraint_jacobian
-from .versions import CALLBACK, mujoco
-from .warm_start import start_at_the_solution
+from .compat import CALLBACK, constraint_jacobian, mass_matrix, mujoco
 
-_SETTLING = (
-    2  # forward passes after which R f is that of another state; each gains some four digits
-)
-_REDUNDANT = 1e-12  # of the largest squared singular value: forces along directions with smaller ones do not count
+_SETTLING = 2  # forward passes after which R f is another state's; each gains some four digits
+# Of the largest squared singular value: forces along directions with smaller ones do not count.
+_REDUNDANT = 1e-12
+_ITERATIONS = 10  # one a change of the active constraints, and one for rounding
 
 
 @dataclass(frozen=True)
@@ -279,3 +277,32 @@ def _relative_velocity_term(model: Any, data: Any, sphere: int, holder: int) -> 
         - _velocity_term(model, data, centre, holder)
         - np.array([turning * z, 0.0, -turning * x])
     )
+
+
+def start_at_the_solution(model: Any, data: Any) -> None:
+    """Set `qacc_warmstart` to the solution, by Newton steps of full length.
+
+    Both walls of a slot that closes a loop are pressed in, and their forces cancel but for the slot's
+    own. They make up nearly all of the cost that MuJoCo's solver minimises. Before 3.10 its line search
+    takes differences of that cost, in which the gain of the last iterations is less than rounding, so
+    the search may end without a step: the floating arm's track was up to 1e-4 of its force off. Started
+    where the gradient is zero, the solver has nothing left to gain.
+
+    The constraints may be equalities and frictionless unilateral ones. If it does not settle which
+    of them are active, nothing is changed. To be called from `mjcb_control`, when `aref` is final.
+    """
+    mujoco.mj_fwdActuation(model, data)
+    mujoco.mj_fwdAcceleration(model, data)
+    mass, jacobian = mass_matrix(model, data), constraint_jacobian(model, data)
+    acceleration, before = np.array(data.qacc_warmstart), None
+    for _ in range(_ITERATIONS):
+        violation = jacobian @ acceleration - data.efc_aref
+        active = violation < 0
+        active[: data.ne] = True
+        rows, strength = jacobian[active], data.efc_D[active]
+        gradient = mass @ acceleration - data.qfrc_smooth + rows.T @ (strength * violation[active])
+        acceleration -= np.linalg.solve(mass + (rows.T * strength) @ rows, gradient)
+        if before is not None and (active == before).all():
+            data.qacc_warmstart[:] = acceleration
+            return
+        before = active

@@ -1,15 +1,16 @@
-"""pymunk (Chipmunk 2D): impulses on maximal coordinates, a semi-implicit step that is a leapfrog in disguise."""
+"""pymunk (Chipmunk 2D): impulses on maximal coordinates, steps that are a leapfrog in disguise."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from ...models.features import Feature
+from ...models.elements import CubicTorsionSpring
+from ...models.features import COVERED_BY_FEATURES
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
-from ..protocol import BuiltinEngine, Capabilities, Recording
+from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
 from ..study import EngineStudy
 from ..supplied import Part, Supplied
 from ..units import units_of
@@ -17,6 +18,10 @@ from .options import PymunkOptions
 from .study import STUDY
 
 _LIBRARY_ERROR_BIAS = (1.0 - 0.1) ** 60
+
+
+BUILT: frozenset[type] = COVERED_BY_FEATURES | {CubicTorsionSpring}
+"""Classes that the tables of :mod:`.build` have a handler for; these need the library."""
 
 
 class PymunkEngine(PymunkOptions, BuiltinEngine):
@@ -43,8 +48,10 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
         joint_gaps=True,
         located_releases=True,
         stop_laws=frozenset(StopLaw),
-        features=frozenset(Feature),
-        formulation="maximal coordinates, velocity-level impulses by Gauss-Seidel, leapfrog positions",
+        features=built_features(BUILT),
+        elements=BUILT,
+        formulation="maximal coordinates, velocity-level impulses by Gauss-Seidel, leapfrog "
+        "positions",
     )
     # What the library does if nothing is set, and its states read as they come after each step.
     stock_options: ClassVar[Mapping[str, object]] = {
@@ -59,7 +66,7 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
 
     @property
     def supplied(self) -> Supplied:
-        """A stop is a joint, which is put in and taken out; Chipmunk tells magnitudes of impulses alone."""
+        """Stops as joints that come and go; forces, of which Chipmunk tells magnitudes alone."""
         return {
             Part.EVENTS: "",
             Part.ELEMENTS: "dampers and constant forces",
@@ -69,12 +76,12 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
 
     def _run(self, problem: Problem) -> Recording:
         # Here and not above: a class must tell that its library is missing, not fail to load.
-        from .step import run
+        from .motion import run
 
         return units_of(problem.mechanism).run(run, problem, self)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
-        """The built bodies' inertia, and accelerations and torques by one step of theirs in each state."""
+        """Inertia of the built bodies, and accelerations and torques by one step in each state."""
         self.refuse_absence()
         from .inspect import inspect
 

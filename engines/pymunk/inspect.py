@@ -11,25 +11,25 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pymunk
 from pymunk import constraints
 
 from ...models.arrays import FloatArray, as_vectors
-from ...models.joints import GROUND, PinJoint
+from ...models.elements import GROUND, STOPS, AnyStop, ElementTable, PointStop, Stop
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
-from ...models.stops import PointStop, Stop
 from ..inspection import Dynamics, Inspection, State
-from .assembly import Assembly, Rod
+from .bodies import Assembly, Rod, is_pin
 from .build import build
 from .leapfrog import STEP, settled_increment
 from .options import PymunkOptions
 from .reactions import forces_of
-from .read import Reading, reading_of
+from .read import MotionReading, reading_of
 
 
 def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkOptions) -> Inspection:
@@ -52,13 +52,11 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkOption
 
 
 def _total_mass(assembly: Assembly, pivot_mass: float) -> float | None:
-    """Mass of all bodies [kg]; None if one has a multiple of its own on a pin in the ground, or is welded to it."""
+    """Mass of all bodies [kg]; None where mass on the ground is changed or left out."""
     pinned = [
         joint
         for joint in assembly.rigid.tree_joints
-        if joint.parent == GROUND
-        and isinstance(joint, PinJoint)
-        and assembly.parts[joint.child].turns
+        if joint.parent == GROUND and is_pin(joint) and assembly.parts[joint.child].turns
     ]
     grounded = any(
         place.carrier == GROUND for name, place in assembly.placements.items() if name != GROUND
@@ -95,10 +93,11 @@ def _dynamics(built: Assembly, state: State, pivot_mass: float) -> Dynamics:
 
 
 def _inertia(assembly: Assembly) -> tuple[FloatArray, FloatArray]:
-    """M and f of the engine's bodies: sum of m J^T J + I j^T j, and of J^T m (a - centrifugal acceleration) + j^T I s.
+    """M and f of the engine's bodies.
 
-    The accelerations a and s of a body are those that gravity and force elements give it where no
-    joint holds it. A body that does not turn has no angle of its own (its moment is infinite): it
+    M is the sum of m J^T J + I j^T j, f that of J^T m (a - centrifugal acceleration) + j^T I s. The
+    accelerations a and s of a body are those that gravity and force elements give it where no joint
+    holds it. A body that does not turn has no angle of its own (its moment is infinite): it
     is a point mass. Mass on a pin in the ground does not move, and so is in neither.
     """
     kinematics, attitudes = Kinematics(assembly.mechanism), assembly.mechanism.attitudes
@@ -121,7 +120,7 @@ def _inertia(assembly: Assembly) -> tuple[FloatArray, FloatArray]:
 
 
 def _free_accelerations(assembly: Assembly) -> FloatArray:
-    """Accelerations of the bodies without joints and stops, shape (n_bodies, 3): what all forces do, in Chipmunk."""
+    """Accelerations of the bodies by Chipmunk without joints and stops, shape (n_bodies, 3)."""
     joints = [joint for joint in assembly.space.constraints if not isinstance(joint, _SPRINGS)]
     if joints:
         assembly.space.remove(*joints)
@@ -131,14 +130,14 @@ def _free_accelerations(assembly: Assembly) -> FloatArray:
     return accelerations
 
 
-def _stepped(assembly: Assembly) -> Reading:
-    """One step to the assembly's present state; the change of velocity in it is the acceleration there."""
+def _stepped(assembly: Assembly) -> MotionReading:
+    """One step to the present state, whose change of velocity is the acceleration there."""
     _set_targets(assembly)
     return reading_of(assembly, settled_increment(assembly) / STEP)
 
 
 def _set_targets(assembly: Assembly) -> None:
-    """Displace each joint's target by h^2 times its centripetal acceleration; a GearJoint has none."""
+    """Displace the joints' targets by h^2 times centripetal accelerations; gears have none."""
     for rod in assembly.rods:
         rod.joint.distance = rod.length - STEP**2 * _lengthening(rod)
     for joint in assembly.space.constraints:
@@ -153,7 +152,7 @@ _SPRINGS = (constraints.DampedSpring, constraints.DampedRotarySpring)
 
 @dataclass(frozen=True)
 class _End:
-    """The end of a joint on a body: position [m], velocity [m/s], acceleration at constant rates [m/s^2]."""
+    """End of a joint on a body: position, velocity, acceleration at constant rates [m, s]."""
 
     position: complex
     velocity: complex
@@ -170,7 +169,7 @@ class _End:
 
 
 def _lengthening(rod: Rod) -> float:
-    """Second derivative of the distance between a rod's ends [m/s^2], at constant rates of its bodies.
+    """Second derivative of a rod's length [m/s^2], at constant rates of its bodies.
 
     |d|'' = n . d'' + (n x d')^2 / |d| with n = d / |d|. The anchor of a sliding rod leaves no
     velocity across in the frame of its line, which turns with w: then n . d'' + 2 w (n x d') - w^2
@@ -188,31 +187,41 @@ def _lengthening(rod: Rod) -> float:
     return bent + 2 * spin * across - spin**2 * distance
 
 
-def _gap(built: Assembly, stop: Stop | PointStop, reading: Reading) -> float:
-    """Gap of a stop [rad or m] at the bodies' present positions, by its joint as it was built at the start."""
+def _gap(built: Assembly, stop: AnyStop, reading: MotionReading) -> float:
+    """Gap of a stop [rad or m] at the bodies' present positions, by its joint as built."""
     joint, stop = built.stops[stop.name], built.rigid.stop(stop.name)
     rod = next((rod for rod in built.rods if rod.joint is joint), None)
-    if isinstance(stop, PointStop):
-        assert rod is not None
-        other = built.parts.get(stop.relative_to)
-        anchor = complex(*rod.end_a) + (other.reference if other is not None else 0j)
-        wall = reading.frames[stop.relative_to]
-        difference = complex(
-            (reading.point(stop.body, stop.point).position - wall.point(anchor).position)[0]
-        )
-        return (
-            difference * complex(wall.world(complex(*stop.normal))[0]).conjugate()
-        ).real - rod.length
+    return _GAPS[stop](built, stop, reading, rod)
+
+
+def _point_gap(built: Assembly, stop: PointStop, reading: MotionReading, rod: Rod | None) -> float:
+    assert rod is not None
+    other = built.parts.get(stop.relative_to)
+    anchor = complex(*rod.end_a) + (other.reference if other is not None else 0j)
+    wall = reading.frames[stop.relative_to]
+    point = reading.point(stop.body, stop.point).position
+    difference = complex((point - wall.point(anchor).position)[0])
+    normal = complex(wall.world(complex(*stop.normal))[0])
+    return (difference * normal.conjugate()).real - rod.length
+
+
+def _angle_gap(built: Assembly, stop: Stop, reading: MotionReading, rod: Rod | None) -> float:
     q = {name: float(frame.q[0]) for name, frame in reading.frames.items()}
     between = q[stop.body] - q[stop.relative_to]
     if rod is None:
-        assert isinstance(joint, constraints.GearJoint)
-        return stop.sense * (between + joint.phase)
+        gear = built.stops[stop.name]
+        assert isinstance(gear, constraints.GearJoint)
+        return stop.sense * (between + gear.phase)
     return stop.sense * math.remainder(between - _braced_angle(built, rod, stop), 2 * math.pi)
 
 
+_GAPS: ElementTable[Callable[[Assembly, Any, MotionReading, Rod | None], float]] = ElementTable(
+    "pymunk's inspection", STOPS, {Stop: _angle_gap, PointStop: _point_gap}
+)
+
+
 def _braced_angle(built: Assembly, rod: Rod, stop: Stop) -> float:
-    """The angle at which a brace keeps a bob [rad]: that of the stop's body relative to the other one.
+    """Angle of the stop's body relative to the other one [rad], at which a brace keeps it.
 
     Brace, bob's rod and the line from the pin to the brace's anchor are a triangle, whose sides
     give its angle.

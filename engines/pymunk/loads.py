@@ -1,4 +1,4 @@
-"""Forces that Chipmunk has no element for, or whose element is of a lower order than its steps, on its bodies.
+"""Forces on Chipmunk's bodies that it has no element for, or one of too low an order.
 
 Chipmunk adds `body.force` and `body.torque` to a step's impulses at its end position and then sets
 them to zero, so they are set before every step: constant forces and torques, and those of dampers.
@@ -21,12 +21,12 @@ from typing import Protocol
 
 import pymunk
 
-from ...models.force_elements import ConstantTorque, RotationalSpringDamper, SpringDamper
+from ...models.elements import SpringDamper
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a body is at a step's end [m, rad], and its speeds there [m/s, rad/s], counter-clockwise."""
+    """Place [m, rad] and speeds [m/s, rad/s] of a body at a step's end, counter-clockwise."""
 
     position: complex
     angle: float
@@ -36,7 +36,7 @@ class Pose:
 
 @dataclass
 class Resultant:
-    """What acts on a body: force on its centre [N] and counter-clockwise torque [N m]."""
+    """Force on a body's centre [N] and counter-clockwise torque [N m]."""
 
     force: complex = 0j
     torque: float = 0.0
@@ -51,7 +51,7 @@ class Bodies:
         self.resultants: dict[pymunk.Body, Resultant] = {}
 
     def pose(self, body: pymunk.Body) -> Pose:
-        """Of a body."""
+        """Pose of a body."""
         if body not in self._poses:
             self._poses[body] = self._pose_of(body)
         return self._poses[body]
@@ -123,7 +123,7 @@ class Angle(Protocol):
 
 @dataclass(frozen=True)
 class FixedAngle:
-    """Of the ground."""
+    """Angle of the ground."""
 
     def value_and_speed(self, bodies: Bodies) -> tuple[float, float]:
         """0."""
@@ -135,7 +135,7 @@ class FixedAngle:
 
 @dataclass(frozen=True)
 class EngineAngle:
-    """Of a body that turns in Chipmunk as well."""
+    """Angle of a body that turns in Chipmunk as well."""
 
     body: pymunk.Body
 
@@ -151,7 +151,7 @@ class EngineAngle:
 
 @dataclass
 class RodAngle:
-    """Of a point mass on a massless rod, whose couple is a pair of forces on the rod's ends."""
+    """Angle of a point mass on a massless rod; a couple is two forces on the rod's ends."""
 
     rod: Combination
     """From the rod's pin to the mass."""
@@ -201,7 +201,7 @@ class Pull:
     vector: Combination
     """From the other body's point to the body's."""
     stiffness: float
-    """Of the spring that acts here [N/m]; 0 where Chipmunk's own does."""
+    """Stiffness of the spring that acts here [N/m]; 0 where Chipmunk's own does."""
 
     def act(self, bodies: Bodies) -> None:
         """Add what it exerts in these poses."""
@@ -218,31 +218,26 @@ class Pull:
 
 @dataclass(frozen=True)
 class Twist:
-    """A torque between two bodies: constant, of a damper, or of a spring on a body that has no angle in Chipmunk."""
+    """A torque between two bodies: constant, of a damper, or of a spring that Chipmunk has not."""
 
-    element: RotationalSpringDamper | ConstantTorque
+    torque: Callable[[float, float], float]
+    """Torque on the body [N m] by the relative angle [rad] and its rate [rad/s], all clockwise."""
     own: Angle
     other: Angle
-    stiffness: float = 0.0
-    """Of the spring that acts here [N m/rad]; 0 where Chipmunk's own does."""
 
     def act(self, bodies: Bodies) -> None:
         """Add what it exerts in these poses."""
         (angle, speed), (other_angle, other_speed) = (
             end.value_and_speed(bodies) for end in (self.own, self.other)
         )
-        if isinstance(self.element, ConstantTorque):
-            torque = self.element.torque
-        else:
-            torque = -self.stiffness * (angle - other_angle - self.element.rest_angle)
-            torque -= self.element.damping * (speed - other_speed)
+        torque = self.torque(angle - other_angle, speed - other_speed)
         self.own.push(bodies, torque)
         self.other.push(bodies, -torque)
 
 
 @dataclass
 class Loads:
-    """All that acts on an assembly's bodies beside gravity and Chipmunk's own joints and springs."""
+    """Forces on an assembly's bodies beside gravity and Chipmunk's own joints and springs."""
 
     loads: list[Load] = field(default_factory=list[Load])
 

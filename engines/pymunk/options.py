@@ -24,7 +24,8 @@ class PymunkOptions(EngineOptions):
     )
     error_bias: Annotated[Real, Field(ge=0, le=1)] = Field(
         default=0.0,
-        description="share of a joint's error left after a second; 0: all of it is undone in a step",
+        description="share of a joint's error left after a second; "
+        "0: all of it is undone in a step",
     )
     leapfrog: bool = Field(
         default=True,
@@ -32,7 +33,8 @@ class PymunkOptions(EngineOptions):
     )
     hold_lengths: bool = Field(
         default=True,
-        description="set rods shorter by what the curvature of their motion lengthens them in a step",
+        description="set rods shorter by what the curvature of their motion lengthens them in a "
+        "step",
     )
     locate_releases: bool = Field(
         default=True,

@@ -32,22 +32,22 @@ import pymunk
 from pymunk import constraints
 
 from ...models.arrays import FloatArray
-from .assembly import Assembly
+from .bodies import Assembly
 
 TRACKED = 1e-3  # of the change of the impulses in a step: error that is let be
 MOST_PASSES = 20_000  # in a step of loops that need more than the option says
 _FAR = 2**22
-_DRIFT = 1e-7  # of the largest singular value: less is made by joints' drift (1e-8 m) of redundant constraints
+_DRIFT = 1e-7  # of the largest singular value: drift (1e-8 m) of redundant joints makes less
 
 
 @dataclass(frozen=True)
 class Convergence:
-    """What the passes of the impulse solver leave of an error of the velocities in one position."""
+    """Share of a velocity error that passes of the impulse solver leave in one position."""
 
     one_pass: FloatArray
     """Q in an orthonormal basis of what impulses can change, shape (r, r)."""
     basis: FloatArray
-    """That basis in velocities (x, y, angle of each body) times roots of mass, shape (3 n_bodies, r)."""
+    """Columns of that basis: (x, y, angle) speeds times roots of mass, (3 n_bodies, r)."""
     bodies: tuple[str, ...]
 
     def left_after(self, passes: int) -> float:
@@ -55,7 +55,7 @@ class Convergence:
         return _norm(np.linalg.matrix_power(self.one_pass, passes))
 
     def passes_to(self, share: float) -> int:
-        """Passes that leave at most this share of an error; of more than `_FAR`, some number above it."""
+        """Passes that leave at most this share of an error, exact up to `_FAR` of them."""
         power, passes, left = self.one_pass, 1, _norm(self.one_pass)
         if left <= share:
             return 1
@@ -78,7 +78,7 @@ class Convergence:
 
 
 def convergence(assembly: Assembly) -> Convergence:
-    """Of an assembly in its present position, with the stops that are active in it."""
+    """Convergence of an assembly in its present position, with the stops active in it."""
     blocks = [
         block
         for block in map(_Columns(assembly).of, assembly.space.constraints)
@@ -94,7 +94,7 @@ def convergence(assembly: Assembly) -> Convergence:
 
 
 def growth(left: float) -> float:
-    """Factor by which the error of a mode grows in a step whose passes leave this share of it; below 1 it decays."""
+    """Factor by which a mode's error grows in a step whose passes leave this share of it."""
     g = 1.0 - left
     step = np.array([[1.0, 1.0, 0.0], [-g, 1.0 - 2.0 * g, 1.0 - g], [-g, -2.0 * g, 1.0 - g]])
     return float(np.abs(np.linalg.eigvals(step)).max())

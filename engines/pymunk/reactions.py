@@ -1,11 +1,10 @@
 """Forces of joints and stops, from the motion of Chipmunk's bodies.
 
 They come from the bodies' changes of momentum in a step, because Chipmunk gives only the magnitude
-of a joint's
-impulse: constraint forces are the rates of change of momentum and angular momentum, less gravity
-and what the force elements exert. A joint of the tree carries all bodies that it supports; the
-forces of joints that close a loop and of active stops are the least-squares solution of G^T lam =
-r, with the residual r of the equations of motion without them:
+of a joint's impulse: constraint forces are the rates of change of momentum and angular momentum,
+less gravity and what the force elements exert. A joint of the tree carries all bodies that it
+supports; the forces of joints that close a loop and of active stops are the least-squares solution
+of G^T lam = r, with the residual r of the equations of motion without them:
 
     r_k = for an angle, the couple on the bodies that turn with it beyond gravity, force elements
           and the tree's forces; for a slide, the force along it.
@@ -19,27 +18,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.arrays import ComplexArray, FloatArray
-from ...models.joints import GROUND
+from ...models.elements import GROUND, Stop
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
-from ...models.stops import Stop
-from ..contact_events import Contacts
-from .read import Reading
+from ..events import Contacts
+from .read import MotionReading
 
-_SINGULAR = 1e-10  # of the largest singular value: constraints more nearly dependent than this share their force evenly
+_SINGULAR = 1e-10  # of the largest singular value: dependent constraints share their force
 
 
 @dataclass(frozen=True)
-class Forces:
+class ConstraintForces:
     """Forces of joints and stops at the samples."""
 
     reactions: Mapping[str, ComplexArray]
     """Force of each joint on its child [N], complex, shape (n,)."""
     torques: Mapping[str, FloatArray]
-    """Of the active stops [N m, or N for one on a point], shape (n,)."""
+    """Torque of each active stop [N m, or N for one on a point], shape (n,)."""
 
 
-def forces_of(reading: Reading, active: Contacts) -> Forces:
+def forces_of(reading: MotionReading, active: Contacts) -> ConstraintForces:
     """Forces of all joints and of the active stops."""
     mechanism, needed = reading.mechanism, _needed(reading)
     points = [stop for stop in mechanism.point_stops if stop.name in active]
@@ -49,7 +47,7 @@ def forces_of(reading: Reading, active: Contacts) -> Forces:
     one_by_one = not (points or turn_together) and len(outer) == len(active)
     if not mechanism.loop_joints and (not active or one_by_one):
         reactions = _tree_reactions(mechanism, needed)
-        return Forces(reactions, _angle_torques(reading, reactions, active))
+        return ConstraintForces(reactions, _angle_torques(reading, reactions, active))
     multipliers = _multipliers(reading, needed, active)
     loops = _loop_forces(reading, multipliers)
     torques = dict(zip(active, multipliers.T[multipliers.shape[1] - len(active) :], strict=True))
@@ -60,10 +58,10 @@ def forces_of(reading: Reading, active: Contacts) -> Forces:
         push = reading.frames[stop.relative_to].world(complex(*stop.normal)) * torques[stop.name]
         _act(needed, stop.body, -push)
         _act(needed, stop.relative_to, push)
-    return Forces(_tree_reactions(mechanism, needed) | loops, torques)
+    return ConstraintForces(_tree_reactions(mechanism, needed) | loops, torques)
 
 
-def _needed(reading: Reading) -> dict[str, ComplexArray]:
+def _needed(reading: MotionReading) -> dict[str, ComplexArray]:
     """Force that each body's momentum needs beyond gravity and force elements [N]."""
     mechanism, needed = reading.mechanism, dict[str, ComplexArray]()
     weight = complex(*mechanism.gravity_vector)
@@ -94,7 +92,7 @@ def _tree_reactions(
 
 
 def _angle_torques(
-    reading: Reading, reactions: Mapping[str, ComplexArray], active: Contacts
+    reading: MotionReading, reactions: Mapping[str, ComplexArray], active: Contacts
 ) -> dict[str, FloatArray]:
     """Torques of active stops on angles, if all joints are of the tree."""
     if not active:
@@ -124,7 +122,7 @@ def _share(stop: Stop, body: str) -> float:
     return float(stop.sense * ((body == stop.body) - (body == stop.relative_to)))
 
 
-def _couple(reading: Reading, name: str, reactions: Mapping[str, ComplexArray]) -> FloatArray:
+def _couple(reading: MotionReading, name: str, reactions: Mapping[str, ComplexArray]) -> FloatArray:
     """Clockwise couple that acts on a body besides gravity and the tree's forces [N m]."""
     body, frame = reading.mechanism.body(name), reading.frames[name]
     centre = reading.point(name, body.centre).position
@@ -146,9 +144,9 @@ def _couple(reading: Reading, name: str, reactions: Mapping[str, ComplexArray]) 
 
 
 def _multipliers(
-    reading: Reading, needed: Mapping[str, ComplexArray], active: Contacts
+    reading: MotionReading, needed: Mapping[str, ComplexArray], active: Contacts
 ) -> FloatArray:
-    """Multipliers of the loop joints, component by component, then of the active stops; shape (n, n_constraints).
+    """Multipliers of the loop joints' components, then of the active stops, (n, n_constraints).
 
     Errors of r are those of accelerations times the mass matrix M, so the inverse of M is their
     weight: the equation of a light body determines a small force better than that of a heavy one
@@ -165,7 +163,7 @@ def _multipliers(
     )
 
 
-def _missing(reading: Reading, needed: Mapping[str, ComplexArray]) -> FloatArray:
+def _missing(reading: MotionReading, needed: Mapping[str, ComplexArray]) -> FloatArray:
     """r, shape (n, n_q): the generalized forces that no joint of the tree exerts [N m or N]."""
     mechanism = reading.mechanism
     reactions = _tree_reactions(mechanism, needed)
@@ -183,7 +181,7 @@ def _missing(reading: Reading, needed: Mapping[str, ComplexArray]) -> FloatArray
 
 
 def _rows(kinematics: Kinematics, q: FloatArray, active: Contacts) -> FloatArray:
-    """G: Jacobian of the loop joints' gaps and of the active stops', shape (n, n_constraints, n_q)."""
+    """G: Jacobian of loop joints' and active stops' gaps, shape (n, n_constraints, n_q)."""
     rows = list(np.moveaxis(kinematics.loop_jacobian(q), -2, 0))
     rows += [kinematics.gap_jacobian(name, q) for name in active]
     return np.stack(rows, axis=-2)
@@ -198,7 +196,7 @@ def mass_matrix(kinematics: Kinematics, q: FloatArray) -> FloatArray:
     return products.real + np.diag(kinematics.inertias)
 
 
-def _loop_forces(reading: Reading, multipliers: FloatArray) -> dict[str, ComplexArray]:
+def _loop_forces(reading: MotionReading, multipliers: FloatArray) -> dict[str, ComplexArray]:
     """Force of each loop joint on its child [N]."""
     forces: dict[str, ComplexArray] = {}
     columns = iter(multipliers.T)

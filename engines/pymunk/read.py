@@ -14,18 +14,17 @@ from numpy.typing import NDArray
 
 from ...models.applied_forces import AppliedForces
 from ...models.arrays import ComplexArray, FloatArray, as_vectors
-from ...models.joints import GROUND, AnyJoint, PinJoint
+from ...models.elements import GROUND, AnyJoint
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.spec import Vector
 from ...models.trajectory import PointMotion
-from .assembly import Assembly, Part
-from .welds import Placement
+from .bodies import Assembly, BodyPart, Placement, is_pin
 
 
 @dataclass(frozen=True)
-class Samples:
-    """Engine bodies at the sample times: values and their first and second rates, shape (3, n, n_bodies)."""
+class BodySamples:
+    """Engine bodies at the samples: values, first and second rates, shape (3, n, n_bodies)."""
 
     points: ComplexArray
     """Position [m], velocity [m/s] and acceleration [m/s^2], complex."""
@@ -35,7 +34,7 @@ class Samples:
 
 @dataclass(frozen=True)
 class PointState:
-    """A point at the sample times: position [m], velocity [m/s], acceleration [m/s^2], complex, shape (n,)."""
+    """A point at the samples: position, velocity, acceleration [m, s], complex, shape (n,)."""
 
     position: ComplexArray
     velocity: ComplexArray
@@ -52,7 +51,7 @@ class PointState:
 
 @dataclass(frozen=True)
 class Frame:
-    """A body of the mechanism: the motion of a reference point and of its angle, clockwise, shape (n,)."""
+    """A body of the mechanism: motion of a reference point and of its clockwise angle, (n,)."""
 
     reference: complex
     at: PointState
@@ -94,13 +93,13 @@ class Frame:
 
 
 @dataclass
-class Reading:
+class MotionReading:
     """The mechanism's motion, from the engine bodies' samples."""
 
     assembly: Assembly
-    samples: Samples
+    samples: BodySamples
     near: FloatArray | None = None
-    """Coordinates near those of the first sample, for its angles' full turns; the mechanism's start if left out."""
+    """Coordinates that tell the full turns of the first sample; None: those of the start."""
     frames: dict[str, Frame] = field(default_factory=dict[str, Frame])
 
     def __post_init__(self) -> None:
@@ -132,11 +131,11 @@ class Reading:
     def _body(self, i: int) -> PointState:
         return PointState(*self.samples.points[:, :, i])
 
-    def _turning(self, i: int, part: Part) -> Frame:
+    def _turning(self, i: int, part: BodyPart) -> Frame:
         angle, spin, spin_rate = self.samples.angles[:, :, i]
         return Frame(part.reference, self._body(i), 0.0 - angle, 0.0 - spin, -spin_rate)
 
-    def _swinging(self, i: int, part: Part) -> Frame:
+    def _swinging(self, i: int, part: BodyPart) -> Frame:
         """A bob's rod points from its pin to its mass: rod = arm exp(-i q)."""
         rigid = self.assembly.rigid
         joint, (index, _) = rigid.joint_of(part.name), rigid.attitudes[part.name]
@@ -203,7 +202,7 @@ class Reading:
 
     @cached_property
     def applied_couples(self) -> FloatArray:
-        """Couple of the force elements about the centres of the bodies that turn with each angle [N m], (n, n_angles).
+        """Couples of the force elements on the bodies of each angle [N m], (n, n_angles).
 
         Their generalized forces, less those of the same forces at the centres.
         """
@@ -220,7 +219,7 @@ class Reading:
         return self._motion[2]
 
     def gaps(self) -> dict[str, FloatArray]:
-        """Constraint drift: distance of a joint's points [m], shape (n,); for a bob, the error of its rod's length."""
+        """Constraint drift [m], shape (n,): distance of points, or error of a bob's rod."""
         return {
             joint.name: self._drift(joint)
             for joint in self.mechanism.joints
@@ -229,12 +228,7 @@ class Reading:
 
     def _drift(self, joint: AnyJoint) -> FloatArray:
         part, vector = self.assembly.parts.get(joint.child), self.between(joint)
-        if (
-            isinstance(joint, PinJoint)
-            and part
-            and not part.turns
-            and joint in self.mechanism.tree_joints
-        ):
+        if is_pin(joint) and part and not part.turns and joint in self.mechanism.tree_joints:
             parent = self.point(joint.parent, joint.parent_point).position
             return np.abs(
                 np.abs(self.frames[joint.child].at.position - parent)
@@ -248,7 +242,7 @@ class Reading:
 
 def samples_of(
     states: FloatArray, h: float, leapfrog: bool, start: FloatArray | None = None
-) -> Samples:
+) -> BodySamples:
     """Samples 0 ... n from rows -1 ... n.
 
     In a leapfrog, the velocity at a sample is the mean of those half a step before and after it:
@@ -273,7 +267,7 @@ def samples_of(
         return np.stack([values[1:], share * after + (1 - share) * before, (after - before) / h])
 
     points, first = _points(states), None if start is None else _points(start)
-    return Samples(
+    return BodySamples(
         with_rates(points[..., 0], points[..., 1], None if first is None else first[..., 1]),
         with_rates(states[..., 2], states[..., 5], None if start is None else start[..., 5]),
     )
@@ -284,7 +278,7 @@ def _points(states: FloatArray) -> ComplexArray:
     return states[..., 0:4:3] + 1j * states[..., 1:5:3]
 
 
-def reading_of(assembly: Assembly, accelerations: FloatArray | None = None) -> Reading:
+def reading_of(assembly: Assembly, accelerations: FloatArray | None = None) -> MotionReading:
     """The bodies' present state as one sample; accelerations as its rates, zero if left out."""
     places, rates = (
         np.array([[*body.position, body.angle] for body in assembly.bodies]),
@@ -293,4 +287,4 @@ def reading_of(assembly: Assembly, accelerations: FloatArray | None = None) -> R
     x, y, angles = np.stack(
         [places, rates, np.zeros_like(rates) if accelerations is None else accelerations]
     ).T
-    return Reading(assembly, Samples((x + 1j * y).T[:, None], angles.T[:, None]))
+    return MotionReading(assembly, BodySamples((x + 1j * y).T[:, None], angles.T[:, None]))

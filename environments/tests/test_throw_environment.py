@@ -29,7 +29,7 @@ from trebucheck.reference.throw.throw import surroundings_of  # noqa: E402
 from trebucheck_environments import HOLD, RELEASE, ThrowEnv  # noqa: E402
 from trebucheck_environments.motion import Motion  # noqa: E402
 
-NAME = "trebucheck.environments:trebucheck/Throw-v0"
+NAME = "trebucheck_environments:trebucheck/Throw-v0"
 
 
 def held(env: ThrowEnv, steps: int, **reset: Any) -> list[Any]:
@@ -394,7 +394,7 @@ def test_without_gymnasium_one_sentence_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(sys.modules, "gymnasium", None)
-    for name in [name for name in sys.modules if name.startswith("trebucheck.environments")]:
+    for name in [name for name in sys.modules if name.startswith("trebucheck_environments")]:
         monkeypatch.delitem(sys.modules, name)
     with pytest.raises(tb.EngineNotInstalledError, match=r"trebucheck\[gym\]"):
-        importlib.import_module("trebucheck.environments")
+        importlib.import_module("trebucheck_environments")

@@ -1,6 +1,6 @@
 """Tasks to learn on, for Gymnasium: importing this package registers them.
 
->>> env = gymnasium.make("trebucheck.environments:trebucheck/Throw-v0")  # doctest: +SKIP
+>>> env = gymnasium.make("trebucheck_environments:trebucheck/Throw-v0")  # doctest: +SKIP
 
 Gymnasium has had no plug-ins since version 1.0: the part before the colon names the module that it
 imports first.

@@ -7,7 +7,6 @@ from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
-
 from trebucheck.models.errors import InputError
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.mjcf.recorded import RecordedMotion

@@ -8,11 +8,11 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.random import Generator
-
 from trebucheck.models.errors import InputError, SimulationError
 from trebucheck.models.machines.registry import model, parameters_type
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.spec import Spec
+
 from .best_throw import BestThrow, best_throw
 
 _DRAWS = 20  # until a machine throws forwards

@@ -12,7 +12,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import EngineNotInstalledError, SimulationError
 from trebucheck.models.mechanism import Mechanism
@@ -31,6 +30,7 @@ from trebucheck.models.mjcf.tree import joint_values
 from trebucheck.models.mjcf.variants import Variant
 from trebucheck.models.mjcf.writer import mjcf, model_file
 from trebucheck.reference.throw.flight import Flight
+
 from .motion import State
 
 LARGEST_PICTURE = (1280, 960)

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import InputError, SimulationError
+
 from . import tolerances
 from .expected import Expected, Motion
 from .process import ImporterProcess

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-
 from trebucheck.cli import options, output
 
 if TYPE_CHECKING:
@@ -65,11 +64,12 @@ def importer_command(
 
     trebucheck importer load.py:load --models hinge,armature,connect
     """
-    from . import report
-    from .study import check_importer
     from trebucheck.comparisons.runs.store import Store
     from trebucheck.models.errors import InputError
     from trebucheck.models.files import refuse_unwritable
+
+    from . import report
+    from .study import check_importer
 
     told = output.Told(quiet, json)
     if resume and out is None:
@@ -94,9 +94,10 @@ def importer_command(
 
 def _written(results: ImporterResults, loader: str, out: Path) -> dict[str, Path]:
     """The files of a check, by what they are called."""
-    from . import report
     from trebucheck.comparisons.report import markdown
     from trebucheck.models.files import write_text
+
+    from . import report
 
     files = {"Report": out / "importer.md", "Data": out / "importer.json"}
     write_text(files["Report"], markdown.text(report.page(results, loader)))

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
-
-from trebucheck.models.arrays import FloatArray
-from .zoo.model import TIME_CONSTANT, FileVariant, Needs, ZooModel
-from trebucheck.reference.equations import Equations
 from trebucheck.comparisons.runs.scales import size
+from trebucheck.models.arrays import FloatArray
+from trebucheck.reference.equations import Equations
+
+from .zoo.model import TIME_CONSTANT, FileVariant, Needs, ZooModel
 
 if TYPE_CHECKING:
     import xarray as xr

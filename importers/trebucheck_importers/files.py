@@ -6,16 +6,17 @@ import hashlib
 from functools import cache
 from pathlib import Path
 
+from trebucheck.comparisons.data.certified import certified_dataset
+from trebucheck.comparisons.data.files import content
 from trebucheck.models.errors import InputError
 from trebucheck.models.files import write_text
 from trebucheck.models.machines.registry import models
 from trebucheck.models.trajectory import write_dataset
+
+from .expected import Expected, read_dataset, with_joint_values
 from .zoo.machines import machine_model
 from .zoo.model import ZooModel, zoo_file
 from .zoo.registry import zoo, zoo_model
-from trebucheck.comparisons.data.certified import certified_dataset
-from trebucheck.comparisons.data.files import content
-from .expected import Expected, read_dataset, with_joint_values
 
 CHECKSUMS = "SHA256SUMS"
 

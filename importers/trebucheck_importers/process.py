@@ -14,6 +14,7 @@ from threading import Thread
 from typing import Any, Self
 
 from trebucheck.models.errors import InputError, SimulationError, shortened
+
 from . import worker
 
 START = 180.0

@@ -19,6 +19,7 @@ from trebucheck.comparisons.report.document import (
     words,
 )
 from trebucheck.comparisons.report.numbers import format_number
+
 from . import files
 from .results import QUANTITIES, Check, FileResult, ImporterResults, ModelResult, Verdict
 

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from pydantic import JsonValue
-
-from trebucheck.models.spec import Spec
 from trebucheck.comparisons.runs.store import Store, conditions, digest
 from trebucheck.comparisons.runs.study import Progress
+from trebucheck.models.spec import Spec
+
 from . import files
 from .checks import check_model
 from .expected import Expected

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-
 from trebucheck.models.arrays import FloatArray
-from .zoo.model import TIME_CONSTANT
+
 from .expected import Expected, Motion
+from .zoo.model import TIME_CONSTANT
 
 ROUNDING = {"float64": 1e-9, "float32": 1e-5}
 """Relative, of what follows from the file by arithmetic alone: some hundred roundings times a condition number."""

@@ -2,33 +2,51 @@
 
 A consumer (the reference, an engine's builder, a drawing, ...) owns an
 :class:`~.table.ElementTable` over one of these groups; what it meets and does not know, it refuses
-by name.
+by name. To add an element: one module here, one row in a group below and in its union, and a line
+in each consumer's table (docs/extending.md).
 """
 
 from __future__ import annotations
 
-from ..force_elements import (
-    ConstantForce,
-    ConstantTorque,
-    RotationalSpringDamper,
-    SpringDamper,
-)
-from ..joints import FreeJoint, PinJoint, PrismaticJoint, SlotJoint, WeldJoint
-from ..stops import PointStop, Stop
+from typing import Annotated, cast
+
+from pydantic import Discriminator, Field, Tag
+
+from .angle_stop import Stop
+from .base import GROUND, Basic, Feature, TwoBodyForceElement
+from .constant_force import ConstantForce
+from .constant_torque import ConstantTorque
 from .cubic_torsion_spring import CubicTorsionSpring
+from .free import FreeJoint
+from .pin import PinJoint
+from .point_stop import PointStop
+from .prismatic import PrismaticJoint
+from .rotational_spring_damper import RotationalSpringDamper
+from .slot import SlotJoint
+from .spring_damper import SpringDamper
 from .table import CONSUMERS, ElementTable
+from .weld import WeldJoint
 
 __all__ = [
     "CONSUMERS",
     "ELEMENTS",
     "FORCE_ELEMENTS",
+    "GROUND",
     "JOINTS",
     "STOPS",
+    "AnyElement",
+    "AnyForceElement",
+    "AnyJoint",
+    "AnyStop",
+    "Basic",
     "ConstantForce",
     "ConstantTorque",
     "CubicTorsionSpring",
     "ElementTable",
+    "Feature",
+    "ForceElement",
     "FreeJoint",
+    "Joint",
     "PinJoint",
     "PointStop",
     "PrismaticJoint",
@@ -36,6 +54,7 @@ __all__ = [
     "SlotJoint",
     "SpringDamper",
     "Stop",
+    "TwoBodyForceElement",
     "WeldJoint",
 ]
 
@@ -49,3 +68,31 @@ FORCE_ELEMENTS: tuple[type, ...] = (
     ConstantTorque,
 )
 ELEMENTS: tuple[type, ...] = (*JOINTS, *STOPS, *FORCE_ELEMENTS)
+
+AnyJoint = PinJoint | WeldJoint | SlotJoint | PrismaticJoint | FreeJoint
+Joint = Annotated[AnyJoint, Field(discriminator="kind")]
+
+AnyForceElement = (
+    SpringDamper | RotationalSpringDamper | CubicTorsionSpring | ConstantForce | ConstantTorque
+)
+ForceElement = Annotated[AnyForceElement, Field(discriminator="kind")]
+
+_POINT_STOP_FIELDS = {"point", "normal", "offset"}
+
+
+def _tag_of_stop(value: object) -> str:
+    """Tag of a stop, as an object or as the fields of one."""
+    if isinstance(value, dict):
+        is_point_stop = bool(_POINT_STOP_FIELDS & cast("dict[str, object]", value).keys())
+    else:
+        is_point_stop = isinstance(value, PointStop)
+    return "point stop" if is_point_stop else "stop"
+
+
+# Stops are told apart by their fields: a `kind` would change the content, and so the hash, of every
+# mechanism there is.
+AnyStop = Annotated[
+    Annotated[Stop, Tag("stop")] | Annotated[PointStop, Tag("point stop")],
+    Discriminator(_tag_of_stop),
+]
+AnyElement = AnyJoint | Stop | PointStop | AnyForceElement

@@ -1,16 +1,21 @@
-"""A torsion spring whose torque grows with the cube of the angle as well."""
+"""A torsion spring whose torque has a cubic term: Duffing's spring."""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field
 
-from ..force_elements import TwoBodyForceElement
+from ..arrays import FloatArray
 from ..spec import NonNegative, Real
+from .base import Feature, TorqueElement
+
+if TYPE_CHECKING:
+    from ..functions import AngleFunction
+    from .base import Geometry
 
 
-class CubicTorsionSpring(TwoBodyForceElement):
+class CubicTorsionSpring(TorqueElement):
     """A nonlinear spring on a relative angle: Duffing's, which hardens.
 
     With the angle b of the body less that of the other the torque on the body is
@@ -18,7 +23,21 @@ class CubicTorsionSpring(TwoBodyForceElement):
     angles are. Its energy is k (b - b0)^2 / 2 + k3 (b - b0)^4 / 4 [J].
     """
 
+    feature: ClassVar[Feature] = Feature.CUBIC_SPRING
+
     kind: Literal["cubic-torsion-spring"] = "cubic-torsion-spring"
     stiffness: NonNegative = Field(default=0.0, description="k [N m/rad]")
     cubic_stiffness: NonNegative = Field(default=0.0, description="k3 [N m/rad^3]")
     rest_angle: Real = Field(default=0.0, description="b0 [rad]")
+
+    def torque_on_body(self, angle: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
+        """-(k (b - b0) + k3 (b - b0)^3) [N m]."""
+        turned = angle.value(q) - self.rest_angle
+        return -(self.stiffness * turned + self.cubic_stiffness * turned * turned * turned)
+
+    def potential_energy(
+        self, geometry: Geometry, direction: AngleFunction, q: FloatArray
+    ) -> FloatArray:
+        """Energy k (b - b0)^2 / 2 + k3 (b - b0)^4 / 4 [J]."""
+        squared = (direction.value(q) - self.rest_angle) ** 2
+        return 0.5 * self.stiffness * squared + 0.25 * self.cubic_stiffness * squared * squared

@@ -1,23 +1,56 @@
-"""The tree of a mechanism in MJCF: names of its hinges and slides, and tendons that measure angles by hinges.
+"""The tree of a mechanism in MJCF: hinges, slides and tendons over hinges; numbers and names.
 
 A body turns and slides relative to its parent by as many MuJoCo joints as its joint leaves free:
 slides first, for the directions of their axes turn with the parent and not with the child.
+
+MJCF names have letters, digits, `_`, `-` and `.`; importers refuse or misread others. The writer
+names elements after the mechanism ("sling pin", "sling pin/force"); in the finished tree every
+other character becomes `_`, and a name that is then taken gets a number. Names that differ stay
+different.
 """
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import count
 
-from ..joints import GROUND, AnyJoint, FreeJoint
+from ..elements import (
+    GROUND,
+    JOINTS,
+    AnyJoint,
+    ElementTable,
+    FreeJoint,
+    PinJoint,
+    PrismaticJoint,
+    SlotJoint,
+    WeldJoint,
+)
 from ..mechanism import Body, Mechanism
+from ..spec import Vector
+
+SLIDES: ElementTable[tuple[str, ...]] = ElementTable(
+    "the MJCF writer",
+    JOINTS,
+    {
+        PinJoint: (),
+        WeldJoint: (),
+        SlotJoint: ("slide",),
+        PrismaticJoint: ("slide",),
+        FreeJoint: ("x", "y"),
+    },
+)
 
 
 def slide_joints(joint: AnyJoint) -> tuple[str, ...]:
-    """Names of the sliding parts of a joint of the tree; its turning part has the joint's own name."""
-    if isinstance(joint, FreeJoint):
-        return f"{joint.name}/x", f"{joint.name}/y"
-    return (f"{joint.name}/slide",) if joint.slides else ()
+    """Names of the sliding parts of a tree joint; its turning part has the joint's own name.
+
+    Raises:
+        UnsupportedProblemError: the writer does not know this class of joints.
+    """
+    parts = SLIDES[joint]
+    return tuple(f"{joint.name}/{part}" for part in parts) if joint.slides else ()
 
 
 def joints_of(joint: AnyJoint) -> tuple[str, ...]:
@@ -26,7 +59,7 @@ def joints_of(joint: AnyJoint) -> tuple[str, ...]:
 
 
 def hinge_chain(mechanism: Mechanism, body: str) -> tuple[str, ...]:
-    """Joints with a hinge from the ground to a body: its angle is the sum of these hinges and that at the start."""
+    """Joints with a hinge from the ground to a body; these hinges sum to its change of angle."""
     if body == GROUND:
         return ()
     joint = mechanism.joint_of(body)
@@ -69,7 +102,7 @@ def start_angles(mechanism: Mechanism) -> dict[str, float]:
 
 
 def hinge_weights(mechanism: Mechanism, body: str, other: str) -> dict[str, int]:
-    """Weights of the hinges whose sum is by how much a body's angle less that of another one has changed."""
+    """Weights of the hinges whose sum is the change of the angle between two bodies."""
     up, down = hinge_chain(mechanism, body), hinge_chain(mechanism, other)
     return {name: 1 for name in up if name not in down} | {
         name: -1 for name in down if name not in up
@@ -83,7 +116,7 @@ def add_angle_tendon(
     sense: int = 1,
     **attributes: str,
 ) -> None:
-    """Add a tendon whose length is the first body's angle less that of the second [rad], less the one at the start.
+    """Add a tendon whose length is the change of the angle between two bodies [rad].
 
     Args:
         tendon: element that it is added to.
@@ -102,3 +135,81 @@ def _constant(mechanism: Mechanism) -> dict[str, int]:
     """A weight of zero: of bodies that turn together the angle is constant."""
     names = [name for joint in mechanism.tree_joints for name in joints_of(joint)]
     return dict.fromkeys(names[:1], 0)
+
+
+def number(value: float) -> str:
+    """The shortest decimal that reads back to the same float64."""
+    text = repr(float(value) + 0.0)  # + 0.0 turns -0.0 into 0.0
+    return text.removesuffix(".0")
+
+
+def numbers(*values: float) -> str:
+    """Several numbers, as :func:`number`, with blanks between them."""
+    return " ".join(number(value) for value in values)
+
+
+def spatial(vector: Vector) -> str:
+    """A planar vector in MuJoCo's x-z plane."""
+    return numbers(vector[0], 0, vector[1])
+
+
+def from_origin(origin: Vector, point: Vector) -> str:
+    """A point as seen from a frame's origin, both in that frame's axes."""
+    return spatial((point[0] - origin[0], point[1] - origin[1]))
+
+
+def as_text(root: ET.Element) -> str:
+    """An element and all below it, indented."""
+    ET.indent(root, space="  ")
+    return ET.tostring(root, encoding="unicode") + "\n"
+
+
+_REFERENCES = (
+    "name", "body", "body1", "body2", "joint", "joint1", "joint2", "geom1", "geom2", "site",
+    "site1", "site2", "refsite", "tendon", "tendon1", "objname",
+)  # fmt: skip
+
+
+_OTHERS = re.compile(r"[^\w.-]")
+
+
+def names_in(root: ET.Element) -> dict[str, str]:
+    """The name that each element's name becomes, by the one that the writer gave it."""
+    return valid_names(
+        name for element in _named(root) if (name := element.get("name")) is not None
+    )
+
+
+def rename(root: ET.Element) -> None:
+    """Replace the names in a tree, and all references to them."""
+    names = names_in(root)
+    for element in _named(root):
+        for attribute in _REFERENCES:
+            if (name := element.get(attribute)) is not None:
+                element.set(attribute, names.get(name, name))
+
+
+def _named(root: ET.Element) -> Iterator[ET.Element]:
+    """Elements with names; keyframes, which a file may or may not have, have theirs apart."""
+    return (element for element in root.iter() if element.tag != "key")
+
+
+def valid_names(names: Iterable[str], taken: Iterable[str] = ()) -> dict[str, str]:
+    """A valid, unique name for each; names that are valid already are kept unless taken."""
+    names, taken = tuple(dict.fromkeys(names)), set(taken)
+    new = {name: name for name in names if not _OTHERS.search(name) and name not in taken}
+    taken.update(new)
+    for name in names:
+        if name not in new:
+            new[name] = _free(_OTHERS.sub("_", name), taken)
+            taken.add(new[name])
+    return new
+
+
+def _free(name: str, taken: set[str]) -> str:
+    """The name, or with the first number that makes it one that is not taken."""
+    return (
+        name
+        if name not in taken
+        else next(new for i in count(2) if (new := f"{name}_{i}") not in taken)
+    )

@@ -14,28 +14,38 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, cast
 
+from ..elements import GROUND, STOPS, AnyJoint, ElementTable, PointStop, Stop
 from ..errors import InputError, UnsupportedProblemError
 from ..files import write_text
-from ..joints import GROUND, AnyJoint
 from ..kinematics import initial_state
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
-from ..stops import PointStop, Stop
 from .appearance import STONE, Appearance
-from .forces import Forces
-from .names import names_in, rename, valid_names
-from .points import Points, force_sensor, torque_sensor
+from .elements import Forces, Points, force_sensor, torque_sensor
 from .recorded import HOME, RecordedMotion
 from .scene import SCENE_FILE, ground_level, scene
-from .text import as_text, from_origin, number, numbers, spatial
 from .throw import Thrown
-from .tree import add_angle_tendon, hinge_weights, joint_values, slide_joints, start_angles
+from .tree import (
+    add_angle_tendon,
+    as_text,
+    from_origin,
+    hinge_weights,
+    joint_values,
+    names_in,
+    number,
+    numbers,
+    rename,
+    slide_joints,
+    spatial,
+    start_angles,
+    valid_names,
+)
 from .variants import Variant, inertias
 
 KINETIC_ENERGY, POTENTIAL_ENERGY = "energy/kinetic", "energy/potential"
@@ -46,7 +56,7 @@ FAR = 1e10
 """Where a limit stands that is none [rad]: MuJoCo's ranges have two ends."""
 
 MARGIN = 1e-12
-"""How near its limit a joint must be for the limit to act [rad]; strictly nearer, so 0 would miss the start."""
+"""Distance from a limit below which it acts [rad]; strictly below, so 0 would miss the start."""
 
 
 def position_sensor(marker: str) -> str:
@@ -157,6 +167,10 @@ class _Writer:
     def __init__(
         self, mechanism: Mechanism, timestep: float, motion: RecordedMotion | None, variant: Variant
     ) -> None:
+        for joint in mechanism.joints:  # unknown joints and stops are refused
+            slide_joints(joint)
+        for stop in mechanism.stops:
+            STOP_SENSORS[stop]
         self.mechanism, self.motion, self.variant = mechanism, motion, variant
         self.thrown = Thrown(mechanism, timestep) if variant.throw else None
         self.inertias = inertias(mechanism, variant)
@@ -234,7 +248,7 @@ class _Writer:
         return [-self._gap(stop), FAR] if stop.sense > 0 else [-FAR, self._gap(stop)]
 
     def _fits_its_joint(self, stop: Stop) -> bool:
-        """Give the stop an end of its joint's range; False where it is not the joint's or the end is taken."""
+        """Give the stop an end of its joint's range; False if the joint has no such end."""
         if stop.body == GROUND:
             return False
         joint = self.mechanism.joint_of(stop.body)
@@ -295,7 +309,7 @@ class _Writer:
         )
 
     def _origin(self, joint: AnyJoint) -> str:
-        """Origin of a body's frame in its parent's frame at the start; MuJoCo's frames have their joint as origin."""
+        """Origin of a body's frame, its joint, in its parent's frame at the start."""
         x, y = joint.parent_point
         for name, direction in zip(joint.slides, joint.free_directions, strict=True):
             x, y = x + self.slide[name] * direction.real, y + self.slide[name] * direction.imag
@@ -324,7 +338,7 @@ class _Writer:
         self.forces.add_sites(element, body, origin)
 
     def _add_tendons(self, tendon: ET.Element) -> None:
-        """Stops that no joint's range can be: a limit on the sum of the hinges between the two bodies."""
+        """Add stops that fit no joint's range: limits on the sum of hinges between two bodies."""
         for stop in self.on_tendon:
             if not hinge_weights(self.mechanism, *stop.bodies):
                 raise UnsupportedProblemError(
@@ -339,15 +353,7 @@ class _Writer:
 
     def _add_sensors(self, sensor: ET.Element) -> None:
         for stop in self.mechanism.stops:
-            if isinstance(stop, PointStop):
-                self.points.add_stop_sensor(sensor, stop)
-            elif stop in self.on_tendon:
-                ET.SubElement(
-                    sensor, "tendonlimitfrc", name=torque_sensor(stop.name), tendon=stop.name
-                )
-            else:
-                joint = self.mechanism.joint_of(stop.body).name
-                ET.SubElement(sensor, "jointlimitfrc", name=torque_sensor(stop.name), joint=joint)
+            STOP_SENSORS[stop](self, sensor, stop)
         for joint in self.mechanism.tree_joints:
             if joint.held_directions:
                 ET.SubElement(
@@ -360,6 +366,25 @@ class _Writer:
             ET.SubElement(sensor, "framelinvel", of, name=velocity_sensor(marker.name))
         ET.SubElement(sensor, "e_kinetic", name=KINETIC_ENERGY)
         ET.SubElement(sensor, "e_potential", name=POTENTIAL_ENERGY)
+
+    def _add_limit_sensor(self, sensor: ET.Element, stop: Stop) -> None:
+        """The torque of a limit, of a joint or of a tendon."""
+        name = torque_sensor(stop.name)
+        if stop in self.on_tendon:
+            ET.SubElement(sensor, "tendonlimitfrc", name=name, tendon=stop.name)
+        else:
+            joint = self.mechanism.joint_of(stop.body).name
+            ET.SubElement(sensor, "jointlimitfrc", name=name, joint=joint)
+
+    def _add_contact_sensor(self, sensor: ET.Element, stop: PointStop) -> None:
+        self.points.add_stop_sensor(sensor, stop)
+
+
+STOP_SENSORS: ElementTable[Callable[[_Writer, ET.Element, Any], None]] = ElementTable(
+    "the MJCF writer",
+    STOPS,
+    {Stop: _Writer._add_limit_sensor, PointStop: _Writer._add_contact_sensor},
+)
 
 
 def _turned_back(vector: Vector, angle: float) -> Vector:

@@ -390,7 +390,7 @@ def test_the_page_stands_for_itself(small: Study) -> None:
 
 def test_json_comes_back_and_keeps_to_its_schema(small: Study) -> None:
     assert Study.from_json(small.to_json()) == small
-    published = (ROOT / "paper" / "schemas" / "paper.schema.json").read_text()
+    published = (ROOT / "paper" / "trebucheck_paper" / "schemas" / "paper.schema.json").read_text()
     assert published == schema_text(Study), "`make generated` writes the schemas anew"
     jsonschema.validate(json.loads(small.to_json()), json.loads(published))
 

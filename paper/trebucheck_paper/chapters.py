@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from pydantic import JsonValue
-
 from trebucheck.comparisons.report.document import Block, Figure, Heading, Text, table
 from trebucheck.comparisons.report.numbers import sentence
+
 from .design.efficiency import MachineEfficiency, Machines, SlingThrow, WidestThrow
 from .design.first_forward_swing import CoincidingDesign, Design, Throwing
 from .drag.motion import DragInterval

@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
-
 from trebucheck.comparisons.report.plots import (
     Axis,
     Panels,
@@ -19,6 +18,7 @@ from trebucheck.comparisons.report.plots import (
     Symbol,
     engine_colour,
 )
+
 from .design.efficiency import MachineEfficiency, Machines, SlingThrow
 from .drag.study import DragStudy
 from .evidence.claims import Series as PaperSeries

@@ -27,6 +27,7 @@ from trebucheck.comparisons.report.numbers import format_number, sentence
 from trebucheck.comparisons.report.sections import mechanism_as_data
 from trebucheck.models.machines.parameters import TrebuchetParameters
 from trebucheck.models.machines.trebuchet import parameters_of
+
 from .chapters import chapters
 from .evidence.claims import Claim, EngineValue, Quantity, Study, Verdict
 from .plots import plots

@@ -19,7 +19,6 @@ from functools import partial
 from typing import Any
 
 from pydantic import JsonValue
-
 from trebucheck.comparisons.runs.runner import failure
 from trebucheck.comparisons.runs.study import Counter, Progress
 from trebucheck.comparisons.runs.worker import Worker
@@ -28,6 +27,7 @@ from trebucheck.models.errors import InputError
 from trebucheck.models.machines.parameters import TrebuchetParameters
 from trebucheck.models.machines.trebuchet import fixed
 from trebucheck.models.spec import Spec
+
 from .curves import series
 from .design.efficiency import efficiencies
 from .design.study import design_rolling

@@ -42,13 +42,13 @@ from ...models.problem import Problem, StopLaw
 from ..equations import Equations
 from ..solution import Solution
 from ..solver import characteristic_time, solve, solve_until
-from ..taylor.choice import why_not_taylor
+from ..taylor.expressions import why_not_taylor
 from .certificate import Certificate, Computation, Figure
 from .quantities import Key, Motion, Plan, PointState, grid_step, plan, read_quantities
 from .redundant import solve_redundant
 
 if TYPE_CHECKING:
-    from ..taylor.precision import Precision
+    from ..taylor.solve import Precision
 
 LADDER = (1e-10, 1e-11, 1e-12, 1e-13, 3e-14)
 BEST = "taylor, extended"
@@ -67,7 +67,6 @@ _ORDER = (
 )  # DOP853: error per step ~ h^8 held at the tolerance, so the whole ~ h^7 goes with tolerance^(7/8)
 _ROUNDINGS = 16  # a random walk over some 250 steps
 _EPS = float(np.finfo(np.float64).eps)
-
 Values = dict[Key, float]
 Progress = Callable[[str, int, int], None]
 """Called before each computation with its name, the number done and the number of all."""

@@ -16,7 +16,6 @@ from ...models.mechanism import Mechanism
 
 PROJECTILE, COUNTERWEIGHT = "projectile", "counterweight"
 BEYOND_LAUNCH = 0.1  # [s] the step of machines that swing for some seconds, such as the paper's
-
 PointState = tuple[FloatArray, FloatArray, FloatArray]
 """Position [m], velocity [m/s], acceleration [m/s^2] of a point, each (2,)."""
 

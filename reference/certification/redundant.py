@@ -19,27 +19,43 @@ release-once law.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from ...models.arrays import FloatArray
+from ...models.elements import (
+    FORCE_ELEMENTS,
+    JOINTS,
+    STOPS,
+    ConstantForce,
+    ConstantTorque,
+    CubicTorsionSpring,
+    ElementTable,
+    FreeJoint,
+    PinJoint,
+    PointStop,
+    PrismaticJoint,
+    RotationalSpringDamper,
+    SlotJoint,
+    SpringDamper,
+    Stop,
+    WeldJoint,
+)
 from ...models.errors import SimulationError, UnsupportedProblemError
 from ...models.joints import GROUND, AnyJoint
 from ...models.launch import Launch, rest_opened
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.spec import Vector
-from ...models.stops import PointStop, Stop
-from .cartesian import AppliedCartesian, BodyPoint, Components, angle_rows, right_angle, turned
 from .constrained import ConstrainedMotion, integrate
 from .quantities import PointState
 
-_DEPENDENT = (
-    1e-6  # of the largest singular value: constraints more nearly dependent follow from each other
-)
+# Of the largest singular value: constraints more nearly dependent follow from each other.
+_DEPENDENT = 1e-6
 _PROJECTIONS = 3  # Newton converges in one from the rounding of a step; the start may need another
 
 
@@ -59,7 +75,7 @@ class RedundantSystem:
         self._mass = np.diag(np.ravel(masses))
         self._applied = AppliedCartesian(mechanism)
         held = [
-            (joint, direction) for joint in mechanism.joints for direction in joint.held_directions
+            (joint, direction) for joint in mechanism.joints for direction in _HELD[joint](joint)
         ]
         self._held = _components(mechanism, held)
         rigid = [joint for joint in mechanism.joints if joint.turned_by is not None]
@@ -68,8 +84,7 @@ class RedundantSystem:
             mechanism, [(slide.joint, slide.direction) for slide in mechanism.slides]
         )
         self._turning = np.array([body.angle is not None for body in mechanism.bodies])
-        self._walls = {stop.name: _distance(mechanism, stop) for stop in mechanism.point_stops}
-        self._angle_rows = {stop.name: self._angle_row(stop) for stop in mechanism.angle_stops}
+        self._gaps = {stop.name: _GAPS[stop](mechanism, stop) for stop in mechanism.stops}
         self.stops = tuple(stop.name for stop in mechanism.stops if stop.closed)
         self._ranks: dict[tuple[str, ...], int] = {}
         self._start = self._placed()
@@ -119,7 +134,7 @@ class RedundantSystem:
     ) -> FloatArray:
         """Second derivatives of gaps [rad/s^2 or m/s^2] while `active` are active."""
         x, v, a = y[: self.n], y[self.n :], self._solve(y, active)[: self.n]
-        gaps = (self._gap_derivatives(x, v, name) for name in of)
+        gaps = (self._gaps[name].derivatives(x, v) for name in of)
         return np.array([row[0] @ a - inward[0] for row, inward in gaps])
 
     def projected(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
@@ -187,27 +202,12 @@ class RedundantSystem:
         """Force of each joint on its child, world frame [N], (2,): the multipliers themselves."""
         multipliers = self._solve(y, active)[self.n :]
         rows = multipliers[: len(self._held), None] * self._held.along(y[: self.n])
-        ends = np.cumsum([len(joint.held_directions) for joint in self.mechanism.joints])
+        ends = np.cumsum([len(_HELD[joint](joint)) for joint in self.mechanism.joints])
         parts = np.split(rows, ends[:-1])
         return {
             joint.name: part.sum(axis=0)
             for joint, part in zip(self.mechanism.joints, parts, strict=True)
         }
-
-    def _angle_row(self, stop: Stop) -> FloatArray:
-        row = np.zeros(self.n)
-        for body, sign in ((stop.body, stop.sense), (stop.relative_to, -stop.sense)):
-            if body != GROUND:
-                row[3 * self._index[body] + 2] += sign
-        return row
-
-    def _gap_derivatives(
-        self, x: FloatArray, v: FloatArray, name: str
-    ) -> tuple[FloatArray, FloatArray]:
-        """Gradient of a stop's gap (1, 3 n_bodies), and minus its gamma (1,)."""
-        if name in self._angle_rows:
-            return self._angle_rows[name][None], np.zeros(1)
-        return self._walls[name].derivatives(x, v)
 
     def _turn(self, x: FloatArray, body: str) -> float:
         """Angle of a body or the ground [rad], or what stands in its place in x."""
@@ -232,7 +232,7 @@ class RedundantSystem:
     ) -> tuple[FloatArray, FloatArray]:
         """G, and minus gamma."""
         held, inward = self._held.derivatives(x, v)
-        stops = [self._gap_derivatives(x, v, name) for name in active]
+        stops = [self._gaps[name].derivatives(x, v) for name in active]
         rows = np.vstack([held, self._rigid, *(row for row, _ in stops)])
         return rows, np.concatenate(
             [inward, np.zeros(len(self._rigid)), *(gamma for _, gamma in stops)]
@@ -281,9 +281,51 @@ def _components(mechanism: Mechanism, of: list[tuple[AnyJoint, complex]]) -> Com
     return Components(mechanism, ends, [direction for _, direction in of], turning)
 
 
+def _both_directions(joint: AnyJoint) -> tuple[complex, ...]:
+    return (1.0, 1j)
+
+
+def _across_axis(joint: SlotJoint | PrismaticJoint) -> tuple[complex, ...]:
+    return (1j * complex(*joint.axis),)
+
+
+def _no_direction(joint: FreeJoint) -> tuple[complex, ...]:
+    return ()
+
+
+_HELD: ElementTable[Callable[[Any], tuple[complex, ...]]] = ElementTable(
+    "The redundant formulation",
+    JOINTS,
+    {
+        PinJoint: _both_directions,
+        WeldJoint: _both_directions,
+        SlotJoint: _across_axis,
+        PrismaticJoint: _across_axis,
+        FreeJoint: _no_direction,
+    },
+)
+"""Directions, in the parent's frame, in which each joint holds the child's point."""
+
+
+class _AngleGap:
+    """Gap of a stop on an angle, linear in the bodies' angles."""
+
+    def __init__(self, mechanism: Mechanism, stop: Stop) -> None:
+        self._row = stop.sense * angle_rows(mechanism, [(stop.body, stop.relative_to)])
+
+    def derivatives(self, x: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Its gradient (1, 3 n_bodies), and minus its gamma (1,)."""
+        return self._row, np.zeros(1)
+
+
 def _distance(mechanism: Mechanism, stop: PointStop) -> Components:
     ends: tuple[BodyPoint, BodyPoint] = ((stop.body, stop.point), (stop.relative_to, (0.0, 0.0)))
     return Components(mechanism, [ends], [complex(*stop.normal)], [stop.relative_to != GROUND])
+
+
+_GAPS: ElementTable[Callable[[Mechanism, Any], _AngleGap | Components]] = ElementTable(
+    "The redundant formulation", STOPS, {Stop: _AngleGap, PointStop: _distance}
+)
 
 
 @dataclass(frozen=True)
@@ -380,3 +422,267 @@ def solve_redundant(problem: Problem, tolerance: float = 3e-14) -> RedundantMoti
         raise SimulationError(
             f"in redundant coordinates, which pass no singular position, {error}"
         ) from None
+
+
+BodyPoint = tuple[str, Vector]
+"""A body (or the ground) and a point in its frame [m]."""
+
+_CLOCKWISE = np.array([1.0, -1.0])
+
+
+def right_angle(vectors: FloatArray) -> FloatArray:
+    """Vectors (..., 2) turned by a right angle clockwise: the derivative of a clockwise turn."""
+    return vectors[..., ::-1] * _CLOCKWISE
+
+
+def turned(vectors: FloatArray, angles: FloatArray | float) -> FloatArray:
+    """Vectors (..., 2) turned clockwise by angles (...) [rad]."""
+    return vectors * np.cos(angles)[..., None] + right_angle(vectors) * np.sin(angles)[..., None]
+
+
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    products = a * b
+    return products[..., 0] + products[..., 1]
+
+
+@dataclass(frozen=True)
+class _Ends:
+    """Both ends of m vectors, the one they lead to first: arrays (m, 2, 2), angular speeds (m, 2)."""
+
+    centres: FloatArray
+    arms: FloatArray
+    speeds: FloatArray
+    """Of the centres."""
+    spins: FloatArray
+
+    @property
+    def places(self) -> FloatArray:
+        """Of the points, shape (m, 2, 2) [m]."""
+        return self.centres + self.arms
+
+    @property
+    def vectors(self) -> FloatArray:
+        """Shape (m, 2) [m]."""
+        places = self.places
+        return places[:, 0] - places[:, 1]
+
+    @property
+    def rates(self) -> FloatArray:
+        """Of the vectors, shape (m, 2) [m/s]."""
+        speeds = self.speeds + self.spins[..., None] * right_angle(self.arms)
+        return speeds[:, 0] - speeds[:, 1]
+
+
+class Vectors:
+    r"""Vectors to points of bodies from points of others.
+
+    A state is x = (centre x, centre y, angle) body by body and its rate v, each of shape
+    (3 n_bodies,). With the arm r of a point from its body's centre, turned clockwise by the angle,
+    the vector from a point to another one is d = c_1 + r_1 - c_0 - r_0, and a function e . d of it
+    has the derivatives
+
+        d(e . d)/dt   = e . (v_1 + w_1 r_1' - v_0 - w_0 r_0')  [+ w_0 e' . d]
+        d2(e . d)/dt2 = the same of accelerations  - e . (w_1^2 r_1 - w_0^2 r_0)
+                        [+ 2 w_0 e' . dd/dt - w_0^2 e . d],
+
+    where r' is r turned by a right angle clockwise; what stands in brackets is there if e turns
+    with the second body.
+    """
+
+    def __init__(self, mechanism: Mechanism, ends: Sequence[tuple[BodyPoint, BodyPoint]]) -> None:
+        self._n = 3 * len(mechanism.bodies)
+        indices = {body.name: i for i, body in enumerate(mechanism.bodies)} | {
+            GROUND: len(mechanism.bodies)
+        }
+        centres = {body.name: body.centre for body in mechanism.bodies} | {GROUND: (0.0, 0.0)}
+        bodies = np.array(
+            [[indices[body] for body, _ in pair] for pair in ends], dtype=int
+        ).reshape(-1, 2)
+        offsets = [[np.subtract(point, centres[body]) for body, point in pair] for pair in ends]
+        self._offsets = np.array(offsets, dtype=np.float64).reshape(-1, 2, 2)
+        self._columns = 3 * bodies[..., None] + np.arange(3)
+        self._number = np.arange(len(bodies))[:, None]
+
+    def __len__(self) -> int:
+        return len(self._columns)
+
+    def ends(self, x: FloatArray, v: FloatArray) -> _Ends:
+        """Both ends of each."""
+        states = np.zeros((2, self._n + 3))  # the ground is the last body
+        states[0, : self._n], states[1, : self._n] = x, v
+        at, moving = states[:, self._columns]
+        return _Ends(
+            at[..., :2], turned(self._offsets, at[..., 2]), moving[..., :2], moving[..., 2]
+        )
+
+    def rows(self, ends: _Ends, along: FloatArray, turning: FloatArray | None = None) -> FloatArray:
+        """Gradients of components along directions (m, 2), shape (m, 3 n_bodies).
+
+        Args:
+            turning: which of the directions turn with the second body, shape (m,); none if left
+                out.
+        """
+        rows, moments = (
+            np.zeros((len(self), self._n + 3)),
+            _dot(along[:, None], right_angle(ends.arms)),
+        )
+        rows[self._number, self._columns[:, 0, :2]] = along
+        rows[self._number[:, 0], self._columns[:, 0, 2]] = moments[:, 0]
+        rows[self._number, self._columns[:, 1, :2]] -= along
+        if turning is not None:
+            moments[:, 1] -= np.where(turning, _dot(right_angle(along), ends.vectors), 0.0)
+        rows[self._number[:, 0], self._columns[:, 1, 2]] -= moments[:, 1]
+        return rows[:, : self._n]
+
+
+class Components(Vectors):
+    """Components of vectors along directions of the ground, or of the body that they start from."""
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        ends: Sequence[tuple[BodyPoint, BodyPoint]],
+        directions: Sequence[complex],
+        turning: Sequence[bool],
+    ) -> None:
+        super().__init__(mechanism, ends)
+        self._directions = np.array(
+            [(d.real, d.imag) for d in directions], dtype=np.float64
+        ).reshape(-1, 2)
+        self._turning = np.array(turning, dtype=bool) if any(turning) else None
+
+    def along(self, x: FloatArray) -> FloatArray:
+        """The directions in the world, shape (m, 2)."""
+        if self._turning is None:
+            return self._directions
+        angles = np.append(x, np.zeros(3))[self._columns[:, 1, 2]]
+        return turned(self._directions, np.where(self._turning, angles, 0.0))
+
+    def values(self, x: FloatArray) -> FloatArray:
+        """Shape (m,) [m]."""
+        projected = _dot(self.along(x)[:, None], self.ends(x, x).places)
+        return projected[:, 0] - projected[:, 1]
+
+    def jacobian(self, x: FloatArray) -> FloatArray:
+        """Shape (m, 3 n_bodies)."""
+        return self.rows(self.ends(x, x), self.along(x), self._turning)
+
+    def derivatives(self, x: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The Jacobian, and minus the second derivatives without accelerations, shape (m,) [m/s^2]."""
+        ends, along = self.ends(x, v), self.along(x)
+        centripetal = _dot(along[:, None], ends.arms) * ends.spins**2
+        inward = centripetal[:, 0] - centripetal[:, 1]
+        if self._turning is not None:
+            spin = np.where(self._turning, ends.spins[:, 1], 0.0)
+            inward += spin**2 * _dot(along, ends.vectors) - 2 * spin * _dot(
+                right_angle(along), ends.rates
+            )
+        return self.rows(ends, along, self._turning), inward
+
+
+def angle_rows(mechanism: Mechanism, pairs: Sequence[tuple[str, str]]) -> FloatArray:
+    """Gradients of bodies' angles less those of others, shape (m, 3 n_bodies)."""
+    index = {body.name: 3 * i + 2 for i, body in enumerate(mechanism.bodies)}
+    rows = np.zeros((len(pairs), 3 * len(mechanism.bodies)))
+    for row, (body, other) in zip(rows, pairs, strict=True):
+        for name, sign in ((body, 1.0), (other, -1.0)):
+            if name != GROUND:
+                row[index[name]] += sign
+    return rows
+
+
+_KINDS: ElementTable[str] = ElementTable(
+    "The redundant formulation",
+    FORCE_ELEMENTS,
+    {
+        SpringDamper: "springs",
+        RotationalSpringDamper: "twists",
+        CubicTorsionSpring: "cubics",
+        ConstantForce: "forces",
+        ConstantTorque: "motors",
+    },
+)
+
+
+BUILT: frozenset[type] = frozenset({*_HELD.handlers, *_GAPS.handlers, *_KINDS.handlers})
+"""Classes of elements that the redundant formulation has."""
+
+
+class AppliedCartesian:
+    """Weights and the forces of springs, dampers and motors on three coordinates a body.
+
+    Nothing here calls a force element's own methods, on purpose.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        elements = mechanism.force_elements
+        kinds: dict[str, list[Any]] = {kind: [] for kind in _KINDS.handlers.values()}
+        for element in elements:
+            kinds[_KINDS[element]].append(element)
+        self._weight = np.ravel(
+            [(*np.multiply(body.mass, mechanism.gravity_vector), 0.0) for body in mechanism.bodies]
+        )
+        springs, twists, motors, forces = (
+            kinds[kind] for kind in ("springs", "twists", "motors", "forces")
+        )
+        cubics: list[CubicTorsionSpring] = kinds["cubics"]
+        self._any = bool(elements)
+        self._springs = Vectors(
+            mechanism, [((e.body, e.point), (e.relative_to, e.relative_point)) for e in springs]
+        )
+        self._spring_data = _columns([(e.stiffness, e.damping, e.rest_length) for e in springs])
+        self._twists = angle_rows(mechanism, [(e.body, e.relative_to) for e in twists])
+        self._twist_data = _columns([(e.stiffness, e.damping, e.rest_angle) for e in twists])
+        self._cubics = angle_rows(mechanism, [(e.body, e.relative_to) for e in cubics])
+        self._cubic_data = _columns(
+            [(e.stiffness, e.cubic_stiffness, e.rest_angle) for e in cubics]
+        )
+        self._torque = np.array([e.torque for e in motors]) @ angle_rows(
+            mechanism, [(e.body, e.relative_to) for e in motors]
+        )
+        self._pulled = Vectors(
+            mechanism, [((e.body, e.point), (GROUND, (0.0, 0.0))) for e in forces]
+        )
+        self._pulls = np.array([e.force for e in forces], dtype=np.float64).reshape(-1, 2)
+
+    def generalized(self, x: FloatArray, v: FloatArray) -> FloatArray:
+        """Forces and torques on all coordinates, shape (3 n_bodies,) [N, N m]."""
+        if not self._any:
+            return self._weight
+        pulls = self._pulled.rows(self._pulled.ends(x, v), self._pulls).sum(axis=0)
+        stiffness, damping, rest = self._twist_data
+        twisting = (
+            -(stiffness * (self._twists @ x - rest) + damping * (self._twists @ v)) @ self._twists
+        )
+        forces = self._weight + pulls + self._torque + twisting + self._of_springs(x, v)
+        if len(self._cubics):
+            linear, cubic, rest = self._cubic_data
+            twist = self._cubics @ x - rest
+            forces -= (linear * twist + cubic * twist**3) @ self._cubics
+        return forces
+
+    def _of_springs(self, x: FloatArray, v: FloatArray) -> FloatArray:
+        stiffness, damping, rest = self._spring_data
+        ends = self._springs.ends(x, v)
+        lengths = np.hypot(ends.vectors[:, 0], ends.vectors[:, 1])
+        along = ends.vectors / np.where(lengths > 0, lengths, 1.0)[:, None]
+        tension = stiffness * (lengths - rest) + damping * _dot(along, ends.rates)
+        return -tension @ self._springs.rows(ends, along)
+
+    def potential_energy(self, x: FloatArray) -> float:
+        """Of gravity, zero at the world's origin, and of the springs [J]."""
+        energy = -float(self._weight @ x)
+        if self._any:
+            stiffness, _, rest = self._spring_data
+            vectors = self._springs.ends(x, x).vectors
+            energy += float(stiffness @ (np.hypot(vectors[:, 0], vectors[:, 1]) - rest) ** 2) / 2
+            stiffness, _, rest = self._twist_data
+            energy += float(stiffness @ (self._twists @ x - rest) ** 2) / 2
+            linear, cubic, rest = self._cubic_data
+            twist = self._cubics @ x - rest
+            energy += float(linear @ twist**2) / 2 + float(cubic @ twist**4) / 4
+        return energy
+
+
+def _columns(rows: Sequence[tuple[float, ...]]) -> FloatArray:
+    return np.array(rows, dtype=np.float64).reshape(-1, 3).T

@@ -6,25 +6,28 @@ without regard to the others; a lane whose machine has launched takes the next o
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import islice
-from typing import Any
+from operator import itemgetter
+from typing import Any, get_args
 
 import numpy as np
 
-from ...models.arrays import FloatArray, IndexArray
+from ...models.arrays import BoolArray, FloatArray, IndexArray
 from ...models.errors import InputError, SimulationError
 from ...models.kinematics import Kinematics, PointCoefficients, initial_state
 from ...models.launch import is_launch
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
-from ...models.stacked import stacked
+from ...models.spec import Spec
 from ..contact import ActiveSet, starts_at_rest
-from ..equations import Equations
+from ..equations import Equations, scales_of
 from ..reactions import refuse_dependent
-from .compiled import batch_pool, torque_function
-from .machine import (
+from .compiled import batch_pool, jacobian_function, torque_function
+from .expressions import heyoka
+from .numbers import (
     PROJECTILE,
     Structure,
     numbers_of,
@@ -33,9 +36,7 @@ from .machine import (
     rests_of,
     structure_of,
 )
-from .rank import RankGuard
 from .solve import taylor_quantities
-from .system import heyoka
 
 BATCH_TOLERANCE = 1e-12
 _CHUNK = 4096  # machines whose numbers are held at a time
@@ -147,10 +148,7 @@ class _Kind:
 
     @staticmethod
     def _of(mechanism: Mechanism) -> tuple[object, ...]:
-        stops: list[object] = [
-            (s.name, s.body, s.relative_to, s.sense, s.closed) for s in mechanism.angle_stops
-        ]
-        stops += [(s.name, s.body, s.closed) for s in mechanism.point_stops]
+        stops = [(type(stop), _reader(type(stop))(stop.__dict__)) for stop in mechanism.stops]
         thrown = [marker.body for marker in mechanism.markers if marker.name == PROJECTILE]
         return (
             mechanism.coordinates,
@@ -385,3 +383,147 @@ class _Lanes:
             return False
         self.time[i], self.at_launch[i], self.velocity[i] = time, state, velocity
         return True
+
+
+# Singular value below which a lane is near: there the other integrators try a window.
+_NEAR = 0.15
+_POSITIONS = 32  # random ones, for the largest arms
+_SAMPLES = np.linspace(0.0, 1.0, 17)  # of a step
+
+
+class RankGuard:
+    """Finds the lanes of a batch that come near a singular position (:mod:`..singular`).
+
+    The singular values of the constraints' Jacobian are taken at both ends of each step. They
+    change no faster than the Jacobian does; where they may have been small in between, the step's
+    Taylor polynomials are sampled.
+
+    Args:
+        structure: with loops.
+        parameters: of all machines, switches of the stops among them, shape (n_parameters, n).
+        q: coordinates at the start, shape (n_q, n).
+    """
+
+    def __init__(self, structure: Structure, parameters: FloatArray, q: FloatArray) -> None:
+        self._structure, self._function = structure, jacobian_function(structure)
+        random, arms = np.random.default_rng(1), np.zeros(())
+        for _ in range(_POSITIONS):
+            beside = q + random.uniform(-np.pi, np.pi, (len(q), 1))
+            arms = np.maximum(arms, np.abs(self._jacobian(beside, parameters)))
+        scales = scales_of(np.sum(arms**2, axis=-2), arms)
+        self._scales = scales.rows[..., None] * scales.columns[..., None, :]
+        self._slopes = np.linalg.norm(self._scales * arms, axis=-2)
+        everyone = np.arange(q.shape[1])
+        self.near_at_start: BoolArray = ~(self._least(q[:, None], parameters, everyone)[0] > _NEAR)
+        """Whether each machine starts there, shape (n,)."""
+
+    def after_step(self, integrator: Any, machines: Any) -> BoolArray:
+        """Whether each lane came near a singular position, shape (lanes,).
+
+        Args:
+            integrator: with the Taylor coefficients of its last step.
+            machines: index of each lane's machine, shape (lanes,).
+        """
+        q, parameters = self._positions(integrator), integrator.pars
+        variation = np.sum(
+            np.abs(np.diff(q, axis=1)).sum(axis=1) * self._slopes[machines].T, axis=0
+        )
+        at_ends = self._least(q[:, [0, -1]], parameters, machines).sum(axis=0)
+        near = ~(0.5 * (at_ends - variation) > _NEAR)
+        if np.any(near):
+            sampled = self._least(q[:, :, near], parameters[:, near], machines[near])
+            near[near] = ~(sampled.min(axis=0) > _NEAR)
+        return near
+
+    def _positions(self, integrator: Any) -> FloatArray:
+        """Samples of the last step, shape (n_q, samples, lanes)."""
+        coefficients = integrator.tc[: self._structure.n_q]
+        degrees = np.arange(coefficients.shape[1])
+        terms = coefficients * integrator.last_h ** degrees[:, None]
+        return np.einsum("ikl,sk->isl", terms, _SAMPLES[:, None] ** degrees)
+
+    def _jacobian(self, q: FloatArray, parameters: FloatArray) -> FloatArray:
+        """Shape (n, n_constraints, n_q); zero where the coordinates are not finite."""
+        parameters = np.ascontiguousarray(parameters[: self._function.nparams])
+        values = self._function(np.ascontiguousarray(q), pars=parameters)
+        values = values if np.all(np.isfinite(values)) else np.nan_to_num(values)
+        return values.T.reshape(q.shape[1], -1, self._structure.n_q)
+
+    def _least(self, q: FloatArray, parameters: FloatArray, machines: Any) -> FloatArray:
+        """Least singular value of the active constraints, without units, at q (n_q, samples, n): (samples, n)."""
+        jacobian = self._jacobian(q.reshape(len(q), -1), np.tile(parameters, q.shape[1]))
+        stops = parameters[self._structure.active].T > 0
+        active = np.concatenate(
+            [np.ones((len(stops), self._structure.n_loops), dtype=bool), stops], axis=1
+        )
+        scaled = jacobian.reshape(*q.shape[1:], *jacobian.shape[1:]) * (
+            self._scales[machines] * active[..., None]
+        )
+        values, rank = np.linalg.svd(scaled, compute_uv=False), active.sum(axis=1)
+        least = values[..., np.arange(len(rank)), np.minimum(rank, values.shape[-1]) - 1]
+        return np.where(rank > values.shape[-1], 0.0, least)
+
+
+_PARTS = ("bodies", "joints", "stops", "markers", "force_elements")
+
+
+def stacked(mechanisms: Sequence[Mechanism]) -> Iterator[tuple[IndexArray, Mechanism]]:
+    """Indices of the mechanisms of each kind, and these mechanisms as one; in the order of the first of each kind.
+
+    Mechanisms are of one kind if they differ in their numbers and in their own name alone. A
+    stacked mechanism is for :class:`...models.kinematics.Kinematics` alone, whose arrays then have
+    a first axis more: each of its numbers (lengths, masses, the start) is an array over the
+    mechanisms, shape (n,). It is not validated.
+    """
+    kinds: dict[tuple[object, ...], list[int]] = {}
+    for i, mechanism in enumerate(mechanisms):
+        kinds.setdefault(_kind(mechanism), []).append(i)
+    for indices in kinds.values():
+        alike = [mechanisms[i] for i in indices]
+        fields = _columns(alike)
+        for name in _PARTS:
+            columns = zip(*(getattr(mechanism, name) for mechanism in alike), strict=True)
+            fields[name] = tuple(_stacked(parts) for parts in columns)
+        yield np.array(indices), alike[0].model_copy(update=fields)
+
+
+def _kind(mechanism: Mechanism) -> tuple[object, ...]:
+    fields = mechanism.__dict__
+    kind: list[object] = [len(fields["start"]), len(fields["start_speeds"])]
+    for name in _PARTS:
+        kind.append(name)
+        for part in fields[name]:
+            kind += (type(part), _reader(type(part))(part.__dict__))
+    return tuple(kind)
+
+
+def _stacked(parts: Sequence[Spec]) -> Spec:
+    """Bodies, or joints, stops, ... of one kind as one."""
+    return parts[0].model_copy(update=_columns(parts))
+
+
+def _columns(specs: Sequence[Spec]) -> dict[str, Any]:
+    """Each number of objects of a class as an array over them, NaN where there is none; of vectors each component."""
+    columns: dict[str, Any] = {}
+    for name in _numbers(type(specs[0])):
+        column = np.array([getattr(spec, name) for spec in specs], dtype=np.float64)
+        columns[name] = column if column.ndim == 1 else tuple(np.ascontiguousarray(column.T))
+    return columns
+
+
+@lru_cache
+def _numbers(cls: type[Spec]) -> tuple[str, ...]:
+    """Names of the fields that hold numbers, or vectors of them."""
+    return tuple(
+        name for name, field in cls.model_fields.items() if _holds_floats(field.annotation)
+    )
+
+
+def _holds_floats(annotation: object) -> bool:
+    return annotation is float or any(_holds_floats(part) for part in get_args(annotation))
+
+
+@lru_cache
+def _reader(cls: type[Spec]) -> Callable[[dict[str, Any]], object]:
+    """Reads the fields that hold no numbers."""
+    return itemgetter(*(name for name in cls.model_fields if name not in _numbers(cls)))

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from .machine import RealType, Structure
-from .system import TaylorSystem, heyoka
+from .expressions import TaylorSystem, heyoka
+from .numbers import RealType, Structure
 
 _KEPT = 32  # compiled systems; one takes about a megabyte and a second
 _UNROLLED = (
-    90  # products of one evaluation; compiling more without loops takes longer than it saves
+    90  # products of one evaluation: to compile more without loops takes longer than it saves
 )
 
 

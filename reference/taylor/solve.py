@@ -11,25 +11,33 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.errors import SimulationError
+from ...models.errors import InputError, SimulationError
 from ...models.launch import Launch, is_launch, lead
+from ...models.phasors import PointCoefficients
 from ...models.problem import Problem
 from ..contact import ActiveSet, EventFunction, PostEventState
 from ..equations import Equations
 from ..integrator import numerical
 from ..reactions import refuse_dependent
+from ..singular import Watch, Window
 from ..solution import Segment, Solution
+from ..solver import Event, EventFinder, first_events, releases
 from .compiled import scalar_pool, torque_function
-from .crossing import Crossing, Crossings, WindowOutput
-from .dense_output import TaylorOutput
-from .machine import Real, numbers_of, projectile_row, relevant_stops, rests_of, structure_of
-from .precision import Precision, checked_tolerance, real_of
-from .system import heyoka
+from .expressions import heyoka
+from .numbers import (
+    Real,
+    RealType,
+    numbers_of,
+    projectile_row,
+    relevant_stops,
+    rests_of,
+    structure_of,
+)
 
 _MAX_EVENTS = 10_000
 _ROUNDING = 1e-12  # [rad] a gap this little off zero may be zero
@@ -451,3 +459,175 @@ def _time_to_clear(height: float, speed: float, acceleration: float) -> float:
     ):  # its top is lower than twice that
         return -2 * speed / acceleration
     return min(height / speed, _OPENING)
+
+
+_SAMPLES = 33  # of a window, in search of a launch
+
+
+class Crossing:
+    """Watches the steps under one active set, and takes the motion across; a callback of heyoka's.
+
+    Args:
+        equations: of the mechanism.
+        initial: state from which the active set holds.
+        finder: of the events after it.
+    """
+
+    def __init__(self, equations: Equations, initial: PostEventState, finder: EventFinder) -> None:
+        self.n_q = len(initial.q)
+        self._watch = Watch(equations, initial.closed, initial.q)
+        self._locate = finder.first
+        self._kinematics = equations.kinematics
+
+    def __call__(self, integrator: Any) -> bool:
+        """Whether the integration may take another step."""
+        q, u = self._state(integrator)
+        return not self._watch.nears(q, u * float(integrator.last_h))
+
+    def cross(
+        self, integrator: Any, until: float, launched: PointCoefficients | None
+    ) -> tuple[Window, list[Event]] | None:
+        """Move the integrator across, to its first events there or to `until` [s]; None if it may go on by itself.
+
+        Args:
+            integrator: heyoka's, beside a singular position.
+            until: [s].
+            launched: the point whose launch is looked for, if it is.
+
+        Raises:
+            SimulationError: the speed does not tell the branch, a stop opens in the singular
+                position, or the point is launched beside it, which is looked for on Taylor's
+                polynomials alone.
+        """
+        window = self._watch.window_from(float(integrator.time), *self._state(integrator))
+        if window is None:
+            return None
+        end, events = first_events(
+            self._locate, window.dense_output(), window.start, min(window.end, until)
+        )
+        window = window.until(end, releases(events))
+        if launched is not None and self._passes_launch(window, launched):
+            raise SimulationError(
+                f"the Taylor integrator looks for no launch beside a singular position, from t = {window.start:.6g} s "
+                f"to {window.end:.6g} s; DOP853 does."
+            )
+        q, u = self._watch.projected(*window.dense_output()(end).reshape(2, -1))
+        integrator.time = type(integrator.time)(end)
+        integrator.state[: 2 * self.n_q] = np.concatenate([q, u])
+        return window, events
+
+    def _passes_launch(self, window: Window, point: PointCoefficients) -> bool:
+        states = window.dense_output()(np.linspace(window.start, window.end, _SAMPLES)).reshape(
+            2, self.n_q, -1
+        )
+        leads = lead(self._kinematics.velocity(point, states[0].T, states[1].T))
+        return bool(np.any((leads[1:] < 0) & (leads[:-1] >= 0)))
+
+    def _state(self, integrator: Any) -> FloatArray:
+        return np.array(integrator.state[: 2 * self.n_q], dtype=np.float64).reshape(2, -1)
+
+
+class Crossings:
+    """The crossing of each active set of a motion; None without loops of joints, whose constraints may lose rank."""
+
+    def __init__(self, equations: Equations, active_set: ActiveSet) -> None:
+        self._equations, self._active_set = equations, active_set
+        self._last: tuple[PostEventState, Crossing] | None = None
+
+    def of(self, initial: PostEventState) -> Crossing | None:
+        """Of the steps after a state."""
+        if not self._equations.n_loops:
+            return None
+        if self._last is None or self._last[0] is not initial:
+            finder = EventFinder(
+                self._equations, initial, self._active_set.event_functions(initial)
+            )
+            self._last = initial, Crossing(self._equations, initial, finder)
+        return self._last[1]
+
+
+class WindowOutput:
+    """A window read as heyoka's continuous output: states with the observer's column, which nobody reads."""
+
+    def __init__(self, window: Window) -> None:
+        self._dense = window.dense_output()
+        self.times = np.array([window.start, window.end])
+
+    def __call__(self, t: FloatArray) -> FloatArray:
+        """States (n, 2 n_q + 1) at times [s], shape (n,)."""
+        times = np.asarray(t, dtype=np.float64)
+        return np.column_stack([self._dense(times).T, np.zeros(len(times))])
+
+
+class TaylorOutput:
+    """heyoka's continuous output, called as SciPy's: times (n,) to states (2 n_q, n), doubles."""
+
+    def __init__(self, start: float, output: Any, real: RealType) -> None:
+        self._starts = [start]
+        self._outputs = [output]
+        self._real = real
+
+    def add(self, start: float, output: Any) -> None:
+        """Go on with another piece from `start` [s]."""
+        self._starts.append(start)
+        self._outputs.append(output)
+
+    @property
+    def ts(self) -> FloatArray:
+        """Ends of the integrator's steps [s], as SciPy's solution has them."""
+        return np.concatenate(
+            [np.asarray(output.times, dtype=np.float64) for output in self._outputs]
+        )
+
+    def __call__(self, t: FloatArray) -> FloatArray:
+        """States (2 n_q, n) at times [s], shape (n,); (2 n_q,) at one."""
+        times = np.atleast_1d(np.asarray(t, dtype=self._real))
+        of = np.searchsorted(self._starts[1:], times, side="right")
+        pieces = [
+            self._outputs[k](times[of == k])[:, :-1].T
+            for k in range(len(self._outputs))
+            if np.any(of == k)
+        ]
+        if len(pieces) == 1 and np.ndim(t) == 0:
+            return np.array(pieces[0][:, 0], dtype=np.float64)
+        states = np.empty((len(pieces[0]), len(times)))
+        for k, piece in zip(np.unique(of), pieces, strict=True):
+            states[:, of == k] = piece
+        return states
+
+
+Precision = Literal["double", "extended"]
+_REALS: Mapping[str, RealType] = {"double": np.float64, "extended": np.longdouble}
+_COARSEST = 1e-2
+
+
+def real_of(precision: str) -> RealType:
+    """The number type of a precision.
+
+    Raises:
+        InputError: there is none.
+    """
+    if precision not in _REALS:
+        raise InputError(f"precision = {precision!r} is not one of 'double', 'extended'.")
+    real = _REALS[precision]
+    if precision == "extended" and np.finfo(real).eps >= np.finfo(np.float64).eps:
+        raise InputError(
+            "precision = 'extended' needs a machine whose long double is longer than a double."
+        )
+    return real
+
+
+def checked_tolerance(tolerance: float | None, real: RealType) -> float:
+    """A tolerance, or the number type's epsilon.
+
+    Raises:
+        InputError: it is less than that, or coarse.
+    """
+    least = float(np.finfo(real).eps)
+    if tolerance is None:
+        return least
+    if not least <= tolerance <= _COARSEST:
+        raise InputError(
+            f"tolerance = {tolerance!r} is not between {least:.3g} (the precision's) and {_COARSEST}."
+        )
+    return float(tolerance)

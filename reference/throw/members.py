@@ -18,16 +18,24 @@ from pydantic import Field
 from scipy.optimize import brentq, minimize_scalar
 
 from ...models.arrays import FloatArray
+from ...models.elements import (
+    JOINTS,
+    ElementTable,
+    FreeJoint,
+    PinJoint,
+    PrismaticJoint,
+    SlotJoint,
+    WeldJoint,
+)
 from ...models.errors import InputError
-from ...models.joints import GROUND, AnyJoint, SlotJoint
+from ...models.joints import GROUND, AnyJoint
 from ...models.mechanism import Body, Mechanism
-from ...models.spec import Real, Spec
+from ...models.spec import Real, Spec, Vector
 from ..solution import Solution
 
 _SCAN = 1500  # samples between which a force changes its sign at most once: 2 ms apart on Table I
 _UPRIGHT = 1e-9  # [rad] a slot nearer to upright than this carries nothing: rounding of its axis
 _ROUNDING = 1e-9  # of the largest force: a smaller compression is rounding of a force that is zero
-
 Interval = tuple[Real, Real]
 """From, to [s]."""
 
@@ -159,14 +167,30 @@ def upward_force(solution: Solution, joint: AnyJoint, t: FloatArray) -> FloatArr
     Args:
         joint: one that :func:`carries`.
     """
-    up = (0.0, 1.0)
-    if isinstance(joint, SlotJoint):
-        up = (
-            (-joint.axis[1], joint.axis[0])
-            if joint.axis[0] > 0
-            else (joint.axis[1], -joint.axis[0])
-        )
-    return solution.joint_reactions(solution.motion(t))[joint.name] @ np.array(up)
+    up = np.array(_UPWARDS[joint](joint))
+    return solution.joint_reactions(solution.motion(t))[joint.name] @ up
+
+
+def _vertical(joint: AnyJoint) -> Vector:
+    return (0.0, 1.0)
+
+
+def _normal_to_slot(joint: SlotJoint) -> Vector:
+    x, y = joint.axis
+    return (-y, x) if x > 0 else (y, -x)
+
+
+_UPWARDS: ElementTable[Callable[[Any], Vector]] = ElementTable(
+    "The table of forces at the ground",
+    JOINTS,
+    {
+        PinJoint: _vertical,
+        WeldJoint: _vertical,
+        PrismaticJoint: _vertical,
+        SlotJoint: _normal_to_slot,
+    },
+    {FreeJoint: "it holds nothing"},
+)
 
 
 def support_forces(solution: Solution, until: float) -> tuple[SupportForce, ...]:
@@ -193,7 +217,7 @@ def _support_force(solution: Solution, joint: AnyJoint, times: FloatArray) -> Su
     least_time, negative = _largest(lambda t: -upward(t), times) if carries(joint) else (None, None)
     return SupportForce(
         joint=joint.name,
-        rolls=isinstance(joint, SlotJoint) and carries(joint),
+        rolls=_UPWARDS[joint] is _normal_to_slot and carries(joint),
         peak=peak,
         peak_time=peak_time,
         peak_direction=math.atan2(y, x),

@@ -15,7 +15,7 @@ import pytest
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.py"))
 NOTEBOOK = Path(__file__).parents[2] / "examples" / "notebook.ipynb"
-LIBRARIES = ("mujoco", "pymunk", "exudyn", "gymnasium")
+LIBRARIES = ("mujoco", "pymunk", "exudyn")
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)

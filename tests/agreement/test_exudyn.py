@@ -17,12 +17,12 @@ from mechanisms import (
     table_one_motion,
 )
 from trebucheck.engines.exudyn.engine import ExudynEngine
+from trebucheck.models.elements import Stop
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
 from trebucheck.models.machines.parameters import TrebuchetParameters
 from trebucheck.models.machines.trebuchet import HANGER_REST, SLING_REST, fixed, rolling
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.stops import Stop
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
@@ -230,6 +230,28 @@ def test_a_failed_step_is_one_sentence() -> None:
         match=r"^exudyn's trapezoidal-index-2 solver gave up after t = 0 s of 0\.1 s; .*\.$",
     ):
         _hopeless().simulate(Problem(fixed(), 0.1))
+
+
+@pytest.mark.parametrize("raises", [False, True])
+def test_a_failed_solve_leaves_no_accelerations_of_an_earlier_state(
+    raises: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from trebucheck.engines.exudyn.build import build
+    from trebucheck.engines.exudyn.read import exu
+    from trebucheck.engines.exudyn.solver import Solver
+
+    class FailingSolver:
+        def InitializeSolver(self, *_: object) -> bool:  # noqa: N802
+            if raises:
+                raise RuntimeError("a page of text")
+            return False
+
+    solver = Solver(build(double_pendulum()), ExudynEngine.tuned())
+    start = solver.start()
+    assert np.isfinite(solver.balance(start, ()).accelerations).all()  # these stay in the system
+    monkeypatch.setattr(exu, "MainSolverImplicitSecondOrder", FailingSolver)
+    with pytest.raises(SimulationError, match="no accelerations at t = 0 s"):
+        solver.balance(start, ())
 
 
 def test_a_second_run_gives_the_same_bits() -> None:

@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 from elements import ELEMENTS, HINGE, SEA, UP, WALLS, lever
 from mechanisms import body_of, everything
-from trebucheck.comparisons.equivalence.checks import check_model
+from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.models.arrays import FloatArray
+from trebucheck.models.elements import PointStop, RotationalSpringDamper, SpringDamper
 from trebucheck.models.errors import UnsupportedProblemError
-from trebucheck.models.force_elements import RotationalSpringDamper, SpringDamper
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.problems.registry import benchmark
-from trebucheck.models.stops import PointStop
 from trebucheck.reference.solver import characteristic_time, solve
 
 pytest.importorskip("exudyn")

@@ -8,15 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 from mechanisms import TABLE_ONE
-from trebucheck.comparisons.equivalence.states import random_states
+from trebucheck.comparisons.diagnosis.equivalence import random_states
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.models.arrays import FloatArray
+from trebucheck.models.elements import SlotJoint, Stop
 from trebucheck.models.errors import InputError
-from trebucheck.models.joints import SlotJoint
 from trebucheck.models.machines.trebuchet import HANGER_REST, SLING_REST, fixed
 from trebucheck.models.mechanism import Body, Mechanism
-from trebucheck.models.stops import Stop
 from trebucheck.reference.equations import Equations
 
 pytest.importorskip("exudyn")

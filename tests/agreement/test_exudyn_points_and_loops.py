@@ -11,17 +11,16 @@ import numpy as np
 import pytest
 from mechanisms import G, floor, four_bar, hanging_bob, pin, position_error, rods_on_a_slot
 from scipy.integrate import quad
-from trebucheck.comparisons.equivalence.checks import check_model
+from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.engines.exudyn.engine import ExudynEngine
+from trebucheck.models.elements import GROUND, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
-from trebucheck.models.joints import GROUND, PinJoint, SlotJoint
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.machines.catapult import CatapultParameters, catapult
 from trebucheck.models.machines.floating_arm import FloatingArmParameters, floating_arm
 from trebucheck.models.machines.trebuchet import ARM_STOP, HingedParameters, fixed, hinged
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.stops import PointStop, Stop
 from trebucheck.models.trajectory import Trajectory
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve, solve_to_launch
@@ -448,7 +447,7 @@ def test_what_cannot_be_is_refused() -> None:
 
 
 def test_impacts_without_end_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    from trebucheck.engines import contact_events as module
+    from trebucheck.engines import events as module
 
     monkeypatch.setattr(module, "MOST_IMPACTS", 3)
     problem = Problem(hanging_bob(floor(1.2, 1.0)), 4.0, stop_law=StopLaw.UNILATERAL)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mechanisms import pin, slider_crank
 from trebucheck.engines.exudyn.engine import ExudynEngine
-from trebucheck.models.joints import GROUND, SlotJoint
+from trebucheck.models.elements import GROUND, SlotJoint
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.reference.solver import solve

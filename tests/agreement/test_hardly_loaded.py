@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from mechanisms import G, angle_stop, pin
-from trebucheck.comparisons.equivalence.checks import EXACT, check_model
-from trebucheck.models.joints import GROUND, PrismaticJoint
+from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model
+from trebucheck.models.elements import GROUND, PointStop, PrismaticJoint, Stop
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem
-from trebucheck.models.stops import PointStop, Stop
 
 ENGINES = ("reference", "mujoco", "pymunk", "exudyn")
 

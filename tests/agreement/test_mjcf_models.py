@@ -12,7 +12,7 @@ import pytest
 import trebucheck as tb
 import xarray as xr
 from PIL import Image
-from trebucheck.comparisons.data.files import content
+from trebucheck.comparisons.data.certified import content
 from trebucheck.models import mjcf as descriptions
 from trebucheck.models.machines.registry import models, parameters_type
 from trebucheck.models.mjcf.recorded import event_names, stored_motion

@@ -20,6 +20,7 @@ from mechanisms import (
 )
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.reference.engine import ReferenceEngine
+from trebucheck.models.elements import Stop
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
 from trebucheck.models.machines.parameters import TrebuchetParameters
 from trebucheck.models.machines.trebuchet import (
@@ -33,7 +34,6 @@ from trebucheck.models.machines.trebuchet import (
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.mjcf.writer import mjcf
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.stops import Stop
 from trebucheck.models.trajectory import Trajectory
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve

@@ -9,15 +9,14 @@ import pytest
 from elements import ELEMENTS, UP, WALLS, lever
 from mechanisms import everything
 from random_mechanisms import random_mechanism
-from trebucheck.comparisons.equivalence.checks import EXACT, check_model
-from trebucheck.comparisons.equivalence.states import random_states
+from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model, random_states
 from trebucheck.engines.mujoco.engine import MujocoEngine
+from trebucheck.models.elements import PointStop
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.problems.registry import benchmark
-from trebucheck.models.stops import PointStop
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import characteristic_time, solve
 

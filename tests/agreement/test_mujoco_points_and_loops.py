@@ -12,16 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 from mechanisms import misplaced
-from trebucheck.comparisons.equivalence.checks import EXACT, check_model
+from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model
 from trebucheck.engines.mujoco.engine import MujocoEngine
+from trebucheck.models.elements import GROUND, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.errors import UnsupportedProblemError
-from trebucheck.models.joints import GROUND, PinJoint, SlotJoint
 from trebucheck.models.machines.catapult import catapult
 from trebucheck.models.machines.floating_arm import FloatingArmParameters, floating_arm
 from trebucheck.models.machines.trebuchet import HingedParameters, hinged
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.stops import PointStop, Stop
 from trebucheck.models.trajectory import Trajectory
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solution import Solution
@@ -366,9 +365,15 @@ def test_other_parameters(name: str, seed: int) -> None:
     "mechanism", [floating_arm(), slider_crank(), many_stops()], ids=lambda m: m.name
 )
 def test_the_solution_that_older_solvers_start_at_is_the_solvers(mechanism: Mechanism) -> None:
-    from trebucheck.engines.mujoco.build import correction_of, load, preload, start_data
-    from trebucheck.engines.mujoco.constraints import slot_contacts, stop_constraints
-    from trebucheck.engines.mujoco.warm_start import start_at_the_solution
+    from trebucheck.engines.mujoco.build import (
+        correction_of,
+        load,
+        preload,
+        slot_contacts,
+        start_data,
+        stop_constraints,
+    )
+    from trebucheck.engines.mujoco.reference_acceleration import start_at_the_solution
 
     model = load(mechanism, MujocoEngine())
     data, correction = start_data(model), correction_of(mechanism, model, MujocoEngine())
@@ -499,6 +504,8 @@ def test_without_that_the_trough_is_left_at_once() -> None:
 @machines
 def test_forces_are_right_from_the_start(name: str) -> None:
     found, exact = run(name), reference(name).trajectory(np.zeros(1))
+    assert found.stop_torques.keys() == exact.stop_torques.keys()
+    assert found.joint_reactions.keys() == exact.joint_reactions.keys() != set()
     for stop, force in found.stop_torques.items():
         assert force[0] == pytest.approx(exact.stop_torque(stop)[0], rel=1e-9)
     largest = max(float(np.abs(force).max()) for force in exact.joint_reactions.values())

@@ -24,11 +24,10 @@ from mechanisms import (
 from random_mechanisms import random_mechanism
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.joints import GROUND, PinJoint, SlotJoint
+from trebucheck.models.elements import GROUND, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.machines.trebuchet import ARM_STOP
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.stops import PointStop, Stop
 from trebucheck.models.trajectory import Trajectory
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from mechanisms import OBLIQUE_SLOT, TABLE_ONE, chain, position_error, table_one_motion
 from trebucheck.engines.pymunk.engine import PymunkEngine
+from trebucheck.models.elements import GROUND, PinJoint, Stop
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
-from trebucheck.models.joints import GROUND, PinJoint
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.machines.parameters import TrebuchetParameters
 from trebucheck.models.machines.trebuchet import (
@@ -25,7 +25,6 @@ from trebucheck.models.machines.trebuchet import (
 )
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem
-from trebucheck.models.stops import Stop
 from trebucheck.models.trajectory import Trajectory
 from trebucheck.reference.solver import solve
 

@@ -10,19 +10,24 @@ import numpy as np
 import pytest
 from elements import ELEMENTS, HINGE, UP, WALLS, tied
 from mechanisms import body_of, everything, pin
-from trebucheck.comparisons.equivalence.checks import check_model
+from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.engines.pymunk.engine import PymunkEngine
-from trebucheck.models.errors import SimulationError, UnsupportedProblemError
-from trebucheck.models.force_elements import (
+from trebucheck.models.elements import (
+    GROUND,
     ConstantForce,
     ConstantTorque,
+    FreeJoint,
+    PointStop,
+    PrismaticJoint,
     RotationalSpringDamper,
+    SlotJoint,
     SpringDamper,
+    Stop,
+    WeldJoint,
 )
-from trebucheck.models.joints import GROUND, FreeJoint, PrismaticJoint, SlotJoint, WeldJoint
+from trebucheck.models.errors import SimulationError, UnsupportedProblemError
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.stops import PointStop, Stop
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import characteristic_time, solve
 

@@ -12,12 +12,12 @@ pytest.importorskip("pymunk")
 
 from mechanisms import pin
 from random_mechanisms import random_mechanism
-from trebucheck.comparisons.equivalence.checks import check_model
+from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.engines.pymunk.build import build
 from trebucheck.engines.pymunk.leapfrog import _step_to  # pyright: ignore[reportPrivateUsage]
 from trebucheck.engines.pymunk.passes import TRACKED, convergence, growth
+from trebucheck.models.elements import GROUND, PrismaticJoint, SlotJoint
 from trebucheck.models.errors import SimulationError
-from trebucheck.models.joints import GROUND, PrismaticJoint, SlotJoint
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.models.spec import Vector

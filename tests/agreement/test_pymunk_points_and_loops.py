@@ -14,20 +14,18 @@ pytest.importorskip("pymunk")
 
 from mechanisms import misplaced, parallel_cranks
 from random_mechanisms import random_mechanism
-from trebucheck.comparisons.equivalence.checks import check_model
-from trebucheck.comparisons.equivalence.states import random_states
+from trebucheck.comparisons.diagnosis.equivalence import check_model, random_states
 from trebucheck.engines.pymunk.build import build
 from trebucheck.engines.pymunk.engine import PymunkEngine
 from trebucheck.engines.pymunk.passes import convergence
+from trebucheck.models.elements import GROUND, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.errors import UnsupportedProblemError
-from trebucheck.models.joints import GROUND, PinJoint, SlotJoint
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.machines.catapult import CatapultParameters, catapult
 from trebucheck.models.machines.floating_arm import FloatingArmParameters, floating_arm
 from trebucheck.models.machines.trebuchet import HingedParameters, hinged
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem
-from trebucheck.models.stops import PointStop, Stop
 from trebucheck.models.trajectory import Trajectory
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve

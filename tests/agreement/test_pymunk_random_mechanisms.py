@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from random_mechanisms import random_mechanism
-from trebucheck.models.joints import GROUND, FreeJoint
+from trebucheck.models.elements import GROUND, FreeJoint, PointStop
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.stops import PointStop
 from trebucheck.reference.solver import solve
 
 pytest.importorskip("pymunk")

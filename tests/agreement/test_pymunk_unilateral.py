@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from mechanisms import misplaced
 from trebucheck.engines.pymunk.engine import PymunkEngine
-from trebucheck.models.joints import GROUND, PinJoint
+from trebucheck.models.elements import GROUND, PinJoint, PointStop, Stop
 from trebucheck.models.machines.trebuchet import ARM_STOP, fixed, rolling
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.stops import PointStop, Stop
 from trebucheck.models.trajectory import Trajectory
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve

@@ -9,8 +9,8 @@ import pytest
 import trebucheck as tb
 from mechanisms import parallel_cranks, rods_on_a_slot
 from random_mechanisms import random_mechanism
-from trebucheck.comparisons.equivalence.checks import EXACT, check_model
-from trebucheck.models.joints import GROUND, PrismaticJoint, SlotJoint
+from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model
+from trebucheck.models.elements import GROUND, PrismaticJoint, SlotJoint
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.reference.solver import solve

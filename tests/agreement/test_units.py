@@ -9,7 +9,7 @@ import pytest
 import trebucheck as tb
 from mechanisms import TABLE_ONE, chain_on_a_slot, everything, position_error, scaled
 from random_mechanisms import random_mechanism
-from trebucheck.comparisons.equivalence.checks import EXACT, check_model
+from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model
 from trebucheck.engines.inspection import State
 from trebucheck.engines.units import SI, Units, units_of
 from trebucheck.models.errors import UnsupportedProblemError

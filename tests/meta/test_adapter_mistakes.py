@@ -13,10 +13,10 @@ import pytest
 import trebucheck as tb
 from adapter_mistakes import MISTAKES, compared, problem, verdict
 from trebucheck.comparisons.compare import machine
+from trebucheck.comparisons.runs.process import Worker
 from trebucheck.comparisons.runs.results import Outcome
 from trebucheck.comparisons.runs.runner import Runner
-from trebucheck.comparisons.runs.until import Until
-from trebucheck.comparisons.runs.worker import Worker
+from trebucheck.comparisons.runs.study import Until
 
 SAMPLE = (
     (

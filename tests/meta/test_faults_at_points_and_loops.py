@@ -32,14 +32,14 @@ def _ball_aside(text: str) -> str:
 
 def _still_foot(monkeypatch: pytest.MonkeyPatch) -> None:
     """pymunk's wall is a rod, whose foot then stays where it was."""
-    from trebucheck.engines.pymunk import rods
+    from trebucheck.engines.pymunk import leapfrog as rods
 
     monkeypatch.setattr(rods.SlidingRod, "move_anchor", lambda *_: None)
 
 
 def _body_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     """Exudyn's forces of walls, which come in the body's frame, taken for the world's."""
-    from trebucheck.engines.exudyn import constraints as _exudyn_constraints
+    from trebucheck.engines.exudyn import read as _exudyn_constraints
 
     monkeypatch.setattr(_exudyn_constraints, "turned", lambda local, _: local[:, :2])
 

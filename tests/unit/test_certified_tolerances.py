@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 import trebucheck as tb
+from trebucheck.comparisons.runs.runner import reference_uncertainties
 from trebucheck.comparisons.runs.scales import scales_until
-from trebucheck.comparisons.runs.uncertainty import reference_uncertainties
 from trebucheck.reference.certification.certificate import (
     Uncertainties,
     estimate_uncertainty,

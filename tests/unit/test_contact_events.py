@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from trebucheck.engines import contact_events
-from trebucheck.engines.contact_events import (
+from trebucheck.engines import events as event_rules
+from trebucheck.engines.events import (
     ContactEvents,
     active_contacts,
     refuse_moving_gaps,
@@ -61,7 +61,7 @@ def test_slow_and_named_contacts_are_plastic() -> None:
 
 
 def test_impacts_without_an_end_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(contact_events, "MOST_IMPACTS", 1)
+    monkeypatch.setattr(event_rules, "MOST_IMPACTS", 1)
     events = ContactEvents(fixed(), "engine")
     events.note_impact(0.0, {})
     events.retract_impact()

@@ -15,29 +15,33 @@ import plugins
 import pytest
 import trebucheck as tb
 from trebucheck.cli.app import main
-from trebucheck.comparisons.converge import floor as floors
+from trebucheck.comparisons.converge import study as floors
 from trebucheck.comparisons.converge import study as studying
-from trebucheck.comparisons.converge.floor import Site, floor, refinements
-from trebucheck.comparisons.converge.orders import (
+from trebucheck.comparisons.converge.report import document
+from trebucheck.comparisons.converge.results import Studies
+from trebucheck.comparisons.converge.study import (
     ASYMPTOTIC,
     FEWEST,
     SLOPE,
     Level,
+    Site,
+    converge,
     fitting,
+    floor,
     largest,
     limit,
     observed_order,
+    parameter_names,
     power_law,
+    refinements,
+    swept_parameters,
     weights,
 )
-from trebucheck.comparisons.converge.report import document
-from trebucheck.comparisons.converge.results import Studies
-from trebucheck.comparisons.converge.study import converge, parameter_names, swept_parameters
 from trebucheck.comparisons.report.html import page
-from trebucheck.comparisons.runs.runner import run_duration
+from trebucheck.comparisons.runs.record import make
+from trebucheck.comparisons.runs.runner import Runner, run_duration
 from trebucheck.comparisons.runs.store import Store
 from trebucheck.comparisons.runs.study import Study
-from trebucheck.comparisons.runs.trials import Trials
 from trebucheck.engines.registry import engine_study
 from trebucheck.engines.study import ConstraintKinds
 from trebucheck.models.spec import schema_text
@@ -329,9 +333,9 @@ def test_durations_are_those_of_trials(step: float, monkeypatch: pytest.MonkeyPa
         return tb.engine("reference", timestep=5e-3).simulate(problem)
 
     monkeypatch.setattr(plugins.Echo, "simulate", simulate)
-    trials = Trials(tb.fixed())
-    trials.trial(plugins.Echo(timestep=step))
-    assert asked[-1] == run_duration(trials.end, step)
+    runner = Runner(tb.fixed())
+    make(runner, plugins.Echo(timestep=step))
+    assert asked[-1] == run_duration(runner.judged_to, step)
 
 
 # the whole, on engines of a third party

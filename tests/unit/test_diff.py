@@ -14,10 +14,16 @@ import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
 from trebucheck.cli import diff as command
-from trebucheck.comparisons.diff.changes import Difference, Fate, QuantityChange
-from trebucheck.comparisons.diff.data import DifferenceData, data
 from trebucheck.comparisons.diff.report import document
-from trebucheck.comparisons.diff.study import FACTOR, diff
+from trebucheck.comparisons.diff.study import (
+    FACTOR,
+    Difference,
+    DifferenceData,
+    Fate,
+    QuantityChange,
+    data,
+    diff,
+)
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.runs.results import Cause, Diagnosis, Metric, Outcome, Results, Run
 from trebucheck.models.spec import schema_text

@@ -13,17 +13,16 @@ import jsonschema
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.compare.machine import Case
 from trebucheck.comparisons.compare.report import document
-from trebucheck.comparisons.compare.study import Comparison, compare_study
+from trebucheck.comparisons.compare.study import Case, Comparison, compare_study
 from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.runs.metrics import measure
+from trebucheck.comparisons.runs.process import Worker, simulate_warm
 from trebucheck.comparisons.runs.results import Metric, Outcome, Results, Run
 from trebucheck.comparisons.runs.store import Store
 from trebucheck.comparisons.runs.stretching import LIMIT, stretching_at
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.tolerances import judge
-from trebucheck.comparisons.runs.worker import Worker, simulate_warm
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.spec import schema_text
 from trebucheck.models.trajectory import load, save
@@ -326,8 +325,19 @@ def test_an_engine_that_never_ends_is_stopped(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(Worker, "call", patient)
     comparison = _compare(engines=["sleeper"], isolate=True, timeout=1.0)
     (failed,) = comparison.results.runs
-    assert failed.outcome is Outcome.FAILED
+    assert failed.outcome is Outcome.TIMED_OUT and failed.time_limit == 1.0
+    assert not comparison.passed
     assert failed.message == "sleeper did not finish within 1 s and was stopped."
+
+
+def test_a_time_limit_in_the_words_of_an_earlier_release_is_read() -> None:
+    fields: dict[str, Any] = {"model": "fixed", "engine": "e", "preset": "p", "engine_version": "1"}
+    words = "e did not finish within 120 s and was stopped."
+    old = Run.model_validate({**fields, "outcome": "failed", "message": words})
+    assert (old.outcome, old.time_limit, old.message) == (Outcome.TIMED_OUT, 120.0, words)
+    assert Run.model_validate(old.model_dump()) == old
+    crashed = Run.model_validate({**fields, "outcome": "failed", "message": "e crashed."})
+    assert crashed.outcome is Outcome.FAILED and crashed.time_limit is None
 
 
 def test_an_engine_that_is_not_installed_is_said_and_no_disagreement(

@@ -9,7 +9,7 @@ import pytest
 import typer
 from trebucheck.__main__ import main
 from trebucheck.cli.app import app
-from trebucheck.comparisons.runs.worker import Worker
+from trebucheck.comparisons.runs.process import Worker
 
 pytestmark = pytest.mark.usefixtures("kept_processes")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from trebucheck.engines.impact_law import impulses
+from trebucheck.engines.impact import impulses
 from trebucheck.models.arrays import FloatArray
 from trebucheck.reference.contact import solve_lcp
 

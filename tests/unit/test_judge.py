@@ -16,7 +16,7 @@ import pytest
 import trebucheck as tb
 from pydantic import BaseModel
 from trebucheck.cli.app import main
-from trebucheck.comparisons.data.files import content
+from trebucheck.comparisons.data.certified import content
 from trebucheck.comparisons.judge import study as judge_study
 from trebucheck.comparisons.judge.report import document, headline
 from trebucheck.comparisons.judge.study import NOT_GIVEN, Judgement, judge_file

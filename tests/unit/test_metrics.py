@@ -11,8 +11,8 @@ import pytest
 import trebucheck as tb
 from formulas import ARM, END, LAUNCH, RELEASE, SLOT, TURN, Formula, pinned, times, trolley
 from mechanisms import pin
-from trebucheck.comparisons.runs.comparison import against
-from trebucheck.comparisons.runs.metrics import measure
+from trebucheck.comparisons.runs.metrics import against, measure
+from trebucheck.comparisons.runs.quantities import Kind, Quantity, metric_label, parse_label
 from trebucheck.comparisons.runs.results import Metric
 from trebucheck.models.joints import GROUND
 from trebucheck.models.launch import Launch
@@ -745,3 +745,29 @@ def test_given_scales_and_reference_are_taken() -> None:
     assert _measured(OWN, reference=REFERENCE) == _measured(OWN)
     found = {m.label: m.value for m in measure(OWN, REFERENCE, END, moved)}  # type: ignore[arg-type]
     assert found["angle_max (tilt)"] == 1.0
+
+
+# names
+
+
+@pytest.mark.parametrize(
+    "quantity",
+    [
+        Quantity(Kind.COORDINATES),
+        Quantity(Kind.SPEEDS),
+        Quantity(Kind.POSITION, "tip of the arm"),
+        Quantity(Kind.KINETIC_ENERGY),
+    ],
+)
+def test_a_quantity_is_read_from_its_text(quantity: Quantity) -> None:
+    assert Quantity.parse(quantity.text) == quantity
+
+
+def test_an_unknown_kind_of_quantity_is_refused() -> None:
+    with pytest.raises(ValueError, match="mood"):
+        Quantity.parse("mood of the projectile")
+
+
+@pytest.mark.parametrize("subject", [None, "rest", "rest (left)", "x)"])
+def test_a_label_is_read_as_it_was_written(subject: str | None) -> None:
+    assert parse_label(metric_label("release_time", subject)) == ("release_time", subject)

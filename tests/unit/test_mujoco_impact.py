@@ -82,7 +82,7 @@ def test_drift_of_held_contacts_and_loops_is_no_speed_of_an_impact() -> None:
 def test_a_root_whose_last_bit_depends_on_what_was_asked_before() -> None:
     """MuJoCo's warm start does that: a value that has the other sign when it is asked for again is no error."""
     pytest.importorskip("mujoco")
-    from trebucheck.engines.event_location import root_in
+    from trebucheck.engines.events import root_in
 
     signs = itertools.cycle((-1.0, 1.0))
     found = root_in(lambda part: part - 5e-4 if part else next(signs) * 1e-17, 0.0, 1e-3)

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import trebucheck as tb
 from trebucheck.cli.app import main
-from trebucheck.comparisons.runs.worker import Worker
+from trebucheck.comparisons.runs.process import Worker
 from trebucheck.models import files
 from trebucheck.models.errors import EngineNotInstalledError, InputError, UnwritableError
 from trebucheck.models.trajectory import load, save

@@ -12,11 +12,11 @@ import pytest
 import trebucheck as tb
 from formulas import ARM, END, TURN, Formula, trolley
 from trebucheck.comparisons.runs import stretching as stretchings
-from trebucheck.comparisons.runs import until as ends
+from trebucheck.comparisons.runs import study
 from trebucheck.comparisons.runs.quantities import JUDGED, QUANTITIES, judged_quantity
 from trebucheck.comparisons.runs.scales import Scales, extent, scales_until, size
 from trebucheck.comparisons.runs.stretching import predictable_until, stretching, stretching_at
-from trebucheck.comparisons.runs.until import Until
+from trebucheck.comparisons.runs.study import Until
 from trebucheck.models.mechanism import Body, Marker
 from trebucheck.models.stops import PointStop
 from trebucheck.reference.solver import characteristic_time, solve
@@ -387,7 +387,7 @@ def test_the_reference_goes_on_by_two_fifths_beyond_an_event() -> None:
     bob = mechanisms.hanging_bob()
     scale = characteristic_time(bob)
     for event, spans in ((1.42, 2.0), (1.44, 5.5), (3.9, 5.5), (4.0, 16.0), (15.0, 16.0)):
-        solution = ends._solved(bob, LAW, lambda _, event=event: event * scale)
+        solution = study._solved(bob, LAW, lambda _, event=event: event * scale)
         assert solution.problem.duration == pytest.approx(spans * scale)
 
 

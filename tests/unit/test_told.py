@@ -17,9 +17,8 @@ from rich.console import Console
 from trebucheck.__main__ import main
 from trebucheck.cli import output
 from trebucheck.comparisons.report import terminal
-from trebucheck.comparisons.runs.distance import farthest
-from trebucheck.comparisons.runs.runner import Runner
-from trebucheck.comparisons.runs.study import in_order
+from trebucheck.comparisons.runs.process import in_order
+from trebucheck.comparisons.runs.runner import Runner, farthest
 from trebucheck.reference.certification import certify as certification
 from trebucheck.reference.certification.certificate import load_certificate
 
@@ -230,7 +229,7 @@ def test_results_say_how_many_were_made_at_once() -> None:
 
 @pytest.mark.parametrize("until", [0.5, 1.0])
 def test_the_distance_is_the_largest_up_to_the_end(until: float) -> None:
-    from trebucheck.comparisons.runs.until import Until
+    from trebucheck.comparisons.runs.study import Until
 
     runner = Runner(tb.fixed(), until=Until.of(until))
     run = tb.engine("pymunk", timestep=5e-3).simulate(tb.Problem(tb.fixed(), duration=until + 0.1))

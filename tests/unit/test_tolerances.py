@@ -12,14 +12,15 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from formulas import END, Formula, times, trolley
-from trebucheck.comparisons.compare.machine import machine_row
+from trebucheck.comparisons.runs.record import machine_row
+from trebucheck.comparisons.runs import runner as running
 from trebucheck.comparisons.runs import tolerances as module
-from trebucheck.comparisons.runs import uncertainty
 from trebucheck.comparisons.runs.metrics import measure
 from trebucheck.comparisons.runs.quantities import QUANTITIES
 from trebucheck.comparisons.runs.results import Machine, Metric, Run
-from trebucheck.comparisons.runs.runner import Runner
+from trebucheck.comparisons.runs.runner import Runner, reference_uncertainties
 from trebucheck.comparisons.runs.scales import Scales, scales_until
+from trebucheck.comparisons.runs.study import Until
 from trebucheck.comparisons.runs.tolerances import (
     DEFAULT,
     Needs,
@@ -27,8 +28,6 @@ from trebucheck.comparisons.runs.tolerances import (
     judge,
     tolerance_for,
 )
-from trebucheck.comparisons.runs.uncertainty import reference_uncertainties
-from trebucheck.comparisons.runs.until import Until
 from trebucheck.engines.study import EngineStudy, Tolerance
 from trebucheck.reference.solver import solve
 
@@ -518,7 +517,7 @@ def test_an_estimate_is_four_times_the_distance_to_a_coarser_integration(
         asked.append((problem.duration, *tolerances))
         return _Shifted(solve(problem))
 
-    monkeypatch.setattr(uncertainty, "solve", coarse)
+    monkeypatch.setattr(running, "solve", coarse)
     known = reference_uncertainties(solution, 1.0, scales, "projectile").values
     assert known["position_max (bob)"] == pytest.approx(4 * 0.05, rel=1e-6)
     assert known["angle_max (beta)"] == pytest.approx(4 * 0.01, rel=1e-6)
@@ -532,7 +531,7 @@ def test_an_integration_that_agrees_leaves_sixty_four_roundings_of_the_scale(
     bob: tuple[Any, Scales], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     solution, scales = bob
-    monkeypatch.setattr(uncertainty, "solve", lambda *_: solution)
+    monkeypatch.setattr(running, "solve", lambda *_: solution)
     known = reference_uncertainties(solution, 1.0, scales, "projectile").values
     mechanism, rounding = solution.problem.mechanism, 64 * float(np.finfo(float).eps)
     for metric in measure(solution.trajectory(times(0.05, 1.0)), solution, 1.0):
@@ -549,9 +548,9 @@ def test_an_integration_that_agrees_leaves_sixty_four_roundings_of_the_scale(
 
 def test_an_event_of_one_integration_only_is_as_uncertain_as_its_scale() -> None:
     missing = _metric("release_time", "rest", None, "s")
-    assert uncertainty._distance(missing, SCALES, Formula()) == pytest.approx(TIME)  # type: ignore[arg-type]
+    assert running._distance(missing, SCALES, Formula()) == pytest.approx(TIME)  # type: ignore[arg-type]
     early = _metric("release_time", "rest", -2.0, "s")
-    assert uncertainty._distance(early, SCALES, Formula()) == 2.0  # type: ignore[arg-type]
+    assert running._distance(early, SCALES, Formula()) == 2.0  # type: ignore[arg-type]
 
 
 class _Shifted:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from formulas import Formula, times, trolley
-from trebucheck.comparisons.runs.validity import refuse_invalid
+from trebucheck.comparisons.runs.runner import refuse_invalid
 from trebucheck.models.trajectory import PointMotion
 
 T = times(0.5)

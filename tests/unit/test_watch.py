@@ -17,10 +17,10 @@ import pytest
 import trebucheck as tb
 from mechanisms import hanging_bob, pin
 from trebucheck.cli.app import main
-from trebucheck.comparisons.runs import worker as runs
+from trebucheck.comparisons.runs import process as runs
+from trebucheck.comparisons.runs.process import Worker
 from trebucheck.comparisons.runs.results import Outcome, Results
 from trebucheck.comparisons.runs.runner import Runner
-from trebucheck.comparisons.runs.worker import Worker
 from trebucheck.engines import protocol
 from trebucheck.models.errors import SimulationError
 from trebucheck.models.joints import GROUND

@@ -14,8 +14,8 @@ from threading import Event, Thread
 
 import numpy as np
 import pytest
-from trebucheck.comparisons.runs import forked
-from trebucheck.comparisons.runs.worker import Worker
+from trebucheck.comparisons.runs import process
+from trebucheck.comparisons.runs.process import Worker
 from trebucheck.models.errors import SimulationError
 
 
@@ -89,7 +89,7 @@ FAULTS: dict[Callable[..., object], str] = {
     _give_a_generator: "TypeError: cannot pickle 'generator' object",
 }
 linux = pytest.mark.skipif(
-    not forked.AVAILABLE, reason="each call has a process that is started for it here"
+    not process.FORKS, reason="each call has a process that is started for it here"
 )
 
 
@@ -130,11 +130,11 @@ def test_a_call_that_hangs_is_ended_and_the_next_one_is_served(worker: Worker) -
 def test_a_process_in_which_imports_start_threads_forks_no_more(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    assert forked._import(("no_such_module", "math"))
+    assert process._import(("no_such_module", "math"))
     thread, go_on = Event(), Event()
     other = Thread(target=lambda: (thread.set(), go_on.wait(60)))
-    monkeypatch.setattr(forked, "import_module", lambda _: (other.start(), thread.wait(60)))
-    assert not forked._import(("threads",))
+    monkeypatch.setattr(process, "import_module", lambda _: (other.start(), thread.wait(60)))
+    assert not process._import(("threads",))
     go_on.set()
 
 
@@ -142,7 +142,7 @@ def test_a_process_in_which_imports_start_threads_forks_no_more(
 def test_where_nothing_can_be_forked_each_call_has_a_process_that_is_started_for_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(forked, "AVAILABLE", False)
+    monkeypatch.setattr(process, "FORKS", False)
     with Worker(60.0, fresh=True) as worker:
         worker.call(_corrupt, _Engine(), None)
         place, variable, *_ = worker.call(_state, _Engine(), None)

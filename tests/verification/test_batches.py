@@ -16,11 +16,10 @@ from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Marker, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Spec
-from trebucheck.models.stacked import stacked
 from trebucheck.reference.solver import solve
 from trebucheck.reference.taylor import batch
-from trebucheck.reference.taylor.batch import launch_batch
-from trebucheck.reference.taylor.machine import numbers_of, projectile_row
+from trebucheck.reference.taylor.batch import launch_batch, stacked
+from trebucheck.reference.taylor.numbers import numbers_of, projectile_row
 from trebucheck.reference.taylor.solve import taylor_quantities
 
 _PARTS = ("bodies", "joints", "stops", "markers", "force_elements")

@@ -12,9 +12,8 @@ import pytest
 import trebucheck as tb
 import xarray as xr
 from trebucheck.cli.app import main
-from trebucheck.comparisons.data import files as published_files
-from trebucheck.comparisons.data.certified import certified_dataset
-from trebucheck.comparisons.data.files import names, published, states
+from trebucheck.comparisons.data import certified as published_files
+from trebucheck.comparisons.data.certified import certified_dataset, names, published, states
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.machines.registry import library_problem, model, models
 from trebucheck.models.problems.pendulum_motion import swing, turn

@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanisms import G, floor, hanging_bob
 from trebucheck.reference.certification.redundant import solve_redundant
+from trebucheck.reference.sensitivity.tangent import state_tangent
+from trebucheck.reference.sensitivity.variational import VariationalEquations, consistent_direction
 from trebucheck.reference.solver import solve
-from trebucheck.reference.throw.tangent import state_tangent
-from trebucheck.reference.throw.variational import VariationalEquations, consistent_direction
 
 LENGTH, MASS = 3.0, 7.0
 

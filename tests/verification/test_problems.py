@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.problems.check import Check, check
+from trebucheck.comparisons.problems.study import Check, check
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.models.problems.pendulum_motion import swing, swing_period, turn, turn_period
 from trebucheck.models.problems.pendulums import HIGH_PENDULUM

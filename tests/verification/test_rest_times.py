@@ -10,7 +10,7 @@ import trebucheck as tb
 from mechanisms import angle_stop, hanging_bob
 from trebucheck.models.problems.contacts import BOUNCING, BouncingParameters
 from trebucheck.models.problems.pendulums import pin_links, rods
-from trebucheck.reference import bouncing
+from trebucheck.reference import contact as bouncing
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 from trebucheck.reference.taylor.solve import solve_taylor

@@ -15,9 +15,9 @@ from trebucheck.models.joints import GROUND
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.problems.registry import benchmark
+from trebucheck.reference.sensitivity.tangent import marker_tangent, state_tangent
+from trebucheck.reference.sensitivity.variational import VariationalEquations, consistent_direction
 from trebucheck.reference.solver import solve
-from trebucheck.reference.throw.tangent import marker_tangent, state_tangent
-from trebucheck.reference.throw.variational import VariationalEquations, consistent_direction
 
 STEP = 1e-4
 SOLVER = 1e-12  # of the largest number of a state: what the solver may err by, at a local error of 3e-14 over 100 steps

@@ -33,10 +33,9 @@ from trebucheck.models.mechanism import Mechanism
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
 from trebucheck.reference.taylor.batch import launch_batch
-from trebucheck.reference.taylor.choice import why_not_taylor
-from trebucheck.reference.taylor.machine import numbers_of, structure_of
+from trebucheck.reference.taylor.expressions import TaylorSystem, heyoka, why_not_taylor
+from trebucheck.reference.taylor.numbers import numbers_of, structure_of
 from trebucheck.reference.taylor.solve import solve_taylor, taylor_launch, taylor_quantities
-from trebucheck.reference.taylor.system import TaylorSystem, heyoka
 
 pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
 

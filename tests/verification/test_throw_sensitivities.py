@@ -12,10 +12,8 @@ from trebucheck.models.force_elements import RotationalSpringDamper, SpringDampe
 from trebucheck.models.machines.registry import model
 from trebucheck.models.mechanism import Marker, Mechanism
 from trebucheck.models.problems.registry import benchmark
-from trebucheck.reference.throw.figures import Performance, Sensitivity
-from trebucheck.reference.throw.physical import physical_numbers
-from trebucheck.reference.throw.sensitivity import sensitivities_of
-from trebucheck.reference.throw.throw import perform
+from trebucheck.reference.sensitivity.release import physical_numbers, sensitivities_of
+from trebucheck.reference.throw.throw import Performance, Sensitivity, perform
 
 STEP = 1e-3
 SOLVER = 1e-11  # of a figure: what the solver may err by

@@ -7,6 +7,7 @@ import math
 from trebucheck.models.joints import GROUND, FreeJoint, SlotJoint, WeldJoint
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.stops import PointStop
+
 from .model import ZooModel
 from .parts import body, mechanism, of, pin, rail, rod
 

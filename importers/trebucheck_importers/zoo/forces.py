@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from trebucheck.models.force_elements import ConstantForce, RotationalSpringDamper, SpringDamper
 from trebucheck.models.joints import GROUND
+
 from .joints import chain
 from .model import ZooModel
 from .parts import ALONG_X, GRAVITY, block, of, rod

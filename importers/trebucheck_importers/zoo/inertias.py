@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from trebucheck.models.force_elements import ConstantForce
+
 from .model import ZooModel
 from .parts import GRAVITY, block, of, rod
 

@@ -8,6 +8,7 @@ from typing import Any
 from trebucheck.models.joints import GROUND, FreeJoint, SlotJoint, WeldJoint
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.stops import PointStop, Stop
+
 from .model import ZooModel
 from .parts import block, body, mechanism, of, pin, rail, rod
 

@@ -15,6 +15,7 @@ from trebucheck.models.mjcf.variants import Variant, inertias
 from trebucheck.models.mjcf.writer import mjcf
 from trebucheck.models.problem import StopLaw
 from trebucheck.models.stops import Stop
+
 from .model import FileVariant, JointCoordinate, ZooModel
 
 _VARIANTS = {

@@ -8,7 +8,6 @@ from importlib.resources import files
 from typing import Literal
 
 import numpy as np
-
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw

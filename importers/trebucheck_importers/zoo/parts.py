@@ -9,6 +9,7 @@ from trebucheck.models.joints import GROUND, AnyJoint, PinJoint, PrismaticJoint
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.spec import Vector
 from trebucheck.models.stops import AnyStop
+
 from .model import JointCoordinate
 
 GRAVITY = 9.81

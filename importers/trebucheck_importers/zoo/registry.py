@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 from trebucheck.models.errors import InputError
+
 from .constraints import constraint_models
 from .forces import force_models
 from .inertias import inertia_models

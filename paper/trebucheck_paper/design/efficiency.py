@@ -16,7 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import Field
 from scipy.optimize import NonlinearConstraint, minimize
-
 from trebucheck.comparisons.compare.study import Comparison, compare
 from trebucheck.comparisons.runs.results import Outcome, Run
 from trebucheck.models.arrays import FloatArray
@@ -32,6 +31,7 @@ from trebucheck.reference.equations import Equations
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve_to_launch
 from trebucheck.reference.throw.release import Projectile
+
 from ..evidence.claims import EngineValue
 from ..evidence.engine_runs import Allowed, speed_allowance
 

@@ -12,7 +12,6 @@ from typing import Literal
 import numpy as np
 from numpy.polynomial import Chebyshev
 from pydantic import Field
-
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import TrebucheckError
 from trebucheck.models.launch import launch_interval, lead
@@ -26,6 +25,7 @@ from trebucheck.reference.solver import characteristic_time, solve
 from trebucheck.reference.taylor.solve import solve_taylor
 from trebucheck.reference.throw.flight import Release, Surroundings, fall_time, fly
 from trebucheck.reference.throw.release import Projectile
+
 from ..evidence.claims import EngineValue, Quantity
 from .efficiency import available_energy
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-
 from trebucheck.comparisons.runs.worker import Worker
 from trebucheck.engines.registry import engine
 from trebucheck.models.arrays import FloatArray
@@ -21,6 +20,7 @@ from trebucheck.reference.certification.quantities import BEYOND_LAUNCH
 from trebucheck.reference.solver import solve
 from trebucheck.reference.throw.flight import fly, range_rate
 from trebucheck.reference.throw.throw import throw
+
 from ..evidence.claims import EngineValue, Quantity
 from ..evidence.engine_runs import TAIL, SampledMotion, allowed, simulated, turning
 from ..evidence.quantities import (

@@ -11,7 +11,6 @@ from functools import cached_property
 import numpy as np
 from pydantic import Field
 from scipy.optimize import brentq
-
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import InputError
 from trebucheck.models.joints import PinJoint

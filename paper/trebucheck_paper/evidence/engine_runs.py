@@ -21,7 +21,6 @@ from typing import TypeVar
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
-
 from trebucheck.comparisons.runs.runner import failure
 from trebucheck.comparisons.runs.tolerances import StatedTolerance, is_table_one, tolerance_for
 from trebucheck.comparisons.runs.worker import Worker
@@ -38,6 +37,7 @@ from trebucheck.models.trajectory import Trajectory
 from trebucheck.reference.certification.quantities import PointState
 from trebucheck.reference.solver import solve
 from trebucheck.reference.throw.release import Projectile
+
 from .claims import EngineValue
 from .quantities import BEND, LAUNCH_TIME, Readings, ThrowQuantity, read
 

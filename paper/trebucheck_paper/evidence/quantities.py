@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
-
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.machines.trebuchet import ARM_STOP, COUNTERWEIGHT, PROJECTILE
@@ -25,6 +24,7 @@ from trebucheck.reference.certification.quantities import (
     read_quantities,
     vacuum_range,
 )
+
 from .claims import CAPTION_STEP, TIME_STEP
 
 _SCAN = 0.01  # [s] in which the arm cannot come to its stop and back

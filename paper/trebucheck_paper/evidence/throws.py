@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-
 from trebucheck.comparisons.runs.worker import Worker
 from trebucheck.engines.protocol import Engine
 from trebucheck.engines.registry import engine
@@ -27,6 +26,7 @@ from trebucheck.reference.certification.certify import MinimalMotion
 from trebucheck.reference.certification.quantities import BEYOND_LAUNCH, Key, Motion, vacuum_range
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve, solve_to_launch
+
 from .engine_runs import Amplification, SampledMotion, allowances, amplification, attempted
 from .quantities import (
     ARM_ARRIVAL,

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from trebucheck.models.machines.parameters import TrebuchetParameters
+
 from .claims import Claim, EngineValue, Printed, Quantity, Verdict, parse
 from .quantities import Formula, Readings, ThrowQuantity, Values
 from .throws import EngineThrow, MachineThrow

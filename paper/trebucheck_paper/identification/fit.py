@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares, linprog
 from scipy.stats import chi2, norm
-
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import InputError
+
 from .quantities import (
     ANGLES,
     Angles,

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from pydantic import Field
 from scipy.optimize import brentq
-
 from trebucheck.engines.reference.engine import ReferenceEngine
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import InputError
@@ -24,6 +23,7 @@ from trebucheck.models.spec import NonNegative, Positive, Real, Spec
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.throw.flight import Surroundings
 from trebucheck.reference.throw.release import Projectile
+
 from ..evidence.claims import (
     BEST_L1,
     BEST_SPEED,

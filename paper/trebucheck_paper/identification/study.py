@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import minimum_filter
 from scipy.optimize import least_squares
-
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import EngineNotInstalledError, InputError
 from trebucheck.models.machines.parameters import TrebuchetParameters
 from trebucheck.models.machines.trebuchet import fixed
 from trebucheck.models.mechanism import Mechanism
+
 from ..evidence.claims import TIME_STEP
 from .fit import conditioning, fit, left_out
 from .quantities import (

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
-
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.machines.parameters import TrebuchetParameters
@@ -16,6 +15,7 @@ from trebucheck.models.machines.trebuchet import COUNTERWEIGHT, PROJECTILE, fixe
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve_to_launch
+
 from ..evidence.claims import (
     BEAM,
     BEST_ANGLE,

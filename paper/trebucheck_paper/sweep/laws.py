@@ -17,7 +17,6 @@ from functools import cached_property
 import numpy as np
 from pydantic import Field
 from scipy.optimize import bisect, brentq
-
 from trebucheck.models.arrays import BoolArray, ComplexArray, FloatArray
 from trebucheck.models.launch import lead
 from trebucheck.models.machines.trebuchet import HANGER_REST, PROJECTILE, SLING_REST
@@ -28,6 +27,7 @@ from trebucheck.reference.perturbed import solve_scheduled
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import characteristic_time, solve, solve_to_launch
 from trebucheck.reference.taylor.batch import launch_batch
+
 from ..evidence.claims import BACKWARD_L1, ZERO_L1
 from .rigid_swing import RigidSwing, pendulum
 

@@ -21,7 +21,6 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from pydantic import Field
 from scipy.special import ellipj, ellipk, ellipkinc
-
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.machines.parameters import TrebuchetParameters

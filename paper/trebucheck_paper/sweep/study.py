@@ -11,7 +11,6 @@ from numpy.polynomial import Chebyshev, Polynomial
 from pydantic import Field
 from scipy.optimize import brentq
 from scipy.stats import linregress
-
 from trebucheck.comparisons.runs.worker import Worker
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import InputError
@@ -21,6 +20,7 @@ from trebucheck.models.spec import Real, Spec, Vector
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve_to_launch
 from trebucheck.reference.throw.release import Projectile
+
 from ..evidence.claims import BEST_L1, TABLE_L1, ZERO_L1, EngineValue, Quantity
 from ..evidence.engine_runs import furthest_back, launches
 from .laws import PAPER_GRID, Artefact, Curve, artefact, bilateral, pulls_at_start, release_once

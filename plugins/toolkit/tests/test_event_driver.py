@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from mechanisms import everything
-from trebucheck.engines.contact_events import Contacts
+from trebucheck.engines.events import Contacts
 from trebucheck.engines.protocol import Recording
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.kinematics import Kinematics, initial_state

@@ -15,15 +15,14 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-
+from trebucheck.engines.impact import Contacts, Inertia, inverse
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.joints import GROUND
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.stops import PointStop
-from trebucheck.engines.contact_events import Contacts
-from trebucheck.engines.impact import Inertia
+
 from .schemes import SCHEMES, State
 
 _RANK = 1e-12  # of the largest singular value: redundant constraints have smaller ones
@@ -76,7 +75,7 @@ class ConstrainedDynamics:
         rows, bias = self._rows(q, u, held)
         if not len(rows):
             return Solved(free, {})
-        response = _inverse(self.engine.mass_matrix(q)) @ rows.T
+        response = inverse(self.engine.mass_matrix(q)) @ rows.T
         forces = _least_norm(rows @ response, -(rows @ free + bias))
         contacts = dict(zip(held, forces[: len(held)].tolist(), strict=True))
         loops = forces[len(held) :]
@@ -100,7 +99,7 @@ class ConstrainedDynamics:
         rows, _ = self._rows(q, u, held)
         if not len(rows):
             return q, u
-        response = _inverse(self.engine.mass_matrix(q)) @ rows.T
+        response = inverse(self.engine.mass_matrix(q)) @ rows.T
         gaps = [float(self.kinematics.gap(name, q)) for name in held]
         drift = np.append(gaps, self.kinematics.loop_residual(q))
         q = q - response @ _least_norm(rows @ response, drift)
@@ -175,13 +174,6 @@ def subtree_sums(mechanism: Mechanism, forces: Mapping[str, FloatArray]) -> dict
         if joint.parent != GROUND:
             sums[joint.parent] = sums[joint.parent] + sums[joint.child]
     return {joint.name: sums[joint.child] for joint in joints}
-
-
-def _inverse(mass: FloatArray) -> FloatArray:
-    # Scaled to a diagonal of ones: joints of a light body and of a heavy one are equally well
-    # inverted.
-    scale = 1.0 / np.sqrt(np.diag(mass))
-    return scale[:, None] * np.linalg.inv(scale[:, None] * mass * scale) * scale
 
 
 def _least_norm(matrix: FloatArray, target: FloatArray) -> FloatArray:

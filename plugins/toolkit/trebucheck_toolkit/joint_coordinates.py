@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.joints import GROUND, AnyJoint
 from trebucheck.models.kinematics import Kinematics

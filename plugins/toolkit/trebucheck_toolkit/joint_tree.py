@@ -15,7 +15,7 @@ from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
-from trebucheck.engines.contact_events import Contacts
+from trebucheck.engines.events import Contacts
 from trebucheck.engines.inspection import Dynamics, Inspection
 from trebucheck.engines.inspection import State as Asked
 from trebucheck.models.applied_forces import AppliedForces
@@ -24,7 +24,6 @@ from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-
 from trebucheck_toolkit.event_driver import Observation
 
 from .constrained import ConstrainedDynamics, Solved, subtree_sums

@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.force_elements import (

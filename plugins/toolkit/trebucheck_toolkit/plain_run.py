@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
-from trebucheck.engines.contact_events import ContactEvents, refuse_moving_gaps
+from trebucheck.engines.events import ContactEvents, refuse_moving_gaps
 from trebucheck.engines.protocol import Recording
 from trebucheck.models.problem import Problem
-
 from trebucheck_toolkit.event_driver import Observation, Samples
 
 from .schemes import State

@@ -1,0 +1,181 @@
+"""MJCF of machines, problems and mechanisms, with the events of the certified motion as keyframes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ..models.errors import InputError, SimulationError
+from ..models.machines.registry import library_problem, model, parameters_type
+from ..models.mechanism import Mechanism
+from ..models.mjcf import writer
+from ..models.mjcf.paths import as_spec as spec_of
+from ..models.mjcf.recorded import Keyframe, RecordedMotion, event_names, stored_motion
+from ..models.mjcf.variants import Variant
+from ..models.problem import Problem, StopLaw
+from .runs.runner import Runner
+from .runs.study import Until
+
+__path__: list[str] = []  # names of earlier releases below this module: see renamed.py
+
+_PATH = 60  # intervals of the path
+_DIGITS = 4  # of the path's coordinates: enough for a picture
+LONGEST_STEP = 1e-3  # [s] of MuJoCo, where none is asked for; the named machines have it
+_STEP = 0.01  # of the characteristic time
+_MOST = 100  # events: what bounces to rest has no end of them
+
+
+def record_motion(given: Mechanism | Problem) -> RecordedMotion:
+    """The events of a problem's motion, or of a mechanism's up to its launch or for some characteristic times.
+
+    Those behind the predictability horizon are left out: they would not be certain.
+
+    Raises:
+        InputError: the reference cannot begin.
+        SimulationError: the reference cannot move it.
+    """
+    return recorded(motion_of(given))
+
+
+def motion_of(given: Mechanism | Problem) -> Runner:
+    """That motion.
+
+    Raises:
+        InputError: the reference cannot begin.
+    """
+    problem = given if isinstance(given, Problem) else None
+    mechanism = given.mechanism if isinstance(given, Problem) else given
+    until = Until.of(problem.duration if problem else None)
+    return Runner(mechanism, until=until, law=problem.stop_law if problem else StopLaw.RELEASE_ONCE)
+
+
+def suitable_step(runner: Runner) -> float:
+    """A hundredth of a motion's characteristic time [s], with two digits; 1 ms at most.
+
+    Raises:
+        SimulationError: the reference cannot move it.
+    """
+    return min(LONGEST_STEP, float(f"{_STEP * runner.scales.time:.1e}"))
+
+
+def recorded(runner: Runner) -> RecordedMotion:
+    """Its events, as :func:`record_motion`.
+
+    Raises:
+        SimulationError: the reference cannot move it.
+    """
+    end = min(runner.end, runner.judged_to)
+    events = sorted((t, stop, what) for t, stop, what in _events(runner) if t <= end)[:_MOST]
+    names = event_names([(stop, what) for _, stop, what in events])
+    at = runner.solution.motion(np.array([t for t, *_ in events]))
+    path = runner.solution.motion(np.linspace(0.0, end, _PATH + 1)).q
+    return RecordedMotion(
+        mechanism_hash=runner.mechanism.content_hash,
+        keyframes=tuple(
+            Keyframe(name=name, time=event[0], q=tuple(q), u=tuple(u))
+            for name, event, q, u in zip(names, events, at.q.tolist(), at.u.tolist(), strict=True)
+        ),
+        path=tuple(tuple(round(value, _DIGITS) for value in q) for q in path.tolist()),
+    )
+
+
+def _events(runner: Runner) -> Iterator[tuple[float, str, str]]:
+    """Times [s], stops and what becomes of them; of the launch, no stop."""
+    solution = runner.solution
+    yield from (
+        (time, stop, "release") for stop, time in solution.release_times.items() if time is not None
+    )
+    struck = (
+        (time, stop, size) for time, impulses in solution.impacts for stop, size in impulses.items()
+    )
+    yield from ((time, stop, "impact") for time, stop, size in struck if size)
+    yield from (
+        (time, stop, "rest") for stop, times in solution.rest_times.items() for time in times
+    )
+    if runner.launch_time is not None:
+        yield runner.launch_time, "", "launch"
+
+
+def mjcf(
+    given: str | Mechanism | Problem,
+    *,
+    timestep: float | None = None,
+    keyframes: bool = True,
+    sensors: bool = True,
+    finite_inertia: bool = False,
+    throw: bool = False,
+    as_spec: bool = False,
+    **parameters: float,
+) -> Any:
+    """The MJCF of a machine, of a problem of the library, or of any mechanism.
+
+    >>> text = tb.mjcf("rolling", l1=9.5)  # doctest: +SKIP
+    >>> mujoco.MjModel.from_xml_string(text)  # doctest: +SKIP
+
+    Args:
+        given: name of a machine or problem, a mechanism, or a problem.
+        timestep: of MuJoCo's integrator [s]; the stiffness of stops and loops is scaled with it. If
+            left out it is a hundredth of the motion's characteristic time, but 1 ms at most; 1 ms
+            as well where the reference cannot move it.
+        keyframes: whether the reference is solved for a keyframe at each release, impact and rest,
+            and at the launch; `home`, the start, is always there.
+        sensors: whether sensors are written; without them older versions of MuJoCo read it.
+        finite_inertia: give point masses on pins an inertia, for importers that refuse or raise
+            small ones. Mass is moved across the pins, so that the equations of motion stay what
+            they are; the forces in these pins do not, and of a pin on the ground the total mass
+            grows. The third point mass of a chain stays one.
+        throw: make the projectile a body of its own, tied to the machine by the equality
+            `hold_projectile`; until that is switched off the machine moves as without it. A
+            millionth of its mass is tied, the rest stays in the machine;
+            `trebucheck.models.mjcf.throw.released(model, data)` switches it off and hands the mass
+            over, `throw(model, data)` there steps to the landing.
+        as_spec: give a `mujoco.MjSpec` instead of text.
+        parameters: of a named machine or problem; their defaults where left out.
+
+    Raises:
+        InputError: nothing has that name, a parameter is not one of its, or the time step is not
+        valid.
+        UnsupportedProblemError: MJCF cannot hold it.
+        SimulationError: the reference cannot move it; without keyframes it is written all the same.
+        EngineNotInstalledError: MuJoCo is not there, for `as_spec`.
+    """
+    found = _named(given, parameters) if isinstance(given, str) else given
+    if parameters and not isinstance(given, str):
+        raise InputError(
+            f"{', '.join(parameters)}: only what has a name has parameters; this is a mechanism as it is."
+        )
+    mechanism = found.mechanism if isinstance(found, Problem) else found
+    variant = Variant(sensors=sensors, finite_inertia=finite_inertia, throw=throw)
+    step, motion = step_and_motion(found, timestep, keyframes=keyframes)
+    text = writer.mjcf(mechanism, step, motion, variant)
+    return spec_of(text) if as_spec else text
+
+
+def step_and_motion(
+    given: Mechanism | Problem, timestep: float | None, *, keyframes: bool
+) -> tuple[float, RecordedMotion | None]:
+    """The step [s], one that suits the motion if none is given, and the motion if there are to be keyframes.
+
+    The motion is the stored one of exactly this mechanism, or else a new one.
+
+    Raises:
+        InputError: the reference cannot begin, and there are to be keyframes.
+        SimulationError: as well, it cannot move it.
+    """
+    stored = stored_motion(given) if isinstance(given, Mechanism) else None
+    if stored or (timestep is not None and not keyframes):
+        return LONGEST_STEP if timestep is None else timestep, stored if keyframes else None
+    runner = motion_of(given)
+    if keyframes:
+        return suitable_step(runner) if timestep is None else timestep, recorded(runner)
+    try:
+        return suitable_step(runner), None
+    except (InputError, SimulationError):
+        return LONGEST_STEP, None
+
+
+def _named(name: str, parameters: dict[str, float]) -> Mechanism | Problem:
+    given = parameters_type(name)(**parameters)
+    return library_problem(name, given) or model(name, given)

@@ -1,0 +1,415 @@
+"""Plots of the studies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from ...converge.results import (
+    Curve,
+    LimitPair,
+    MachineStudies,
+    Point,
+    PowerLaw,
+    QuantityName,
+    Studies,
+    Study,
+)
+from .. import document as doc
+from ..document import Block, Cell, Column, Document, Heading, Note, Row, Table, Text, row, table
+from ..numbers import format_number, format_settings
+from ..plots import Axis, Label, Panels, Plot, Series, Style, run_style
+from ..tables import compared_time, provenance
+
+_WHOLE = Style("#8a8f96")
+
+
+def convergence(studies: Sequence[Study]) -> Panels:
+    """Error against the time step, position and torque, with the fitted lines and their slopes."""
+    return tuple(
+        Plot(
+            Axis("time step", "s", logarithmic=True),
+            _error(curve),
+            tuple(
+                each
+                for study in studies
+                for each in (*_points(study, column, study.label), *_line(study, column))
+            ),
+            # Lines may all but cover each other; their slopes, each at another place, do not.
+            labels=tuple(
+                label
+                for k, study in enumerate(studies, 1)
+                for label in _slope(study, column, k / (len(studies) + 1))
+            ),
+            height=430,
+        )
+        for column, curve in enumerate(studies[0].curves)
+    )
+
+
+def swept_parameter(study: Study) -> Panels:
+    """Error against one parameter, and where it can be isolated, the part of it that the parameter makes."""
+    name = "part of the parameter" if study.own else "error"
+    return tuple(
+        Plot(
+            Axis(study.title, study.unit, logarithmic=True),
+            _error(curve),
+            (
+                *(_points(study, column, "whole error", whole=True) if study.own else ()),
+                *_points(study, column, name),
+                *_line(study, column),
+            ),
+            labels=tuple(_slope(study, column, 0.5)),
+        )
+        for column, curve in enumerate(study.curves)
+    )
+
+
+def work_precision(studies: Sequence[Study]) -> Panels:
+    """Error against the median wall time; bars from the quickest to the slowest repeat."""
+    return tuple(
+        Plot(
+            Axis("wall time, warm", "s", logarithmic=True),
+            _error(curve),
+            tuple(_timed(study, study.curves[column]) for study in studies),
+            height=400,
+        )
+        for column, curve in enumerate(studies[0].curves)
+    )
+
+
+def _timed(study: Study, curve: Curve) -> Series:
+    timed = [point for point in study.points if point.wall_times]
+    times = [sorted(point.wall_times) for point in timed]
+    x = np.array([np.median(each) for each in times], dtype=float)
+    y = np.array([point.error(curve.quantity) or np.nan for point in timed], dtype=float)
+    spread = (
+        np.array([each[0] for each in times], dtype=float),
+        np.array([each[-1] for each in times], dtype=float),
+    )
+    hints = tuple(f"{study.title} = {point.value:.3g}" for point in timed)
+    return Series(study.label, x, y, run_style(study.engine, study.preset), "both", hints, spread)
+
+
+def exponent(law: PowerLaw | None) -> str:
+    """Exponent and half width of its confidence interval."""
+    return "none" if law is None else f"{law.exponent:.3f} ± {law.half_width:.3f}"
+
+
+def _error(curve: Curve) -> Axis:
+    name = (
+        "position"
+        if curve.quantity == "position"
+        else f"stop {'force' if curve.unit == 'N' else 'torque'}"
+    )
+    return Axis(f"largest error, {name}", curve.unit, logarithmic=True)
+
+
+def _points(study: Study, column: int, name: str, *, whole: bool = False) -> Iterator[Series]:
+    """The errors, or where it can be isolated and unless the whole is asked for, the parameter's part of them."""
+    own, quantity = study.own and not whole, study.curves[column].quantity
+    found = [(point.value, point.error(quantity, own)) for point in study.points]
+    ran = np.array([(value, error) for value, error in found if error is not None], dtype=float)
+    if len(ran):
+        style = _WHOLE if whole else run_style(study.engine, study.preset)
+        yield Series(name, ran[:, 0], ran[:, 1], style, "points")
+
+
+def _line(study: Study, column: int) -> Iterator[Series]:
+    """The law."""
+    law = study.curves[column].law
+    if law is not None:
+        ends = np.array([law.high, law.low]), np.array([law.at(law.high), law.at(law.low)])
+        style = replace(run_style(study.engine, study.preset), width=1.2)
+        yield Series(f"slope {law.exponent:.3f}", *ends, style, listed=False)
+
+
+def _slope(study: Study, column: int, at: float) -> Iterator[Label]:
+    """The law's exponent, at that share of its range."""
+    law = study.curves[column].law
+    if law is not None:
+        x = law.low ** (1 - at) * law.high**at
+        yield Label(x, law.at(x), exponent(law), run_style(study.engine, study.preset).colour)
+
+
+_INTRODUCTION = (
+    "Each parameter of each engine is swept through its values; the errors are the largest distances of any marker "
+    "(without markers, of any centre of mass) from the reference over the compared time. An exponent is the slope of "
+    "a straight line in the log-log plane with its 95 % confidence interval (Student t), over the run of points along "
+    "which the error changes most without its slope departing by more than 0.1; the rule knows of no expected "
+    "exponent. A floor is an error that the parameter does not lower; its cause is found by refining every other "
+    "parameter by one step there. “Stock” is what an engine's documentation leads a newcomer to, “tuned” the most "
+    "accurate settings found."
+)
+
+
+_LIMITS = (
+    "Largest distance between the same markers of two runs over the compared time, with the time step extrapolated "
+    "away [m]. The "
+    "limits are chosen without the reference: of all three neighbouring steps whose successive differences show a "
+    "whole order, those whose limits from two and three levels lie nearest to each other."
+)
+
+
+_WORK = (
+    "Error against wall time of the whole simulation, warm: median of the repeats, bars from the quickest to the "
+    "slowest."
+)
+
+
+_OTHERS = (
+    "Where the error of the swept parameter itself can be isolated, exponents are of that part: the distance from the "
+    "run without it. “What is left” is then the error of that run."
+)
+
+
+def document(studies: Studies) -> Document:
+    """All studies; the terminal has the orders, laws and limits of the positions, and what failed."""
+    failures = tuple(Text(sentence, "warning") for sentence in _failures(studies))
+    blocks: list[Block] = []
+    if failures:
+        blocks.append(
+            doc.Fold(
+                f"What did not run ({len(failures)})",
+                (doc.Listing(failures),),
+                opened=len(failures) <= 5,
+            )
+        )
+    for machine in studies.machines:
+        blocks += _chapter(machine)
+    runs = (
+        (machine.model, f"{study.label}, {study.knob}", study.engine_version, study.settings)
+        for machine in studies.machines
+        for study in machine.studies
+    )
+    blocks += [Heading("How it is measured", 2), Note(_INTRODUCTION)]
+    blocks += provenance(
+        studies, runs, [(machine.model, machine.mechanism) for machine in studies.machines]
+    )
+    blocks.append(doc.Listing(failures, medium="terminal"))
+    number = sum(len(machine.studies) for machine in studies.machines)
+    models = ", ".join(machine.model for machine in studies.machines)
+    verdict = f"{number} sweeps of {models or 'no machine'}; {len(failures)} things did not run"
+    title = "How fast does each engine's error fall with its settings?"
+    return Document(title, tuple(blocks), "trebucheck converge", verdict=verdict)
+
+
+def _failures(studies: Studies) -> Iterator[str]:
+    """One sentence a machine that could not be moved, an engine that is not installed, and a failed point."""
+    for model, message in studies.failures.items():
+        yield f"{model}: {message}"
+    for name in dict.fromkeys(name for machine in studies.machines for name in machine.absent):
+        yield f"{name} is not installed here."
+    for machine in studies.machines:
+        for study in machine.studies:
+            unit = "" if study.unit == "1" else f" {study.unit}"
+            for point in study.points:
+                if point.message is not None:
+                    setting = f"{study.title} = {point.value:.3g}{unit}"
+                    yield f"{machine.model}, {study.label}, {setting}: {point.message}"
+
+
+def _chapter(machine: MachineStudies) -> Iterator[Block]:
+    steps = [study for study in machine.studies if study.knob == "timestep"]
+    others = [study for study in machine.studies if study.knob != "timestep"]
+    known = [
+        f"{format_number(value)} {_unit(machine, name)}"
+        for name, value in machine.uncertainty.items()
+    ]
+    yield Heading(f"{machine.model.capitalize()} machine", 2, machine.model)
+    compared = compared_time(machine.launch_time, machine.compared_to, machine.judged_to)
+    yield Note(
+        f"{compared} The reference is known to {' and '.join(known)} (by {machine.uncertainty_source})."
+    )
+    if steps:
+        yield Heading("Order in the time step")
+        yield _orders(machine, steps)
+        drawn, anchor = partial(convergence, steps), f"{machine.model}-order"
+        yield doc.Figure(drawn, "Error against the time step", anchor=anchor)
+        yield doc.Fold("How each floor's cause was found", (_floors(steps),))
+    if machine.pairs:
+        yield from _limits(machine)
+    if steps:
+        yield doc.Figure(
+            partial(work_precision, steps),
+            "Error against wall time",
+            _WORK,
+            f"{machine.model}-work-precision",
+        )
+    if others:
+        yield Heading("Other swept parameters")
+        yield Note(_OTHERS)
+        yield _laws(machine, others)
+        for study in others:
+            yield doc.Figure(
+                partial(swept_parameter, study),
+                f"{study.label}: {study.title}",
+                _about(study),
+            )
+    yield doc.Fold("Every point", tuple(_point_table(study) for study in machine.studies))
+
+
+def _unit(machine: MachineStudies, quantity: QuantityName) -> str:
+    return "m" if quantity == "position" else machine.mechanism.force_unit
+
+
+def _orders(machine: MachineStudies, studies: Sequence[Study]) -> Table:
+    heads = "engine | (quantity) | (expected) | order | range [s] | floor | set by | limit to reference "
+    heads += "| (its own error [m]) | (finest level [s])"
+    rows = (
+        _curve_row(study, curve, [study.label], *_limit(machine, study, curve))
+        for study in studies
+        for curve in study.curves
+    )
+    caption = f"{machine.model}: order of the position's error in the time step, 95 % confidence"
+    return table(doc.ranked(doc.columns(heads), range=2, order=0), rows, caption)
+
+
+def _curve_row(study: Study, curve: Curve, names: Iterable[str], *end: str) -> Row:
+    """What was found of a quantity; the names of its study stand in the position's row, the only one in a terminal."""
+    position = curve.quantity == "position"
+    first = (name if position else "" for name in names)
+    return row(
+        *first, curve.quantity, *_law(study, curve), *end, medium="any" if position else "page"
+    )
+
+
+def _law(study: Study, curve: Curve) -> tuple[str | Cell, ...]:
+    """Expected and found exponent, the range of the law, the floor and its cause."""
+    expected = (
+        f"{study.expected:g}"
+        if study.expected is not None and curve.quantity == "position"
+        else "–"
+    )
+    law, floor = curve.law, curve.floor
+    span = "" if law is None else f"{format_number(law.high)} to {format_number(law.low)}"
+    if floor is None:
+        return expected, exponent(law), span, "not reached", ""
+    cause = Cell(floor.cause, hint=floor.evidence)
+    return expected, exponent(law), span, f"{format_number(floor.error)} {curve.unit}", cause
+
+
+def _limit(machine: MachineStudies, study: Study, curve: Curve) -> tuple[str, str, str]:
+    """Distance of Richardson's limit from the reference, the limit's own error, and the finest of its steps."""
+    limit = machine.limit(study.label)
+    if limit is not None and curve.quantity == "position":
+        distance = f"{format_number(limit.position)} {curve.unit}"
+        return distance, format_number(limit.estimate), format_number(limit.levels[-1])
+    if limit is None or limit.torque is None:
+        return "none", "", ""
+    return f"{format_number(limit.torque)} {curve.unit}", "", ""
+
+
+def _floors(studies: Sequence[Study]) -> Table:
+    heads = "engine | quantity | floor | at [s] | cause | measured there: share of the error that is left"
+    rows = [
+        (
+            study.label,
+            curve.quantity,
+            _law(study, curve)[3],
+            format_number(floor.value),
+            floor.cause,
+            floor.evidence,
+        )
+        for study in studies
+        for curve in study.curves
+        if (floor := curve.floor) is not None
+    ]
+    return table(heads, rows, "Floors and their causes")
+
+
+def _limits(machine: MachineStudies) -> Iterator[Block]:
+    tuned = [
+        pair
+        for pair in machine.pairs
+        if pair.first.endswith(" tuned") and pair.second.endswith(" tuned")
+    ]
+    to_reference = [
+        row(limit.label, "reference", format_number(limit.position), medium="page")
+        for limit in machine.limits
+        if limit.preset == "tuned"
+    ]
+    yield Heading("Limits against each other")
+    yield Note(_LIMITS)
+    yield _pairs(tuned, f"{machine.model}: Richardson limits against each other", to_reference)
+    if len(machine.pairs) > len(tuned):
+        yield doc.Fold("All pairs, stock presets among them", (_pairs(machine.pairs, "All pairs"),))
+
+
+def _pairs(pairs: Sequence[LimitPair], caption: str, before: Sequence[Row] = ()) -> Table:
+    rows = [
+        *before,
+        *(row(pair.first, pair.second, format_number(pair.position)) for pair in pairs),
+    ]
+    return table(
+        doc.ranked(doc.columns("first | second | position [m]"), second=0, position=0),
+        rows,
+        caption,
+    )
+
+
+def _laws(machine: MachineStudies, studies: Sequence[Study]) -> Table:
+    parameter = Column("parameter", medium="terminal", wrap=False, rank=0)
+    laws = doc.columns("(quantity) | expected | exponent | range | what is left | set by")
+    rows = (
+        _curve_row(study, curve, [study.label, study.title, _swept(study)])
+        for study in studies
+        for curve in study.curves
+    )
+    caption = f"{machine.model}: other swept parameters, exponent of the position's error"
+    heads = (*doc.columns("engine | (swept parameter)"), parameter, *laws)
+    return table(doc.ranked(heads, range=2, expected=2, exponent=0), rows, caption)
+
+
+def _swept(study: Study) -> str:
+    """Name of the swept parameter; the sweeps of integrators go by theirs."""
+    return str(study.base[study.knob]) if study.knob in study.base else study.knob
+
+
+def _about(study: Study) -> str:
+    """Why a parameter is swept, at which other options, and what is left."""
+    sentences = [f"{study.why[:1].upper()}{study.why[1:]}."]
+    if study.base:
+        sentences.append(f"At {format_settings(study.base)}.")
+    sentences += [
+        f"{curve.quantity.capitalize()}: {format_number(curve.floor.error)} {curve.unit} is left; "
+        f"cause: {curve.floor.cause} ({curve.floor.evidence})."
+        for curve in study.curves
+        if curve.floor is not None
+    ]
+    return " ".join(sentences)
+
+
+def _point_table(study: Study) -> Table:
+    whole = [f"{curve.quantity} [{curve.unit}]" for curve in study.curves]
+    own = [f"of the parameter [{curve.unit}]" for curve in study.curves if study.own]
+    heads = " | ".join(
+        [f"{study.title} [{study.unit}]", "options", *whole, *own, "steps", "wall [s]"]
+    )
+    return table(
+        heads,
+        [_point(study, point) for point in study.points],
+        f"{study.label}: {study.title}",
+        "page",
+    )
+
+
+def _point(study: Study, point: Point) -> tuple[object, ...]:
+    setting = f"{point.value:.5g}", format_settings(point.options)
+    if point.message is not None:
+        return *setting, Cell(point.message, "warning")
+    parts = (False, True) if study.own else (False,)
+    errors = (point.error(curve.quantity, own) for own in parts for curve in study.curves)
+    return *setting, *map(format_number, errors), point.steps, _wall(point)
+
+
+def _wall(point: Point) -> str:
+    """Median wall time, and from the quickest to the slowest where there are more [s]."""
+    times = point.wall_times
+    if not times:
+        return "–"
+    text = f"{np.median(times):.3f}"
+    return text if len(times) == 1 else f"{text} ({min(times):.3f} to {max(times):.3f})"

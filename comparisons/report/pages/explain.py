@@ -1,0 +1,395 @@
+"""Error budgets as a document, each with its bar chart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import chain
+
+import numpy as np
+
+from ...explain.results import (
+    Budget,
+    Explanation,
+    Figures,
+    Machine,
+    Measurement,
+    Quantity,
+    Share,
+    StockAgainstTuned,
+)
+from .. import document as doc
+from ..document import (
+    Block,
+    Cell,
+    Column,
+    Document,
+    Heading,
+    Medium,
+    Note,
+    Row,
+    Table,
+    Text,
+    row,
+    table,
+)
+from ..numbers import format_number, format_percent
+from ..plots import Axis, Label, Panels, Plot, Series, Style
+from ..tables import compared_time, provenance
+
+_FEW = 1e-3  # shares below this are left out in the terminal; the page's tables have them all
+_FIELDS = ("position", "torque", "release", "wall_time")
+"""Values of a setting, in the order of their columns."""
+_COLOUR = Style("#3d7ab5")
+_ROW, _FRAME = 26, 60  # [pixels] of height
+
+_INTRODUCTION = (
+    "Each engine's distance from the reference, split among its causes. Nothing is assigned by guess: a cause's share "
+    "is what changes when that cause is taken out of the run, or made larger by a known factor."
+)
+_HOW_TO_READ = (
+    "An error is a function of time, from the start to the end of what is compared; that of the position is of the "
+    "marker with the largest error (without markers, of such a centre of mass). A cause's share is its part of that "
+    "function; its percentage is signed (the projection on the whole error), so that causes that work against each "
+    "other show it, and all of them with the unexplained rest add up to 100 %. Causes interact: where two have to "
+    "come together to do harm, taking out either removes the same error. So all are taken out one after the other, "
+    "once in the order of the table and once in the reverse order; the share is the mean of both (for causes that "
+    "interact in pairs, Shapley's value), and the whiskers are half their difference. (Softness of constraints that "
+    "is as small as the step allows is measured by a shorter step and, in place of the reverse order, by doubling "
+    "it.) A wide whisker says: this and another cause share that error. “After” names causes that have to be out "
+    "first, because taking this one out alone would bring in an error the run does not have. What is explained is 1 - "
+    "|rest| / |error|, root mean square over time; roundoff, which is random, is taken off the rest in quadrature."
+)
+_CHANGES = (
+    "Both presets at the same step; one option changed at a time, from stock towards tuned and from tuned back. "
+    "Largest distance of any marker, largest error of a stop's torque at any sample, largest error of a release "
+    "time, wall time (median of up to three). Factors are against the preset the line starts from (tuned: against "
+    "stock): ÷ smaller, × larger."
+)
+
+
+def document(explanation: Explanation) -> Document:
+    """All budgets; the terminal has them in short, what each option buys, what could not be measured, the verdict."""
+    blocks: list[Block] = [
+        Text(verdict(explanation), "strong", medium="page"),
+        doc.Fold("How to read it", (Note(_INTRODUCTION), Note(_HOW_TO_READ))),
+    ]
+    blocks += [
+        Text(message, "bad", lead=f"{model}:") for model, message in explanation.failures.items()
+    ]
+    for machine in explanation.machines:
+        blocks += _chapter(explanation, machine)
+    runs = (
+        (budget.model, budget.label, budget.engine_version, budget.settings)
+        for budget in explanation.budgets
+    )
+    blocks += provenance(
+        explanation, runs, [(machine.model, machine.mechanism) for machine in explanation.machines]
+    )
+    blocks.append(Text(verdict(explanation), medium="terminal"))
+    return Document(
+        "Where the errors come from",
+        tuple(blocks),
+        "trebucheck explain",
+        verdict=verdict(explanation),
+    )
+
+
+def verdict(explanation: Explanation) -> str:
+    """One line: how much of the errors is accounted for at worst."""
+    explained = [
+        (quantity.explained, f"{quantity.name}, {budget.model} {budget.label}")
+        for budget in explanation.budgets
+        for quantity in main_quantities(budget)
+        if quantity.explained is not None
+    ]
+    failed = sum(budget.message is not None for budget in explanation.budgets)
+    lost = f" {failed} run{'s' if failed != 1 else ''} failed." if failed else ""
+    if not explained:
+        return f"Nothing to explain.{lost}"
+    least, where = min(explained)
+    return f"{_downwards(least)} or more of every error shown is explained (least: {where}).{lost}"
+
+
+def main_quantities(budget: Budget) -> list[Quantity]:
+    """Position and stop torques: functions of time in which an error can be seen to grow."""
+    return [
+        q
+        for q in budget.quantities
+        if q.rms > 0 and (q.name == "position" or q.name.endswith((" torque", " force")))
+    ]
+
+
+def _explained(quantity: Quantity) -> str:
+    """How much of the error the causes account for; never rounded up to the whole."""
+    return "–" if quantity.explained is None else _downwards(quantity.explained)
+
+
+def _downwards(fraction: float) -> str:
+    return (
+        "over 99.9 %" if fraction > 0.999 else f"{math.floor(1000 * max(0.0, fraction)) / 10:.1f} %"
+    )
+
+
+def _chapter(explanation: Explanation, machine: Machine) -> Iterator[Block]:
+    budgets = [budget for budget in explanation.budgets if budget.model == machine.model]
+    yield Heading(f"{machine.model.capitalize()} machine", 2, machine.model)
+    yield Note(compared_time(machine.launch_time, machine.compared_to, machine.judged_to))
+    yield _summary(machine, budgets)
+    for budget in budgets:
+        yield from _budget(budget)
+    yield Heading("Stock against tuned: what each option buys")
+    yield Note(_CHANGES)
+    yield from (_changes(each) for each in explanation.comparisons if each.model == machine.model)
+    yield doc.Listing(tuple(_failures(machine, budgets)), medium="terminal")
+
+
+def _summary(machine: Machine, budgets: Iterable[Budget]) -> Table:
+    """The budgets in short, for the terminal."""
+    rows = [
+        (
+            "" if i else budget.label,
+            q.name,
+            f"{format_number(q.rms)} {q.unit}",
+            _explained(q),
+            _leading_causes(q),
+        )
+        for budget in budgets
+        for i, q in enumerate(main_quantities(budget))
+    ]
+    caption = f"{machine.model}: where the errors come from"
+    heads = doc.ranked(
+        doc.columns("engine | error of | rms | explained | causes"),
+        error_of=0,
+        explained=2,
+        causes=0,
+    )
+    return table(heads, rows, caption, "terminal")
+
+
+def _leading_causes(quantity: Quantity) -> str:
+    """Shares worth a word, the largest first."""
+    shares = ((share.fraction or 0.0, share.cause) for share in quantity.shares)
+    leading = sorted(
+        (share for share in shares if abs(share[0]) >= _FEW), key=lambda share: -abs(share[0])
+    )
+    return ", ".join(f"{cause} {format_percent(fraction)}" for fraction, cause in leading)
+
+
+def _failures(machine: Machine, budgets: Iterable[Budget]) -> Iterator[Text]:
+    for budget in budgets:
+        name = f"{machine.model}, {budget.label}"
+        if budget.message:
+            yield Text(budget.message, "warning", lead=f"{name}:")
+        for cause in budget.causes:
+            if cause.message:
+                yield Text(
+                    f"not measured: {cause.message}", "warning", lead=f"{name}, {cause.name}:"
+                )
+
+
+def _budget(budget: Budget) -> Iterator[Block]:
+    """One engine's budget on the page."""
+    quantities, step = main_quantities(budget), budget.settings.get("timestep")
+    yield Heading(f"{budget.label}{_at(step if isinstance(step, int | float) else None)}")
+    if budget.message:
+        yield Text(f"No budget: {budget.message}", "warning", medium="page")
+        return
+    names = {"position": f"position of {budget.point}" if budget.point else "position"}
+    sentences = (
+        f"{names.get(q.name, q.name)}: {_explained(q)} explained, largest error {format_number(q.largest)} {q.unit}"
+        for q in quantities
+    )
+    yield Note(f"{'; '.join(sentences)}." if quantities else "No error to explain.")
+    if quantities:
+        yield doc.Figure(bars(quantities), columns=2)
+    for cause in budget.causes:
+        if cause.message:
+            text = f"{cause.name} could not be measured and counts as unexplained: {cause.message}"
+            yield Text(text, "warning", medium="page")
+    if quantities:
+        others = [q for q in budget.quantities if q.rms > 0 and q not in quantities]
+        tables = (_measurements(budget, quantities), *((_other_shares(others),) if others else ()))
+        yield doc.Fold("What was done to measure each cause, and the results", tables)
+
+
+def _at(step: float | None) -> str:
+    return f", step {step:g} s" if step else ""
+
+
+def bars(quantities: Sequence[Quantity]) -> Panels:
+    """Signed share of each cause in the position's and the torques' errors, causes downwards, unexplained last.
+
+    Shares add up to 100 %; whiskers are half the difference of a share's two measures.
+    """
+    return tuple(map(_bars, quantities))
+
+
+def _bars(quantity: Quantity) -> Plot:
+    shares = [*quantity.shares, quantity.rest]
+    values = np.array([100.0 * (share.fraction or 0.0) for share in shares])
+    # Whiskers narrower than a bar's edge say nothing.
+    bands = [
+        band if band >= 1.0 else 0.0
+        for band in (100.0 * share.interaction / quantity.rms for share in shares)
+    ]
+    rows = np.arange(len(shares), dtype=float)
+    spread = values - bands, values + bands
+    # Texts stand to the right of bar and whisker, also of a negative one: to its left are the
+    # causes' names.
+    ends = np.maximum(values, 0.0) + bands
+    texts = (
+        Label(end, n, _text(s, quantity), beside=True)
+        for n, end, s in zip(rows, ends, shares, strict=True)
+    )
+    return Plot(
+        Axis("share of the error", "%"),
+        Axis("", categories=tuple(share.cause for share in shares)),
+        (Series("share", values, rows, _COLOUR, "bar", spread=spread),),
+        f"{quantity.name}: rms {format_number(quantity.rms)} {quantity.unit}",
+        tuple(texts),
+        height=_FRAME + _ROW * len(shares),
+    )
+
+
+def _text(share: Share, quantity: Quantity) -> str:
+    """The share, and its size; the rest is a norm first: it is all but orthogonal to the error."""
+    rms = quantity.rest_rms if share is quantity.rest else share.rms
+    return f" {format_percent(share.fraction)} ({format_number(rms)} {quantity.unit}) "
+
+
+def _measurements(budget: Budget, quantities: Sequence[Quantity]) -> Table:
+    heads = [*doc.columns("cause | what was done")]
+    heads += [
+        Column(title, group=f"{quantity.name} [{quantity.unit}]")
+        for quantity in quantities
+        for title in ("in order", "in reverse", "share", "rms")
+    ]
+    rows = [
+        row(Cell(cause.name, hint=cause.explanation), _done(cause), *_measured(cause, quantities))
+        for cause in budget.causes
+        if cause.name != "roundoff" and not cause.message
+    ]
+    text = "what is left of the error when all shares are taken off"
+    rest = (
+        ("", "", format_percent(q.rest.fraction), format_number(q.rest_rms)) for q in quantities
+    )
+    rows.append(row(Cell("unexplained", "strong"), text, *chain.from_iterable(rest)))
+    for cause in (cause for cause in budget.causes if cause.name == "roundoff"):
+        text = f"{cause.explanation}.\n{cause.done}; in the run, and in what is left"
+        noise = (
+            ("", "", format_number(q.roundoff), format_number(q.roundoff_left)) for q in quantities
+        )
+        rows.append(row(cause.name, text, *chain.from_iterable(noise)))
+    return table(heads, rows, "Shares of the error, and how they were measured")
+
+
+def _done(cause: Measurement) -> str:
+    after = "all others" if cause.name == "readout" else ", ".join(cause.after)
+    return f"{cause.explanation}.\n{cause.done}{f'; after {after}' if cause.after else ''}"
+
+
+def _measured(cause: Measurement, quantities: Iterable[Quantity]) -> Iterator[str]:
+    for share in (
+        share for quantity in quantities for share in quantity.shares if share.cause == cause.name
+    ):
+        yield from map(format_percent, (share.first, share.second, share.fraction))
+        yield format_number(share.rms)
+
+
+def _other_shares(quantities: Sequence[Quantity]) -> Table:
+    """Quantities that are single values; all have the same causes."""
+    heads = [f"{q.name}: {format_number(q.rms)} {q.unit}" for q in quantities]
+    all_shares = [(*quantity.shares, quantity.rest) for quantity in quantities]
+    causes = [*(share.cause for share in quantities[0].shares), "unexplained"]
+    rows = [
+        (cause, *(format_percent(shares[i].fraction) for shares in all_shares))
+        for i, cause in enumerate(causes)
+    ]
+    return table(["share of the error in", *heads], rows, "Other quantities")
+
+
+def _changes(comparison: StockAgainstTuned) -> Table:
+    """The presets and each option's change; the page has values with their factors, the terminal one of the two."""
+    force = "force [N]" if comparison.force_unit == "N" else f"torque [{comparison.force_unit}]"
+    titles = {
+        "position": "position [m]",
+        "torque": force,
+        "release": "release [s]",
+        "wall_time": "wall [s]",
+    }
+    fields = _observed_fields(comparison)
+    heads = doc.columns(" | ".join(["setting", *(titles[field] for field in fields)]))
+    media: tuple[Medium, ...] = ("page", "terminal")
+    both = [replace(head, medium=medium, wrap=False) for head in heads for medium in media]
+    caption = (
+        f"{comparison.model}, {comparison.engine}{_at(comparison.timestep)}: what each option buys"
+    )
+    return table(both, _change_rows(comparison, fields), f"{caption} (÷ smaller, × larger)")
+
+
+def _observed_fields(comparison: StockAgainstTuned) -> list[str]:
+    """Values that some setting has: without stops there are no torques and no releases."""
+    settings = [comparison.stock, comparison.tuned]
+    settings += [each for change in comparison.changes for each in (change.alone, change.back)]
+    ran = [figures for figures in settings if figures.message is None]
+    return [
+        field
+        for field in _FIELDS
+        if not ran or any(getattr(figures, field) is not None for figures in ran)
+    ]
+
+
+def _change_rows(comparison: StockAgainstTuned, fields: Sequence[str]) -> Iterator[Row]:
+    stock, tuned = comparison.stock, comparison.tuned
+    yield row(Cell("stock", "strong"), "stock", *_values(fields, stock, stock, preset=True))
+    for change in comparison.changes:
+        labels = (
+            f"stock, {change.option} = {_option_value(change.tuned)}",
+            f"  {change.option} as tuned",
+        )
+        yield row(*labels, *_values(fields, change.alone, stock))
+    yield row(Cell("tuned", "strong"), "tuned", *_values(fields, tuned, stock, preset=True))
+    for change in comparison.changes:
+        labels = (
+            f"tuned, {change.option} = {_option_value(change.stock)}",
+            f"  {change.option} as stock",
+        )
+        yield row(*labels, *_values(fields, change.back, tuned))
+
+
+def _values(
+    fields: Sequence[str], figures: Figures, against: Figures, *, preset: bool = False
+) -> Iterator[Cell]:
+    """For page and terminal in turn."""
+    if figures.message:
+        yield Cell("failed", "warning", detail=figures.message)
+        return
+    for field in fields:
+        value, before = getattr(figures, field), getattr(against, field)
+        factor = "" if figures is against else _factor(before, value)
+        yield Cell(format_number(value), detail=factor)
+        yield Cell(format_number(value) if preset else factor)
+
+
+def _factor(before: float | None, after: float | None) -> str:
+    """How many times smaller a value became; below 1 it grew."""
+    if before is None or after is None or 0.0 in (before, after):
+        return ""
+    ratio = before / after
+    return f"÷ {_two_digits(ratio)}" if ratio >= 1 else f"× {_two_digits(1 / ratio)}"
+
+
+def _two_digits(value: float) -> str:
+    return (
+        f"{value:.2g}" if value < 100 else (f"{value:.0f}" if value < 1e4 else format_number(value))
+    )
+
+
+def _option_value(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, list):
+        return "(" + ", ".join(_option_value(part) for part in value) + ")"
+    return str(value)

@@ -1,0 +1,388 @@
+"""What of its runs is each engine's own, and how many verdicts that concerns."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from itertools import pairwise
+
+from ....engines.supplied import Own, concerned, own, parts
+from ....models.problem import StopLaw
+from ...matrix.study import (
+    FLOOR,
+    SHOWN,
+    Error,
+    Matrix,
+    MatrixProblem,
+    MatrixRun,
+    MeasuredOrder,
+    sentence,
+    spreads,
+)
+from ...runs.results import COMPARED, Outcome
+from ..document import (
+    Block,
+    Cell,
+    Column,
+    Document,
+    Heading,
+    Listing,
+    Mark,
+    Note,
+    Row,
+    Table,
+    Text,
+    mark_of,
+    row,
+    table,
+    words,
+)
+from ..numbers import format_number
+from .compare import MARKS
+
+READING = (
+    "Own: how much of its runs on a table's problems is the engine's. “all”; “most”: trebucheck decides when stops "
+    "open and are met, finds impulses of impacts, or adds or reads forces that the engine has no element for or does "
+    "not tell; “steps”: its dynamics and its integrator, but what stops, loops or springs do is trebucheck's; "
+    "“dynamics”: its mass matrix, forces, energies and points, in trebucheck's steps. Agreement speaks for an engine's "
+    "own parts alone."
+)
+
+
+_UNSTATED = "not stated"
+
+
+def own_on(matrix: Matrix, label: str, problems: Sequence[MatrixProblem]) -> str:
+    """The least that is an engine's in its runs on some problems; '' if it has none."""
+    runs = [matrix.run(label, problem.name) for problem in problems]
+    found = [_own(matrix, run) for run in runs if run is not None and run.outcome in COMPARED]
+    return max(found, key=_DEGREES.index, default="")
+
+
+_DEGREES = (*map(str, Own), _UNSTATED)
+
+
+def _own(matrix: Matrix, run: MatrixRun) -> str:
+    if run.supplied is None:
+        return _UNSTATED
+    has = next(problem for problem in matrix.problems if problem.name == run.problem)
+    impacts = has.stop_law == StopLaw.UNILATERAL
+    return own(
+        run.supplied, concerned(stops=has.stops, impacts=impacts, loops=has.loops, elements=has.elements)
+    )  # fmt: skip
+
+
+def agreements(matrix: Matrix) -> Text:
+    """How many agreements there are of each degree."""
+    counts = Counter(_own(matrix, run) for run in matrix.runs if run.outcome is Outcome.AGREES)
+    said = ", ".join(f"{name} in {counts[name]}" for name in _DEGREES if counts[name])
+    return Text(f"Of {counts.total()} agreements the engine's own is: {said or 'none'}.")
+
+
+def table_of_parts(matrix: Matrix) -> Iterator[Block]:
+    """A row an engine and preset: what trebucheck supplies."""
+    stated = {run.label: run.supplied for run in matrix.runs if run.supplied is not None}
+    if stated:
+        yield Heading("What is the engine's own", 2)
+        yield Note("All but what trebucheck supplies, as each adapter says.")
+        rows = [(label, parts(given) or "nothing") for label, given in sorted(stated.items())]
+        yield table([words("engine", wrap=False), words("trebucheck supplies")], rows)
+
+
+_SCHEME_UNSTATED = "scheme not stated"
+
+
+_WORDS: dict[Outcome, str] = {
+    Outcome.NOT_EQUIVALENT: "another model",
+    Outcome.FAILED: "failed",
+    Outcome.TIMED_OUT: "not finished",
+    Outcome.ABSENT: "not installed",
+    Outcome.UNSUPPORTED: "refused",
+}
+
+
+_READING = (
+    "✓ every judged quantity holds its tolerance, ✗ at least one breaks it, ○ not judged (never counted as "
+    "agreement), refused: the engine cannot, in its own words below, not finished: a run had so much time and no "
+    "more. The number is the largest error of a marker's position in parts of the mechanism's size, which is the same "
+    "for all engines; tolerances are not: an engine's own claims, or a thousandth of each scale."
+)
+
+
+_QUANTITY = "Largest error in parts of the quantity's scale; ✓ and ✗ by the tolerances, ○ not judged, – not told."
+
+
+_KINDS: tuple[tuple[str, Callable[[MatrixProblem], bool]], ...] = (
+    ("Without stops and loops", lambda problem: not problem.stops and not problem.loops),
+    ("With loops", lambda problem: problem.loops and not problem.stops),
+    ("With stops", lambda problem: problem.stops),
+)
+
+
+def document(matrix: Matrix) -> Document:
+    """The whole."""
+    line = headline(matrix)
+    return Document(
+        "Matrix", tuple(_blocks(matrix, line)), command=matrix.command or "", verdict=line
+    )
+
+
+def headline(matrix: Matrix) -> str:
+    """How many engines, problems and verdicts."""
+    counts = {outcome: sum(run.outcome is outcome for run in matrix.runs) for outcome in Outcome}
+    said = ", ".join(f"{count} {outcome.value}" for outcome, count in counts.items() if count)
+    engines = len({run.engine for run in matrix.runs})
+    return f"{engines} engines on {len(matrix.problems)} problems, {len(matrix.runs)} runs: {said}."
+
+
+def _blocks(matrix: Matrix, line: str) -> Iterator[Block]:
+    yield Text(line)
+    yield Heading("Verdicts", 2)
+    yield Note(_READING)
+    yield agreements(matrix)
+    yield Note(READING)
+    yield from _tables(matrix, _verdict, partial(_leading, matrix))
+    yield from table_of_parts(matrix)
+    yield from _explained(matrix)
+    yield Heading("By quantity", 2)
+    yield Note(_QUANTITY)
+    for metric, title in SHOWN.items():
+        if any(run.error(metric) for run in matrix.runs):
+            yield Heading(title.capitalize(), 3)
+            yield from _tables(matrix, _quantity(metric))
+    yield from _missing(matrix)
+    yield from _causes(matrix)
+    yield from _provenance(matrix)
+
+
+_Show = Callable[[MatrixRun], Cell]
+
+
+_Leading = Callable[[str, Sequence[MatrixProblem]], Sequence[object]]
+
+
+_LEADING = (words("own"), words("order", wrap=False), words("agrees"))
+
+
+_WIDEST = 6  # problems in a table, with which it fits a screen of 1280 pixels
+
+
+def _tables(matrix: Matrix, show: _Show, leading: _Leading | None = None) -> Iterator[Table]:
+    """One a kind of problem: rows of engines by scheme, columns of problems; what would be empty is left out."""
+    for title, belongs in _KINDS:
+        runs = [
+            run for problem in matrix.problems if belongs(problem) for run in _on(matrix, problem)
+        ]
+        shown = {run.problem for run in runs if show(run).text}
+        problems = [
+            problem for problem in matrix.problems if problem.name in shown and belongs(problem)
+        ]
+        heads = [words("engine", wrap=False), *(_LEADING if leading else ())]
+        for part in _parts(problems):
+            columns = [
+                *heads,
+                *(Column(problem.title, align="left", wrap=False) for problem in part),
+            ]
+            which = (
+                title
+                if len(part) == len(problems)
+                else f"{title}: {part[0].title} to {part[-1].title}"
+            )
+            yield table(columns, _rows(matrix, part, show, leading), which)
+
+
+def _parts(problems: Sequence[MatrixProblem]) -> Iterator[Sequence[MatrixProblem]]:
+    """As many as a page is wide, about the same number each."""
+    count = math.ceil(len(problems) / _WIDEST)
+    ends = [round(k * len(problems) / count) for k in range(count + 1)] if count else []
+    return (problems[start:end] for start, end in pairwise(ends))
+
+
+def _on(matrix: Matrix, problem: MatrixProblem) -> Iterator[MatrixRun]:
+    return (run for run in matrix.runs if run.problem == problem.name)
+
+
+def _rows(
+    matrix: Matrix, problems: Sequence[MatrixProblem], show: _Show, leading: _Leading | None
+) -> Iterator[Row]:
+    for scheme, labels in matrix.schemes().items():
+        found = {
+            label: [matrix.run(label, problem.name) for problem in problems] for label in labels
+        }
+        shown = {label: runs for label, runs in found.items() if leading or any(runs)}
+        if shown:
+            yield row(Cell(scheme or _SCHEME_UNSTATED, "strong"))
+        for label, runs in shown.items():
+            first = leading(label, problems) if leading else ()
+            yield row(label, *first, *(_shown(run, show) for run in runs))
+
+
+def _shown(run: MatrixRun | None, show: _Show) -> Cell:
+    return Cell("not run", "muted") if run is None else show(run)
+
+
+def _leading(matrix: Matrix, label: str, problems: Sequence[MatrixProblem]) -> Sequence[object]:
+    """What is its own on a table's problems, its order, and on how many of all its problems it agrees."""
+    return own_on(matrix, label, problems), _order(matrix, label), _agrees([*matrix.of(label)])
+
+
+def _order(matrix: Matrix, label: str) -> Cell:
+    """Measured, or else as declared, which is said."""
+    found = [order for order in matrix.orders if order.label == label]
+    # Where a sweep begins at the floor of rounding it finds no power; another one may.
+    measured = [order for order in found if order.exponent is not None] or found
+    if measured:
+        return _measured(measured[0])
+    declared = next(iter(matrix.of(label))).order
+    return Cell("none (declared)" if declared is None else f"{declared:g} (declared)")
+
+
+def _measured(order: MeasuredOrder) -> Cell:
+    """With its problem; where the error keeps to a floor, that."""
+    what, hint = "none", ""
+    if order.exponent is not None:
+        what = f"{order.exponent:.3f} ± {order.half_width or 0.0:.3f}"
+    elif order.floor is not None:
+        what, hint = f"none: floor {format_number(order.floor)} m", f"set by: {order.floor_cause}"
+    return Cell(f"{what} ({order.problem})", hint=hint)
+
+
+def _agrees(runs: Sequence[MatrixRun]) -> str:
+    return f"{sum(run.outcome is Outcome.AGREES for run in runs)} of {len(runs)}"
+
+
+def _verdict(run: MatrixRun) -> Cell:
+    if run.outcome not in COMPARED:
+        limit = "" if run.time_limit is None else f" in {run.time_limit:g} s"
+        return Cell(_WORDS[run.outcome] + limit, MARKS[run.outcome], hint=run.message or "")
+    error, worst = run.error("position_max"), run.worst
+    text = format_number(None if error is None else error.part)
+    hint = "" if worst is None else f"{worst.label}: {format_number(worst.ratio)} of its tolerance"
+    mark: Mark = "unjudged" if run.outcome is Outcome.NOT_JUDGED else MARKS[run.outcome]
+    cause = (
+        f"; likeliest cause: {' or '.join(run.causes) or 'unknown'}"
+        if run.first_in is not None
+        else ""
+    )
+    return Cell(text, mark, hint=f"{run.held} of {run.judged} hold; farthest {hint}{cause}")
+
+
+def _quantity(metric: str) -> _Show:
+    def show(run: MatrixRun) -> Cell:
+        error = run.error(metric)
+        return Cell("") if error is None else _error(error)
+
+    return show
+
+
+def _error(error: Error) -> Cell:
+    if not error.observed:
+        return Cell("–", "muted", hint=error.note or "")
+    mark: Mark = "unjudged" if error.holds is None else mark_of(error.holds)
+    value = f"{format_number(error.value)} {error.unit}, tolerance {format_number(error.tolerance)}"
+    text = "missing" if error.part is None else format_number(error.part)
+    return Cell(text, mark, hint=error.note or " ".join(filter(None, (error.subject, value))))
+
+
+def _explained(matrix: Matrix) -> Iterator[Block]:
+    """What differs by scheme and what by implementation."""
+    found = [*spreads(matrix)]
+    if found:
+        yield Heading("Scheme or implementation", 2)
+        yield Note(f"Errors below {FLOOR:g} of the size are rounding, and count as that.")
+        yield Listing(tuple(Text(sentence(spread), lead=f"{spread.scheme}:") for spread in found))
+
+
+def _missing(matrix: Matrix) -> Iterator[Block]:
+    """Refusals and failures in their own words, once each."""
+    said = [run for run in matrix.runs if run.outcome not in COMPARED]
+    groups = _grouped(
+        said, lambda run: (run.engine, run.outcome.value, run.message or "no reason was given")
+    )
+    rows = [
+        (engine, what, _titles(matrix, runs), message)
+        for (engine, what, message), runs in groups.items()
+    ]
+    if rows:
+        yield Heading("What is missing", 2)
+        yield table(
+            [words("engine", wrap=False), words("why"), words("problems"), words("in its words")],
+            rows,
+        )
+
+
+def _causes(matrix: Matrix) -> Iterator[Block]:
+    """Of runs that disagree: causes by engine and preset."""
+    broken = [run for run in matrix.runs if run.first_in is not None]
+    groups = _grouped(broken, lambda run: (run.label, " or ".join(run.causes) or "unknown"))
+    rows = [
+        (label, cause, _titles(matrix, runs), _farthest(runs))
+        for (label, cause), runs in groups.items()
+    ]
+    if rows:
+        yield Heading("Causes", 2)
+        yield Note(
+            "The suspects that account for the difference, solved again with the size found; or unknown."
+        )
+        heads = [
+            words("engine", wrap=False),
+            words("likeliest cause"),
+            words("problems"),
+            words("farthest off"),
+        ]
+        yield table(heads, rows)
+
+
+def _grouped(
+    runs: Iterable[MatrixRun], key: Callable[[MatrixRun], tuple[str, ...]]
+) -> dict[tuple[str, ...], list[MatrixRun]]:
+    groups: dict[tuple[str, ...], list[MatrixRun]] = {}
+    for run in runs:
+        groups.setdefault(key(run), []).append(run)
+    return dict(sorted(groups.items()))
+
+
+def _titles(matrix: Matrix, runs: Iterable[MatrixRun]) -> str:
+    titles = {problem.name: problem.title for problem in matrix.problems}
+    return ", ".join(dict.fromkeys(titles.get(run.problem, run.problem) for run in runs))
+
+
+def _farthest(runs: Iterable[MatrixRun]) -> str:
+    """Of figures that break their tolerance: the label of the farthest, and how far."""
+    found = [run.worst for run in runs if run.worst is not None]
+    missing = next((each for each in found if each.ratio is None), None)
+    if missing is not None:
+        return f"{missing.label}: missing"
+    worst = max(found, key=lambda each: each.ratio or 0.0, default=None)
+    return (
+        "before any motion"
+        if worst is None
+        else f"{worst.label}: {format_number(worst.ratio)} of its tolerance"
+    )
+
+
+def _provenance(matrix: Matrix) -> Iterator[Block]:
+    yield Heading("Problems and versions", 2)
+    problems = [(p.number or "machine", p.name, f"{p.judged_to:.6g}", p.stop_law, p.mechanism_hash[:16])
+                for p in matrix.problems]  # fmt: skip
+    yield table("number | problem | judged to [s] | law of the stops | hash", problems)
+    by_engine = _grouped(matrix.runs, lambda run: (run.engine, run.engine_version, run.made_by))
+    rows = [(engine, version, trebucheck, ", ".join(sorted({run.date for run in runs})), _steps(runs))
+            for (engine, version, trebucheck), runs in by_engine.items()]  # fmt: skip
+    yield table(["engine", "version", "trebucheck", "date of the runs", words("steps [s]")], rows)
+
+
+def _steps(runs: Iterable[MatrixRun]) -> str:
+    """By preset, the shortest and the longest."""
+    groups = _grouped((run for run in runs if run.timestep), lambda run: (run.preset,))
+    return "; ".join(
+        f"{preset} {_range([run.timestep or 0.0 for run in of])}"
+        for (preset,), of in groups.items()
+    )
+
+
+def _range(values: Sequence[float]) -> str:
+    low, high = f"{min(values):.2g}", f"{max(values):.2g}"
+    return low if low == high else f"{low} to {high}"

@@ -1,0 +1,420 @@
+"""Processes in which engines and the reference run: a crash or a hang there ends nothing here.
+
+A call may have a process of its own (`Worker.fresh`), forked from one that has imported what calls
+need and has never made any. What such a call does to its process, or to itself, ends with it: a
+crash, a hang, a patched library, another working directory, the state of a generator of random
+numbers. The process that forks does no more than import what the calls before have imported, so
+that a call costs a fork and not the start of an interpreter.
+
+Forks are for Linux only: elsewhere libraries do not survive one, and each such call has a process
+that is started for it.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import os
+import pickle
+import signal
+import sys
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass, field
+from importlib import import_module
+from multiprocessing.connection import Connection, Pipe, wait
+from pathlib import Path
+from queue import SimpleQueue
+from threading import TIMEOUT_MAX
+from typing import Any, Protocol, TypeVar, cast
+
+import numpy as np
+from joblib.externals.loky import ProcessPoolExecutor
+from joblib.externals.loky.backend.reduction import dumps
+from joblib.externals.loky.process_executor import BrokenProcessPool
+
+from ...engines.protocol import Engine
+from ...models.errors import SimulationError, TrebucheckError
+from ...models.problem import Problem
+from ...models.trajectory import Trajectory
+
+
+class _Named(Protocol):
+    @property
+    def name(self) -> str: ...
+
+
+_Runner = TypeVar("_Runner", bound=_Named)
+_Given = TypeVar("_Given")
+_Result = TypeVar("_Result")
+_K = TypeVar("_K")
+_V = TypeVar("_V")
+_WARM_UP = 5e-3  # [s] simulated before the run that is timed: imports and first calls are not the engine's speed
+_WARM_UP_STEPS = 100  # at most
+_START = 120.0  # [s] longest wait for a process to start
+
+
+def simulate(runner: Engine, problem: Problem) -> Trajectory:
+    """Simulate, as a function that a process can be sent."""
+    return runner.simulate(problem)
+
+
+def simulate_warm(runner: Engine, problem: Problem) -> Trajectory:
+    """Simulate, after a short run whose time is not counted."""
+    step = runner.timestep or _WARM_UP
+    duration = max(step, min(_WARM_UP, _WARM_UP_STEPS * step))
+    short = Problem(
+        problem.mechanism, duration=min(problem.duration, duration), stop_law=problem.stop_law
+    )
+    with suppress(TrebucheckError):  # the run itself will say it better
+        runner.simulate(short)
+    return runner.simulate(problem)
+
+
+def _import_this_module() -> None:
+    """In a new process: what it takes to start is not the time of the first call."""
+
+
+class TimeLimitError(SimulationError):
+    """A call that did not come to an end within its limit of time, and was stopped."""
+
+    def __init__(self, message: str, limit: float = math.nan) -> None:
+        super().__init__(message)
+        self.limit = limit
+        """[s]"""
+
+
+@contextmanager
+def block_sigint() -> Generator[None, None, None]:
+    """Processes started meanwhile, and theirs, do not get a Ctrl-C of the terminal: whoever started them ends them.
+
+    The signal is held back here, not lost; a child inherits that. (Systems without signal masks go
+    without.)
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@dataclass(frozen=True)
+class _Computation:
+    """What a worker computes that is not an engine's run."""
+
+    name: str
+
+
+def _computed(_: _Computation, compute: Callable[[], _Result]) -> _Result:
+    return compute()
+
+
+@dataclass
+class Worker:
+    """Processes that simulate, each started when first needed and again after a crash.
+
+    loky, not multiprocessing: it needs no `if __name__ == "__main__"` in the caller's script.
+    """
+
+    timeout: float = 600.0
+    """Longest wait for one run [s], the start of its process apart."""
+    isolate: bool = True
+    """False: simulate in this process, without a limit of time."""
+    jobs: int = 1
+    """Processes: calls from as many threads are served at once."""
+    fresh: bool = False
+    """Whether each call has a process of its own, that nothing was run in before."""
+    _started: list[Any] = field(default_factory=list[Any], init=False)
+    _idle: SimpleQueue[Any] = field(default_factory=SimpleQueue[Any], init=False)
+    """One entry a process that serves no call; None for one that is not started."""
+    _closed: bool = field(default=False, init=False)
+    _imports: bool = field(default=True, init=False)
+    """Whether a process that forks imports what calls have imported."""
+
+    def __post_init__(self) -> None:
+        self.timeout = min(
+            self.timeout, TIMEOUT_MAX
+        )  # infinity, too, is a wait that the system can take
+        for _ in range(self.jobs):
+            self._idle.put(None)
+
+    def simulate(self, runner: Engine, problem: Problem) -> Trajectory:
+        """As :func:`simulate_warm`, in a process; raises as :meth:`call` does."""
+        return self.call(simulate_warm, runner, problem)
+
+    def call(
+        self, function: Callable[[_Runner, _Given], _Result], runner: _Runner, given: _Given
+    ) -> _Result:
+        """Call a module's function on an engine, or on whatever has a name for messages, in a process.
+
+        Raises:
+            SimulationError: the engine ended its process (a crash of its compiled code), ran out of
+                memory, or did not come to an end.
+        """
+        try:
+            return (
+                self._isolated(function, runner, given) if self.isolate else function(runner, given)
+            )
+        except MemoryError as error:
+            raise SimulationError(f"{runner.name} ran out of memory: {error}.") from None
+        except SystemExit as error:
+            raise SimulationError(f"{runner.name} ended its process: {error!r}.") from None
+
+    def compute(self, compute: Callable[[], _Result], name: str = "the reference") -> _Result:
+        """Call a function without arguments in a process; raises as :meth:`call` does.
+
+        Args:
+            compute: a module's function, or a partial of one.
+            name: of whose work it is, for messages.
+
+        Raises:
+            SimulationError: as :meth:`call`, or its numbers became too large or too small to go on.
+        """
+        try:
+            return self.call(_computed, _Computation(name), compute)
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            raise SimulationError(f"{name} cannot go on: {error}.") from error
+
+    def _isolated(
+        self, function: Callable[[_Runner, _Given], _Result], runner: _Runner, given: _Given
+    ) -> _Result:
+        pool = self._idle.get()
+        try:
+            pool = pool if pool in self._started else self._start()
+            if self.fresh and FORKS:
+                return self._forked(pool, function, runner, given)
+            return self._submitted(pool, function, runner, given).result(self.timeout)
+        except (BrokenProcessPool, TimeoutError) as error:
+            pool = self._end(pool)
+            if isinstance(error, BrokenProcessPool):
+                message = f"{runner.name} crashed: its process ended by itself."
+                raise SimulationError(message) from None
+            raise self._too_long(runner) from None
+        finally:
+            if self.fresh and not FORKS and pool in self._started:
+                self._end(pool)
+            self._idle.put(pool)
+            if self._closed:
+                self.close()
+
+    def _forked(
+        self, pool: Any, function: Callable[..., _Result], runner: _Named, given: object
+    ) -> _Result:
+        call = packed(function, runner, given)
+        future = self._submitted(pool, call_forked, call, self.timeout, self._imports)
+        answer, ended, safe = future.result(self.timeout + _START)
+        if not safe:
+            self._imports = False
+            self._end(pool)
+        if ended is None:
+            raise self._too_long(runner)
+        return cast("_Result", unpacked(runner.name, answer, ended))
+
+    def _submitted(self, pool: Any, *call: Any) -> Any:
+        with block_sigint():
+            return pool.submit(*call)
+
+    def _too_long(self, runner: _Named) -> TimeLimitError:
+        message = f"{runner.name} did not finish within {self.timeout:g} s and was stopped."
+        return TimeLimitError(message, self.timeout)
+
+    def _start(self) -> Any:
+        pool = ProcessPoolExecutor(max_workers=1)
+        self._started.append(pool)
+        with block_sigint():
+            ready = pool.submit(_import_this_module)
+        ready.result(_START)
+        return pool
+
+    def _end(self, pool: Any) -> None:
+        self._started.remove(pool)
+        pool.shutdown(wait=False, kill_workers=True)
+
+    def close(self) -> None:
+        """End the processes; of a later call at its end."""
+        self._closed = True
+        for pool in list(self._started):
+            self._end(pool)
+
+    def __enter__(self) -> Worker:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+FORKS = sys.platform == "linux" and hasattr(os, "pidfd_open")
+_TASKS = Path("/proc/self/task")
+_FIRST_TO_GO = "1000"  # when memory runs out, the system ends a call before anything else
+_PR_SET_PDEATHSIG = 1
+
+
+def packed(function: Callable[..., Any], *given: Any) -> bytes:
+    """A call, so that only the process that makes it loads what it is made of."""
+    return bytes(dumps((function, given)))
+
+
+def unpacked(name: str, answer: bytes | None, ended: int) -> Any:
+    """The result of a call.
+
+    Args:
+        name: of whose call it is, for messages.
+        answer: as :func:`call_forked` gives it.
+        ended: how its process ended, in the same way.
+
+    Raises:
+        SimulationError: its process ended by itself.
+        Exception: whatever the call has raised.
+    """
+    if answer is None:
+        how = f" ({signal.Signals(-ended).name})" if ended < 0 else f" (exit code {ended})"
+        raise SimulationError(f"{name} crashed: its process ended by itself{how}.")
+    result, error = pickle.loads(answer)
+    if error is not None:
+        raise error
+    return result
+
+
+def call_forked(
+    call: bytes, timeout: float, imports: bool = True
+) -> tuple[bytes | None, int | None, bool]:
+    """Make a call in a fork of this process.
+
+    Args:
+        call: as :func:`packed` makes it.
+        timeout: longest wait [s].
+        imports: whether to import here afterwards what the call has imported.
+
+    Returns:
+        The answer, for :func:`unpacked`, or None from a process that ended by itself; its exit
+        code, or minus the signal that ended it, or None if it did not come to an end: it is ended
+        then, with all that it has started; and whether this process can be forked again: not if
+        those imports have started threads.
+    """
+    ours, theirs = Pipe(duplex=False)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    pid = os.fork()
+    if pid == 0:
+        _make(call, theirs)
+    theirs.close()
+    ended = os.pidfd_open(pid)
+    try:
+        ready = wait([ours, ended], timeout)
+        answer, modules = _received(ours) if ours in ready else (None, ())
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(pid, signal.SIGKILL)
+        os.close(ended)
+        ours.close()
+        code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+    return answer, code if ready else None, not imports or _import(modules)
+
+
+def _received(pipe: Connection) -> tuple[bytes | None, tuple[str, ...]]:
+    try:
+        return pipe.recv_bytes(), tuple(pickle.loads(pipe.recv_bytes()))
+    except EOFError:  # it ended in the middle of it
+        return None, ()
+
+
+def _import(modules: tuple[str, ...]) -> bool:
+    """Import what a call has imported, so that the next ones need not; whether that has started no threads."""
+    threads = len(list(_TASKS.iterdir()))
+    for name in modules:
+        with suppress(Exception):
+            import_module(name)
+    return len(list(_TASKS.iterdir())) <= threads
+
+
+def _make(call: bytes, pipe: Connection) -> None:
+    """In the new process: make the call, send what it gives, and end."""
+    try:
+        os.setpgid(0, 0)
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        with suppress(OSError):
+            Path("/proc/self/oom_score_adj").write_text(_FIRST_TO_GO)
+        before = set(sys.modules)
+        answer = _answer(call)
+        sys.stdout.flush()
+        sys.stderr.flush()
+        pipe.send_bytes(answer)
+        pipe.send_bytes(pickle.dumps([name for name in list(sys.modules) if name not in before]))
+    finally:
+        os._exit(0)
+
+
+def _answer(call: bytes) -> bytes:
+    """Result and error of a call, one of them None."""
+    try:
+        function, given = pickle.loads(call)
+        return bytes(dumps((function(*given), None)))
+    except Exception as error:
+        return _told(error)
+    except BaseException as error:
+        return bytes(dumps((None, error)))
+
+
+def _told(error: Exception) -> bytes:
+    """An error, or its text where it does not survive the way."""
+    try:
+        answer = bytes(dumps((None, error)))
+        pickle.loads(answer)
+    except Exception:
+        answer = bytes(dumps((None, SimulationError(f"{type(error).__name__}: {error}"))))
+    return answer
+
+
+class OnDemand(Mapping[_K, _V]):
+    """A mapping whose values are made, once, when they are first asked for."""
+
+    def __init__(self, makers: Mapping[_K, Callable[[], _V]]) -> None:
+        self._makers, self._values = dict(makers), dict[_K, _V]()
+
+    def __getitem__(self, key: _K) -> _V:
+        if key not in self._values:
+            self._values[key] = self._makers[key]()
+        return self._values[key]
+
+    def __iter__(self) -> Iterator[_K]:
+        return iter(self._makers)
+
+    def __len__(self) -> int:
+        return len(self._makers)
+
+
+def in_order(
+    function: Callable[[_K], _V], items: Iterable[_K], jobs: int, ahead: int | None = None
+) -> Generator[_V]:
+    """The function's values in the order of the items, each computed when asked for, or several at once.
+
+    Args:
+        jobs: processes that serve the function's calls. There is a thread more: while one measures
+            here what its process gave, the others keep all processes busy.
+        ahead: how many values are computed before they are asked for, at most; None: all, of a
+            finite number of items.
+    """
+    if jobs == 1:
+        yield from map(function, items)
+        return
+    threads, waiting = ThreadPoolExecutor(jobs + 1), deque[Future[_V]]()
+    try:
+        for item in items:
+            waiting.append(threads.submit(function, item))
+            if ahead is not None and len(waiting) > ahead:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+    finally:  # no further run is started when this is left early
+        threads.shutdown(wait=False, cancel_futures=True)
+
+
+def all_in_order(function: Callable[[_K], _V], items: Iterable[_K], jobs: int) -> list[_V]:
+    """All of :func:`in_order`; where one raises an error, no further ones are started."""
+    with closing(in_order(function, items, jobs)) as results:
+        return list(results)

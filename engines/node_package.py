@@ -1,0 +1,93 @@
+"""An engine that is a package of npm: where it is, what brings it, and the process of Node.js that moves a scene by it.
+
+The plug-in has a folder with `package.json`, which names the package and its version, and
+`move.cjs`, a program that reads a scene as JSON from standard input and writes its samples,
+little-endian float64, to standard output. Its first argument is the path of `node_scene.cjs`, what
+such programs share.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..models.arrays import FloatArray
+from ..models.errors import SimulationError
+
+SCENE = Path(__file__).with_name("node_scene.cjs")
+"""What programs that move a scene share."""
+_ABSENT = "not installed"
+
+
+@dataclass(frozen=True)
+class NodePackage:
+    """One package of npm, installed beside a plug-in."""
+
+    title: str
+    """As messages have it: `Rapier 2D`."""
+    package: str
+    """Its name on npm: `@dimforge/rapier2d-compat`."""
+    module: str
+    """The plug-in's Python package; `python -m MODULE` calls :meth:`install`."""
+    folder: Path
+    """With package.json and move.cjs."""
+
+    @property
+    def _manifest(self) -> Path:
+        return self.folder / "node_modules" / self.package / "package.json"
+
+    def is_installed(self) -> bool:
+        """Whether Node.js is on the path and the package in the folder."""
+        return shutil.which("node") is not None and self._manifest.exists()
+
+    def absence(self) -> str:
+        """What is missing, and what brings it, in one sentence."""
+        if shutil.which("node") is None:
+            return (
+                f"{self.title} runs in Node.js (18 or later), and no program `node` is on the path."
+            )
+        return f"{self.title} is not installed here; `python -m {self.module}` brings it by npm."
+
+    def version(self) -> str:
+        """Of the package; 'not installed' if it or Node.js is not here."""
+        if not self.is_installed():
+            return _ABSENT
+        return str(json.loads(self._manifest.read_text(encoding="utf-8"))["version"])
+
+    def install(self) -> None:
+        """Install the package by npm, in the version of package.json.
+
+        Raises:
+            SystemExit: always: with npm's exit code, or a sentence where there is no npm.
+        """
+        npm = shutil.which("npm")
+        if npm is None:
+            raise SystemExit(
+                f"{self.title} is installed by npm, of Node.js 18 or later, and no program `npm` is on the path."
+            )
+        command = [npm, "install", "--no-package-lock", "--no-audit", "--no-fund"]
+        raise SystemExit(subprocess.run(command, cwd=self.folder, check=False).returncode)
+
+    def move(self, scene: Mapping[str, Any]) -> FloatArray:
+        """Samples of a scene, shape (steps + 1, columns): what move.cjs writes of each.
+
+        Raises:
+            SimulationError: the process failed.
+        """
+        command = [shutil.which("node") or "node", "move.cjs", str(SCENE)]
+        given = json.dumps(scene).encode()
+        found = subprocess.run(
+            command, cwd=self.folder, input=given, capture_output=True, check=False
+        )
+        if found.returncode:
+            raise SimulationError(
+                f"{self.title} failed: {found.stderr.decode(errors='replace').strip()[-500:]}"
+            )
+        return np.frombuffer(found.stdout, dtype="<f8").reshape(scene["steps"] + 1, -1)

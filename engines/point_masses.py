@@ -1,0 +1,141 @@
+"""Mechanisms without point masses, for engines that cannot move a body without inertia.
+
+An engine in Cartesian coordinates divides by each body's inertia about its centre of mass. Giving a
+point mass a little inertia changes the motion. Moving mass along a pin does not: two bodies share
+the pin's point, so that a mass m more on the one and m less on the other have the same kinetic
+energy and the same power of gravity in every motion the joint permits. A body of mass M whose pin
+is at the distance d from its centre of mass gains M m / (M + m) d^2 by it about its new centre of
+mass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from ..models.arrays import FloatArray
+from ..models.joints import GROUND, AnyJoint, PinJoint
+from ..models.mechanism import Body, Mechanism
+from ..models.spec import Vector
+
+LeastInertia = Annotated[
+    float,
+    Field(
+        gt=0.0, le=0.1,
+        description="of a body about its centre of mass, as a part of m d^2, d the distance of its pin: what is "
+        "missing is made up by mass moved along the pin, which changes no motion",
+    ),
+]  # fmt: skip
+"""An engine's option."""
+
+_ADDED = 1e-5
+"""Least inertia in all cases, of m d^2; what a body without a pin is given of it changes its motion."""
+_LENT = 0.5
+"""Most that a body gives of its mass and of its inertia for one pin."""
+
+
+@dataclass
+class NoPointMasses:
+    """A mechanism of the same motion, whose bodies have inertia.
+
+    Joints, stops, force elements, markers and coordinates are those of the mechanism; masses,
+    inertias and centres of mass of its bodies are others, and so are the reactions of pins along
+    which mass was moved.
+
+    Args:
+        original: any mechanism.
+        least: see :data:`LeastInertia`; at most this much is made up for, less where the other body
+            is too light.
+    """
+
+    original: Mechanism
+    least: float
+    mechanism: Mechanism = field(init=False)
+    moved: dict[str, float] = field(init=False)
+    """By the pin's name: the mass that its child has gained, and its parent lost [kg]."""
+
+    def __post_init__(self) -> None:
+        """Move the masses, from the ground outwards: each body has its inertia before it lends any."""
+        self._bodies = {body.name: body for body in self.original.bodies}
+        self.moved = {}
+        for body in self.original.bodies:
+            self._fill_up(body.name)
+        bodies = tuple(self._added(body) for body in self._bodies.values())
+        # Not validated: what it is made of was.
+        self.mechanism = self.original.model_copy(update={"bodies": bodies})
+
+    @property
+    def extra_potential_energy(self) -> float:
+        """What its potential energy has more than the original's [J], a constant: mass that came from the ground."""
+        weights = [
+            self.moved.get(j.name, 0.0) * np.array(j.parent_point)
+            for j in self._joints
+            if j.parent == GROUND
+        ]
+        return -float(sum(weights, np.zeros(2)) @ np.array(self.original.gravity_vector))
+
+    def reaction(self, joint: str, force: FloatArray, acceleration: FloatArray) -> FloatArray:
+        """A joint's force on its child in the original mechanism [N].
+
+        Args:
+            joint: its name.
+            force: the same force in this mechanism, in the world's frame [N], shape (2,).
+            acceleration: of the joint's point, in the world's frame [m/s^2], shape (2,).
+        """
+        return force - self.moved.get(joint, 0.0) * (
+            acceleration - np.array(self.original.gravity_vector)
+        )
+
+    @property
+    def _joints(self) -> Iterable[AnyJoint]:
+        return self.original.joints
+
+    def _fill_up(self, name: str) -> None:
+        """Move mass to a body along the first of its pins that can bring inertia."""
+        for joint in self._joints:
+            body = self._bodies[name]
+            distance2 = _distance2(body, joint.child_point)
+            if joint.child != name or not isinstance(joint, PinJoint) or not distance2:
+                continue
+            missing = self.least * body.mass - body.inertia / distance2
+            lent = min(body.mass * missing / (body.mass - missing), self._most(joint))
+            if missing > 0.0 and lent > 0.0:
+                self._bodies[name] = _with_mass(body, lent, joint.child_point)
+                if joint.parent != GROUND:
+                    self._bodies[joint.parent] = _with_mass(
+                        self._bodies[joint.parent], -lent, joint.parent_point
+                    )
+                self.moved[joint.name] = lent
+                return
+
+    def _most(self, joint: PinJoint) -> float:
+        """Mass that a joint's parent can lend at it [kg]."""
+        if joint.parent == GROUND:
+            return np.inf
+        body = self._bodies[joint.parent]
+        distance2 = _distance2(body, joint.parent_point)
+        reduced = _LENT * body.inertia / distance2 if distance2 else np.inf
+        return min(_LENT * body.mass, body.mass / (body.mass / reduced + 1.0) if reduced else 0.0)
+
+    def _added(self, body: Body) -> Body:
+        points = [joint.child_point for joint in self._joints if joint.child == body.name]
+        points += [joint.parent_point for joint in self._joints if joint.parent == body.name]
+        least = _ADDED * body.mass * (max(_distance2(body, point) for point in points) or 1.0)
+        return body if body.inertia >= least else body.model_copy(update={"inertia": least})
+
+
+def _distance2(body: Body, point: Vector) -> float:
+    """Square of the distance of a body's point from its centre of mass [m^2]."""
+    return (point[0] - body.centre[0]) ** 2 + (point[1] - body.centre[1]) ** 2
+
+
+def _with_mass(body: Body, mass: float, point: Vector) -> Body:
+    """The body with a mass more at a point of it [kg]."""
+    total = body.mass + mass
+    x, y = ((body.mass * c + mass * p) / total for c, p in zip(body.centre, point, strict=True))
+    inertia = body.inertia + body.mass * mass / total * _distance2(body, point)
+    return body.model_copy(update={"mass": total, "centre": (x, y), "inertia": inertia})

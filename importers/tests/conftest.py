@@ -1,0 +1,25 @@
+"""Fixtures and hooks of the core's tests, for these tests too (`tests` is on pytest's path)."""
+
+from conftest import (
+    _idle_processes,
+    build,
+    kept_processes,
+    pytest_fixture_setup,
+    pytest_generate_tests,
+    pytest_runtest_makereport,
+    pytest_runtest_setup,
+    refused,
+    third_party,
+)
+
+__all__ = [
+    "_idle_processes",
+    "build",
+    "kept_processes",
+    "pytest_fixture_setup",
+    "pytest_generate_tests",
+    "pytest_runtest_makereport",
+    "pytest_runtest_setup",
+    "refused",
+    "third_party",
+]

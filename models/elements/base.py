@@ -1,0 +1,336 @@
+"""Bases of joints, stops and force elements, and the features that solvers declare.
+
+Bases of stops hold methods only: the order of a class's fields is the order in its JSON.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self
+
+from pydantic import Field, model_validator
+
+from ..spec import Name, Spec, Vector, as_complex
+
+if TYPE_CHECKING:
+    from ..arrays import ComplexArray, FloatArray
+    from ..functions import (
+        AngleFunction,
+        LineFunction,
+        PointCoefficients,
+        PointFunction,
+        ScalarFunction,
+    )
+
+GROUND = "ground"
+_UNIT_TOLERANCE = 1e-12  # by which the square of a direction's length may differ from 1
+
+
+class Basic(StrEnum):
+    """An element that solvers have unless they declare that they lack it; in the plural."""
+
+    SLOT = "slots in the ground"
+    LOOP = "loops of joints"
+    POINT_MASS = "bodies without inertia about their centre of mass"
+    STOP = "stops on angles"
+    POINT_STOP = "stops on points"
+    REBOUND = "stops with a restitution"
+
+
+class Feature(StrEnum):
+    """An element beside pins, slots in the ground and stops against it; in the plural."""
+
+    FREE_JOINT = "free joints"
+    MOVING_SLOT = "slots in moving bodies"
+    PRISMATIC = "prismatic joints"
+    WELD = "welds"
+    MOVING_WALL = "stops against moving bodies"
+    SPRING = "springs and dampers between points"
+    ROTATIONAL_SPRING = "springs and dampers between angles"
+    FORCE = "constant forces"
+    TORQUE = "constant torques"
+    GRAVITY_DIRECTION = "gravity in another direction than downwards"
+    CUBIC_SPRING = "torsion springs with a cubic term"
+
+
+class Geometry(Protocol):
+    """Points and angles of bodies as functions of q (:class:`..kinematics.Kinematics`)."""
+
+    def point(self, body: str, point: Vector) -> PointCoefficients:
+        """Coefficients of a body's point."""
+        ...
+
+    def between(
+        self, body: str, point: Vector, other: str, other_point: Vector
+    ) -> PointCoefficients:
+        """Coefficients of the vector from a point of another body to a body's point."""
+        ...
+
+    def angle(self, body: str, other: str = GROUND) -> AngleFunction:
+        """A body's angle less that of another one."""
+        ...
+
+    def component(
+        self, direction: complex, of: str, vector: PointCoefficients, constant: float = 0.0
+    ) -> PointFunction | LineFunction:
+        """A vector's component along a direction of a body's frame, plus a constant [m]."""
+        ...
+
+    def vector(self, row: PointCoefficients, q: FloatArray) -> ComplexArray:
+        """A point, or the vector between two, x + i y [m]."""
+        ...
+
+    def rate(self, row: PointCoefficients, q: FloatArray, u: FloatArray) -> ComplexArray:
+        """Its derivative with respect to time [m/s]."""
+        ...
+
+    def gradient(
+        self, coefficients: ComplexArray, q: FloatArray, rates: ComplexArray
+    ) -> ComplexArray:
+        """Its derivatives with respect to q, shape (..., n_q)."""
+        ...
+
+
+Direction = Any
+"""Direction of a force element: :class:`PointCoefficients` or an :class:`AngleFunction`."""
+
+
+def refuse_other_lengths(what: str, direction: Vector) -> None:
+    """Raise ValueError if a direction has not length 1; `what` begins the sentence."""
+    if abs(direction[0] ** 2 + direction[1] ** 2 - 1.0) > _UNIT_TOLERANCE:
+        raise ValueError(f"{what} must have length 1")
+
+
+class BaseJoint(Spec):
+    """Base of joints. Directions are complex, x + i y, in the parent's frame."""
+
+    holds_angle: ClassVar[bool] = False
+    """Whether the child turns with the parent."""
+    name: Name
+    parent: Name = Field(description="a body, or 'ground'")
+    child: Name
+    parent_point: Vector = Field(description="in the parent's frame [m]")
+    child_point: Vector = Field(description="in the child's frame [m]")
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies it joins."""
+        return (self.parent, self.child)
+
+    @property
+    def features(self) -> tuple[Feature | Basic, ...]:
+        """Features that a solver needs for it."""
+        return ()
+
+    @property
+    def free_directions(self) -> tuple[complex, ...]:
+        """Directions in which the child's point slides."""
+        return ()
+
+    @property
+    def held_directions(self) -> tuple[complex, ...]:
+        """Directions in which the child's point is held."""
+        return (1.0, 1j)
+
+    @property
+    def slides(self) -> tuple[str, ...]:
+        """Names of its slide coordinates, one a free direction; none where it closes a loop."""
+        return ()
+
+    @property
+    def turned_by(self) -> float | None:
+        """The child's angle less the parent's [rad]; None where it is free."""
+        return None
+
+
+class SlidingJoint(BaseJoint):
+    """Base of joints that let a point of the child slide along a straight line of the parent."""
+
+    parent: Name = Field(default=GROUND, description="the body with the line, or 'ground'")
+    parent_point: Vector = Field(
+        description="a point of the line, where its coordinate is zero [m]"
+    )
+    axis: Vector = Field(description="direction of the line in the parent's frame, length 1")
+    coordinate: Name | None = Field(
+        default=None, description="name of its slide coordinate; none where it closes a loop"
+    )
+
+    @model_validator(mode="after")
+    def _axis_has_length_one(self) -> Self:
+        refuse_other_lengths(f"axis of {self.name!r}", self.axis)
+        return self
+
+    @property
+    def free_directions(self) -> tuple[complex, ...]:
+        """Along the line."""
+        return (as_complex(self.axis),)
+
+    @property
+    def held_directions(self) -> tuple[complex, ...]:
+        """Across the line."""
+        return (1j * as_complex(self.axis),)
+
+    @property
+    def slides(self) -> tuple[str, ...]:
+        """Its coordinate's name."""
+        return () if self.coordinate is None else (self.coordinate,)
+
+
+class BaseStop(Spec):
+    """Base of stops: unilateral constraints gap >= 0 with a force >= 0 that is 0 when open."""
+
+    gap_unit: ClassVar[str]
+    speed_unit: ClassVar[str]
+    force_unit: ClassVar[str]
+    effort: ClassVar[Literal["torque", "force"]]
+    """Quantity that it pushes with."""
+    position_field: ClassVar[Literal["limit", "offset"]]
+    """Name of the field that holds its position."""
+
+    def component(
+        self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]
+    ) -> float:
+        """The component of a motion along the gap.
+
+        Of angles and places it is gap + position. Where the gap is linear in the motion of the
+        bodies, velocities give the gap's speed and accelerations its acceleration. So the gap of
+        any stop follows from how bodies turn and points move, in whatever coordinates.
+
+        Args:
+            angle: of a body other than the ground, positive clockwise [rad], or its derivative.
+            point: of a body and a point in its frame: where it is in the world, x + i y [m], or its
+                derivative.
+        """
+        raise NotImplementedError(type(self).__name__)
+
+    def gap(self, geometry: Geometry) -> ScalarFunction:
+        """Its gap as a function of the coordinates [gap_unit]."""
+        raise NotImplementedError(type(self).__name__)
+
+
+class BaseForceElement(Spec):
+    """Base of force elements.
+
+    Along its direction g (the gradient of a vector, an angle or a point) an element has an effort f
+    and the generalized force f g. Numbers and states may be arrays (:mod:`..stacked`) or carry
+    derivatives, so the formulas use array operations only.
+
+    Raises:
+        TypeError: a class with a `kind` states no `feature` that solvers need for it.
+    """
+
+    feature: ClassVar[Feature]
+    """Feature that a solver needs for it."""
+    acts_along: ClassVar[Literal["vector", "angle", "point"]]
+    """Kind of its direction; generalized forces are summed in this order, which fixes rounding."""
+    name: Name
+    body: Name
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        super().__pydantic_init_subclass__(**kwargs)
+        if "kind" in cls.model_fields and not hasattr(cls, "feature"):
+            raise TypeError(f"{cls.__name__} states no feature: solvers could not refuse it")
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies it acts between; 'ground' may be one."""
+        return (self.body,)
+
+    @property
+    def features(self) -> tuple[Feature | Basic, ...]:
+        """Features that a solver needs for it."""
+        return (self.feature,)
+
+    @property
+    def ends(self) -> tuple[tuple[str, Vector], ...]:
+        """Bodies and points at the two ends of a spring; none of other elements."""
+        return ()
+
+    @property
+    def dissipates(self) -> bool:
+        """Whether it takes energy out of the motion."""
+        return False
+
+    def refuse_start(
+        self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]
+    ) -> None:
+        """Raise ValueError if its force is undefined at the start; arguments as in `component`."""
+
+    def direction(self, geometry: Geometry) -> Direction:
+        """Vector, angle or point that it acts along."""
+        raise NotImplementedError(type(self).__name__)
+
+    def generalized(
+        self,
+        geometry: Geometry,
+        direction: Direction,
+        q: FloatArray,
+        u: FloatArray,
+        rates: ComplexArray,
+    ) -> FloatArray:
+        """Its generalized forces [N m or N], shape (..., n_q)."""
+        raise NotImplementedError(type(self).__name__)
+
+    def body_forces(
+        self, geometry: Geometry, direction: Direction, q: FloatArray, u: FloatArray
+    ) -> Iterator[tuple[str, ComplexArray]]:
+        """Forces on points of bodies, x + i y in the world [N]; none of a pure torque."""
+        return iter(())
+
+    def potential_energy(
+        self, geometry: Geometry, direction: Direction, q: FloatArray
+    ) -> FloatArray | float:
+        """Energy that it stores [J], shape (...,)."""
+        return 0.0
+
+    def power(
+        self, geometry: Geometry, direction: Direction, q: FloatArray, u: FloatArray
+    ) -> FloatArray | float:
+        """Power on the mechanism of what is no change of its stored energy [W], shape (...,)."""
+        return 0.0
+
+
+class TwoBodyForceElement(BaseForceElement):
+    """A force element between a body and another one, or the ground."""
+
+    relative_to: Name = Field(default=GROUND, description="the other body, or 'ground'")
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies it acts between; 'ground' may be one."""
+        return (self.body, self.relative_to)
+
+    @model_validator(mode="after")
+    def _acts_between_two(self) -> Self:
+        if self.body == self.relative_to:
+            raise ValueError(
+                f"{self.name!r} acts between {self.body!r} and itself; two bodies are needed"
+            )
+        return self
+
+
+class TorqueElement(TwoBodyForceElement):
+    """Base of elements with a torque between two bodies; clockwise positive, as angles are."""
+
+    acts_along: ClassVar[Literal["vector", "angle", "point"]] = "angle"
+
+    def direction(self, geometry: Geometry) -> AngleFunction:
+        """The body's angle less the other's."""
+        return geometry.angle(self.body, self.relative_to)
+
+    def torque_on_body(self, angle: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
+        """Torque on the body, the opposite of that on the other one [N m], shape (...,)."""
+        raise NotImplementedError(type(self).__name__)
+
+    def generalized(
+        self,
+        geometry: Geometry,
+        direction: AngleFunction,
+        q: FloatArray,
+        u: FloatArray,
+        rates: ComplexArray,
+    ) -> FloatArray:
+        """Its generalized forces [N m], shape (..., n_q)."""
+        return self.torque_on_body(direction, q, u)[..., None] * direction.coefficients

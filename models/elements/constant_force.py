@@ -1,0 +1,56 @@
+"""A constant force on a point of a body."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ..arrays import ComplexArray, FloatArray
+from ..spec import Vector
+from .base import BaseForceElement, Feature
+
+if TYPE_CHECKING:
+    from ..functions import PointCoefficients
+    from .base import Geometry
+
+
+class ConstantForce(BaseForceElement):
+    """A force of constant size and direction on a point of a body."""
+
+    feature: ClassVar[Feature] = Feature.FORCE
+    acts_along: ClassVar[Literal["vector", "angle", "point"]] = "point"
+
+    kind: Literal["constant-force"] = "constant-force"
+    point: Vector = Field(description="of the body, in its frame [m]")
+    force: Vector = Field(description="in the world's directions [N]")
+
+    def direction(self, geometry: Geometry) -> PointCoefficients:
+        """The point that it acts on."""
+        return geometry.point(self.body, self.point)
+
+    def generalized(
+        self,
+        geometry: Geometry,
+        direction: PointCoefficients,
+        q: FloatArray,
+        u: FloatArray,
+        rates: ComplexArray,
+    ) -> FloatArray:
+        """Its generalized forces Re(conj(F) dz/dq) [N m or N], shape (..., n_q)."""
+        gradient = geometry.gradient(direction.coefficients, q, rates)
+        return self.force[0] * gradient.real + self.force[1] * gradient.imag
+
+    def body_forces(
+        self, geometry: Geometry, direction: PointCoefficients, q: FloatArray, u: FloatArray
+    ) -> Iterator[tuple[str, ComplexArray]]:
+        """The force itself."""
+        yield self.body, np.full(q.shape[:-1], complex(*self.force))
+
+    def power(
+        self, geometry: Geometry, direction: PointCoefficients, q: FloatArray, u: FloatArray
+    ) -> FloatArray:
+        """Power on the moving point [W]."""
+        return (complex(*self.force).conjugate() * geometry.rate(direction, q, u)).real

@@ -1,0 +1,35 @@
+"""A constant torque between two bodies: a motor."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ..arrays import FloatArray
+from ..spec import Real
+from .base import Feature, TorqueElement
+
+if TYPE_CHECKING:
+    from ..functions import AngleFunction
+    from .base import Geometry
+
+
+class ConstantTorque(TorqueElement):
+    """A constant torque on a body, and the opposite one on another: a motor."""
+
+    feature: ClassVar[Feature] = Feature.TORQUE
+
+    kind: Literal["constant-torque"] = "constant-torque"
+    torque: Real = Field(description="on the body, clockwise positive [N m]")
+
+    def torque_on_body(self, angle: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
+        """The torque in each state [N m], shape (...,)."""
+        return self.torque + np.zeros(q.shape[:-1])
+
+    def power(
+        self, geometry: Geometry, direction: AngleFunction, q: FloatArray, u: FloatArray
+    ) -> FloatArray:
+        """T w [W]."""
+        return self.torque * (u @ direction.coefficients)

@@ -1,0 +1,463 @@
+"""Elements beyond the tree as MJCF: stops on points, joints that close loops, force elements.
+
+A stop on a point is a frictionless contact of a ball with a plane, or with a box on a body that
+moves. A slot that closes a loop is two of them, a ball between the two planes of a rail. A pin that
+closes a loop is a `connect` equality of two sites, and an angle that a loop's weld or slider holds
+is an equality of a tendon over hinges. Each hangs on a body of its own without mass or joint,
+welded where the point is: MuJoCo then scales the softness of the contact with the inertia that is
+felt there and not at the centre of mass, and a force sensor has a place to stand.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Generic, TypeVar
+
+from ..elements import (
+    FORCE_ELEMENTS,
+    GROUND,
+    AnyJoint,
+    ConstantForce,
+    ConstantTorque,
+    CubicTorsionSpring,
+    ElementTable,
+    PointStop,
+    RotationalSpringDamper,
+    SpringDamper,
+)
+from ..errors import UnsupportedProblemError
+from ..mechanism import Body, Mechanism
+from ..spec import Vector
+from .appearance import reach_of
+from .tree import add_angle_tendon, from_origin, number, numbers, spatial, start_angles
+
+_E = TypeVar("_E")
+RAIL_SIDES = ("left", "right")
+"""Sides of a slot, seen along its axis."""
+
+
+def torque_sensor(stop: str) -> str:
+    """Name of the sensor of a stop's torque [N m], of a stop on a point's force [N]."""
+    return f"{stop}/torque"
+
+
+def force_sensor(joint: str) -> str:
+    """Name of the sensor of a joint's force [N], in the frame of its child."""
+    return f"{joint}/force"
+
+
+def rail_contact(slot: str, side: str) -> str:
+    """Name of the contact of a slot that closes a loop with one of its two sides."""
+    return f"{slot}/{side}"
+
+
+_THICKNESS = 4.0  # radii of a ball: half of it is that of a wall on a moving body
+
+
+_BEYOND = 1e4  # lengths of the machine: half the extent of such a wall, whose end no point reaches
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A half-plane that a point of a body must not enter."""
+
+    name: str
+    """Name of the contact."""
+    holder: str
+    """Name of the stop or joint."""
+    body: str
+    """Body that has the wall, or 'ground'."""
+    normal: Vector
+    offset: float
+    """Distance from the origin of the body's frame along the normal [m]."""
+    visible: bool
+
+    @property
+    def geoms(self) -> dict[str, str]:
+        """The contact's plane and ball."""
+        return {"geom1": f"{self.name}/wall", "geom2": f"{self.holder}/ball"}
+
+
+@dataclass(frozen=True)
+class Points:
+    """Elements for all held points of a mechanism.
+
+    Raises:
+        UnsupportedProblemError: a stop is on a point of a body, or the ground, against the same
+            one.
+    """
+
+    mechanism: Mechanism
+
+    def __post_init__(self) -> None:
+        for stop in self.mechanism.point_stops:
+            if stop.body == stop.relative_to:
+                message = f"stop {stop.name!r} holds a point of {stop.body!r} against itself."
+                raise UnsupportedProblemError(message)
+
+    @cached_property
+    def reach(self) -> float:
+        """A length no point of the machine is farther from its ground joints [m]."""
+        return reach_of(self.mechanism)
+
+    @cached_property
+    def slots(self) -> tuple[AnyJoint, ...]:
+        """Slots and sliders that close loops."""
+        return tuple(joint for joint in self.mechanism.loop_joints if joint.free_directions)
+
+    @cached_property
+    def pins(self) -> tuple[AnyJoint, ...]:
+        """Pins and welds that close loops."""
+        return tuple(joint for joint in self.mechanism.loop_joints if not joint.free_directions)
+
+    @cached_property
+    def turned(self) -> tuple[AnyJoint, ...]:
+        """Joints that close loops and hold an angle."""
+        return tuple(joint for joint in self.mechanism.loop_joints if joint.holds_angle)
+
+    @cached_property
+    def walls(self) -> tuple[Wall, ...]:
+        """One a stop, two a slot."""
+        return (
+            *(_wall(stop) for stop in self.mechanism.point_stops),
+            *(s for j in self.slots for s in _sides(j)),
+        )
+
+    def add_defaults(self, default: ET.Element, solref: str, solimp: str, margin: float) -> None:
+        """Softness of contacts and equalities; the margin [m] is that of a machine of a metre."""
+        soft = {"solref": solref, "solimp": solimp}
+        if self.walls:
+            near = margin * max(1.0, self.reach)  # what rounding makes of a gap of zero
+            ET.SubElement(default, "pair", soft, condim="1", margin=number(near))
+        if self.pins or self.turned:
+            ET.SubElement(default, "equality", soft)
+
+    def add_ground(self, world: ET.Element) -> None:
+        """Add the planes, anchors and held points of the ground.
+
+        The planes are behind the points' own half-planes by the radius of the balls.
+        """
+        size, radius = round(1.5 * self.reach, 3), self._radius
+        for wall in self.walls:
+            if wall.body != GROUND:
+                continue
+            behind = wall.offset - radius
+            ET.SubElement(
+                world, "geom", group="4", name=wall.geoms["geom1"], type="plane",
+                size=numbers(size, 0.1 * size, size),
+                pos=spatial((wall.normal[0] * behind, wall.normal[1] * behind)),
+                zaxis=spatial(wall.normal),
+            )  # fmt: skip
+        self._add_anchors(world, GROUND, (0.0, 0.0))
+        self._add_balls(world, GROUND, (0.0, 0.0))
+
+    def _add_boxes(self, element: ET.Element, body: str, origin: Vector) -> None:
+        """Add walls on a moving body, where MuJoCo has no planes; no point reaches their ends."""
+        thickness, beyond = _THICKNESS * self._radius, _BEYOND * self.reach
+        for wall in self.walls:
+            if wall.body == body:
+                behind = wall.offset - self._radius - thickness
+                centre = wall.normal[0] * behind, wall.normal[1] * behind
+                ET.SubElement(
+                    element, "geom", group="4", name=wall.geoms["geom1"], type="box",
+                    size=numbers(beyond, beyond, thickness), pos=from_origin(origin, centre),
+                    zaxis=spatial(wall.normal),
+                )  # fmt: skip
+
+    def _add_anchors(self, element: ET.Element, body: str, origin: Vector) -> None:
+        """On a body, sites to which pins that close loops tie others."""
+        for pin in self.pins:
+            if pin.parent == body:
+                ET.SubElement(
+                    element,
+                    "site",
+                    name=f"{pin.name}/anchor",
+                    pos=from_origin(origin, pin.parent_point),
+                )
+
+    def _add_balls(self, element: ET.Element, body: str, origin: Vector) -> None:
+        for stop in self.mechanism.point_stops:
+            if stop.body == body:
+                self._add_ball(self._point(element, stop.name, origin, stop.point), stop.name)
+
+    def add_points(self, element: ET.Element, body: Body, origin: Vector) -> None:
+        """The held points of a body, each a body without mass, and its walls."""
+        self._add_boxes(element, body.name, origin)
+        self._add_anchors(element, body.name, origin)
+        self._add_balls(element, body.name, origin)
+        for joint in self.mechanism.loop_joints:
+            if joint.child == body.name:
+                point = self._point(element, joint.name, origin, joint.child_point)
+                ET.SubElement(point, "site", name=f"{joint.name}/joint")
+                if joint.free_directions:
+                    self._add_ball(point, joint.name)
+
+    def add_constraints(self, root: ET.Element, timestep: float) -> None:
+        """Contacts and equalities."""
+        if self.walls:
+            contact = ET.SubElement(root, "contact")
+            for wall in self.walls:
+                pair = ET.SubElement(contact, "pair", wall.geoms, name=wall.name)
+                if not wall.visible:
+                    pair.set("margin", number(felt_from(self.mechanism, timestep)))
+        if self.pins or self.turned:
+            equality = ET.SubElement(root, "equality")
+            for pin in self.pins:
+                sites = {"site1": f"{pin.name}/joint", "site2": f"{pin.name}/anchor"}
+                ET.SubElement(equality, "connect", sites, name=pin.name)
+            for joint in self.turned:
+                held = f"{numbers(self._turned_too_little(joint))} 0 0 0 0"
+                ET.SubElement(
+                    equality, "tendon", name=_angle(joint), tendon1=_angle(joint), polycoef=held
+                )
+
+    def add_tendons(self, tendon: ET.Element) -> None:
+        """Angles that joints that close loops hold."""
+        for joint in self.turned:
+            add_angle_tendon(
+                tendon, self.mechanism, (joint.child, joint.parent), name=_angle(joint)
+            )
+
+    def _turned_too_little(self, joint: AnyJoint) -> float:
+        """Rounding error of the angle that a loop joint holds, at the start [rad]."""
+        angles = start_angles(self.mechanism)
+        missing = (joint.turned_by or 0.0) - (angles[joint.child] - angles[joint.parent])
+        return math.remainder(missing, 2 * math.pi)
+
+    def add_stop_sensor(self, sensor: ET.Element, stop: PointStop) -> None:
+        """Add the force of a stop on a point: first component in the contact's frame [N]."""
+        ET.SubElement(
+            sensor, "contact", _wall(stop).geoms, name=torque_sensor(stop.name), data="force"
+        )
+
+    def add_force_sensors(self, sensor: ET.Element) -> None:
+        """Forces of the joints that close loops."""
+        for joint in self.mechanism.loop_joints:
+            ET.SubElement(
+                sensor, "force", name=force_sensor(joint.name), site=f"{joint.name}/joint"
+            )
+
+    @cached_property
+    def _radius(self) -> float:
+        return round(0.01 * self.reach, 6)
+
+    def _point(self, element: ET.Element, name: str, origin: Vector, point: Vector) -> ET.Element:
+        return ET.SubElement(element, "body", name=f"{name}/point", pos=from_origin(origin, point))
+
+    def _add_ball(self, element: ET.Element, name: str) -> None:
+        ET.SubElement(
+            element,
+            "geom",
+            name=f"{name}/ball",
+            type="sphere",
+            group="4",
+            size=number(self._radius),
+        )
+
+
+def _angle(joint: AnyJoint) -> str:
+    """Name of the tendon and the equality of the angle that a joint holds."""
+    return f"{joint.name}/angle"
+
+
+def _wall(stop: PointStop) -> Wall:
+    return Wall(stop.name, stop.name, stop.relative_to, stop.normal, stop.offset, visible=True)
+
+
+def _sides(slot: AnyJoint) -> Iterator[Wall]:
+    """The two walls of a slot, the left one pushing to the right."""
+    (axis,) = slot.free_directions
+    left = (-axis.imag, axis.real)
+    for side, sense in zip(RAIL_SIDES, (-1, 1), strict=True):
+        normal = (sense * left[0], sense * left[1])
+        offset = normal[0] * slot.parent_point[0] + normal[1] * slot.parent_point[1]
+        yield Wall(
+            rail_contact(slot.name, side), slot.name, slot.parent, normal, offset, visible=False
+        )
+
+
+def felt_from(mechanism: Mechanism, timestep: float) -> float:
+    """Margin of a contact [m] that shall not matter: it scales with a step's curvature.
+
+    Both walls of a slot are pressed in by it. As long as both push they are one two-sided
+    constraint without play: with a stiffness of 1/timestep^2, up to accelerations of some 1e4 of
+    that named here. The forces that cancel cost five digits of sixteen.
+    """
+    return 10.0 * max(mechanism.gravity, reach_of(mechanism)) * timestep**2
+
+
+_WORLD = "ground/directions"
+_CONSTANT = {"gainprm": "0", "biastype": "affine"}  # an actuator with a force and no control
+
+
+@dataclass(frozen=True)
+class _ForceWriter(Generic[_E]):
+    """Functions that write a class of force elements; None where it has no such part."""
+
+    add_sites: Callable[[_E, ET.Element, str, Vector], None] | None = None
+    """Sites on a body (or the world), whose frame has an origin."""
+    add_tendon: Callable[[_E, ET.Element, Mechanism], None] | None = None
+    add_actuator: Callable[[_E, ET.Element], None] | None = None
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Writes all force elements of a mechanism, class by class.
+
+    Springs and dampers are tendons: spatial ones between two sites, or fixed ones over the hinges
+    between two bodies. A constant force is an actuator on a site with the directions of a site of
+    the world, a constant torque one on a fixed tendon; the bias of the actuator is the force, so
+    that it acts without any control.
+
+    Raises:
+        UnsupportedProblemError: MJCF cannot express an element; the sentence names it.
+    """
+
+    mechanism: Mechanism
+
+    def __post_init__(self) -> None:
+        for element in self.mechanism.force_elements:
+            FORCE_WRITERS[element]  # refuses what it does not know
+
+    def add_sites(self, element: ET.Element, body: str, origin: Vector) -> None:
+        """Add to a body (or the world) the points that forces act on."""
+        if body == GROUND and self._has(ConstantForce):
+            ET.SubElement(element, "site", name=_WORLD)
+        for force, writer in self._by_class():
+            if writer.add_sites:
+                writer.add_sites(force, element, body, origin)
+
+    @property
+    def needs_tendons(self) -> bool:
+        """Whether any element is, or acts on, a tendon."""
+        return any(writer.add_tendon for _, writer in self._by_class())
+
+    def add_tendons(self, tendon: ET.Element) -> None:
+        """Add springs and dampers, and what constant torques act on."""
+        for force, writer in self._by_class():
+            if writer.add_tendon:
+                writer.add_tendon(force, tendon, self.mechanism)
+
+    def add_actuators(self, root: ET.Element) -> None:
+        """Add constant forces and torques."""
+        if not any(writer.add_actuator for _, writer in self._by_class()):
+            return
+        actuator = ET.SubElement(root, "actuator")
+        for force, writer in self._by_class():
+            if writer.add_actuator:
+                writer.add_actuator(force, actuator)
+
+    def _has(self, kind: type) -> bool:
+        return any(type(element) is kind for element in self.mechanism.force_elements)
+
+    def _by_class(self) -> Iterator[tuple[Any, _ForceWriter[Any]]]:
+        """Elements with their writers, in the order of the table: that of the file."""
+        for kind, writer in FORCE_WRITERS.handlers.items():
+            for element in self.mechanism.force_elements:
+                if type(element) is kind:
+                    yield element, writer
+
+
+def _add_spring_sites(spring: SpringDamper, element: ET.Element, body: str, origin: Vector) -> None:
+    for site, (name, point) in zip(_ends(spring), spring.ends, strict=True):
+        if name == body:
+            ET.SubElement(element, "site", name=site, pos=from_origin(origin, point))
+
+
+def _add_spring(spring: SpringDamper, tendon: ET.Element, mechanism: Mechanism) -> None:
+    spatial_tendon = ET.SubElement(
+        tendon,
+        "spatial",
+        _strength(spring),
+        name=_tendon(spring),
+        springlength=number(spring.rest_length),
+        width=number(round(0.006 * reach_of(mechanism), 6)),
+        rgba="0.35 0.45 0.60 1",
+    )
+    for site in _ends(spring):
+        ET.SubElement(spatial_tendon, "site", site=site)
+
+
+def _add_rotational_spring(
+    spring: RotationalSpringDamper, tendon: ET.Element, mechanism: Mechanism
+) -> None:
+    _add_angle_spring(spring, _strength(spring), tendon, mechanism)
+
+
+def _add_cubic_spring(spring: CubicTorsionSpring, tendon: ET.Element, mechanism: Mechanism) -> None:
+    # Coefficients of the stiffness k + 0 |x| + k3 x^2: MuJoCo 4 reads them, 3.10 does not.
+    strength = {"stiffness": numbers(spring.stiffness, 0, spring.cubic_stiffness)}
+    _add_angle_spring(spring, strength, tendon, mechanism)
+
+
+def _add_angle_spring(
+    spring: RotationalSpringDamper | CubicTorsionSpring,
+    strength: dict[str, str],
+    tendon: ET.Element,
+    mechanism: Mechanism,
+) -> None:
+    angles = start_angles(mechanism)
+    rest = spring.rest_angle - (angles[spring.body] - angles[spring.relative_to])
+    # MuJoCo takes a length of -1 for none.
+    add_angle_tendon(
+        tendon, mechanism, spring.bodies, 1 if rest >= 0 else -1,
+        name=_tendon(spring), **strength, springlength=number(abs(rest)),
+    )  # fmt: skip
+
+
+def _add_torque_tendon(torque: ConstantTorque, tendon: ET.Element, mechanism: Mechanism) -> None:
+    add_angle_tendon(tendon, mechanism, torque.bodies, name=_tendon(torque))
+
+
+def _add_torque(torque: ConstantTorque, actuator: ET.Element) -> None:
+    attributes = {"tendon": _tendon(torque), "biasprm": number(torque.torque)}
+    ET.SubElement(actuator, "general", _CONSTANT, name=torque.name, **attributes)
+
+
+def _add_force_site(force: ConstantForce, element: ET.Element, body: str, origin: Vector) -> None:
+    if force.body == body:
+        ET.SubElement(element, "site", name=_site(force), pos=from_origin(origin, force.point))
+
+
+def _add_force(force: ConstantForce, actuator: ET.Element) -> None:
+    gear = f"{spatial(force.force)} 0 0 0"
+    attributes = {"site": _site(force), "refsite": _WORLD, "gear": gear}
+    ET.SubElement(actuator, "general", _CONSTANT, name=force.name, biasprm="1", **attributes)
+
+
+# Sites, tendons and actuators stand in this order in the files.
+FORCE_WRITERS: ElementTable[_ForceWriter[Any]] = ElementTable(
+    "the MJCF writer",
+    FORCE_ELEMENTS,
+    {
+        SpringDamper: _ForceWriter(add_sites=_add_spring_sites, add_tendon=_add_spring),
+        RotationalSpringDamper: _ForceWriter(add_tendon=_add_rotational_spring),
+        CubicTorsionSpring: _ForceWriter(add_tendon=_add_cubic_spring),
+        ConstantForce: _ForceWriter(add_sites=_add_force_site, add_actuator=_add_force),
+        ConstantTorque: _ForceWriter(add_tendon=_add_torque_tendon, add_actuator=_add_torque),
+    },
+)
+
+
+def _ends(spring: SpringDamper) -> tuple[str, str]:
+    """Names of the sites at its two points."""
+    return f"{spring.name}/point", f"{spring.name}/relative point"
+
+
+def _site(force: ConstantForce) -> str:
+    return f"{force.name}/force"
+
+
+def _tendon(
+    element: SpringDamper | RotationalSpringDamper | CubicTorsionSpring | ConstantTorque,
+) -> str:
+    """Name of its tendon, beside those of stops."""
+    return f"{element.name}/{element.kind}"
+
+
+def _strength(spring: SpringDamper | RotationalSpringDamper) -> dict[str, str]:
+    return {"stiffness": number(spring.stiffness), "damping": number(spring.damping)}

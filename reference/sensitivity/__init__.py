@@ -1,0 +1,1 @@
+"""Derivatives of a reference motion by the parameters of its mechanism."""

@@ -1,0 +1,370 @@
+r"""A machine for the Taylor integrator: a vector of numbers, and the structure that says which of them are zero.
+
+All that :mod:`..equations` computes with complex rates is a sum of real waves Re(z e^{i phase})
+with constant z:
+
+    M_ij = Re(z e^{i(q_i - q_j)})                     z = K_ij (and the inertias on the diagonal)
+    b_i  = sum_j Im(z e^{i(q_i - q_j)}) u_j^2         the same z
+    Q_i  = Re(z e^{i q_i})                            z = i W_i
+    G_kj = Re(z e^{i q_j}),  gamma_k = -sum_j Im(z e^{i q_j}) u_j^2       z = i conj(L_kj)
+    gap_k = sum_j Im(z e^{i q_j}) - limit             of a stop on a point: z as of its gradient
+
+and the same without the phase and the i of a coordinate that is a slide. A slide along a line that
+turns with the angle q_c has the phase of that angle, and, since its w is q_k e^{-i q_c}, a
+derivative by q_c as well: q_k times its wave, turned by a right angle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.arrays import ComplexArray
+from ...models.elements import (
+    FORCE_ELEMENTS,
+    ConstantForce,
+    ConstantTorque,
+    CubicTorsionSpring,
+    ElementTable,
+    RotationalSpringDamper,
+    SpringDamper,
+)
+from ...models.kinematics import (
+    AngleFunction,
+    Kinematics,
+    LineFunction,
+    PointCoefficients,
+    PointFunction,
+    ScalarFunction,
+)
+from ...models.launch import LAUNCH_ANGLE
+from ...models.mechanism import Mechanism
+from ...models.problem import Problem, StopLaw
+from ...models.spec import as_complex
+
+Real = NDArray[np.floating[Any]]
+Complex = NDArray[np.complexfloating[Any, Any]]
+RealType = type[np.float64] | type[np.longdouble]
+Row = tuple[int, ...] | int | None
+"""Gradient of a constraint: constant, on angles; of a point's component along a line that turns with the angle of that
+number; or None, of a component in a direction that does not turn: a row of waves."""
+
+PROJECTILE = "projectile"
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What a compiled integrator depends on: sizes, stops, and which numbers are zero."""
+
+    n_angles: int
+    n_slides: int
+    carried: tuple[tuple[int, int], ...]
+    """Index of each slide along a line that turns, and of the angle that it turns with."""
+    loop_rows: tuple[Row, ...]
+    """Of each constraint of the loop joints."""
+    gap_rows: tuple[Row, ...]
+    """Of each stop that may ever be active."""
+    springs: tuple[bool, ...]
+    """Of each spring and damper between points, whether its force depends on its length."""
+    twists: tuple[tuple[int, ...], ...]
+    """Gradient of the angle of each spring, damper or motor between angles."""
+    closes: bool
+    """Whether stops may close (unilateral law)."""
+    present: tuple[bool, ...]
+    """Which of the numbers are runtime parameters, the others being zero."""
+    throws: bool
+    """Whether there is a projectile, whose launch can be located."""
+
+    @property
+    def n_q(self) -> int:
+        """Number of coordinates."""
+        return self.n_angles + self.n_slides
+
+    @property
+    def n_states(self) -> int:
+        """Number of variables the integrator has: q, u and an observer."""
+        return 2 * self.n_q + 1
+
+    @property
+    def n_stops(self) -> int:
+        """Number of stops that may ever be active."""
+        return len(self.gap_rows)
+
+    @property
+    def n_loops(self) -> int:
+        """Number of constraints of the loop joints."""
+        return len(self.loop_rows)
+
+    @property
+    def sections(self) -> dict[str, tuple[int, ...]]:
+        """Names and shapes of what the numbers are, in their order; the first axis is real, imaginary."""
+        n_q, lines = self.n_q, sum(isinstance(row, int) for row in self.loop_rows + self.gap_rows)
+        waves: dict[str, tuple[int, ...]] = {"products": (n_q, n_q), "weights": (n_q,)}
+        waves |= {
+            "loops": (self.loop_rows.count(None), n_q),
+            "points": (self.gap_rows.count(None), n_q),
+            "lead": (n_q,),
+        }
+        vectors = {"lines": (lines, n_q), "directions": (lines,), "line_offsets": (lines,)}
+        vectors |= {"springs": (len(self.springs), n_q), "spring_offsets": (len(self.springs),)}
+        shapes = {name: (2, *shape) for name, shape in waves.items()} | {"limits": (self.n_stops,)}
+        shapes |= {name: (2, *shape) for name, shape in vectors.items()}
+        return shapes | {"spring_data": (3, len(self.springs)), "twist_data": (5, len(self.twists))}
+
+    # Switches follow the numbers among the parameters.
+
+    @property
+    def n_numbers(self) -> int:
+        """Number of parameters that are numbers of the machine."""
+        return sum(self.present)
+
+    @property
+    def active(self) -> slice:
+        """Parameters that say whether a stop is active (1) or free (0)."""
+        return slice(self.n_numbers, self.n_numbers + self.n_stops)
+
+    @property
+    def watched(self) -> slice:
+        """Parameters that say whether a stop's closing is an event."""
+        return slice(self.active.stop, self.active.stop + self.closes * self.n_stops)
+
+    @property
+    def launch(self) -> int:
+        """The parameter that says whether the launch is an event."""
+        return int(self.watched.stop)
+
+    @property
+    def n_parameters(self) -> int:
+        """Number of all runtime parameters."""
+        return self.launch + self.throws  # heyoka wants no parameter that no expression uses
+
+
+def relevant_stops(problem: Problem) -> tuple[str, ...]:
+    """Stops that may ever be active: under release-once, an open one never closes."""
+    unilateral = problem.stop_law is StopLaw.UNILATERAL
+    return tuple(stop.name for stop in problem.mechanism.stops if stop.closed or unilateral)
+
+
+def structure_of(problem: Problem, kinematics: Kinematics, present: NDArray[np.bool_]) -> Structure:
+    """The structure a problem's numbers belong to."""
+    terms = force_terms(kinematics)
+    n_angles = len(problem.mechanism.angles)
+    return Structure(
+        n_angles=n_angles,
+        n_slides=len(problem.mechanism.coordinates) - n_angles,
+        carried=kinematics.carried,
+        loop_rows=tuple(_row(closure) for closure in kinematics.loop_closures),
+        gap_rows=tuple(_row(kinematics.gaps[name]) for name in relevant_stops(problem)),
+        springs=tuple(
+            bool(np.any(spring.rest_length) or np.any(spring.damping))
+            for spring, _ in terms.springs
+        ),
+        twists=tuple(_senses(angle) for _, angle in terms.twists),
+        closes=problem.stop_law is StopLaw.UNILATERAL,
+        present=tuple(bool(flag) for flag in present),
+        throws=bool(np.any(projectile_row(problem.mechanism, kinematics).coefficients)),
+    )
+
+
+@dataclass
+class ForceTerms:
+    """Force elements of a mechanism by the terms of the equations that they make."""
+
+    springs: list[tuple[SpringDamper, PointCoefficients]] = field(default_factory=list[Any])
+    """Springs and dampers between points, with the vector to the body's point."""
+    twists: list[tuple[tuple[float, ...], AngleFunction]] = field(default_factory=list[Any])
+    """Torques as functions of an angle b = sum of coordinates + its constant: k, c, T_0, k_3 and
+    b_3 of T_0 - k (b - constant) - c db/dt - k_3 (b - constant - b_3)^3."""
+    pulls: list[tuple[ConstantForce, PointCoefficients]] = field(default_factory=list[Any])
+    """Constant forces, with the point that they act on."""
+
+
+def force_terms(kinematics: Kinematics) -> ForceTerms:
+    """The terms of a mechanism's force elements, from the elements' own numbers."""
+    terms = ForceTerms()
+    for element in kinematics.mechanism.force_elements:
+        _TERMS[element](terms, kinematics, element)
+    return terms
+
+
+def _add_spring(terms: ForceTerms, kinematics: Kinematics, e: SpringDamper) -> None:
+    vector = kinematics.between(e.body, e.point, e.relative_to, e.relative_point)
+    terms.springs.append((e, vector))
+
+
+def _add_rotational(terms: ForceTerms, kinematics: Kinematics, e: RotationalSpringDamper) -> None:
+    angle = kinematics.angle(e.body, e.relative_to)
+    relaxed = e.rest_angle - angle.constant
+    terms.twists.append(((e.stiffness, e.damping, e.stiffness * relaxed, 0.0, 0.0), angle))
+
+
+def _add_cubic(terms: ForceTerms, kinematics: Kinematics, e: CubicTorsionSpring) -> None:
+    angle = kinematics.angle(e.body, e.relative_to)
+    relaxed = e.rest_angle - angle.constant
+    numbers = (e.stiffness, 0.0, e.stiffness * relaxed, e.cubic_stiffness, relaxed)
+    terms.twists.append((numbers, angle))
+
+
+def _add_torque(terms: ForceTerms, kinematics: Kinematics, e: ConstantTorque) -> None:
+    angle = kinematics.angle(e.body, e.relative_to)
+    terms.twists.append(((0.0, 0.0, e.torque, 0.0, 0.0), angle))
+
+
+def _add_force(terms: ForceTerms, kinematics: Kinematics, e: ConstantForce) -> None:
+    terms.pulls.append((e, kinematics.point(e.body, e.point)))
+
+
+_TERMS: ElementTable[Callable[[ForceTerms, Kinematics, Any], None]] = ElementTable(
+    "The Taylor integrator",
+    FORCE_ELEMENTS,
+    {
+        SpringDamper: _add_spring,
+        RotationalSpringDamper: _add_rotational,
+        CubicTorsionSpring: _add_cubic,
+        ConstantForce: _add_force,
+        ConstantTorque: _add_torque,
+    },
+)
+
+
+def _row(function: ScalarFunction) -> Row:
+    if isinstance(function, AngleFunction):
+        return _senses(function)
+    return function.body if isinstance(function, LineFunction) else None
+
+
+def _senses(angle: AngleFunction) -> tuple[int, ...]:
+    return tuple(int(entry) for entry in angle.coefficients)
+
+
+def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real:
+    """All numbers of a machine as one vector, computed in the precision asked for; order as in `Structure.sections`.
+
+    Of stacked machines (:func:`.batch.stacked`) one vector for each, shape (n, n_numbers).
+    """
+    mechanism, terms = problem.mechanism, force_terms(kinematics)
+    machines, n_q = np.shape(mechanism.gravity), len(kinematics.is_angle)
+    masses = kinematics.masses.astype(real)
+    centres = _wide(kinematics.centres, real)
+    gaps = [kinematics.gaps[name] for name in relevant_stops(problem)]
+    constraints = [*kinematics.loop_closures, *gaps]
+    lines = [function for function in constraints if isinstance(function, LineFunction)]
+
+    def waves(rows: Sequence[ComplexArray], vectors: bool = False) -> Complex:
+        return _waves(
+            _wide(_stacked(rows, (*machines, n_q)).swapaxes(-1, -2), real), kinematics, vectors
+        )
+
+    # The component across the launch direction is Im(e^{-i angle} v) = Re(-i e^{-i angle} v).
+    lead = _wide(projectile_row(mechanism, kinematics).coefficients, real) * (
+        np.exp(-1j * real(LAUNCH_ANGLE)) * -1j
+    )
+    springs = [vector for _, vector in terms.springs]
+    sections = (
+        _products(centres, masses, kinematics, real),
+        _waves(_pulls(centres, masses, terms, mechanism, real), kinematics),
+        # Rows L with Re(L w' u) the rates of the loops' constraints, and the gap speeds of the
+        # stops on points.
+        waves(
+            [row.coefficients for row in kinematics.loop_closures if isinstance(row, PointFunction)]
+        ),
+        waves([row.coefficients for row in gaps if isinstance(row, PointFunction)]),
+        _waves(lead, kinematics),
+    )
+    vectors = (
+        waves([line.vector.coefficients for line in lines], vectors=True),
+        _stacked([line.direction for line in lines], machines),
+        _stacked([line.vector.offset for line in lines], machines),
+        waves([vector.coefficients for vector in springs], vectors=True),
+        _stacked([vector.offset for vector in springs], machines),
+    )
+    # What is taken off the waves (or angles) of a gap.
+    limits = [-gap.constant * (problem.stop_law is StopLaw.UNILATERAL) for gap in gaps]
+    spring_data = [
+        (spring.stiffness, spring.damping, spring.rest_length) for spring, _ in terms.springs
+    ]
+    twist_data = [twist for twist, _ in terms.twists]
+    data = [
+        number
+        for each in (spring_data, twist_data)
+        for row in zip(*each, strict=True)
+        for number in row
+    ]
+    parts = [_parts(section, machines) for section in sections] + [_stacked(limits, machines).real]
+    parts += [_parts(section, machines) for section in vectors] + [_stacked(data, machines).real]
+    return cast("Real", np.concatenate(parts, axis=-1).astype(real))
+
+
+def _parts(section: Complex, machines: tuple[int, ...]) -> Real:
+    """Real and imaginary parts, shape (..., 2 n)."""
+    flat = section.reshape(*machines, -1)
+    return np.concatenate([flat.real, flat.imag], axis=-1)
+
+
+def _stacked(values: Sequence[complex | ComplexArray], shape: tuple[int, ...]) -> ComplexArray:
+    """Values, each of one shape or the same for all machines, along a last axis."""
+    columns = np.empty((*shape, len(values)), dtype=np.complex128)
+    for k, value in enumerate(values):
+        columns[..., k] = value
+    return columns
+
+
+def _pulls(
+    centres: Complex, masses: Real, terms: ForceTerms, mechanism: Mechanism, real: RealType
+) -> Complex:
+    """Coefficients c of the weights and constant forces, whose generalized forces are Re(c w')."""
+    direction = _wide(np.array(as_complex(mechanism.gravity_direction)).conj(), real)
+    gravity = direction * np.asarray(mechanism.gravity, dtype=real)
+    pulls = (masses[..., None, :] @ centres)[..., 0, :] * gravity[..., None]
+    for element, point in terms.pulls:
+        force = np.array(as_complex(element.force)).conj()[..., None]
+        pulls = pulls + _wide(force * point.coefficients, real)
+    return cast("Complex", pulls)
+
+
+def _wide(values: NDArray[np.complex128], real: RealType) -> Complex:
+    return values.astype(np.result_type(real, np.complex64))
+
+
+def _waves(rows: Complex, kinematics: Kinematics, vectors: bool = False) -> Complex:
+    """Waves z with Re(row w') = Re(z e^{iq}) for an angle, w' = -i e^{-iq}, and Re(z) for a slide, w' = 1.
+
+    Args:
+        vectors: whether both parts of row w' are needed; of a slide on a line that turns they
+            always are.
+    """
+    slides = rows.conj() if vectors else rows.real.astype(rows.dtype)
+    for k, _ in kinematics.carried:
+        slides[..., k] = rows[..., k].conj()
+    return cast("Complex", np.where(kinematics.is_angle > 0, 1j * rows.conj(), slides))
+
+
+def _products(centres: Complex, masses: Real, kinematics: Kinematics, real: RealType) -> Complex:
+    """Upper triangle of C^H diag(m) C as waves: H_ij = conj(w'_i) K_ij w'_j."""
+    products = np.triu((centres.conj().swapaxes(-1, -2) * masses[..., None, :]) @ centres)
+    n, carried = int(kinematics.is_angle.sum()), {k for k, _ in kinematics.carried}
+    products[..., :n, n:] *= 1j
+    for k in (k for k in range(n, products.shape[-1]) if k not in carried):
+        level = [j for j in range(n, k + 1) if j not in carried]
+        products[..., level, k] = products[..., level, k].real
+    diagonal = np.einsum("...ii->...i", products)  # a view
+    diagonal[...] = diagonal.real + kinematics.inertias.astype(real)
+    return cast("Complex", products)
+
+
+def projectile_row(mechanism: Mechanism, kinematics: Kinematics) -> PointCoefficients:
+    """The projectile's position; zeros where a machine throws nothing."""
+    projectile = mechanism.marker(PROJECTILE)
+    if projectile is None:
+        return PointCoefficients(0j, np.zeros_like(kinematics.centres[..., 0, :]))
+    return kinematics.point(projectile.body, projectile.point)
+
+
+def rests_of(mechanism: Mechanism) -> frozenset[str]:
+    """Stops that hold the projectile's own body at the start."""
+    bodies = {marker.body for marker in mechanism.markers if marker.name == PROJECTILE}
+    return frozenset(stop.name for stop in mechanism.stops if stop.closed and stop.body in bodies)

@@ -1,0 +1,160 @@
+"""What the code weighs and how it reads, counted: `python tests/counts.py`; the ceilings are tested.
+
+A count that falls is written down here as the new ceiling; one that has to rise needs a reason in
+the commit that raises it.
+"""
+
+from __future__ import annotations
+
+import ast
+import io
+import re
+import tokenize
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+CORE = (
+    "models",
+    "reference",
+    "engines",
+    "comparisons",
+    "conformance",
+    "cli",
+    "docs",
+    "benchmarks",
+    "examples",
+)
+SATELLITES = ("paper", "environments", "importers", "plugins")
+PREPOSITIONS = re.compile(r"(Of|What|That|As|By|Whose|With|In|For|To|Which)\b")
+ELEMENT_CLASSES = """
+PinJoint WeldJoint SlotJoint PrismaticJoint FreeJoint Stop PointStop SpringDamper
+RotationalSpringDamper CubicTorsionSpring ConstantForce ConstantTorque
+"""
+ELEMENTS = frozenset(ELEMENT_CLASSES.split())
+
+CEILINGS: dict[str, float] = {}
+"""Largest allowed value of each count of the core."""
+
+
+@dataclass
+class Module:
+    """One file, parsed."""
+
+    path: Path
+    text: str = field(init=False)
+    tree: ast.Module = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.text = self.path.read_text()
+        self.tree = ast.parse(self.text)
+
+    @property
+    def name(self) -> str:
+        """Dotted name from the repository's root."""
+        parts = self.path.relative_to(ROOT).with_suffix("").parts
+        return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+    def imports(self) -> Iterator[str]:
+        """Dotted names, from the root, of what its relative imports may name."""
+        package = self.path.relative_to(ROOT).parts[:-1]
+        for node in ast.walk(self.tree):
+            if isinstance(node, ast.ImportFrom) and node.level:
+                base = package[: len(package) - node.level + 1]
+                module = ".".join([*base, *([node.module] if node.module else [])])
+                yield module
+                yield from (f"{module}.{alias.name}".lstrip(".") for alias in node.names)
+
+
+def modules(*folders: str) -> list[Module]:
+    """Modules below folders, without tests; the front door's where none is named."""
+    paths = [path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))]
+    if folders == CORE:
+        paths += sorted(ROOT.glob("*.py"))
+    return [Module(path) for path in paths if "tests" not in path.relative_to(ROOT).parts]
+
+
+def docstrings(module: Module) -> Iterator[str]:
+    """First lines of the docstrings of a module, its classes, functions and fields."""
+    for node in ast.walk(module.tree):
+        body = getattr(node, "body", None)
+        for statement in body if isinstance(body, list) else ():
+            value = getattr(statement, "value", None)
+            text = value.value if isinstance(value, ast.Constant) else None
+            if isinstance(statement, ast.Expr) and isinstance(text, str) and text.strip():
+                yield text.strip().splitlines()[0]
+
+
+def comments(module: Module) -> int:
+    """Comments of a module, without directives to tools."""
+    tokens = tokenize.generate_tokens(io.StringIO(module.text).readline)
+    return sum(
+        token.type == tokenize.COMMENT
+        and not re.match(r"# ?(noqa|type:|pyright|fmt)", token.string)
+        for token in tokens
+    )
+
+
+def checks_of_elements(module: Module) -> int:
+    """Calls of isinstance that ask for the class of an element."""
+    calls = (node for node in ast.walk(module.tree) if isinstance(node, ast.Call))
+    asked = (c.args[1] for c in calls if getattr(c.func, "id", "") == "isinstance" and c.args[1:])
+    named = ({getattr(n, "id", getattr(n, "attr", "")) for n in ast.walk(a)} for a in asked)
+    return sum(bool(names & ELEMENTS) for names in named)
+
+
+def count(*folders: str) -> dict[str, float]:
+    """Counts of the modules below folders."""
+    every = modules(*folders)
+    names = {module.name for module in every}
+    importers: dict[str, set[str]] = defaultdict(set)
+    for module in every:
+        for name in module.imports():
+            if name in names and name != module.name:
+                importers[name].add(module.name)
+    packages = {module.name for module in every if module.path.name == "__init__.py"}
+    public: Counter[str] = Counter()
+    for module in every:
+        for node in module.tree.body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                public[node.name] += 1
+    lines = [line for module in every for line in module.text.splitlines()]
+    nodes = [node for module in every for node in ast.walk(module.tree)]
+    statements = sum(isinstance(node, ast.stmt) for node in nodes) / 100
+    written = [line for module in every for line in docstrings(module)]
+    asking = [checks_of_elements(module) for module in every]
+    comprehension = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
+    return {
+        "lines": len(lines),
+        "modules": len(every),
+        "modules with one importer": sum(
+            len(who) == 1 for name, who in importers.items() if name not in packages
+        ),
+        "public class names used twice": sum(number > 1 for number in public.values()),
+        "isinstance on elements": sum(asking),
+        "files with isinstance on elements": sum(bool(number) for number in asking),
+        "% of lines over 100": 100 * sum(len(line) > 100 for line in lines) / len(lines),
+        "% of docstrings that begin with a preposition": 100
+        * sum(bool(PREPOSITIONS.match(line)) for line in written)
+        / max(1, len(written)),
+        "comprehensions per 100 statements": sum(isinstance(n, comprehension) for n in nodes)
+        / statements,
+        "ternaries per 100 statements": sum(isinstance(n, ast.IfExp) for n in nodes) / statements,
+        "comments per 100 statements": sum(map(comments, every)) / statements,
+    }
+
+
+def main() -> None:
+    """Prints the counts of the core, of its folders, and of the satellites."""
+    groups = {"core": CORE, **{f: (f,) for f in CORE}, **{f: (f,) for f in SATELLITES}}
+    for name, folders in groups.items():
+        print(name)
+        for what, value in count(*folders).items():
+            if name == "core" or what in ("lines", "modules"):
+                print(f"  {what}: {value:.4g}" if value % 1 else f"  {what}: {value:.0f}")
+
+
+if __name__ == "__main__":
+    main()

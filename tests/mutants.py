@@ -1,0 +1,206 @@
+"""Random mutants of the judging code, the adapters and the reference, and how many the tests kill.
+
+    python tests/mutants.py --seed 7 --number 100 --group judging
+
+A mutant is a copy of the package with one expression changed. The tests of its folder run against
+the copy until one fails. A mutant that survives is told from one that changes nothing by a probe: a
+few comparisons whose every value is held against the unchanged package's. The exit code is 0
+whatever is found; the last line is the score.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import json
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+LONGEST = 900.0  # [s] of the tests of one mutant
+
+GROUPS: dict[str, tuple[str, ...]] = {
+    "judging": ("comparisons/runs", "comparisons/diagnosis", "comparisons/judge", "conformance"),
+    "adapters": ("engines/mujoco", "engines/pymunk", "engines/exudyn", "engines"),
+    "reference": ("reference", "models"),
+}
+"""Folders of each group; mutants are drawn by lines of code from all of them."""
+
+TESTS: dict[str, tuple[str, ...]] = {
+    "judging": ("tests/unit", "tests/meta", "tests/agreement/test_agreement.py"),
+    "adapters": ("tests/unit", "tests/agreement"),
+    "reference": ("tests/verification", "tests/unit"),
+}
+"""Tests that run against the mutants of a group."""
+
+COMPARED = {ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.Eq: ast.NotEq}
+COMPARED |= {ast.NotEq: ast.Eq, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn}
+CALCULATED = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult}
+EXCHANGED = {"min": "max", "max": "min", "any": "all", "all": "any"}
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One change of one file."""
+
+    path: Path
+    line: int
+    before: str
+    after: str
+    source: str
+    """Text of the whole changed file."""
+
+    def __str__(self) -> str:
+        return f"{self.path.relative_to(ROOT)}:{self.line}: {self.before} -> {self.after}"
+
+
+def changed(node: ast.AST) -> Iterator[ast.AST]:
+    """What a node may be changed into."""
+    match node:
+        case ast.Compare(left=left, ops=[operator], comparators=[right]) if (
+            type(operator) in COMPARED
+        ):
+            yield ast.Compare(left, [COMPARED[type(operator)]()], [right])
+        case ast.BinOp(left=left, op=operator, right=right) if type(operator) in CALCULATED:
+            yield ast.BinOp(left, CALCULATED[type(operator)](), right)
+        case ast.BoolOp(op=ast.And(), values=values):
+            yield ast.BoolOp(ast.Or(), values)
+        case ast.BoolOp(op=ast.Or(), values=values):
+            yield ast.BoolOp(ast.And(), values)
+        case ast.UnaryOp(op=ast.Not() | ast.USub(), operand=operand):
+            yield operand
+        case ast.Call(func=ast.Name(id="abs"), args=[argument]):
+            yield argument
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=keywords) if (
+            name in EXCHANGED
+        ):
+            yield ast.Call(ast.Name(EXCHANGED[name], ast.Load()), arguments, keywords)
+        case ast.IfExp(test=test, body=body, orelse=orelse):
+            yield ast.IfExp(test, orelse, body)
+        case ast.Constant(value=bool() as value):
+            yield ast.Constant(not value)
+        case ast.Constant(value=int() | float() as value):
+            yield ast.Constant(value * 2 if value else 1)
+        case ast.Slice(lower=lower, upper=upper) if lower is not None or upper is not None:
+            yield ast.Slice(None, None)
+        case _:
+            return
+
+
+def mutants(path: Path) -> list[Mutant]:
+    """Every mutant of a file."""
+    text = path.read_text()
+    lines = text.splitlines(keepends=True)
+    starts = [0]
+    for line in lines:
+        starts.append(starts[-1] + len(line.encode()))
+    encoded = text.encode()
+    found: list[Mutant] = []
+    for node in _within_functions(ast.parse(text)):
+        for new in changed(node):
+            begin = starts[node.lineno - 1] + node.col_offset
+            end = starts[node.end_lineno - 1] + node.end_col_offset
+            before, after = encoded[begin:end].decode(), ast.unparse(new)
+            if not isinstance(new, ast.Slice):
+                after = f"({after})"
+            source = (encoded[:begin] + after.encode() + encoded[end:]).decode()
+            try:
+                ast.parse(source)
+            except SyntaxError:  # inside an f-string, for one
+                continue
+            found.append(Mutant(path, node.lineno, before, after, source))
+    return found
+
+
+def _within_functions(tree: ast.Module) -> Iterator[ast.expr]:
+    """Expressions of the bodies of functions, without annotations and defaults."""
+    for function in ast.walk(tree):
+        if isinstance(function, ast.FunctionDef):
+            for statement in function.body:
+                for node in ast.walk(statement):
+                    if isinstance(node, ast.expr | ast.Slice) and hasattr(node, "lineno"):
+                        yield node
+
+
+def drawn(group: str, number: int, seed: int) -> list[Mutant]:
+    """Mutants of a group, drawn from all of its mutants; the seed repeats them."""
+    paths = {path for folder in GROUPS[group] for path in (ROOT / folder).rglob("*.py")}
+    every = [mutant for path in sorted(paths) for mutant in mutants(path)]
+    return random.Random(seed).sample(every, min(number, len(every)))
+
+
+def environment(folder: Path) -> dict[str, str]:
+    """Of a process that imports the package from a folder."""
+    path = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])
+    return os.environ | {"PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
+
+
+def probe(folder: Path) -> str:
+    """Values of the probe, as text, or how it failed."""
+    done = subprocess.run(
+        [sys.executable, str(Path(__file__).with_name("mutant_probe.py"))],
+        env=environment(folder), cwd=folder, capture_output=True, text=True, check=False,
+        timeout=LONGEST,
+    )  # fmt: skip
+    return done.stdout if done.returncode == 0 else done.stderr[-500:]
+
+
+def killed_by(folder: Path, tests: tuple[str, ...]) -> str | None:
+    """The test that fails against the package in a folder; None: all pass."""
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+    try:
+        done = subprocess.run(
+            command, env=environment(folder), cwd=ROOT, capture_output=True, text=True,
+            check=False, timeout=LONGEST,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return "the longest time"
+    if done.returncode == 0:
+        return None
+    failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    return failed[0] if failed else f"exit code {done.returncode}"
+
+
+def main() -> None:
+    """Draws mutants, tests each, prints each and the score."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--number", type=int, default=30)
+    parser.add_argument("--group", choices=sorted(GROUPS), default="judging")
+    parser.add_argument("--tests", nargs="*", help="files of tests; those of the group by default")
+    asked = parser.parse_args()
+    tests = tuple(asked.tests or TESTS[asked.group])
+    outcomes: Counter[str] = Counter()
+    with tempfile.TemporaryDirectory() as temporary:
+        package = Path(temporary) / "trebucheck"
+        ignored = shutil.ignore_patterns(".*", "tests", "docs", "plugins", "__pycache__", "build")
+        shutil.copytree(ROOT, package, ignore=ignored)
+        right = probe(package.parent)
+        for mutant in drawn(asked.group, asked.number, asked.seed):
+            target = package / mutant.path.relative_to(ROOT)
+            target.write_text(mutant.source)
+            killer = killed_by(package.parent, tests)
+            if killer is not None:
+                outcome = "killed"
+            elif probe(package.parent) == right:
+                outcome = "without effect"
+            else:
+                outcome = "SURVIVED"
+            outcomes[outcome] += 1
+            print(f"{outcome:14} {mutant}  {killer or ''}", flush=True)
+            target.write_text(mutant.path.read_text())
+    effective = outcomes["killed"] + outcomes["SURVIVED"]
+    print(json.dumps({"group": asked.group, "seed": asked.seed, **outcomes}))
+    print(f"{outcomes['killed']} of {effective} mutants that change something are killed")
+
+
+if __name__ == "__main__":
+    main()
