@@ -16,12 +16,12 @@ _PACKAGE = __name__.rpartition(".")[0]
 # Old module: the modules that hold its names now; `trebucheck_*` are distributions of their own.
 RENAMED: dict[str, tuple[str, ...]] = {
     "cli.importer": ("trebucheck_importers.command",),
-    "comparisons.compare.machine": ("comparisons.runs.record", "comparisons.compare.study"),
-    "comparisons.compare.stored": ("comparisons.compare.study",),
     "comparisons.compare.agreement": ("comparisons.report.pages.compare",),
+    "comparisons.compare.machine": ("comparisons.runs.record", "comparisons.compare.study"),
     "comparisons.compare.plots": ("comparisons.report.pages.compare",),
     "comparisons.compare.report": ("comparisons.report.pages.compare",),
     "comparisons.compare.sentences": ("comparisons.report.pages.compare",),
+    "comparisons.compare.stored": ("comparisons.compare.study",),
     "comparisons.compare.summary": ("comparisons.report.pages.compare",),
     "comparisons.converge.floor": ("comparisons.converge.study",),
     "comparisons.converge.orders": ("comparisons.converge.study",),
@@ -137,6 +137,7 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "engines.point_masses": ("trebucheck_toolkit.point_masses",),
     "engines.pymunk.assembly": ("engines.pymunk.bodies",),
     "engines.pymunk.force_elements": ("engines.pymunk.build",),
+    "engines.pymunk.impact": ("engines.pymunk.motion",),
     "engines.pymunk.parts": ("engines.pymunk.bodies",),
     "engines.pymunk.rods": ("engines.pymunk.leapfrog",),
     "engines.pymunk.segment": ("engines.pymunk.motion",),
