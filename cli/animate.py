@@ -231,8 +231,7 @@ def view_command(
     Example: trebucheck view rolling
     """
     from ..engines.registry import engine as make
-    from ..engines.registry import engine_names
-    from ..engines.viewer import has_viewer, view
+    from ..engines.registry import engine_names, has_viewer, view
 
     mechanism = options.machine(model, assignments, beam, "view")
     name = engine or next((name for name in engine_names() if has_viewer(name)), None)

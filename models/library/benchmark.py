@@ -1,0 +1,233 @@
+"""Benchmark problems, and how their figures are read from a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ..arrays import FloatArray
+from ..errors import SimulationError
+from ..mechanism import Mechanism
+from ..problem import Problem, StopLaw
+from ..spec import Spec
+from ..trajectory import Trajectory
+
+
+class Motion(Protocol):
+    """A motion that is continuous in time, from which figures are read."""
+
+    @property
+    def impacts(self) -> Sequence[tuple[float, Mapping[str, float]]]:
+        """Time [s] and impulses by stop [N m s or N s] of every impact."""
+        ...
+
+    @property
+    def rest_times(self) -> Mapping[str, Sequence[float]]:
+        """Instants [s] at which each stop ceased to bounce."""
+        ...
+
+    def trajectory(self, t: FloatArray, /) -> Trajectory:
+        """The motion at times t [s], shape (n,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A number that the problem's motion must have."""
+
+    name: str
+    value: float
+    unit: str
+    tolerance: float
+    """Tolerance of the reference, in the unit: the digits that are published or computable."""
+    read: Callable[[Motion], float]
+    basis: Literal["closed form", "quadrature", "published"] = "closed form"
+
+
+@dataclass(frozen=True)
+class Condition:
+    """Criterion by which the source takes a solution as correct: an error and its limit."""
+
+    text: str
+    limit: float
+    unit: str
+    error: Callable[[Motion], float]
+
+
+class BenchmarkParameters(Spec):
+    """Base of the parameters of benchmark problems.
+
+    Raises:
+        InputError: a value is not finite or outside its range.
+    """
+
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        raise NotImplementedError(type(self).__name__)
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """An entry of the library."""
+
+    number: str
+    name: str
+    tags: tuple[str, ...]
+    text: str
+    source: str
+    parameters: type[BenchmarkParameters]
+    build: Callable[[Any], Mechanism]
+    """The mechanism, of parameters of that type; it has the benchmark's name."""
+    figures: Callable[[Any], tuple[Figure, ...]] = lambda parameters: ()
+    conditions: Callable[[Any], tuple[Condition, ...]] = lambda parameters: ()
+    stop_law: StopLaw = StopLaw.RELEASE_ONCE
+
+    def problem(self, parameters: BenchmarkParameters | None = None) -> Problem:
+        """The run that the benchmark asks for.
+
+        Args:
+            parameters: of the benchmark's own type; the published ones where left out.
+        """
+        given = parameters or self.parameters()
+        return Problem(self.build(given), duration=given.duration, stop_law=self.stop_law)
+
+
+_GRID = 500  # samples among which sign changes are looked for
+
+
+_SAMPLES = 400  # at which a motion is compared with a closed form
+
+
+Quantity = Callable[[Trajectory], FloatArray]
+"""Values of a trajectory's n samples, shape (n,)."""
+
+
+def coordinate(name: str) -> Quantity:
+    """A coordinate [rad or m]."""
+    return lambda trajectory: trajectory.q[:, trajectory.mechanism.coordinates.index(name)]
+
+
+def speed(name: str) -> Quantity:
+    """A coordinate's rate [rad/s or m/s]."""
+    return lambda trajectory: trajectory.u[:, trajectory.mechanism.coordinates.index(name)]
+
+
+def marker(name: str, axis: int) -> Quantity:
+    """A component of a marker's position [m]: along x for axis 0, along y for axis 1."""
+    return lambda trajectory: trajectory.marker(name).position[:, axis]
+
+
+def at(quantity: Quantity, t: float) -> Callable[[Motion], float]:
+    """A quantity at an instant [s]."""
+    return lambda motion: float(quantity(motion.trajectory(np.array([t])))[0])
+
+
+def crossing(
+    motion: Motion, quantity: Quantity, level: float, until: float, count: int = 1
+) -> float:
+    """Time at which a quantity passes a level for the n-th time [s].
+
+    Raises:
+        SimulationError: it does not by `until` [s].
+    """
+
+    def distance(t: float) -> float:
+        return float(quantity(motion.trajectory(np.array([t])))[0]) - level
+
+    times = np.linspace(0.0, until, _GRID)
+    values = quantity(motion.trajectory(times)) - level
+    changes = np.flatnonzero((values[:-1] * values[1:] < 0) | (values[1:] == 0))
+    if len(changes) < count:
+        raise SimulationError(
+            f"a level of {level:.6g} is passed {len(changes)} times by t = {until:.6g} s, "
+            f"not {count}."
+        )
+    i = int(changes[count - 1])
+    return float(brentq(distance, times[i], times[i + 1], xtol=1e-15, rtol=1e-15))
+
+
+def passage(quantity: Quantity, level: float, until: float) -> Callable[[Motion], float]:
+    """Time at which a quantity first passes a level [s]."""
+    return lambda motion: crossing(motion, quantity, level, until)
+
+
+def period(quantity: Quantity, level: float, until: float) -> Callable[[Motion], float]:
+    """Period of an oscillation about a level [s], from the first and third passage."""
+    return lambda motion: (
+        crossing(motion, quantity, level, until, 3) - crossing(motion, quantity, level, until)
+    )
+
+
+def largest_error(
+    quantity: Quantity, exact: Callable[[FloatArray], FloatArray], until: float
+) -> Callable[[Motion], float]:
+    """Largest difference of a quantity from a closed form over [0, until] s.
+
+    Args:
+        exact: of times [s], shape (n,), the quantity, shape (n,).
+    """
+
+    def read(motion: Motion) -> float:
+        times = np.linspace(0.0, until, _SAMPLES)
+        return float(np.abs(quantity(motion.trajectory(times)) - exact(times)).max())
+
+    return read
+
+
+def energy_error(until: float) -> Callable[[Motion], float]:
+    """Largest change of the total energy of a conservative motion over [0, until] s [J]."""
+
+    def read(motion: Motion) -> float:
+        energy = motion.trajectory(np.linspace(0.0, until, _SAMPLES)).total_energy
+        return float(np.abs(energy - energy[0]).max())
+
+    return read
+
+
+def path_figure(
+    name: str,
+    unit: str,
+    tolerance: float,
+    quantity: Quantity,
+    exact: Callable[[FloatArray], FloatArray],
+    until: float,
+) -> Figure:
+    """The largest error of a quantity as a figure; arguments as in :func:`largest_error`."""
+    return Figure(name, 0.0, unit, tolerance, largest_error(quantity, exact, until))
+
+
+def energy_figure(tolerance: float, until: float) -> Figure:
+    """The energy error of a conservative motion over [0, until] s as a figure."""
+    return Figure("largest change of the energy", 0.0, "J", tolerance, energy_error(until))
+
+
+def suite_condition(
+    name: str, length: float, angle: Callable[[FloatArray], FloatArray], until: float, samples: int
+) -> Condition:
+    """Criterion of the MBS benchmark suite for high precision: a marker's position error.
+
+    It is the root mean square over the samples and components, each divided by its exact value, or
+    by 1 mm where that is larger.
+
+    Args:
+        name: of a marker that moves on a circle about the origin.
+        length: radius of the circle [m].
+        angle: of times [s], shape (n,), its exact angle, shape (n,) [rad].
+        until: end of the comparison [s].
+    """
+
+    def read(motion: Motion) -> float:
+        times = np.linspace(0.0, until, samples + 1)[1:]
+        exact = length * np.stack([np.cos(angle(times)), -np.sin(angle(times))], axis=1)
+        errors = (motion.trajectory(times).marker(name).position - exact) / np.maximum(
+            abs(exact), 1e-3
+        )
+        return float(np.sqrt(np.mean(errors**2)))
+
+    text = f"relative error of {name}'s position, RMS, threshold 1e-3 m ('high precision')"
+    return Condition(text, 1e-3, "", read)

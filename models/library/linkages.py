@@ -1,0 +1,400 @@
+"""Linkages of one degree of freedom: loops of pins and slots, some redundant or singular."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import partial
+from typing import Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from ..arrays import FloatArray
+from ..elements import GROUND, SlotJoint
+from ..mechanism import Body, Marker, Mechanism
+from ..spec import Positive, Real
+from .benchmark import (
+    Benchmark,
+    BenchmarkParameters,
+    Condition,
+    Figure,
+    at,
+    coordinate,
+    energy_figure,
+    passage,
+    path_figure,
+    period,
+    suite_condition,
+)
+from .closed_forms import LOWEST, Swing, slow_swing_period, time_between, turn, turn_period
+from .parts import pin, rod
+
+UPRIGHT = -math.pi / 2  # [rad] angle of a link that points up
+_UPRIGHT_SHARE = (
+    0.01  # of the energy: nearer to its upright position the crank would stay there for long
+)
+_SUITE = "M. Gonzalez et al., MBS benchmark library (Univ. of A Coruna, 2005)"
+
+
+class FourBarParameters(BenchmarkParameters):
+    """N windows of equal uniform links: N + 1 upright cranks and N level couplers."""
+
+    N: int = Field(default=1, ge=1, le=100, description="number of windows")
+    length: Positive = Field(default=1.0, description="of each link [m]")
+    mass: Positive = Field(default=1.0, description="of each link [kg]")
+    g: Positive = Field(default=9.81, description="gravity [m/s^2]")
+    speed: Positive = Field(
+        default=1.0, description="of B0, the first crank's upper end, towards +x at the start [m/s]"
+    )
+
+    @property
+    def omega(self) -> float:
+        """Frequency of small swings [rad/s]: all cranks turn as one, the couplers do not turn."""
+        moment, inertia = (self.N + 1) / 2 + self.N, (self.N + 1) / 3 + self.N
+        return math.sqrt(moment * self.g / (inertia * self.length))
+
+    @property
+    def turning(self) -> float:
+        """Speed of the cranks at the start [rad/s]."""
+        return self.speed / self.length
+
+    @property
+    def duration(self) -> float:
+        """10 s at 1 m and 1 m/s; at least one and a half turns."""
+        return max(
+            10.0 * math.sqrt(self.length * 9.81 / self.g),
+            1.5 * turn_period(self.omega, self.turning),
+        )
+
+
+class ThreeCranksParameters(BenchmarkParameters):
+    """A beam on three equal parallel cranks, of which one is redundant, let go from rest."""
+
+    length: Positive = Field(default=1.0, description="of each crank, a uniform rod [m]")
+    spacing: Positive = Field(default=0.8, description="between neighbouring cranks [m]")
+    crank: Positive = Field(default=1.0, description="mass of each crank [kg]")
+    beam: Positive = Field(default=3.0, description="mass of the beam [kg]")
+    g: Positive = Field(default=9.81, description="gravity [m/s^2]")
+    amplitude: Real = Field(
+        default=1.0, gt=0, le=1.4, description="start, from the lowest position [rad]"
+    )
+
+    @property
+    def swing(self) -> Swing:
+        """Its motion."""
+        omega = math.sqrt(
+            (1.5 * self.crank + self.beam) * self.g / ((self.crank + self.beam) * self.length)
+        )
+        return Swing("a1", omega, self.amplitude)
+
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        return 2.5 * self.swing.period
+
+
+class SliderCrankParameters(BenchmarkParameters):
+    """A uniform crank and rod, and a slider on a level line through the crank's pivot.
+
+    With too little speed to turn over the crank swings, up to 270 degrees to and fro.
+    """
+
+    crank: Positive = Field(default=1.0, description="length of the crank [m]")
+    rod: Positive = Field(default=2.0, description="length of the rod, more than the crank's [m]")
+    m_crank: Positive = Field(default=1.0, description="[kg]")
+    m_rod: Positive = Field(default=2.0, description="[kg]")
+    m_slider: Positive = Field(default=1.0, description="[kg]")
+    g: Positive = Field(default=9.81, description="gravity [m/s^2]")
+    speed: Positive = Field(
+        default=8.0, description="of the crank at the start, stretched out [rad/s]"
+    )
+
+    @property
+    def is_singular(self) -> bool:
+        """Whether the slider passes the pivot."""
+        return self.rod == self.crank
+
+    def rod_angle(self, a: float) -> tuple[float, float]:
+        """The rod's angle [rad] at the crank's, and its derivative.
+
+        Equal lengths have the mirrored branch.
+        """
+        if self.is_singular:
+            return -a, -1.0
+        b = -math.asin(self.crank * math.sin(a) / self.rod)
+        return b, -self.crank * math.cos(a) / (self.rod * math.cos(b))
+
+    def inertia(self, a: float) -> float:
+        """Reduced to the crank's angle [kg m^2]."""
+        b, slope = self.rod_angle(a)
+        r, half = self.crank, self.rod / 2
+        middle = complex(
+            -r * math.sin(a) - half * math.sin(b) * slope,
+            -r * math.cos(a) - half * math.cos(b) * slope,
+        )
+        slider = -r * math.sin(a) - self.rod * math.sin(b) * slope
+        turning = self.m_crank * r**2 / 3 + self.m_rod * self.rod**2 / 12 * slope**2
+        return turning + self.m_rod * abs(middle) ** 2 + self.m_slider * slider**2
+
+    def potential(self, a: float) -> float:
+        """Energy of crank and rod, whose centres are half as high as their common pin [J]."""
+        return -(self.m_crank + self.m_rod) * self.g * self.crank / 2 * math.sin(a)
+
+    @property
+    def share(self) -> float:
+        """Share of the energy that the crank needs to turn over: below 1 it swings."""
+        return self.inertia(0.0) * self.speed**2 / 2 / self.potential(UPRIGHT)
+
+    @property
+    def turn_time(self) -> float:
+        """Time of the crank's first turn [s]; it does not turn back."""
+        return time_between(0.0, 2 * math.pi, self.speed, self.inertia, self.potential)
+
+    @property
+    def swing_time(self) -> float:
+        """Period of a crank that swings about its lowest position and does not turn over [s]."""
+        return slow_swing_period(
+            LOWEST, math.pi / 2 + math.asin(self.share), self.potential(UPRIGHT), self.inertia
+        )
+
+    @model_validator(mode="after")
+    def _moves_for_good(self) -> Self:
+        if self.rod < self.crank:
+            raise ValueError(
+                f"rod = {self.rod:g} m is shorter than crank = {self.crank:g} m: "
+                "the slider would stick"
+            )
+        if abs(self.share - 1.0) < _UPRIGHT_SHARE:
+            raise ValueError(
+                f"speed = {self.speed:g} rad/s brings the crank to rest upright, or nearly: "
+                "it must differ by more than 0.5 % from "
+                f"{self.speed / math.sqrt(self.share):.6g} rad/s"
+            )
+        return self
+
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        return 1.5 * (self.turn_time if self.share > 1 else self.swing_time)
+
+
+class SingularSliderCrankParameters(SliderCrankParameters):
+    """The same with a rod as long as the crank."""
+
+    rod: Positive = Field(default=1.0, description="length of the rod: the crank's [m]")
+
+
+class TrammelParameters(BenchmarkParameters):
+    """A uniform rod whose ends run in a level and in an upright slot, let go from rest."""
+
+    length: Positive = Field(default=2.0, description="of the rod [m]")
+    mass: Positive = Field(default=3.0, description="of the rod [kg]")
+    g: Positive = Field(default=9.81, description="gravity [m/s^2]")
+    amplitude: Real = Field(
+        default=2.5, gt=0, lt=math.pi, description="start, from the lowest position [rad]"
+    )
+
+    @property
+    def swing(self) -> Swing:
+        """Its motion: the centre moves on a circle of half the length as fast as the rod turns."""
+        return Swing("a", math.sqrt(1.5 * self.g / self.length), self.amplitude)
+
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        return 2.5 * self.swing.period
+
+
+def _four_bars(p: FourBarParameters) -> Mechanism:
+    cranks = tuple(rod(f"crank {i}", f"a{i}", p.length, p.mass) for i in range(p.N + 1))
+    couplers = tuple(rod(f"coupler {i}", f"b{i}", p.length, p.mass) for i in range(1, p.N + 1))
+    end = (p.length, 0.0)
+    pivots = tuple(
+        pin(f"pivot {i}", GROUND, f"crank {i}", (i * p.length, 0)) for i in range(p.N + 1)
+    )
+    left = tuple(pin(f"left {i}", f"crank {i - 1}", f"coupler {i}", end) for i in range(1, p.N + 1))
+    right = tuple(
+        pin(f"right {i}", f"crank {i}", f"coupler {i}", end, end) for i in range(1, p.N + 1)
+    )
+    return Mechanism(
+        name="n-four-bar",
+        bodies=cranks + couplers,
+        joints=pivots + left + right,
+        markers=(Marker(name="B0", body="crank 0", point=end),),
+        gravity=p.g,
+        start=(UPRIGHT,) * (p.N + 1) + (0.0,) * p.N,
+        start_speeds=(p.turning,) * (p.N + 1) + (0.0,) * p.N,
+    )
+
+
+def _four_bar_angle(p: FourBarParameters, t: FloatArray) -> FloatArray:
+    return UPRIGHT + turn(p.omega, p.turning, t)
+
+
+def _four_bar_figures(p: FourBarParameters) -> tuple[Figure, ...]:
+    end, angle = p.duration, coordinate("a0")
+    turn = turn_period(p.omega, p.turning)
+    name = "largest error of the first crank's angle"
+    return (
+        Figure("time of a turn", turn, "s", 1e-9, passage(angle, UPRIGHT + 2 * math.pi, end)),
+        path_figure(name, "rad", 1e-9, angle, lambda t: _four_bar_angle(p, t), end),
+    )
+
+
+def _four_bar_conditions(p: FourBarParameters) -> tuple[Condition, ...]:
+    end = p.duration
+    return (suite_condition("B0", p.length, lambda t: _four_bar_angle(p, t), end, round(20 * end)),)
+
+
+def _three_cranks(p: ThreeCranksParameters) -> Mechanism:
+    cranks = tuple(rod(f"crank {i}", f"a{i}", p.length, p.crank) for i in (1, 2, 3))
+    inertia = p.beam * (2 * p.spacing) ** 2 / 12
+    beam = Body(name="beam", angle="b", mass=p.beam, centre=(p.spacing, 0), inertia=inertia)
+    end = (p.length, 0.0)
+    pivots = tuple(
+        pin(f"pivot {i}", GROUND, f"crank {i}", ((i - 1) * p.spacing, 0)) for i in (1, 2, 3)
+    )
+    pins = tuple(
+        pin(f"pin {i}", f"crank {i}", "beam", end, ((i - 1) * p.spacing, 0)) for i in (1, 2, 3)
+    )
+    return Mechanism(
+        name="three-cranks",
+        bodies=(*cranks, beam),
+        joints=pivots + pins,
+        markers=(Marker(name="beam", body="beam", point=beam.centre),),
+        gravity=p.g,
+        start=(LOWEST + p.amplitude,) * 3 + (0.0,),
+    )
+
+
+def _slider_crank(name: str, p: SliderCrankParameters) -> Mechanism:
+    # The slider, a point mass at the rod's end, is part of the rod.
+    mass = p.m_rod + p.m_slider
+    centre = (p.m_rod / 2 + p.m_slider) * p.rod / mass
+    inertia = (
+        p.m_rod * (p.rod**2 / 12 + (centre - p.rod / 2) ** 2) + p.m_slider * (p.rod - centre) ** 2
+    )
+    loaded = Body(name="rod", angle="b", mass=mass, centre=(centre, 0), inertia=inertia)
+    end = (p.rod, 0.0)
+    slot = SlotJoint(name="slot", child="rod", parent_point=(0, 0), child_point=end, axis=(1, 0))
+    return Mechanism(
+        name=name,
+        bodies=(rod("crank", "a", p.crank, p.m_crank), loaded),
+        joints=(
+            pin("pivot", GROUND, "crank"),
+            pin("crank pin", "crank", "rod", (p.crank, 0)),
+            slot,
+        ),
+        markers=(Marker(name="slider", body="rod", point=end),),
+        gravity=p.g,
+        start=(0.0, 0.0),
+        start_speeds=(p.speed, -p.speed * p.crank / p.rod),
+    )
+
+
+def _slider_crank_figures(p: SliderCrankParameters) -> tuple[Figure, ...]:
+    end = p.duration
+    scale = p.inertia(0.0) * p.speed**2
+    if p.share > 1:
+        name, time, measured = (
+            "time of a turn",
+            p.turn_time,
+            passage(coordinate("a"), 2 * math.pi, end),
+        )
+    else:
+        name, time, measured = "period", p.swing_time, period(coordinate("a"), LOWEST, end)
+    return (
+        Figure(name, time, "s", 1e-10 * time, measured, "quadrature"),
+        energy_figure(1e-10 * scale, end),
+    )
+
+
+def _trammel(p: TrammelParameters) -> Mechanism:
+    start = LOWEST + p.amplitude
+    level = SlotJoint(
+        name="level",
+        child="rod",
+        parent_point=(0, 0),
+        child_point=(0, 0),
+        axis=(1, 0),
+        coordinate="x",
+    )
+    upright = SlotJoint(
+        name="upright", child="rod", parent_point=(0, 0), child_point=(p.length, 0), axis=(0, 1)
+    )
+    return Mechanism(
+        name="trammel",
+        bodies=(rod("rod", "a", p.length, p.mass),),
+        joints=(level, upright),
+        markers=(Marker(name="pen", body="rod", point=(p.length / 4, 0)),),
+        gravity=p.g,
+        start=(start, -p.length * math.cos(start)),
+    )
+
+
+def _swing_figures(p: ThreeCranksParameters | TrammelParameters) -> tuple[Figure, ...]:
+    swing, end = p.swing, p.duration
+    last = float(swing.at(np.array([end]))[0])
+    return (
+        *swing.figures(end, 1e-11 * swing.period, 1e-10),
+        Figure("angle at the end", last, "rad", 1e-10, at(coordinate(swing.angle), end)),
+    )
+
+
+N_FOUR_BAR = Benchmark(
+    number="A02",
+    name="n-four-bar",
+    tags=("loop", "singular", "closed-form", "scalable", "IFToMM"),
+    text="N four-bar linkages in a row that pass their singular positions",
+    source=f"{_SUITE}, problem A02, in the IFToMM library; "
+    "E. Bayo, A. Avello, Nonlinear Dyn. 5 (1994) 209",
+    parameters=FourBarParameters,
+    build=_four_bars,
+    figures=_four_bar_figures,
+    conditions=_four_bar_conditions,
+)
+THREE_CRANKS = Benchmark(
+    number="C01",
+    name="three-cranks",
+    tags=("loop", "redundant", "closed-form"),
+    text="beam on three parallel cranks, one of them redundant",
+    source="moves as a pendulum; "
+    "on redundant constraints M. Wojtyra, Multibody Syst. Dyn. 14 (2005) 23",
+    parameters=ThreeCranksParameters,
+    build=_three_cranks,
+    figures=_swing_figures,
+)
+SLIDER_CRANK = Benchmark(
+    number="C02",
+    name="slider-crank",
+    tags=("loop", "slot", "quadrature"),
+    text="slider-crank that turns over and over",
+    source="time of a turn by quadrature: "
+    "E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. III",
+    parameters=SliderCrankParameters,
+    build=partial(_slider_crank, "slider-crank"),
+    figures=_slider_crank_figures,
+)
+SINGULAR_SLIDER_CRANK = replace(
+    SLIDER_CRANK,
+    number="C03",
+    name="singular-slider-crank",
+    tags=("loop", "slot", "singular", "quadrature"),
+    text="slider-crank with equal links, whose slider passes the crank's pivot",
+    source="E. Bayo, A. Avello, Nonlinear Dyn. 5 (1994) 209, on such positions; "
+    "time of a turn by quadrature",
+    parameters=SingularSliderCrankParameters,
+    build=partial(_slider_crank, "singular-slider-crank"),
+)
+TRAMMEL = Benchmark(
+    number="C04",
+    name="trammel",
+    tags=("loop", "slot", "closed-form"),
+    text="elliptic trammel: a rod whose ends run in two crossing slots",
+    source="moves as a pendulum: E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. IV",
+    parameters=TrammelParameters,
+    build=_trammel,
+    figures=_swing_figures,
+)
+LINKAGES = (N_FOUR_BAR, THREE_CRANKS, SLIDER_CRANK, SINGULAR_SLIDER_CRANK, TRAMMEL)

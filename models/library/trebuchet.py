@@ -1,0 +1,286 @@
+"""The paper's parameters, Table I as defaults."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Self
+
+from pydantic import Field
+
+from ..elements import GROUND, PinJoint, PointStop, SlotJoint, Stop
+from ..errors import InputError
+from ..mechanism import Body, Marker, Mechanism
+from ..spec import Positive, Real, Spec
+
+Angle = Annotated[Real, Field(ge=-4 * math.pi, le=4 * math.pi)]
+"""[rad] up to two turns either way: more are degrees more often than not."""
+
+
+class TrebuchetParameters(Spec):
+    """Lengths [m], masses [kg], gravity [m/s^2] and start angles [rad] of the whipper trebuchet.
+
+    Defaults are Table I of the paper. Angles are absolute, from +x, positive clockwise. The paper
+    does not print its start angles; (0, pi, -pi/4) is what its headline figures single out. Angles
+    beyond two turns (4 pi) are refused: they are degrees more often than not.
+
+    Raises:
+        InputError: a length, mass or gravity is not positive and finite, or an angle is not in
+            range.
+    """
+
+    l1: Positive = Field(default=10.0, description="arm, fulcrum to sling pin [m]")
+    l2: Positive = Field(default=4.0, description="arm, fulcrum to hanger pin [m]")
+    m_b: Positive = Field(default=60.0, description="projectile ('barrel') [kg]")
+    m_cw: Positive = Field(default=3000.0, description="counterweight [kg]")
+    m_a: Positive = Field(default=1000.0, description="throwing arm, a uniform rod [kg]")
+    h: Positive = Field(default=10.0, description="hanger ('counterweight arm') length [m]")
+    r: Positive = Field(default=6.0, description="sling length [m]")
+    g: Positive = Field(default=9.81, description="gravity [m/s^2]")
+    theta0: Angle = Field(default=0.0, description="start angle of the throwing arm [rad]")
+    phi0: Angle = Field(default=math.pi, description="start angle of the sling [rad]")
+    alpha0: Angle = Field(default=-math.pi / 4, description="start angle of the hanger [rad]")
+
+    @classmethod
+    def with_beam(cls, l1: float, beam: float = 14.0, **others: float) -> Self:
+        """Parameters on a beam of fixed length (the paper's fulcrum sweep): l2 = beam - l1.
+
+        Args:
+            l1: arm from the fulcrum to the sling pin [m].
+            beam: whole length of the arm, l1 + l2 [m].
+            others: any other parameter but l2.
+
+        Raises:
+            InputError: l1 is not shorter than the beam, or a value is not valid.
+        """
+        return cls(l1=l1, l2=short_end(l1, beam), **others)
+
+
+def short_end(l1: float, beam: float) -> float:
+    """The arm's other side on a beam of fixed length, l2 = beam - l1 [m].
+
+    Raises:
+        InputError: l1 is not shorter than the beam.
+    """
+    if not l1 < beam:
+        raise InputError(
+            f"l1 = {l1!r} must be shorter than the beam of {beam!r} m, so that l2 = beam - l1 > 0."
+        )
+    return beam - l1
+
+
+FULCRUM, SLING_PIN, HANGER_PIN = "fulcrum", "sling pin", "hanger pin"
+
+
+HANGER_REST, SLING_REST, ARM_STOP, TROUGH = "hanger rest", "sling rest", "arm stop", "trough"
+
+
+PROJECTILE, COUNTERWEIGHT = "projectile", "counterweight"
+
+
+class HingedParameters(Spec):
+    """Lengths [m], masses [kg], gravity [m/s^2] and start angles [rad] of the classical trebuchet.
+
+    Masses and lengths are Table I's: the paper's machine, turned to where such machines started.
+
+    Raises:
+        InputError: a length, mass or gravity is not positive and finite, or an angle is not in
+            range.
+    """
+
+    l1: Positive = Field(default=10.0, description="arm, fulcrum to sling pin [m]")
+    l2: Positive = Field(default=4.0, description="arm, fulcrum to hanger pin [m]")
+    m_b: Positive = Field(default=60.0, description="projectile, a point mass [kg]")
+    m_cw: Positive = Field(default=3000.0, description="counterweight, a point mass [kg]")
+    m_a: Positive = Field(default=1000.0, description="throwing arm, a uniform rod [kg]")
+    h: Positive = Field(default=10.0, description="hanger length [m]")
+    r: Positive = Field(default=6.0, description="sling length [m]")
+    g: Positive = Field(default=9.81, description="gravity [m/s^2]")
+    theta0: Angle = Field(
+        default=3 * math.pi / 4, description="start angle of the throwing arm [rad]"
+    )
+    phi0: Angle = Field(default=0.0, description="start angle of the sling [rad]")
+    alpha0: Angle = Field(default=math.pi / 2, description="start angle of the hanger [rad]")
+
+
+def fixed(parameters: TrebuchetParameters | None = None) -> Mechanism:
+    """The machine whose fulcrum is pinned to the ground; q = (theta, phi, alpha).
+
+    Args:
+        parameters: Table I where left out.
+    """
+    p = parameters or TrebuchetParameters()
+    pin = PinJoint(
+        name=FULCRUM, parent=GROUND, child="arm", parent_point=(0, 0), child_point=(0, 0)
+    )
+    return _whipper("fixed", p, pin, start=(p.theta0, p.phi0, p.alpha0))
+
+
+def rolling(parameters: TrebuchetParameters | None = None) -> Mechanism:
+    """The machine whose fulcrum rolls along x on massless wheels; q = (theta, phi, alpha, x_p).
+
+    Args:
+        parameters: Table I where left out.
+    """
+    p = parameters or TrebuchetParameters()
+    slot = SlotJoint(
+        name=FULCRUM,
+        child="arm",
+        parent_point=(0, 0),
+        child_point=(0, 0),
+        axis=(1, 0),
+        coordinate="x_p",
+    )
+    return _whipper("rolling", p, slot, start=(p.theta0, p.phi0, p.alpha0, 0.0))
+
+
+def hinged(parameters: HingedParameters | None = None) -> Mechanism:
+    """The classical trebuchet; q = (theta, phi, alpha), and a trough where the projectile starts.
+
+    Args:
+        parameters: as documented there where left out.
+    """
+    p = parameters or HingedParameters()
+    whipper = fixed(TrebuchetParameters(**p.model_dump()))
+    floor = -p.l1 * math.sin(p.theta0) - p.r * math.sin(p.phi0)
+    trough = PointStop(
+        name=TROUGH, body="sling", point=(p.r, 0), normal=(0, 1), offset=floor, closed=True
+    )
+    return Mechanism(
+        name="hinged",
+        bodies=whipper.bodies,
+        joints=whipper.joints,
+        stops=(trough,),
+        markers=tuple(
+            marker for marker in whipper.markers if marker.name in (PROJECTILE, COUNTERWEIGHT)
+        ),
+        gravity=p.g,
+        start=whipper.start,
+    )
+
+
+def parameters_of(mechanism: Mechanism) -> TrebuchetParameters | None:
+    """The parameters a machine was built from; None if it is not exactly one of these two."""
+    builders = {"fixed": fixed, "rolling": rolling}
+    names = {body.name for body in mechanism.bodies}
+    if (
+        mechanism.name not in builders
+        or names != {"arm", "sling", "hanger"}
+        or len(mechanism.joints) != 3
+    ):
+        return None
+    _, sling_pin, hanger_pin = mechanism.joints
+    try:
+        parameters = TrebuchetParameters(
+            l1=sling_pin.parent_point[0],
+            l2=-hanger_pin.parent_point[0],
+            m_b=mechanism.body("sling").mass,
+            m_cw=mechanism.body("hanger").mass,
+            m_a=mechanism.body("arm").mass,
+            h=mechanism.body("hanger").centre[0],
+            r=mechanism.body("sling").centre[0],
+            g=mechanism.gravity,
+            theta0=mechanism.start[0],
+            phi0=mechanism.start[1],
+            alpha0=mechanism.start[2],
+        )
+    except InputError:
+        return None
+    return parameters if builders[mechanism.name](parameters) == mechanism else None
+
+
+def _whipper(
+    name: str, p: TrebuchetParameters, fulcrum: PinJoint | SlotJoint, start: tuple[float, ...]
+) -> Mechanism:
+    beam = p.l1 + p.l2
+    arm = Body(
+        name="arm",
+        angle="theta",
+        mass=p.m_a,
+        centre=((p.l1 - p.l2) / 2, 0),
+        inertia=p.m_a * _square(beam) / 12,
+    )
+    sling = Body(name="sling", angle="phi", mass=p.m_b, centre=(p.r, 0), inertia=0)
+    hanger = Body(name="hanger", angle="alpha", mass=p.m_cw, centre=(p.h, 0), inertia=0)
+    return Mechanism(
+        name=name,
+        bodies=(arm, sling, hanger),
+        joints=(
+            fulcrum,
+            PinJoint(
+                name=SLING_PIN,
+                parent="arm",
+                child="sling",
+                parent_point=(p.l1, 0),
+                child_point=(0, 0),
+            ),
+            PinJoint(
+                name=HANGER_PIN,
+                parent="arm",
+                child="hanger",
+                parent_point=(-p.l2, 0),
+                child_point=(0, 0),
+            ),
+        ),
+        stops=_stops(p),
+        markers=(
+            Marker(name=PROJECTILE, body="sling", point=(p.r, 0)),
+            Marker(name=COUNTERWEIGHT, body="hanger", point=(p.h, 0)),
+            Marker(name="arm centre", body="arm", point=arm.centre),
+        ),
+        gravity=p.g,
+        start=start,
+    )
+
+
+def _stops(p: TrebuchetParameters) -> tuple[Stop, ...]:
+    # The two rests stand where the machine starts (paper Eqs. 6, 7: phi_0 = phi[0], alpha_0 =
+    # alpha[0]), so a machine with other start angles has its rests elsewhere, and both always touch
+    # at the start.
+    hanger = Stop(
+        name=HANGER_REST,
+        body="hanger",
+        relative_to="arm",
+        sense=-1,
+        limit=p.theta0 - p.alpha0,
+        closed=True,
+    )
+    sling = Stop(
+        name=SLING_REST,
+        body="sling",
+        relative_to="arm",
+        sense=1,
+        limit=p.phi0 - p.theta0,
+        closed=True,
+    )
+    arm = Stop(name=ARM_STOP, body="arm", sense=-1, limit=-3 * math.pi / 2, closed=False)
+    return (hanger, sling, arm)
+
+
+def loaded_arm(l1: float, l2: float, mass: float, loads: Mapping[float, float]) -> Body:
+    """A uniform rod from -l2 to l1 along its own x axis, with point masses fixed to it.
+
+    Args:
+        l1, l2: from the fulcrum to the sling's and to the counterweight's end [m].
+        mass: of the rod alone [kg].
+        loads: mass [kg] at each position along the arm [m].
+    """
+    middle, whole = (l1 - l2) / 2, mass + sum(loads.values())
+    centre = (mass * middle + sum(load * x for x, load in loads.items())) / whole
+    rod = mass * (_square(l1 + l2) / 12 + _square(middle - centre))
+    points = sum(load * _square(x - centre) for x, load in loads.items())
+    return Body(name="arm", angle="theta", mass=whole, centre=(centre, 0), inertia=rod + points)
+
+
+def _square(length: float) -> float:
+    """Square of a length [m^2].
+
+    Raises:
+        InputError: it is beyond the largest float64.
+    """
+    try:
+        return length**2
+    except OverflowError:
+        raise InputError(
+            f"a length of {length!r} m is too large: its square must be a number, below 1.8e308."
+        ) from None
