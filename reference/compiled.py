@@ -112,8 +112,8 @@ class CompiledEquations:
 def not_unique(name: str) -> SimulationError:
     """The error of a mechanism without unique accelerations."""
     return SimulationError(
-        f"{name!r} has no unique accelerations in a state it comes to: a body without inertia about its joint, or a "
-        "singular position, in which its constraints are dependent."
+        f"{name!r} has no unique accelerations in a state it comes to: a body without inertia "
+        "about its joint, or a singular position, in which its constraints are dependent."
     )
 
 

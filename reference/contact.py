@@ -356,15 +356,14 @@ class ActiveSet:
             self.releases[name] = t
 
     def _refuse_open_loops(self, q: FloatArray, u: FloatArray) -> None:
-        residual, speeds = (
-            self.equations.loop_residual(q),
-            self.equations.constraint_jacobian(q, ()) @ u,
-        )
+        residual = self.equations.loop_residual(q)
+        speeds = self.equations.constraint_jacobian(q, ()) @ u
         if np.any(np.abs(residual) > _FITS) or np.any(np.abs(speeds) > _FITS):
             worst = f"{np.abs(residual).max():.3g} m and {np.abs(speeds).max():.3g} m/s"
             names = ", ".join(joint.name for joint in self.problem.mechanism.loop_joints)
             raise InputError(
-                f"start does not fit the joints that close a loop ({names}): their points stand apart by up to {worst}."
+                f"start does not fit the joints that close a loop ({names}): their points stand "
+                f"apart by up to {worst}."
             )
 
 

@@ -384,7 +384,8 @@ def _rank_near(equations: Equations, q: FloatArray, closed: Sequence[str]) -> in
         if _nearest(equations, guess, closed, np.zeros(len(closed)), rank) is None:
             names = (*(joint.name for joint in equations.mechanism.loop_joints), *closed)
             raise SimulationError(
-                f"{equations.mechanism.name!r} is in a singular position: the constraints of {', '.join(names)} depend "
+                f"{equations.mechanism.name!r} is in a singular position: the constraints of "
+                f"{', '.join(names)} depend "
                 "on each other there and not beside it, so accelerations are not unique."
             )
     return rank

@@ -125,6 +125,6 @@ def refuse_dependent(equations: Equations, q: FloatArray, closed: Sequence[str],
         return
     joints, stops = undetermined_forces(equations, q, closed)
     raise UnsupportedProblemError(
-        f"{what} needs constraints that are independent of each other; here the forces of {', '.join(joints + stops)} "
-        "are not unique."
+        f"{what} needs constraints that are independent of each other; here the forces of "
+        f"{', '.join(joints + stops)} are not unique."
     )

@@ -128,8 +128,8 @@ class Watch:
             self.level = 0.5 * min(least, self.level, self._least(q))
             if self.level < _VANISHES:
                 raise SimulationError(
-                    f"the reference gave up at t = {start:.6g} s near a singular position: no smooth motion through "
-                    "it was found."
+                    f"the reference gave up at t = {start:.6g} s near a singular position: no "
+                    "smooth motion through it was found."
                 )
         return window
 
@@ -159,8 +159,9 @@ class Watch:
                 )
                 return replace(window, start=start, passages=passages)
         raise SimulationError(
-            f"the reference cannot start at t = {start:.6g} s in a singular position, in which constraints that are "
-            "independent beside it depend on each other, at rest or with a speed that tells no branch of its motion."
+            f"the reference cannot start at t = {start:.6g} s in a singular position, in which "
+            "constraints that are independent beside it depend on each other, at rest or with a "
+            "speed that tells no branch of its motion."
         )
 
     def projected(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -268,9 +269,10 @@ class Watch:
             )
         if _CLOSES < open_by < _DRIFT:
             raise SimulationError(
-                f"the reference gave up at t = {passages[0].time:.6g} s near a singular position: the loops fail to "
-                f"have one there by {open_by:.1g} of their size, so that rounding decides on the branch; lengths that "
-                "are meant to be equal need all their digits."
+                f"the reference gave up at t = {passages[0].time:.6g} s near a singular position: "
+                f"the loops fail to have one there by {open_by:.1g} of their size, so that "
+                "rounding decides on the branch; lengths that are meant to be equal need all their "
+                "digits."
             )
         return open_by < _CLOSES
 
@@ -326,9 +328,10 @@ class Watch:
         if np.all(values[[0, 3]].sum(axis=0) < 3 * values[[1, 2]].sum(axis=0)):
             return
         raise SimulationError(
-            f"the reference gave up at t = {time:.6g} s in a singular position: constraints that are independent "
-            "beside it depend on each other there, and the mechanism comes to it at rest or where branches of its "
-            "motion touch, so its speed does not tell how it moves on."
+            f"the reference gave up at t = {time:.6g} s in a singular position: constraints that "
+            "are independent beside it depend on each other there, and the mechanism comes to it "
+            "at rest or where branches of its motion touch, so its speed does not tell how it "
+            "moves on."
         )
 
     def _collocated(
@@ -414,8 +417,8 @@ class Window:
         """
         if releases and np.any(np.abs(self.poles - end) < BESIDE * self.motion.half):
             raise SimulationError(
-                f"the reference gave up at t = {end:.6g} s: a stop opens in a singular position, in which its torque "
-                "grows beyond all bounds."
+                f"the reference gave up at t = {end:.6g} s: a stop opens in a singular position, "
+                "in which its torque grows beyond all bounds."
             )
         return replace(
             self,
@@ -524,10 +527,8 @@ def collocated(
     base = (given.time - start) / half - 1.0
     x, to_series, once, twice = gauss(n, base)
     once, twice = half * once, half**2 * twice
-    start_q, start_u = (
-        given.q + half * np.outer(x - base, given.u),
-        np.broadcast_to(given.u, (n, len(given.u))),
-    )
+    start_q = given.q + half * np.outer(x - base, given.u)
+    start_u = np.broadcast_to(given.u, (n, len(given.u)))
     a = (
         _first(accelerations, given, base, n)
         if guess is None

@@ -46,10 +46,8 @@ class Segment:
         regular = np.ones(len(t), dtype=bool)
         for window in self.windows:
             inside = (t >= window.start) & (t <= window.end)
-            a[inside], multipliers[inside] = (
-                window.accelerations(t[inside]),
-                window.multipliers(t[inside]),
-            )
+            a[inside] = window.accelerations(t[inside])
+            multipliers[inside] = window.multipliers(t[inside])
             regular &= ~inside
         if regular.any():
             a[regular], multipliers[regular] = equations.solve(q[regular], u[regular], self.closed)
@@ -94,7 +92,10 @@ class Solution(Shown):
     def headline(self) -> str:
         """Whose motion, how far, and through how many events."""
         name, end = self.problem.mechanism.name, self.segments[-1].end
-        return f"Solution of {name!r}: continuous from 0 to {end:.6g} s in {len(self.segments)} segments"
+        return (
+            f"Solution of {name!r}: continuous from 0 to {end:.6g} s in {len(self.segments)} "
+            "segments"
+        )
 
     def facts(self) -> Iterator[tuple[str, str]]:
         """Its events."""
@@ -113,7 +114,8 @@ class Solution(Shown):
         end = self.segments[-1].end
         if len(t) and (t.min() < 0 or t.max() > end):
             raise InputError(
-                f"the reference covers 0 to {end:.6g} s; {t.min():.6g} to {t.max():.6g} s was asked for."
+                f"the reference covers 0 to {end:.6g} s; {t.min():.6g} to {t.max():.6g} s was "
+                "asked for."
             )
         n_q = len(self.problem.mechanism.coordinates)
         q, u = (np.empty((len(t), n_q)) for _ in range(2))
@@ -160,14 +162,10 @@ class Solution(Shown):
     def joint_reactions(self, motion: Motion) -> dict[str, FloatArray]:
         """Force on each joint's child, world frame [N], shape (n, 2), by Newton's law for its subtree."""
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
-        gravity, applied = (
-            np.array(mechanism.gravity_vector),
-            self.equations.applied_on_bodies(motion.q, motion.u),
-        )
-        second, needed = (
-            kinematics.second_flow(motion.q, motion.u, motion.a),
-            dict[str, FloatArray](),
-        )
+        gravity = np.array(mechanism.gravity_vector)
+        applied = self.equations.applied_on_bodies(motion.q, motion.u)
+        second = kinematics.second_flow(motion.q, motion.u, motion.a)
+        needed = dict[str, FloatArray]()
         for body in mechanism.bodies:
             acceleration = as_vectors(
                 weighted(second, kinematics.point(body.name, body.centre).coefficients)
@@ -275,16 +273,12 @@ class Solution(Shown):
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
         markers: dict[str, PointMotion] = {}
         with numerical("with the figures of its motion"):
-            phasors, flow = (
-                kinematics.phasors(motion.q),
-                kinematics.flow(motion.q, motion.u, kinematics.rates(motion.q)),
-            )
+            phasors = kinematics.phasors(motion.q)
+            flow = kinematics.flow(motion.q, motion.u, kinematics.rates(motion.q))
             for marker in mechanism.markers:
                 row = kinematics.point(marker.body, marker.point)
-                position, velocity = (
-                    weighted(phasors, row.coefficients),
-                    weighted(flow, row.coefficients),
-                )
+                position = weighted(phasors, row.coefficients)
+                velocity = weighted(flow, row.coefficients)
                 markers[marker.name] = PointMotion(
                     as_vectors(row.offset + position), as_vectors(velocity)
                 )

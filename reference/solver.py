@@ -180,10 +180,8 @@ class _Integration:
     def _segment(self, initial: PostEventState) -> tuple[Segment, list[Event]]:
         """Integrate under one active set, to its first events or to the end."""
         finder = EventFinder(self.equations, initial, self.active_set.event_functions(initial))
-        y, tolerance = (
-            np.concatenate([initial.q, initial.u]),
-            (self.tolerances["rtol"], self.tolerances["atol"]),
-        )
+        y = np.concatenate([initial.q, initial.u])
+        tolerance = (self.tolerances["rtol"], self.tolerances["atol"])
         segment, events, stepper = integrate_segment(
             self.equations,
             initial.closed,

@@ -103,7 +103,10 @@ class Certificate(Reported, Spec):
     def headline(self) -> str:
         """How many figures, from how many computations."""
         number = sum(computation.independent for computation in self.computations)
-        return f"Certificate of {self.model!r}: {len(self.figures)} figures from {number} independent computations"
+        return (
+            f"Certificate of {self.model!r}: {len(self.figures)} figures from {number} independent "
+            "computations"
+        )
 
     def rows(self) -> Iterator[dict[str, object]]:
         """A figure a row."""
@@ -299,6 +302,6 @@ def refusal(
         return None
     label = metric if subject is None else f"{metric} ({subject})"
     return (
-        f"the tolerance {tolerance:.2g} of {label} is finer than {REFUSED_BELOW:g} times the reference's own "
-        f"uncertainty, {uncertainty:.2g}: it cannot be judged"
+        f"the tolerance {tolerance:.2g} of {label} is finer than {REFUSED_BELOW:g} times the "
+        f"reference's own uncertainty, {uncertainty:.2g}: it cannot be judged"
     )

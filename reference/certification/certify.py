@@ -53,8 +53,9 @@ if TYPE_CHECKING:
 LADDER = (1e-10, 1e-11, 1e-12, 1e-13, 3e-14)
 BEST = "taylor, extended"
 RULE = (
-    "3 max_i |v_i - v| + 3 max_k |v_k - v| (tol / tol_k)^(7/8) + 16 eps max |v|; v: extended Taylor, else the median "
-    "of the independent v_i; v_k: coarser rungs; the last two terms the largest over all figures of the kind"
+    "3 max_i |v_i - v| + 3 max_k |v_k - v| (tol / tol_k)^(7/8) + 16 eps max |v|; v: extended "
+    "Taylor, else the median of the independent v_i; v_k: coarser rungs; the last two terms the "
+    "largest over all figures of the kind"
 )
 PAPER_MACHINES = ("fixed", "rolling")
 _SEARCH = (2.2, 5.5)  # characteristic times up to which the launch is searched
@@ -211,10 +212,8 @@ def judge(
         if len(independent) > 1 and names <= values.keys()
     }
     best = {key: _best(values, independent) for key, values in kept.items()}
-    moved, scale = (
-        defaultdict[tuple[str, str], float](float),
-        defaultdict[tuple[str, str], float](float),
-    )
+    moved = defaultdict[tuple[str, str], float](float)
+    scale = defaultdict[tuple[str, str], float](float)
     for key, values in kept.items():
         kind = _kind(key)
         scale[kind] = max(scale[kind], abs(best[key]))
@@ -255,10 +254,8 @@ def _problem(
 ) -> tuple[Problem, Plan]:
     """To just past the launch; or the given duration or some steps, for a machine that does not launch."""
     if duration is not None:
-        problem, step = (
-            Problem(mechanism, duration=duration, stop_law=stop_law),
-            grid_step(duration / 2),
-        )
+        problem = Problem(mechanism, duration=duration, stop_law=stop_law)
+        step = grid_step(duration / 2)
         motion = MinimalMotion(solve(problem))
         return problem, replace(plan(mechanism, motion, duration, step), launches=False)
     scale = _time_scale(mechanism)

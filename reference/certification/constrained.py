@@ -139,7 +139,8 @@ def integrate(system: ConstrainedSystem, duration: float, tolerance: float) -> C
     """
     if len(system.stops) > _MOST_STOPS:
         raise SimulationError(
-            f"{len(system.stops)} stops touch at the start; at most {_MOST_STOPS} are followed here."
+            f"{len(system.stops)} stops touch at the start; at most {_MOST_STOPS} are followed "
+            "here."
         )
     t, y = 0.0, system.start
     releases: dict[str, float | None] = dict.fromkeys(system.stops)

@@ -522,10 +522,8 @@ class Vectors:
             turning: which of the directions turn with the second body, shape (m,); none if left
                 out.
         """
-        rows, moments = (
-            np.zeros((len(self), self._n + 3)),
-            _dot(along[:, None], right_angle(ends.arms)),
-        )
+        rows = np.zeros((len(self), self._n + 3))
+        moments = _dot(along[:, None], right_angle(ends.arms))
         rows[self._number, self._columns[:, 0, :2]] = along
         rows[self._number[:, 0], self._columns[:, 0, 2]] = moments[:, 0]
         rows[self._number, self._columns[:, 1, :2]] -= along

@@ -128,11 +128,9 @@ def _is_idle(equations: VariationalEquations, segment: Segment, name: str) -> bo
     k, angles = equations.n_loops + segment.closed.index(name), equations.kinematics.is_angle > 0
     for t in np.linspace(segment.start, segment.end, 3):
         q, u = np.asarray(segment.interpolant(t), dtype=np.float64).reshape(2, -1)
-        row, mass, forces = (
-            gap_jacobian(equations, q, (name,))[0],
-            equations.mass_matrix(q),
-            equations.forces(q, u),
-        )
+        row = gap_jacobian(equations, q, (name,))[0]
+        mass = equations.mass_matrix(q)
+        forces = equations.forces(q, u)
         mobility = float(row @ np.linalg.solve(mass, row))
         turning = float(u @ mass @ u) * np.abs(u[angles]).max(initial=0.0) ** 2
         size = np.sqrt((float(forces @ np.linalg.solve(mass, forces)) + turning) / mobility)

@@ -228,16 +228,15 @@ def _possible(
     mechanism: Mechanism, found: list[PhysicalNumber]
 ) -> tuple[list[PhysicalNumber], list[str]]:
     """Without those that tear loops apart, whatever the start does."""
-    equations, q = (
-        VariationalEquations(mechanism, [number.direction for number in found]),
-        mechanism.start,
-    )
+    equations = VariationalEquations(mechanism, [number.direction for number in found])
+    q = mechanism.start
     start = Dual(np.array(q), equations.along_each("start", len(q)))
     torn = equations.misfits(
         start, movable(equations, [stop.name for stop in mechanism.stops if stop.closed])
     )
     sentences = [
-        f"there is no derivative by the {found[j].name}: a change of it alone would lock the mechanism or open a loop"
+        f"there is no derivative by the {found[j].name}: a change of it alone would lock the "
+        "mechanism or open a loop"
         for j in torn
     ]
     return [number for j, number in enumerate(found) if j not in torn], sentences

@@ -115,8 +115,9 @@ def whipper_sensitivities(
     if solution.launch is None:
         spent = solution.problem.duration
         raise InputError(
-            f"the {mechanism.name!r} machine does not launch within duration = {spent:g} s: its projectile's "
-            "velocity never comes down to 45 degrees; another machine or a longer duration is needed."
+            f"the {mechanism.name!r} machine does not launch within duration = {spent:g} s: its "
+            "projectile's velocity never comes down to 45 degrees; another machine or a longer "
+            "duration is needed."
         )
     values = np.array([_value(mechanism, p, name) for name in directions])
     return _of_the_release(
@@ -361,7 +362,8 @@ def _refuse_another_machine(
             a, b = actual.get(name), expected.get(name)
             if a is None or b is None or abs(a - b) > _SAME * max(1.0, abs(a), abs(b)):
                 raise InputError(
-                    f"build makes {name} = {a!r} where the whipper trebuchet has {b!r}; sensitivities to its "
+                    f"build makes {name} = {a!r} where the whipper trebuchet has {b!r}; "
+                    "sensitivities to its "
                     "parameters are known for the fixed and the rolling machine."
                 )
 
@@ -391,10 +393,8 @@ def sensitivities_of(
         joint = origin(mechanism)
         known, sentences = physical_numbers(mechanism, performance.projectile.name)
         units = {each.name: each.unit for each in known}
-        values, directions = (
-            np.array([each.value for each in known]),
-            {each.name: each.direction for each in known},
-        )
+        values = np.array([each.value for each in known])
+        directions = {each.name: each.direction for each in known}
     else:
         p = parameters or TrebuchetParameters()
         directions = parameter_directions(lambda p: model(name, p), p) | _start_directions(

@@ -94,7 +94,8 @@ def state_tangent(
     """
     if not 0 <= t <= solution.segments[-1].end:
         raise InputError(
-            f"t = {t:g} s lies outside the solution, which covers 0 to {solution.segments[-1].end:.6g} s."
+            f"t = {t:g} s lies outside the solution, which covers 0 to "
+            f"{solution.segments[-1].end:.6g} s."
         )
     _refuse_singular(solution, t)
     with one_thread():
@@ -105,8 +106,8 @@ def _refuse_singular(solution: Solution, t: float) -> None:
     for passage in solution.singular_passages:
         if passage.time <= t:
             raise UnsupportedProblemError(
-                f"the motion passes a singular position at t = {passage.time:.6g} s; its derivative is known before it "
-                "only."
+                f"the motion passes a singular position at t = {passage.time:.6g} s; its "
+                "derivative is known before it only."
             )
 
 
@@ -290,8 +291,8 @@ class _Along:
 
 def _not_smooth(t: float, why: str) -> UnsupportedProblemError:
     return UnsupportedProblemError(
-        f"the motion does not depend smoothly on its numbers after t = {t:.6g} s: {why}; derivatives are known before "
-        "it only."
+        f"the motion does not depend smoothly on its numbers after t = {t:.6g} s: {why}; "
+        "derivatives are known before it only."
     )
 
 

@@ -91,10 +91,8 @@ def consistent_directions(
     dq = equations.along_each("start", len(q))
     jacobian = equations.constraint_jacobian(q, closed)
     if len(jacobian):
-        residuals, rank = (
-            equations.residual_tangents(Dual(q, dq), closed),
-            equations.rank(q, closed),
-        )
+        residuals = equations.residual_tangents(Dual(q, dq), closed)
+        rank = equations.rank(q, closed)
         dq = dq - np.stack(
             [least_step(jacobian, residual, rank) for residual in residuals.T], axis=1
         )
@@ -365,8 +363,9 @@ class VariationalEquations(Equations):
         misfits = np.abs(self.residual_tangents(q, closed)).max(axis=0, initial=0.0)
         for j in self.misfits(q, closed, fits):
             raise InputError(
-                f"{self._names[j]} moves {what} off its closed stops {tuple(closed)} or loops by {misfits[j]:.3g} per "
-                "unit; a motion is not differentiable there: move the stop's limit (or the joint) along."
+                f"{self._names[j]} moves {what} off its closed stops {tuple(closed)} or loops by "
+                f"{misfits[j]:.3g} per unit; a motion is not differentiable there: move the stop's "
+                "limit (or the joint) along."
             )
 
     def misfits(self, q: Dual, closed: Sequence[str], fits: float = _FITS) -> list[int]:

@@ -142,7 +142,8 @@ class _Kind:
     def refusal(self, mechanism: Mechanism, index: int) -> InputError:
         """One sentence for a machine of another kind."""
         return InputError(
-            f"mechanisms[{index}] ({mechanism.name!r}) differs from the first ({self.name!r}) in its coordinates, "
+            f"mechanisms[{index}] ({mechanism.name!r}) differs from the first ({self.name!r}) in "
+            "its coordinates, "
             "stops, loops, force elements or projectile; a batch needs machines of one kind."
         )
 
@@ -177,10 +178,8 @@ class _Machines:
         self.parameters = np.zeros((self.structure.n_parameters, n))
         self.parameters[: self.structure.n_numbers] = numbers[:, np.array(self.structure.present)].T
         self.states, self.speed_scales = np.empty((2 * n_q, n)), np.empty(n)
-        self.projectiles, self.plain = (
-            np.empty((n, n_q), dtype=np.complex128),
-            np.empty(n, dtype=bool),
-        )
+        self.projectiles = np.empty((n, n_q), dtype=np.complex128)
+        self.plain = np.empty(n, dtype=bool)
         for indices, problem, kinematics in groups:
             projectile = projectile_row(problem.mechanism, kinematics)
             self.states[:, indices] = np.concatenate(initial_state(problem.mechanism), axis=-1).T
@@ -373,11 +372,9 @@ class _Lanes:
 
     def _is_launch(self, lane: int) -> bool:
         """Record a launch, if it is one: not the opposite direction, nor a start from rest."""
-        i, time, state = (
-            self.machine[lane],
-            float(self.integrator.time[lane]),
-            self.state[:-1, lane].copy(),
-        )
+        i = self.machine[lane]
+        time = float(self.integrator.time[lane])
+        state = self.state[:-1, lane].copy()
         velocity = self.machines.velocity(i, state)
         if not is_launch(velocity, scale=self.machines.speed_scales[i]):
             return False

@@ -73,10 +73,8 @@ def batch_pool(structure: Structure, tolerance: float, lanes: int) -> _Pool:
         hy, system = heyoka(), TaylorSystem(structure)
         falls = hy.event_direction.negative
         events = [hy.t_event_batch(function, direction=falls) for function in system.events]
-        state, pars = (
-            np.zeros((structure.n_states, lanes)),
-            np.ones((structure.n_parameters, lanes)),
-        )
+        state = np.zeros((structure.n_states, lanes))
+        pars = np.ones((structure.n_parameters, lanes))
         compact = _is_compact(system)
         return hy.taylor_adaptive_batch(
             system.rates, state, pars=pars, t_events=events, tol=tolerance, compact_mode=compact

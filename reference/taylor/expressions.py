@@ -42,7 +42,8 @@ def heyoka() -> Any:
         return importlib.import_module("heyoka")
     except ImportError:
         raise EngineNotInstalledError(
-            "the Taylor integrator needs heyoka, which is not installed here; on Linux `pip install heyoka` brings it."
+            "the Taylor integrator needs heyoka, which is not installed here; on Linux `pip "
+            "install heyoka` brings it."
         ) from None
 
 
@@ -540,10 +541,8 @@ def why_not_taylor(problem: Problem) -> str | None:
     """Why "auto" integrates a problem with DOP853, half a sentence; None where it takes Taylor series."""
     if importlib.util.find_spec("heyoka") is None:
         return "heyoka is not installed"
-    mechanism, closed = (
-        problem.mechanism,
-        [stop.name for stop in problem.mechanism.stops if stop.closed],
-    )
+    mechanism = problem.mechanism
+    closed = [stop.name for stop in problem.mechanism.stops if stop.closed]
     if Equations(mechanism).basis(np.array(mechanism.start), closed) is not None:
         return "its constraints depend on each other"
     kinematics = Kinematics(mechanism)

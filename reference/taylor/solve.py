@@ -205,7 +205,8 @@ class _Integration:
                 n_events += 1
                 if n_events > _MAX_EVENTS:
                     raise SimulationError(
-                        f"the reference met more than {_MAX_EVENTS} events by t = {initial.t:.6g} s."
+                        f"the reference met more than {_MAX_EVENTS} events by t = {initial.t:.6g} "
+                        "s."
                     )
 
     def start_torques(self) -> dict[str, np.floating[Any]]:
@@ -508,8 +509,8 @@ class Crossing:
         window = window.until(end, releases(events))
         if launched is not None and self._passes_launch(window, launched):
             raise SimulationError(
-                f"the Taylor integrator looks for no launch beside a singular position, from t = {window.start:.6g} s "
-                f"to {window.end:.6g} s; DOP853 does."
+                "the Taylor integrator looks for no launch beside a singular position, from t = "
+                f"{window.start:.6g} s to {window.end:.6g} s; DOP853 does."
             )
         q, u = self._watch.projected(*window.dense_output()(end).reshape(2, -1))
         integrator.time = type(integrator.time)(end)
@@ -628,6 +629,7 @@ def checked_tolerance(tolerance: float | None, real: RealType) -> float:
         return least
     if not least <= tolerance <= _COARSEST:
         raise InputError(
-            f"tolerance = {tolerance!r} is not between {least:.3g} (the precision's) and {_COARSEST}."
+            f"tolerance = {tolerance!r} is not between {least:.3g} (the precision's) and "
+            f"{_COARSEST}."
         )
     return float(tolerance)

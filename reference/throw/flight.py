@@ -160,7 +160,8 @@ def downwards(mechanism: Mechanism) -> float:
     """
     if math.dist(mechanism.gravity_direction, (0.0, -1.0)) > LEVEL:
         raise InputError(
-            f"gravity_direction = {mechanism.gravity_direction!r} of {mechanism.name!r} must be (0, -1) for a throw: "
+            f"gravity_direction = {mechanism.gravity_direction!r} of {mechanism.name!r} must be "
+            "(0, -1) for a throw: "
             "range and height are measured along x and y; turn the mechanism's points instead."
         )
     return mechanism.gravity
@@ -179,8 +180,9 @@ def fly(release: Release, surroundings: Surroundings) -> Flight:
     )
     if flight is None:
         raise InputError(
-            f"a projectile released at y = {release.position[1]:.6g} m with {release.velocity[1]:.6g} m/s upwards "
-            f"never comes up to the landing height y = {surroundings.ground:.6g} m; a lower one is needed."
+            f"a projectile released at y = {release.position[1]:.6g} m with "
+            f"{release.velocity[1]:.6g} m/s upwards never comes up to the landing height y = "
+            f"{surroundings.ground:.6g} m; a lower one is needed."
         )
     return flight
 

@@ -111,8 +111,8 @@ class Projectile:
         """
         if self.arm is None:
             raise InputError(
-                f"there is no sling angle: the {self.name} is part of the {self.body.name!r}, which hangs on no other "
-                "body; a release angle or a release time is needed."
+                f"there is no sling angle: the {self.name} is part of the {self.body.name!r}, "
+                "which hangs on no other body; a release angle or a release time is needed."
             )
         return self.solution.equations.kinematics.angle(self.body.name, self.arm).value(
             self.solution.motion(t).q
@@ -141,7 +141,8 @@ class Projectile:
         launch = self.solution.launch_at(angle, self.name)
         if launch is None:
             raise InputError(
-                f"the {self.name}'s velocity never comes down to {math.degrees(angle):.6g} deg above the horizontal "
+                f"the {self.name}'s velocity never comes down to {math.degrees(angle):.6g} deg "
+                "above the horizontal "
                 f"within {self.end:.6g} s; another release angle, or a release time, is needed."
             )
         return self.release_at(launch.time)
@@ -160,7 +161,8 @@ class Projectile:
         if not len(beyond):
             low, high = math.degrees(reached.min()), math.degrees(reached.max())
             raise InputError(
-                f"sling angle = {math.degrees(angle):.6g} deg is never reached: once free, the {self.body.name} takes "
+                f"sling angle = {math.degrees(angle):.6g} deg is never reached: once free, the "
+                f"{self.body.name} takes "
                 f"{low:.6g} to {high:.6g} deg from its arm in the first sweep."
             )
         near = times[beyond[0] : beyond[0] + 2]

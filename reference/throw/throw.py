@@ -104,20 +104,16 @@ def perform(
             )
         released, description = farthest, "for the longest range"
     elif "release_time" in chosen:
-        released, description = (
-            projectile.release_at(chosen["release_time"]),
-            f"at {chosen['release_time']:.9g} s",
-        )
+        released = projectile.release_at(chosen["release_time"])
+        description = f"at {chosen['release_time']:.9g} s"
     elif "sling_angle" in chosen:
         angle = chosen["sling_angle"]
         description = f"sling at {math.degrees(angle):.6g} deg to arm"
         released = projectile.release_at_sling_angle(angle)
     else:
         angle = chosen.get("release_angle", LAUNCH_ANGLE)
-        released, description = (
-            projectile.release_at_angle(angle),
-            f"velocity at {math.degrees(angle):.6g} deg",
-        )
+        released = projectile.release_at_angle(angle)
+        description = f"velocity at {math.degrees(angle):.6g} deg"
     flight = fly(released, surroundings)
     best_flight = None if farthest is None else fly(farthest, surroundings)
     figures = _figures(projectile, air, height, description, flight, best_flight)
@@ -152,7 +148,8 @@ def _placed(
     if body is not None:
         if density is not None:
             raise InputError(
-                f"body = {body!r} brings its own density; leave out density = {density!r}, or the body."
+                f"body = {body!r} brings its own density; leave out density = {density!r}, or the "
+                "body."
             )
         location = world(body)
         adapted = mechanism.model_copy(update={"gravity": location.gravity})
@@ -184,8 +181,9 @@ def surroundings_of(projectile: Projectile, air: Air, height: float) -> Surround
     if air.density * air.drag_area > 0:
         if projectile.mass is None:
             raise InputError(
-                f"drag needs the projectile's own mass, but the marker {projectile.name!r} has none and is not the "
-                f"centre of a point mass {projectile.body.name!r}; leave out the drag area, or give the marker a mass."
+                f"drag needs the projectile's own mass, but the marker {projectile.name!r} has "
+                f"none and is not the centre of a point mass {projectile.body.name!r}; leave out "
+                "the drag area, or give the marker a mass."
             )
         drag = air.drag(projectile.mass)
     x, y = _fulcrum(projectile.solution)
@@ -202,10 +200,8 @@ def origin(mechanism: Mechanism) -> AnyJoint:
 def _fulcrum(solution: Solution) -> tuple[float, float]:
     """Where the machine's :func:`origin` stands at the start [m]."""
     joint, kinematics = origin(solution.problem.mechanism), solution.equations.kinematics
-    row, start = (
-        kinematics.point(joint.child, joint.child_point),
-        np.array(solution.problem.mechanism.start),
-    )
+    row = kinematics.point(joint.child, joint.child_point)
+    start = np.array(solution.problem.mechanism.start)
     x, y = kinematics.position(row, start)
     return float(x), float(y)
 
@@ -280,14 +276,15 @@ def _rest(solution: Solution, name: str, torque: float, until: float) -> RestFig
 
 def _warnings(of_members: Iterable[MemberForce], of_supports: Iterable[SupportForce]) -> list[str]:
     slack_warnings = [
-        f"the {m.name} is in compression {spoken(m.compressed)} (down to {m.peak_compression / 1e3:.4g} kN at "
+        f"the {m.name} is in compression {spoken(m.compressed)} (down to "
+        f"{m.peak_compression / 1e3:.4g} kN at "
         f"{m.peak_compression_time:.4g} s): a rope would be slack there"
         for m in of_members
         if m.two_force and m.compressed
     ]
     return slack_warnings + [
-        f"the ground would have to pull the wheels of {s.joint!r} down {spoken(s.pulls_down)} (with up to "
-        f"{-s.least / 1e3:.4g} kN at {s.least_time:.4g} s): they would lift off"
+        f"the ground would have to pull the wheels of {s.joint!r} down {spoken(s.pulls_down)} "
+        f"(with up to {-s.least / 1e3:.4g} kN at {s.least_time:.4g} s): they would lift off"
         for s in of_supports
         if s.rolls and s.pulls_down and s.least is not None
     ]
@@ -307,8 +304,8 @@ def _passed_stops(solution: Solution, until: float) -> list[str]:
         through = np.flatnonzero(solution.equations.kinematics.gap(stop.name, q) < _THROUGH)
         if len(through):
             warnings.append(
-                f"the motion goes through the {stop.name!r} at {times[through[0]]:.4g} s, before the release: "
-                "a real machine would hit it there"
+                f"the motion goes through the {stop.name!r} at {times[through[0]]:.4g} s, before "
+                "the release: a real machine would hit it there"
             )
     return warnings
 
@@ -418,7 +415,10 @@ class Throw(Reported, Spec):
 
     def headline(self) -> str:
         """The range, and how it was let go."""
-        return f"Throw of {self.mechanism.name!r}: range {self.flight.range:.6g} m, released {self.released}"
+        return (
+            f"Throw of {self.mechanism.name!r}: range {self.flight.range:.6g} m, released "
+            f"{self.released}"
+        )
 
     def rows(self) -> Iterator[dict[str, object]]:
         """The release chosen, and the best one: figures of launch and flight."""
