@@ -153,7 +153,7 @@ def one_thread() -> Generator[None]:
 
 @contextmanager
 def numerical(when: str) -> Generator[None, None, None]:
-    """Computing of the reference that may leave the finite numbers: no warnings, and one error for what fails.
+    """Context of computations that may leave the finite numbers: one error for what fails.
 
     Whoever uses this checks that the result is finite.
 

@@ -1,4 +1,4 @@
-"""Forces of the joints: by Newton's law from accelerations and multipliers, and which of them are not unique."""
+"""Forces of the joints by Newton's law, and which of them are not unique."""
 
 from __future__ import annotations
 

@@ -192,7 +192,7 @@ def _called(item: Spec) -> dict[str, str]:
 
 
 def _starts(mechanism: Mechanism) -> Iterator[PhysicalNumber]:
-    """Of the coordinates that loops let choose; the loops' others follow, and closed stops stay where they touch."""
+    """The coordinates that loops let choose; closed stops stay where they touch."""
     equations, q = Equations(mechanism), initial_state(mechanism)[0]
     closed = [stop for stop in mechanism.stops if stop.closed]
     jacobian = equations.constraint_jacobian(q, [stop.name for stop in closed])

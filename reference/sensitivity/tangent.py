@@ -1,4 +1,4 @@
-"""Derivatives of a motion's state and events along directions of the mechanism's numbers, through releases and impacts.
+"""Derivatives of a motion's state and events along directions, through releases and impacts.
 
 Forward variational equations (Hairer, Norsett and Wanner, Solving ODEs I, Sec. I.14) are integrated
 with the motion, from one event to the next. Nothing is differenced: see :mod:`.variational`. At an
@@ -30,7 +30,7 @@ from .kinks import Kink, kinks_along, kinks_at_start, kinks_of_kicks
 from .variational import VariationalEquations, movable
 
 TOLERANCE = 1e-13
-"""Local error bound of the tangents: identities are then exact to some 1e-10, at half the cost of the solver's own."""
+"""Local error bound: identities are then exact to some 1e-10, at half the solver's cost."""
 
 _SAME = 1e-6  # relative: speeds after an impact, and times of stops met at one instant, that agree
 
@@ -77,7 +77,7 @@ class PointTangent:
 def state_tangent(
     solution: Solution, equations: VariationalEquations, t: float, tol: float = TOLERANCE
 ) -> StateTangent:
-    """Derivatives of the state at a fixed time t [s], and of the events before it, for any mechanism.
+    """Derivatives of the state at a fixed time t [s], and of the events before it.
 
     Args:
         solution: the motion.
@@ -174,7 +174,7 @@ class _Along:
         return q, u
 
     def _impulses(self, t: float) -> dict[str, float]:
-        """Of the impact at t [s], by stop that acts on the motion; none if there is none.
+        """Impulses of the impact at t [s], by stop that acts on the motion; none without one.
 
         Raises:
             UnsupportedProblemError: there are several.

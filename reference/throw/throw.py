@@ -45,7 +45,7 @@ def throw(
     body: str | None = None,
     height: float = 0.0,
 ) -> Throw:
-    """Throw with a machine and collect its figures; the velocity at 45 degrees releases if no other release is given.
+    """Throw with a machine and collect its figures; by default it lets go at 45 degrees.
 
         >>> import trebucheck as tb
         >>> from trebucheck.reference.throw.throw import throw
@@ -91,7 +91,7 @@ def perform(
     body: str | None = None,
     height: float = 0.0,
 ) -> Performance:
-    """As :func:`throw`, with the motion and the flights kept; `release` has its three kinds by name."""
+    """Throw, with the motion and flights kept; `release` has its three kinds by name."""
     chosen = _one_release(release, best)
     placed, air = _placed(mechanism, density, drag_area, body)
     projectile = swing(placed, chosen.get("release_time"))
@@ -121,7 +121,7 @@ def perform(
 
 
 def _held(chosen: dict[str, float]) -> Held:
-    """The release for the longest range by its time: to first order that range does not change with the time."""
+    """What the release holds; the best one its time, which to first order leaves its range."""
     if "sling_angle" in chosen:
         return "sling"
     return "time" if {"release_time", "best"} & chosen.keys() else "velocity"
@@ -169,7 +169,7 @@ def _placed(
 
 
 def surroundings_of(projectile: Projectile, air: Air, height: float) -> Surroundings:
-    """What acts on it in flight, and where it lands, `height` [m] above the machine's :func:`origin` at the start.
+    """Forces in flight, and the landing `height` [m] above the machine's :func:`origin`.
 
     Raises:
         InputError: the height is not finite, gravity is not downwards, or drag lacks the
@@ -192,7 +192,7 @@ def surroundings_of(projectile: Projectile, air: Air, height: float) -> Surround
 
 
 def origin(mechanism: Mechanism) -> AnyJoint:
-    """The joint that places are measured from: the fulcrum, what else on the ground carries it, or a free body's."""
+    """Joint that places are measured from: the fulcrum, another support, or a free body's."""
     on_ground = supports(mechanism) or mechanism.tree_joints
     return next((joint for joint in on_ground if carries(joint)), on_ground[0])
 
@@ -312,11 +312,11 @@ def _passed_stops(solution: Solution, until: float) -> list[str]:
 
 FORMAT = "trebucheck-throw-1"
 Held = Literal["velocity", "sling", "time"]
-"""What a release keeps when the machine changes: the angle of its velocity, or of its sling, or its time."""
+"""Quantity that a release holds when the machine changes."""
 
 
 class LaunchFigures(Spec):
-    """The projectile as it is let go; places are measured from where the fulcrum stands at the start."""
+    """Figures of the release; places are measured from the fulcrum at the start."""
 
     time: Real = Field(description="[s]")
     speed: Real = Field(description="[m/s]")
@@ -335,7 +335,7 @@ class LaunchFigures(Spec):
 
 
 class FlightFigures(Spec):
-    """From the release to the landing; places are measured from where the fulcrum stands at the start."""
+    """Figures of the flight; places are measured from the fulcrum at the start."""
 
     range: Real = Field(description="x of the landing [m]")
     apex_height: Real = Field(description="highest y [m]")
@@ -435,13 +435,13 @@ class Throw(Reported, Spec):
 
     @property
     def gain(self) -> float | None:
-        """What the best release would add to the range [m]."""
+        """Range that the best release would add [m]."""
         return None if self.best_flight is None else self.best_flight.range - self.flight.range
 
 
 @dataclass(frozen=True, eq=False)
 class Performance:
-    """A throw with the continuous motion and flights behind its figures; its figures are what is compared."""
+    """A throw's figures with the continuous motion and the flights behind them."""
 
     throw: Throw
     projectile: Projectile
