@@ -15,6 +15,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from .models.shown import Renderer, show_with
 from .renamed import install
 from .version import __version__
 
@@ -171,6 +172,15 @@ def __getattr__(name: str) -> Any:
     value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
     globals()[name] = value
     return value
+
+
+def _renderer() -> Renderer:
+    from .comparisons.report.pages import session  # when something is shown, not before
+
+    return session
+
+
+show_with(_renderer)
 
 
 def _paper() -> Any:

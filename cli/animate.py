@@ -12,8 +12,8 @@ from ..models.errors import InputError, TrebucheckError
 from . import options, output
 
 if TYPE_CHECKING:
+    from ..comparisons.runs.process import Worker
     from ..comparisons.runs.study import Study
-    from ..comparisons.runs.worker import Worker
     from ..models.drawing.scene import Scene
     from ..models.mechanism import Mechanism
     from ..models.trajectory import Trajectory
@@ -86,8 +86,8 @@ def animate_command(
 
     trebucheck animate fixed --at 0,1.5,2.74 --out fixed.svg
     """
+    from ..comparisons.runs.process import Worker
     from ..comparisons.runs.study import Study, one_end
-    from ..comparisons.runs.worker import Worker
     from ..models.drawing.animation import Animation, refuse_other_files
     from ..models.drawing.scene import refuse_magnification
 
@@ -195,7 +195,7 @@ def _of_one(
 ) -> Scene:
     from ..comparisons.report.motion import motion_scene
     from ..comparisons.runs.runner import Runner
-    from ..comparisons.runs.until import Until
+    from ..comparisons.runs.study import Until
     from ..models.problem import StopLaw
 
     first = trajectories[0]

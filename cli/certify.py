@@ -12,8 +12,8 @@ import typer
 from . import options, output
 
 if TYPE_CHECKING:
+    from ..comparisons.runs.process import Worker
     from ..comparisons.runs.study import Progress
-    from ..comparisons.runs.worker import Worker
     from ..models.machines.parameters import TrebuchetParameters
     from ..models.mechanism import Mechanism
     from ..models.problem import Problem, StopLaw
@@ -49,7 +49,7 @@ def certify_command(
 
     trebucheck certify --models squeezer
     """
-    from ..comparisons.runs.worker import Worker
+    from ..comparisons.runs.process import Worker
     from ..models.errors import SimulationError
     from ..models.files import refuse_unwritable
 
@@ -115,7 +115,7 @@ def _certified(
 def _publish(certificate: Certificate, path: Path, told: output.Told) -> None:
     """One machine's certificate, written and, unless all are printed as data at the end, shown."""
     from ..comparisons.report import html
-    from ..comparisons.report.sections import certificate_report
+    from ..comparisons.report.pages.run import certificate_report
     from ..models.files import write_text
 
     write_text(path, certificate.to_json() + "\n")

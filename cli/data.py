@@ -57,7 +57,7 @@ def data_command(
 
 def _write(name: str, assignments: list[str] | None, path: Path, timeout: float) -> None:
     from ..comparisons.data.certified import certified_dataset, content, published
-    from ..comparisons.runs.worker import Worker
+    from ..comparisons.runs.process import Worker
     from ..models.files import refuse_unwritable, write_bytes
     from ..models.problem import Problem
     from ..models.trajectory import write_dataset

@@ -69,8 +69,8 @@ def diff_command(
 
     trebucheck diff before after --json
     """
-    from ..comparisons.diff.report import document
     from ..comparisons.diff.study import diff
+    from ..comparisons.report.pages.diff import document
     from ..models.files import write_text
 
     difference = diff(old, new, factor)
@@ -91,8 +91,8 @@ def diff_command(
 
 def _text(difference: Difference, format: Format) -> str:
     """The difference in a format, whole."""
-    from ..comparisons.diff.report import document
     from ..comparisons.diff.study import data
+    from ..comparisons.report.pages.diff import document
 
     return (
         data(difference).to_json() + "\n"

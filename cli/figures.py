@@ -37,9 +37,9 @@ def figures_command(
 
     trebucheck figures report --formats pdf,png --only fixed-distances,work-precision
     """
-    from ..comparisons.compare.report import document
     from ..comparisons.compare.stored import stored
     from ..comparisons.report.figures import FORMATS, figures_of, picture, write_picture
+    from ..comparisons.report.pages.compare import document
     from ..comparisons.report.terminal import console
     from ..models.files import refuse_unwritable
 

@@ -44,8 +44,8 @@ def judge_command(
 
     trebucheck judge my.csv --model pendulum --tolerance angle=1e-6
     """
-    from ..comparisons.judge.report import document
     from ..comparisons.judge.study import judge_file
+    from ..comparisons.report.pages.judge import document
     from ..comparisons.runs.results import Outcome
     from ..comparisons.runs.study import Study, one_end
     from ..models.files import refuse_unwritable

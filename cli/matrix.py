@@ -45,8 +45,8 @@ def matrix_command(
 
     trebucheck matrix report/results.json converge/converge.json --out engines.json
     """
-    from ..comparisons.matrix.report import document
     from ..comparisons.matrix.study import read
+    from ..comparisons.report.pages.matrix import document
     from ..models.errors import InputError
     from ..models.files import refuse_unwritable, write_text
 
@@ -69,8 +69,8 @@ def matrix_command(
 
 def _text(matrix: Matrix, suffix: str) -> str:
     """In the format of the file's name."""
-    from ..comparisons.matrix.report import document
     from ..comparisons.report import html, markdown
+    from ..comparisons.report.pages.matrix import document
 
     if suffix == ".json":
         return matrix.to_json() + "\n"

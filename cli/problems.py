@@ -39,9 +39,9 @@ def problems_command(
 
     trebucheck compare --model slider-crank
     """
-    from ..comparisons.problems.report import document, listing
     from ..comparisons.problems.study import check
-    from ..comparisons.runs.worker import Worker
+    from ..comparisons.report.pages.problems import document, listing
+    from ..comparisons.runs.process import Worker
     from ..models.problems.registry import benchmark, benchmarks
 
     if name is None:

@@ -10,8 +10,7 @@ import typer
 from . import completion, options, output
 
 if TYPE_CHECKING:
-    from ..comparisons.runs.distance import Farthest
-    from ..comparisons.runs.runner import Runner
+    from ..comparisons.runs.runner import Farthest, Runner
     from ..models.trajectory import Trajectory
 
 
@@ -57,10 +56,10 @@ def run_command(
 
     trebucheck run --engine pymunk --preset stock --option iterations=30
     """
-    from ..comparisons.report.sections import run_report
+    from ..comparisons.report.pages.run import run_report
+    from ..comparisons.runs.process import Worker, simulate
     from ..comparisons.runs.runner import Runner
     from ..comparisons.runs.study import Study, one_end
-    from ..comparisons.runs.worker import Worker, simulate
     from ..models.files import refuse_unwritable
     from ..models.problem import Problem
     from ..models.trajectory import save
@@ -84,7 +83,7 @@ def run_command(
 
 def _distance(trajectory: Trajectory, runner: Runner) -> Farthest | str:
     """From the reference; or why that is not known: a run is not lost with its reference."""
-    from ..comparisons.runs.distance import farthest
+    from ..comparisons.runs.runner import farthest
     from ..models.errors import TrebucheckError
 
     try:

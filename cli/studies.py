@@ -106,9 +106,8 @@ def compare_command(
 
 def _publish(comparison: Comparison, out: Path, store: Store, told: output.Told) -> None:
     """Data, page and summary of a comparison."""
-    from ..comparisons.compare.report import document
-    from ..comparisons.compare.summary import summary
     from ..comparisons.report import markdown
+    from ..comparisons.report.pages.compare import document, summary
 
     output.publish(
         (out / "results.json", comparison.results.to_json()),
@@ -163,8 +162,8 @@ def converge_command(
 
     trebucheck converge --models pendulum.json --until 5
     """
-    from ..comparisons.converge.report import document
     from ..comparisons.converge.study import converge
+    from ..comparisons.report.pages.converge import document
 
     machines = options.given(models, assignments, beam)
     chosen = options.chosen_names(knobs, "--knobs")
@@ -215,8 +214,8 @@ def explain_command(
 
     trebucheck explain --preset tuned --timestep 5e-4 --set l1=9.5 --out why
     """
-    from ..comparisons.explain.report import document
     from ..comparisons.explain.study import explain
+    from ..comparisons.report.pages.explain import document
 
     machines = options.given(models, assignments, beam)
     own = options.engine_options(option, timestep, options.chosen_names(engines, "--engines"))
@@ -274,8 +273,8 @@ def recommend_command(
     trebucheck recommend --model pendulum.json --position 1e-4 --until 5
     """
     from ..comparisons.recommend import Asked, recommend
-    from ..comparisons.recommend.report import document, files
     from ..comparisons.recommend.search import read_torque
+    from ..comparisons.report.pages.recommend import document, files
     from ..models.files import write_text
 
     if position is None and torque is None and release is None:

@@ -13,8 +13,8 @@ from ..models.errors import InputError
 from . import options, output
 
 if TYPE_CHECKING:
-    from ..comparisons.runs.worker import Worker
-    from ..reference.throw.figures import Performance, Throw
+    from ..comparisons.runs.process import Worker
+    from ..reference.throw.throw import Performance, Throw
 
 ReleaseAngle = Annotated[
     float | None,
@@ -92,8 +92,8 @@ def throw_command(
 
     trebucheck throw --model my-machine.json --sensitivities
     """
-    from ..comparisons.runs.worker import Worker
-    from ..comparisons.throw.report import document
+    from ..comparisons.report.pages.throw import document
+    from ..comparisons.runs.process import Worker
     from ..models.files import refuse_unwritable
     from ..reference.throw.throw import perform
 
@@ -134,7 +134,7 @@ def _with_sensitivities(
 ) -> Throw:
     """Of the two whippers by Table I's parameters, of others by their physical numbers."""
     from ..models.machines.parameters import TrebuchetParameters
-    from ..reference.throw.sensitivity import sensitivities_of
+    from ..reference.sensitivity.sensitivities import sensitivities_of
 
     throw = performance.throw
     whipper = model if model in ("fixed", "rolling") else None

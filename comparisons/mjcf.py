@@ -16,7 +16,7 @@ from ..models.mjcf.recorded import Keyframe, RecordedMotion, event_names, stored
 from ..models.mjcf.variants import Variant
 from ..models.problem import Problem, StopLaw
 from .runs.runner import Runner
-from .runs.until import Until
+from .runs.study import Until
 
 __path__: list[str] = []  # names of earlier releases below this module: see renamed.py
 

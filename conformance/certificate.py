@@ -31,8 +31,7 @@ from ..engines.protocol import Capabilities
 from ..engines.registry import capabilities_of, engine, engine_class
 from ..engines.supplied import sentence
 from ..models.errors import TrebucheckError
-from .problems import STANDARD, given, missing
-from .suite import INTERFACE
+from .suite import INTERFACE, STANDARD, given, missing
 from .verdicts import Conformance, State, Verdict
 
 MARKS: dict[State, Mark] = {

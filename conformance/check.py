@@ -15,8 +15,7 @@ from ..engines.registry import engine_class
 from ..models.errors import EngineNotInstalledError, InputError
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem, StopLaw
-from .interface import absence
-from .suite import Target
+from .suite import Target, absence
 
 
 def check(

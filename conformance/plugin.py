@@ -1,7 +1,8 @@
-"""The pytest plug-in: `pytest --trebucheck NAME` runs the suite on one engine, and a fixture serves tests of one's own.
+"""The pytest plug-in: `pytest --trebucheck NAME` runs the suite on one engine.
 
-It is loaded by every pytest run of whoever has trebucheck installed. It therefore imports nothing
-of trebucheck before one of its options or its fixture is used.
+A fixture `trebucheck` serves tests of one's own. The plug-in is loaded by every pytest run of
+whoever has trebucheck installed. It therefore imports nothing of trebucheck before one of its
+options or its fixture is used.
 """
 
 from __future__ import annotations
@@ -12,12 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from .distributed import ROWS
-
 if TYPE_CHECKING:
     from .session import Session
     from .verdicts import Verdict
 
+
+ROWS = "trebucheck_rows"
+"""Key under which a process of pytest-xdist returns the rows of deviations that were chosen."""
+_SLASHES = 3  # engine/preset/problem/check
 _KEY: pytest.StashKey[Session] = pytest.StashKey()
 _REQUIRED: pytest.StashKey[tuple[str, ...]] = pytest.StashKey()
 """Engines of --require-engine."""
@@ -73,7 +76,6 @@ def pytest_configure(config: pytest.Config) -> None:
         _refuse_alone(config)
         return
     from ..models.errors import TrebucheckError
-    from .reports import Reports
     from .session import Session
 
     names = ("tier", "problem", "timeout", "deviations", "json")
@@ -101,9 +103,28 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """The checks of one problem go to one process: it is run once for all of them."""
     if _KEY not in config.stash or config.getoption("dist") == "each":
         return None
-    from .distributed import scheduler
 
-    return scheduler(config, log)
+    return _scheduler(config, log)
+
+
+def _scheduler(config: pytest.Config, log: Any) -> Any:
+    """Scheduler that gives all checks of a problem to one process, and other tests as `--dist` says."""
+    from xdist.scheduler import LoadFileScheduling, LoadGroupScheduling, LoadScopeScheduling
+
+    dist = str(config.getoption("dist"))
+    by_dist: dict[str, type[LoadScopeScheduling]] = {
+        "loadfile": LoadFileScheduling,
+        "loadgroup": LoadGroupScheduling,
+    }
+    known = by_dist.get(dist, LoadScopeScheduling)
+
+    class ByProblem(known):  # type: ignore[misc,valid-type]
+        def _split_scope(self, nodeid: str) -> str:
+            if "::" not in nodeid and nodeid.count("/") == _SLASHES:
+                return nodeid.rpartition("/")[0]
+            return nodeid if dist in ("load", "worksteal") else str(super()._split_scope(nodeid))
+
+    return ByProblem(config, log)
 
 
 def _refuse_alone(config: pytest.Config) -> None:
@@ -251,3 +272,65 @@ class _Checker:
 def trebucheck(request: pytest.FixtureRequest) -> _Checker:
     """`trebucheck.check("mujoco", "fixed", position=1e-6)`: an assertion that says why it does not hold."""
     return _Checker(request.config.stash[_REQUIRED])
+
+
+class Reports:
+    """The plug-in of the process that reports: verdicts from any process, JUnit, rows of deviations."""
+
+    def __init__(self, config: pytest.Config, session: Session) -> None:
+        self._config, self._session = config, session
+        self._rows: set[str] = set()
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        """Take over a verdict; in a JUnit file the problem is the class, the check the name."""
+        from .verdicts import Verdict
+
+        given = getattr(report, "trebucheck_verdict", None)
+        if given is None or report.when != "call":
+            return
+        self._session.take(Verdict.from_json(given))
+        from _pytest.junitxml import xml_key
+
+        xml = self._config.stash.get(xml_key, None)
+        if xml is not None:
+            where, _, check = report.nodeid.rpartition("/")
+            reporter = xml.node_reporter(report)
+            reporter.add_attribute("classname", where.replace("/", "."))
+            reporter.add_attribute("name", check)
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, node: Any) -> None:
+        """Which rows the processes of pytest-xdist leave to this one."""
+        self._rows.update(getattr(node, "workeroutput", {}).get(ROWS, ()))
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtestloop(self, session: pytest.Session) -> Iterator[None]:
+        """Judge the rows that no process could judge alone."""
+        done = yield
+        session.testscollected += len(self._rows)
+        for id in self._session.rows:
+            if id in self._rows:
+                self._config.hook.pytest_runtest_logreport(report=_report(self._session.judged(id)))
+        return done
+
+
+def _report(verdict: Verdict) -> pytest.TestReport:
+    from .verdicts import State
+
+    skipped = str(Path.cwd()), 0, f"Skipped: {verdict.text}"
+    outcome: Any = (
+        "failed" if verdict.failed else "skipped" if verdict.state is State.SKIPPED else "passed"
+    )
+    said: Any = {"failed": verdict.complaint, "skipped": skipped, "passed": None}[outcome]
+    report = pytest.TestReport(
+        verdict.id,
+        (verdict.id, None, verdict.id),
+        {},
+        outcome,
+        said,
+        "call",
+        user_properties=verdict.properties,
+    )
+    report.trebucheck_verdict = verdict.to_json()  # type: ignore[attr-defined]
+    return report

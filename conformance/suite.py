@@ -1,32 +1,348 @@
-"""The checks of one engine: each problem is run once, when the first of its checks is asked for.
+"""The checks of one engine: its description, how it answers, and its runs of problems.
 
-Whatever the engine does there, it does in processes of their own: no problem's verdict depends on
-what another one did.
+Each problem is run once, when the first of its checks is asked for. Whatever the engine does, it
+does in processes of their own: no problem's verdict depends on what another one did.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import TracebackType
+from typing import Any
+
+import numpy as np
 
 from ..comparisons.compare.machine import Case, MachineRuns, RunRecord
 from ..comparisons.compare.sentences import diagnosis
 from ..comparisons.report.numbers import format_number
+from ..comparisons.runs.balance import keeps_horizontal_momentum
+from ..comparisons.runs.metrics import THROWN
+from ..comparisons.runs.process import Worker, simulate
+from ..comparisons.runs.quantities import JUDGED
 from ..comparisons.runs.results import FAILURES, Metric, Outcome, Run
+from ..comparisons.runs.runner import refuse_invalid
 from ..comparisons.runs.study import Study
-from ..comparisons.runs.worker import Worker
 from ..engines.protocol import Capabilities, Engine
-from ..engines.registry import announce, capabilities_of, engine_class, supplied_in
-from ..models.errors import InputError, TrebucheckError
-from . import interface
-from .problems import check_name, given, missing, quantities
+from ..engines.registry import (
+    EngineClass,
+    announce,
+    capabilities_of,
+    engine,
+    engine_class,
+    supplied_in,
+)
+from ..models.errors import InputError, SimulationError, TrebucheckError, UnsupportedProblemError
+from ..models.features import missing_elements
+from ..models.machines.registry import library_problem, model, models
+from ..models.mechanism import Mechanism
+from ..models.problem import Problem, StopLaw
+from ..models.problems.registry import benchmarks
+from ..models.trajectory import Trajectory
 from .verdicts import State, Verdict
 
+QUICK = ("catapult", "double-pendulum", "fixed", "stopped-pendulum")
+STANDARD = (
+    *QUICK, "pendulum", "rolling", "hinged", "floating-arm", "hanging-chain", "slider-crank", "bouncing", "bead",
+    "incline", "welded-rods", "oscillator", "motor", "falling-rod", "thrown-plate", "spring-pendulum", "quick-return",
+)  # fmt: skip
+"""From the simplest on, so that what is wrong everywhere is found first and at little cost; every feature is in one."""
+TIERS = ("quick", "standard", "full")
+
+
+def problems_of(tier: str) -> tuple[str, ...]:
+    """Names of the problems of a tier, in the order in which they are tried.
+
+    Raises:
+        InputError: there is no such tier.
+    """
+    if tier not in TIERS:
+        raise InputError(f"tier = {tier!r} is unknown; there are: {', '.join(TIERS)}.")
+    if tier == "full":
+        return (
+            *STANDARD,
+            *(
+                name
+                for name in (*models(), *(b.name for b in benchmarks()))
+                if name not in STANDARD
+            ),
+        )
+    return QUICK if tier == "quick" else STANDARD
+
+
+def given(name: str) -> tuple[Mechanism, StopLaw]:
+    """The mechanism of a named machine or problem, and the law of its stops.
+
+    Raises:
+        InputError: nothing has that name; the sentence lists the names there are.
+    """
+    problem = library_problem(name)
+    return (
+        (model(name), StopLaw.RELEASE_ONCE)
+        if problem is None
+        else (problem.mechanism, problem.stop_law)
+    )
+
+
+def missing(mechanism: Mechanism, law: StopLaw, capabilities: Capabilities) -> tuple[str, ...]:
+    """Names of what a problem needs and an engine does not declare."""
+    names = missing_elements(
+        mechanism, capabilities.features, capabilities.lacking, law, capabilities.elements
+    )
+    followed = not mechanism.stops or law in capabilities.stop_laws
+    return (*names, *([] if followed else [f"{law.value} law of the stops"]))
+
+
+def check_name(metric: str) -> str:
+    """Of the check that judges a metric: 'release-time' of release_time, 'position' of position_max."""
+    return metric.removesuffix("_max").replace("_", "-")
+
+
+def quantities(mechanism: Mechanism, law: StopLaw, capabilities: Capabilities) -> tuple[str, ...]:
+    """Metrics that a run of a problem may have, of those that are judged."""
+    names = (q.name for q in JUDGED.values() if not q.of or q.subjects(mechanism))
+    unilateral = law is StopLaw.UNILATERAL
+    left_out = {
+        "launch_time": mechanism.marker(THROWN) is None,
+        "launch_speed": mechanism.marker(THROWN) is None,
+        "impact_time": not unilateral,
+        "stop_penetration": not unilateral,
+        "impact_impulse": True,  # of files only, as the next
+        "impact_speed": True,
+        "horizontal_momentum": not keeps_horizontal_momentum(mechanism),
+        "joint_gap_max": not capabilities.joint_gaps,
+        "base_error": True,  # of motions beyond their horizon only; then it is judged with the run
+    }
+    return tuple(name for name in names if not left_out.get(name, False))
+
+
+Found = tuple[State, str]
+_SHORT = 200  # steps of a run that is only made to see whether it is made
+_SPAN = 0.1  # [s] of an engine that has no step
+
+
+class _BrokenError(TrebucheckError):
+    """A check's sentence."""
+
+
+@dataclass(frozen=True)
+class _Subject:
+    """What the checks look at."""
+
+    name: str
+    preset: str
+    problems: Sequence[str]
+    worker: Worker
+
+    @property
+    def cls(self) -> EngineClass:
+        return engine_class(self.name)
+
+    @property
+    def fitting(self) -> list[str]:
+        """Problems that it declares to be able to build."""
+        capabilities = capabilities_of(self.name, self.preset)
+        return [p for p in self.problems if not missing(*given(p), capabilities)]
+
+    def made(self) -> Engine:
+        return engine(self.name, self.preset)
+
+    def short(self, problem: str, made: Engine) -> Trajectory:
+        """A short run of a problem."""
+        asked = _shortened(problem, made)
+        return self.valid(self.worker.call(simulate, made, asked), asked)
+
+    def valid(self, found: Trajectory, asked: Problem) -> Trajectory:
+        """The trajectory, unless it is not whole."""
+        return refuse_invalid(self.name, found, asked.mechanism, self.cls.capabilities)
+
+
+def _shortened(problem: str, made: Engine) -> Problem:
+    mechanism, law = given(problem)
+    duration = _SPAN if made.timestep is None else _SHORT * made.timestep
+    return Problem(mechanism, duration=duration, stop_law=law)
+
+
+def _first_and_last(made: Engine, problems: Sequence[Problem]) -> tuple[Trajectory, Trajectory]:
+    """Runs of several problems in one process; what those between come to is said by checks of their own."""
+    first = made.simulate(problems[0])
+    for problem in problems[1:-1]:
+        with suppress(Exception):
+            made.simulate(problem)
+    return first, made.simulate(problems[-1])
+
+
+def presets_of(name: str, cls: EngineClass) -> Mapping[str, Callable[..., object]]:
+    """The makers of an engine's class.
+
+    Raises:
+        InputError: it has none.
+    """
+    try:
+        makers = cls.presets()
+    except Exception as error:
+        raise InputError(
+            f"engine {name!r}: presets() failed: {type(error).__name__}: {error}."
+        ) from error
+    if not makers:
+        raise InputError(
+            f"engine {name!r}: presets() gives no maker; one called 'tuned' is needed at least."
+        )
+    return makers
+
+
+def is_installed(cls: EngineClass) -> bool:
+    """Whether its library is here; an engine whose method fails is not."""
+    try:
+        return bool(cls.is_installed())
+    except Exception:
+        return False
+
+
+def absence(cls: EngineClass) -> str:
+    """What is missing of an engine that is not installed, in its own words where it has any."""
+    own = getattr(cls, "absence", None)
+    return str(own() if own is not None else f"engine {cls.name!r} is not installed here.")
+
+
+def check_interface(
+    name: str, preset: str, problems: Sequence[str], worker: Worker
+) -> dict[str, Found]:
+    """Every check of the"""
+    subject = _Subject(name, preset, problems, worker)
+    return {check: _found(_CHECKS[check], subject) for check in INTERFACE_CHECKS}
+
+
+def _found(check: Callable[[_Subject], str], subject: _Subject) -> Found:
+    """What a check finds; its text is why it is skipped, if it has one."""
+    try:
+        skipped = check(subject)
+    except TrebucheckError as error:
+        return State.BROKEN, str(error)
+    except Exception as error:
+        return State.BROKEN, f"{type(error).__name__}: {error}"
+    return (State.SKIPPED, skipped) if skipped else (State.KEPT, "")
+
+
+def _describes_itself(s: _Subject) -> str:
+    capabilities: Any = s.cls.capabilities
+    if not isinstance(capabilities, Capabilities):
+        raise _BrokenError(
+            f"capabilities is a {type(capabilities).__name__}; a trebucheck.Capabilities is needed"
+        )
+    if s.cls.name != s.name:
+        raise _BrokenError(
+            f"the class is called {s.cls.name!r} and announced as {s.name!r}; both must be the same"
+        )
+    version: Any = s.cls.version()
+    if not isinstance(version, str) or not version:
+        raise _BrokenError(f"version() gives {version!r}; a text is needed")
+    lacking = {"tuned", "stock"} - set(s.cls.presets())
+    if lacking:
+        raise _BrokenError(
+            f"presets() lacks {sorted(lacking)[0]!r}; two names may lead to the same maker"
+        )
+    return ""
+
+
+def _is_made_again(s: _Subject) -> str:
+    first = s.made()
+    again = engine(first.name, first.preset, **first.settings)
+    if again.settings != first.settings:
+        changed = next(k for k in first.settings if again.settings.get(k) != first.settings[k])
+        raise _BrokenError(
+            f"made again from its settings, its {changed} is {again.settings.get(changed)!r} instead of "
+            f"{first.settings[changed]!r}"
+        )
+    if (first.name, first.preset) != (s.name, s.preset):
+        raise _BrokenError(
+            f"the engine made says that it is {first.name}/{first.preset}, not {s.name}/{s.preset}"
+        )
+    return ""
+
+
+_NONE_FITS = "none of the problems is one that it can build"
+
+
+def _moves_a_little(s: _Subject) -> str:
+    """The trajectory of a short run is a valid one."""
+    if not s.fitting:
+        return _NONE_FITS
+    s.short(s.fitting[0], s.made())
+    return ""
+
+
+def _is_the_same_again(s: _Subject) -> str:
+    """The second run comes after one of another problem, so that what is kept from run to run shows."""
+    fit, made = s.fitting, s.made()
+    if not fit:
+        return _NONE_FITS
+    asked = [_shortened(problem, made) for problem in (*fit[:2], fit[0])]
+    try:
+        runs = s.worker.call(_first_and_last, made, asked)
+    except SimulationError:  # perhaps of the problem between them
+        runs = s.worker.call(_first_and_last, made, [asked[0], asked[-1]])
+    for label, one, other in _sampled(*(s.valid(run, asked[0]) for run in runs)):
+        if one.shape != other.shape:
+            raise _BrokenError(
+                f"{fit[0]}: {label} has the shape {other.shape} in a second run, {one.shape} in the first"
+            )
+        if not np.array_equal(one, other):
+            apart = float(np.abs(one - other).max())
+            raise _BrokenError(
+                f"{fit[0]}: {label} differs by up to {apart:.3g} between two runs of the same problem"
+            )
+    return ""
+
+
+def _sampled(one: Trajectory, other: Trajectory) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    for label in ("t", "q", "u", "kinetic_energy", "potential_energy"):
+        yield label, getattr(one, label), getattr(other, label)
+    for name, motion in one.markers.items():
+        yield f"the position of {name!r}", motion.position, other.marker(name).position
+    for forces in ("joint_reactions", "stop_torques"):
+        for name, values in getattr(one, forces).items():
+            yield f"{forces} of {name!r}", values, getattr(other, forces)[name]
+
+
+def _refuses_the_rest(s: _Subject) -> str:
+    """What it does not declare it must refuse, by UnsupportedProblemError, rather than move something else."""
+    capabilities, made, seen = capabilities_of(s.name, s.preset), s.made(), set[str]()
+    for problem in STANDARD:
+        lacking = missing(*given(problem), capabilities)
+        if not lacking or seen.issuperset(lacking):
+            continue
+        seen.update(lacking)
+        try:
+            s.short(problem, made)
+        except UnsupportedProblemError:
+            continue
+        except (SimulationError, InputError) as error:
+            raise _BrokenError(
+                f"{problem}: it fails instead of refusing {lacking[0]}: {error}"
+            ) from None
+        raise _BrokenError(
+            f"it moves {problem!r}, which has {lacking[0]}, and does not declare that it can"
+        )
+    return "" if seen else "it declares everything"
+
+
+_CHECKS: dict[str, Callable[[_Subject], str]] = {
+    "description": _describes_itself,
+    "made-again": _is_made_again,
+    "short-run": _moves_a_little,
+    "same-again": _is_the_same_again,
+    "refuses": _refuses_the_rest,
+}
+INTERFACE_CHECKS = tuple(_CHECKS)
+"""In the order in which they are made."""
 INTERFACE = "interface"
 """In the place of a problem's name: checks of the engine's description and of how it answers."""
-_DIAGNOSED = 2  # broken problems of an engine whose cause is looked for: a diagnosis may take ten times as long as a run
+# Broken problems of an engine whose cause is looked for: a diagnosis may take ten times as long as
+# a run.
+_DIAGNOSED = 2
 
 
 @dataclass(frozen=True)
@@ -47,7 +363,7 @@ class Target:
         """
         name, _, preset = text.strip().partition("/")
         name = announce(name) if ":" in name else name
-        presets = tuple(interface.presets_of(name, engine_class(name)))
+        presets = tuple(presets_of(name, engine_class(name)))
         chosen = preset or ("tuned" if "tuned" in presets else presets[0])
         if chosen not in presets:
             raise InputError(f"{name} has no preset {chosen!r}; there are: {', '.join(presets)}.")
@@ -138,7 +454,7 @@ class Suite:
     @cached_property
     def _checks(self) -> dict[str, tuple[str, ...]]:
         """Names of the checks by problem."""
-        checks = {INTERFACE: interface.CHECKS}
+        checks = {INTERFACE: INTERFACE_CHECKS}
         for problem in self.problems:
             metrics = quantities(*given(problem), self.capabilities)
             beyond = missing(*given(problem), self.capabilities)
@@ -160,11 +476,11 @@ class Suite:
         return map(self.verdict, self.ids)
 
     def _judged(self, problem: str) -> dict[str, Verdict]:
-        if not interface.is_installed(engine_class(self.target.engine)):
-            text = interface.absence(engine_class(self.target.engine)).removesuffix(".")
+        if not is_installed(engine_class(self.target.engine)):
+            text = absence(engine_class(self.target.engine)).removesuffix(".")
             return self._all(problem, State.BROKEN if self.required else State.SKIPPED, text)
         if problem == INTERFACE:
-            found = interface.checked(
+            found = check_interface(
                 self.target.engine, self.target.preset, self.problems, self._worker
             )
             return {
@@ -244,7 +560,7 @@ class Suite:
     def _of_rest(self, problem: str, run: Run) -> Verdict:
         """That it ran; and whatever is judged of a run and is no check of its own."""
         rest = [m for m in run.metrics if check_name(m.name) not in self._checks[problem]]
-        found = _judgement(rest, run)
+        found = judgement(rest, run)
         kept = found.state is State.SKIPPED
         update = {"id": self._id(problem, "runs"), "wall_time": run.wall_time}
         return found.model_copy(update=update | ({"state": State.KEPT, "text": ""} if kept else {}))
@@ -260,19 +576,21 @@ class Suite:
         )
 
     def _of_quantity(self, problem: str, check: str, run: Run) -> Verdict:
-        found = _judgement([m for m in run.metrics if check_name(m.name) == check], run)
+        found = judgement([m for m in run.metrics if check_name(m.name) == check], run)
         return found.model_copy(update={"id": self._id(problem, check)})
 
 
-def _judgement(metrics: Iterable[Metric], run: Run) -> Verdict:
+def judgement(metrics: Iterable[Metric], run: Run) -> Verdict:
     """On the metrics of one quantity, by the worst of them."""
     own = [m for m in metrics if m.follows is None]
     judged = sorted((m for m in own if m.share is not None), key=lambda m: m.share or 0.0)
     if not judged:
-        told = [m.note for m in own if m.note]
-        unjudged = [m for m in own if m.unjudged]
-        text = told[0] if told else "there is no such event in this motion"
-        return Verdict(id="", state=State.NOT_JUDGED if unjudged else State.SKIPPED, text=text)
+        notes = [m.note for m in own if m.note]
+        # What was compared and has no tolerance is no success, and not merely absent.
+        unjudged = any(m.unjudged for m in own)
+        absent = "it has no tolerance" if unjudged else "there is no such event in this motion"
+        state = State.NOT_JUDGED if unjudged else State.SKIPPED
+        return Verdict(id="", state=state, text=notes[0] if notes else absent)
     worst = judged[-1]
     broken = [m for m in judged if m.holds is False]
     unjudged = [m for m in own if m.unjudged]

@@ -1,32 +1,85 @@
-"""What users hold in a session: printed in one line, in a notebook a table or a report, with plots and data frames.
+"""How descriptions and results show themselves: a line, a table or report in a notebook, plots.
 
-Reports stand above what they are about, in packages that import it, so they are loaded when asked
-for, by name.
+Reports stand above what they are about, in packages that import it. So a result asks the renderer
+that the package installs when it is imported (`show_with`), and knows no module of a report.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import escape
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-NOTEBOOK = "comparisons.report.notebook"
-_ROOT = (__package__ or "").rpartition(".")[0]
+
+class Playable(Protocol):
+    """An animation of a motion."""
+
+    def to_html(self) -> str:
+        """Returns a page of its own."""
+        ...
+
+    def save(self, path: str | Path, width: int = 640) -> None:
+        """Writes a .gif, .mp4, .svg or .html, by its ending; the width is of a picture [px]."""
+        ...
 
 
-def load_module(name: str) -> Any:
-    """A module of this package, by its name from the package's root."""
-    return import_module(f"{_ROOT}.{name}")
+class Renderer(Protocol):
+    """Makes reports, pages, figures and animations of results."""
+
+    def document(self, result: Any) -> Any:
+        """Returns the report of a result as a document of blocks."""
+        ...
+
+    def frame(self, result: Reported) -> str:
+        """Returns the report's page as a fragment for a notebook."""
+        ...
+
+    def write(self, result: Reported, path: str | Path) -> None:
+        """Writes the report's page."""
+        ...
+
+    def figure(self, result: Reported, name: str | None = None) -> Figure:
+        """Returns a figure of the report; the first one if no name is given."""
+        ...
+
+    def animation(self, reference: Any, others: Sequence[Any]) -> Playable:
+        """Returns a trajectory in motion, with others over it."""
+        ...
+
+
+_installed: list[Callable[[], Renderer]] = []
+_reports: dict[type, Callable[[Any], Any]] = {}
+
+
+def show_with(load: Callable[[], Renderer]) -> None:
+    """Installs the renderer of all results.
+
+    Args:
+        load: imports and returns it; called whenever something is shown, so that importing the
+            package imports no report.
+    """
+    _installed[:] = [load]
+
+
+def renderer() -> Renderer:
+    """Returns the renderer that is installed."""
+    if not _installed:
+        raise RuntimeError("no renderer is installed; `import trebucheck` installs one.")
+    return _installed[0]()
+
+
+def report_with(kind: type, document: Callable[[Any], Any]) -> None:
+    """Registers what makes the report of a class of results, for results of other distributions."""
+    _reports[kind] = document
 
 
 class Shown:
-    """A description or a result that says what it is: `headline` in a line, `facts` in a small table."""
+    """A description or a result with a `headline` in a line and `facts` in a small table."""
 
     def headline(self) -> str:
         """What it is, in a line."""
@@ -43,22 +96,23 @@ class Shown:
         return self.headline()
 
     def _repr_html_(self) -> str:
-        rows = (
-            f'<tr><th scope="row" style="text-align:left">{escape(name)}</th><td>{escape(value)}</td></tr>'
+        left = 'style="text-align:left"'
+        rows = "".join(
+            f'<tr><th scope="row" {left}>{escape(name)}</th><td>{escape(value)}</td></tr>'
             for name, value in self.facts()
         )
-        return f'<table><caption style="text-align:left">{escape(self.headline())}</caption>{"".join(rows)}</table>'
+        return f"<table><caption {left}>{escape(self.headline())}</caption>{rows}</table>"
 
 
 class Reported(Shown):
     """A result with a report: a page, plots, and rows of data."""
 
-    reported_by: ClassVar[str]
-    """Name of the module whose `document` makes the report of it."""
-
     def document(self) -> Any:
         """The report as a list of blocks (`comparisons/report/document.py`)."""
-        return load_module(self.reported_by).document(self)
+        for kind, document in _reports.items():
+            if isinstance(self, kind):
+                return document(self)
+        return renderer().document(self)
 
     def rows(self) -> Iterable[Mapping[str, object]]:
         """What was found, a mapping a row."""
@@ -79,7 +133,7 @@ class Reported(Shown):
         Raises:
             InputError: the report has no figure of that name; the sentence lists them.
         """
-        return load_module(NOTEBOOK).figure(self, name)
+        return renderer().figure(self, name)
 
     def write_html(self, path: str | Path) -> None:
         """Write the report as one HTML file that needs nothing else.
@@ -87,7 +141,7 @@ class Reported(Shown):
         Raises:
             UnwritableError: the folder cannot be written to, or has no room.
         """
-        load_module(NOTEBOOK).write(self, path)
+        renderer().write(self, path)
 
     def _repr_html_(self) -> str:
-        return load_module(NOTEBOOK).frame(self)
+        return renderer().frame(self)

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from .files import refuse_irregular, write_bytes
 from .kinematics import Kinematics
 from .launch import Launch, locate_launch, rest_opened
 from .mechanism import Mechanism
-from .shown import Reported, Shown, load_module
+from .shown import Playable, Reported, Shown, renderer
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,18 +27,6 @@ if TYPE_CHECKING:
 FORMAT = "trebucheck-trajectory-1"
 
 _T = TypeVar("_T")
-
-
-class Playable(Protocol):
-    """An animation (:class:`.drawing.animation.Animation`)."""
-
-    def to_html(self) -> str:
-        """A page of its own."""
-        ...
-
-    def save(self, path: str | Path, width: int = 640) -> None:
-        """Write a .gif, .mp4, .svg or .html, by its ending; the width is that of a picture [px]."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -75,8 +63,6 @@ class Trajectory(Reported):
     an error. Points, torques, reactions and energies come from the engine's own quantities, not
     from q by our formulas, wherever the engine has them.
     """
-
-    reported_by: ClassVar[str] = "comparisons.report.run"
 
     mechanism: Mechanism
     t: FloatArray
@@ -270,9 +256,7 @@ class Trajectory(Reported):
         Raises:
             InputError: another one is of another mechanism.
         """
-        # Drawings are made of mechanisms, so they stand above this module and are loaded when asked
-        # for.
-        return load_module("models.drawing.animation").animation_of(self, others)
+        return renderer().animation(self, others)
 
     def launch(self, angle: float | None = None, marker: str = "projectile") -> Launch | None:
         """When the marker's velocity first comes down to the launch angle; None if it does not.

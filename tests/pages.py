@@ -6,27 +6,27 @@ from dataclasses import replace
 from functools import cache
 
 import trebucheck as tb
-from trebucheck.comparisons.compare import report as compare_report
 from trebucheck.comparisons.compare.study import Comparison
-from trebucheck.comparisons.converge import report as converge_report
 from trebucheck.comparisons.converge.study import converge
-from trebucheck.comparisons.diff import report as diff_report
 from trebucheck.comparisons.diff.study import diff
-from trebucheck.comparisons.explain import report as explain_report
 from trebucheck.comparisons.explain.study import explain
-from trebucheck.comparisons.problems import report as problems_report
 from trebucheck.comparisons.problems.study import check
-from trebucheck.comparisons.recommend import report as recommend_report
 from trebucheck.comparisons.recommend.results import Asked
 from trebucheck.comparisons.recommend.study import recommend
 from trebucheck.comparisons.report.document import Document
-from trebucheck.comparisons.report.sections import certificate_report
+from trebucheck.comparisons.report.pages import compare as compare_report
+from trebucheck.comparisons.report.pages import converge as converge_report
+from trebucheck.comparisons.report.pages import diff as diff_report
+from trebucheck.comparisons.report.pages import explain as explain_report
+from trebucheck.comparisons.report.pages import problems as problems_report
+from trebucheck.comparisons.report.pages import recommend as recommend_report
+from trebucheck.comparisons.report.pages import throw as throw_report
+from trebucheck.comparisons.report.pages.run import certificate_report
 from trebucheck.comparisons.runs.results import Outcome
 from trebucheck.comparisons.runs.study import Study
-from trebucheck.comparisons.throw import report as throw_report
 from trebucheck.models.problems.registry import benchmark
 from trebucheck.reference.certification.certificate import load_certificate
-from trebucheck.reference.throw.sensitivity import sensitivities_of
+from trebucheck.reference.sensitivity.sensitivities import sensitivities_of
 from trebucheck.reference.throw.throw import perform
 from trebucheck_paper import report as paper_report
 from trebucheck_paper.evidence.claims import Claim, EngineValue, Quantity, Series

@@ -18,9 +18,8 @@ from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
 from ...models.spec import Spec
 from ...models.trajectory import Trajectory
-from ..diagnosis.model import check_and_diagnose
-from ..diagnosis.motion import diagnose_motion, failed_diagnosis
-from ..diagnosis.settings import Rerun
+from ..diagnosis.diagnose import check_and_diagnose, diagnose_motion, failed_diagnosis
+from ..diagnosis.rerun import Rerun
 from ..report.numbers import format_number
 from ..runs.pairs import Compared, pair_of
 from ..runs.process import Worker, simulate

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
 from ...engines.protocol import Engine
 from ...models.errors import SimulationError
@@ -27,8 +27,6 @@ from .machine import Case, FailedMachine, MachineRuns, MadeRun, RunRecord
 @dataclass(frozen=True, repr=False)
 class Comparison(Reported):
     """Results, and the motions behind them; motions of runs that were finished before are read when asked for."""
-
-    reported_by: ClassVar[str] = "comparisons.compare.report"
 
     results: Results
     solutions: Mapping[str, Solution]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, JsonValue
 
@@ -199,8 +199,6 @@ class MachineStudies(Spec):
 
 class Studies(Reported, ResultFile):
     """The whole of `trebucheck converge`."""
-
-    reported_by: ClassVar[str] = "comparisons.converge.report"
 
     format: Literal["trebucheck-converge-1"] = FORMAT
     machines: tuple[MachineStudies, ...]

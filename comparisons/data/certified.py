@@ -32,7 +32,7 @@ from ...reference.solver import solve
 from ...reference.taylor.solve import solve_taylor
 from ...version import __version__
 from ..runs.runner import Runner
-from ..runs.until import Until
+from ..runs.study import Until
 
 if TYPE_CHECKING:
     import xarray as xr

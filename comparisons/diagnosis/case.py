@@ -23,7 +23,7 @@ from ...models.trajectory import PointMotion, Trajectory
 from ...reference.equations import Equations
 from ...reference.solution import Motion, Solution
 from ...reference.solver import solve
-from ..runs.comparison import EVENT_GUARD
+from ..runs.metrics import EVENT_GUARD
 
 ENERGIES = ("kinetic energy", "potential energy")
 

@@ -29,8 +29,8 @@ from ...reference.integrator import one_thread
 from ...reference.perturbed import WithoutCentrifugal, solve_scheduled
 from ...reference.solution import Solution
 from ...reference.solver import solve
-from ..runs.comparison import THROWN, Comparison, against
 from ..runs.impacts import impact_times
+from ..runs.metrics import THROWN, Comparison, against
 from ..runs.results import Cause, Diagnosis, Equality, Metric
 from ..runs.runner import failure
 from .case import Case, fit, match

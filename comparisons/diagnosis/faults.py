@@ -13,16 +13,25 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from ...models.arrays import FloatArray
+from ...models.elements import (
+    GROUND,
+    AnyForceElement,
+    AnyJoint,
+    AnyStop,
+    ConstantForce,
+    FreeJoint,
+    PointStop,
+    PrismaticJoint,
+    SlotJoint,
+    Stop,
+)
 from ...models.errors import InputError
-from ...models.force_elements import AnyForceElement, ConstantForce
-from ...models.joints import GROUND, AnyJoint, FreeJoint, PrismaticJoint, SlotJoint
 from ...models.kinematics import Kinematics, initial_state
 from ...models.machines.parameters import TrebuchetParameters
 from ...models.machines.registry import model
 from ...models.machines.trebuchet import parameters_of
 from ...models.mechanism import Body, Mechanism
 from ...models.spec import Vector
-from ...models.stops import AnyStop, PointStop, Stop
 from ...reference.equations import Equations, consistent_coordinates, consistent_speeds
 from ...reference.perturbed import (
     WithDamping,

@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.joints import GROUND
+from ...models.elements import GROUND
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Body, Mechanism
 from ...models.spec import Vector

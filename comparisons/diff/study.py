@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field, JsonValue
@@ -220,8 +220,6 @@ class ReferenceChange:
 @dataclass(frozen=True, repr=False)
 class Difference(Reported):
     """What changed from one comparison to another."""
-
-    reported_by: ClassVar[str] = "comparisons.diff.report"
 
     factor: float
     """Least by which an error must change to have moved."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, JsonValue
 
@@ -143,8 +143,6 @@ class Machine(Spec):
 
 class Explanation(Reported, ResultFile):
     """The whole of it."""
-
-    reported_by: ClassVar[str] = "comparisons.explain.report"
 
     format: Literal["trebucheck-explain-1"] = FORMAT
     machines: tuple[Machine, ...]

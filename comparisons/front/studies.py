@@ -21,9 +21,9 @@ from ..explain.results import Explanation
 from ..recommend import Advice, Asked
 from ..recommend import study as advice
 from ..recommend.search import read_torque
+from ..runs.process import Worker
 from ..runs.store import Store
 from ..runs.study import PRESETS, Progress, Study
-from ..runs.worker import Worker
 
 Given = str | Mechanism | Problem
 """Name of a machine or of a problem of the library, a mechanism of your own, or a problem."""

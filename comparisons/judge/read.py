@@ -23,7 +23,7 @@ from ...models.kinematics import Kinematics
 from ...models.mechanism import AnyStop, Mechanism
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
-from ..runs.comparison import against, not_observed
+from ..runs.metrics import against, not_observed
 from ..runs.results import Metric
 
 SPEED, IMPULSE = "impact_speed", "impact_impulse"

@@ -16,9 +16,9 @@ from ...models.mechanism import Mechanism
 from ...models.trajectory import PointMotion, Provenance, Trajectory
 from ...reference.equations import Equations
 from ..compare.machine import machine_row
-from ..diagnosis.motion import diagnose_motion, failed_diagnosis
-from ..diagnosis.signatures import ENERGIES
-from ..runs.comparison import not_observed
+from ..diagnosis.case import ENERGIES
+from ..diagnosis.diagnose import diagnose_motion, failed_diagnosis
+from ..runs.metrics import not_observed
 from ..runs.results import (
     Diagnosis,
     Machine,

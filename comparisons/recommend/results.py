@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from enum import StrEnum
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, JsonValue, model_validator
 
@@ -132,8 +132,6 @@ class NeighbourMachine(Spec):
 
 class Advice(Reported, ResultFile):
     """What is recommended for one machine, and on what evidence."""
-
-    reported_by: ClassVar[str] = "comparisons.recommend.report"
 
     format: Literal["trebucheck-recommend-1"] = FORMAT
     model: str

@@ -20,9 +20,8 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ...models.spec import Spec
 from ...reference.solver import characteristic_time
-from ..runs.study import Counter, Study, in_order
+from ..runs.study import Counter, Study, Until, in_order
 from ..runs.trials import Trial, Trials
-from ..runs.until import Until
 from .results import Advice, Asked, Attempt, Choice, EngineAdvice, Errors, NeighbourMachine
 from .search import (
     ANGLE,

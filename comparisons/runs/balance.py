@@ -15,8 +15,7 @@ from scipy.integrate import cumulative_simpson, cumulative_trapezoid
 
 from ...models.applied_forces import AppliedForces
 from ...models.arrays import FloatArray
-from ...models.force_elements import ConstantForce, SpringDamper
-from ...models.joints import GROUND
+from ...models.elements import GROUND, ConstantForce, SpringDamper
 from ...models.mechanism import Mechanism
 from ...models.trajectory import Trajectory
 from ...reference.solution import Segment, Solution

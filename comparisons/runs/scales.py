@@ -16,8 +16,7 @@ from pydantic import Field
 
 from ...models.applied_forces import AppliedForces
 from ...models.arrays import BoolArray, FloatArray
-from ...models.force_elements import RotationalSpringDamper, SpringDamper
-from ...models.joints import GROUND, FreeJoint
+from ...models.elements import GROUND, FreeJoint, RotationalSpringDamper, SpringDamper
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Body, Mechanism
 from ...models.spec import NonNegative, Positive, Spec

@@ -163,8 +163,6 @@ class PointContact:
 
 
 UnilateralConstraint = Limit | PointContact
-
-
 """One constraint row that only pushes."""
 
 
@@ -218,19 +216,11 @@ def _limit(model: Any, name: str, stop: Stop) -> Limit:
 
 
 _PRELOAD_ITERATIONS = 6  # each gains the four digits of 1 - d, d the impedance
-
-
 _MOST_ITERATIONS = 3000  # where forces of redundant constraints drift
-
-
 _REDUNDANT = (
     1e-12  # of the largest eigenvalue: constraints more nearly dependent follow from each other
 )
-
-
 _PATIENCE = 10  # iterations without a smaller change: what is left is rounding
-
-
 _SETTLED = 1e-10  # change of the constraints' forces in an iteration, of the largest
 
 

@@ -12,11 +12,7 @@ import numpy as np
 from ...models.arrays import FloatArray
 
 mujoco: Any = importlib.import_module("mujoco")  # it carries no types
-
-
 CALLBACK = threading.RLock()
-
-
 """MuJoCo has one callback for all models and threads of a process; its compiler calls it as well."""
 
 
@@ -50,8 +46,6 @@ _HUNG = """
   <sensor><force site="body"/></sensor>
 </mujoco>
 """
-
-
 """A spring that pulls with 1 N on a body that is free to follow: nothing holds the body to its parent."""
 
 
@@ -73,8 +67,6 @@ _CLAMPED = """
   </worldbody>
 </mujoco>
 """
-
-
 """A body that two limits press on with 1e11 N each: its weight of 1 N gains 2.5e-5 of a cost of 1e18."""
 
 

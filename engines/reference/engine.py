@@ -10,12 +10,11 @@ import numpy as np
 from pydantic import Field
 
 from ...models.arrays import FloatArray
-from ...models.elements import ELEMENTS
 from ...models.features import Feature
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.spec import Real
-from ...reference.certification.redundant import RedundantSystem
+from ...reference.certification.redundant import BUILT, RedundantSystem
 from ...reference.solution import Solution
 from ...reference.solver import TOLERANCE, solve
 from ...reference.taylor.expressions import why_not_taylor
@@ -38,7 +37,7 @@ _Tolerance = Annotated[Real, Field(ge=2.5e-14, le=1e-2)]
 
 
 class ReferenceEngine(BuiltinEngine):
-    """Lagrangian reference in minimal coordinates, DOP853; `timestep` is only the interval of its samples."""
+    """Lagrangian reference in minimal coordinates; `timestep` is the interval of its samples."""
 
     name: ClassVar[str] = "reference"
     package: ClassVar[str] = "scipy"
@@ -50,7 +49,7 @@ class ReferenceEngine(BuiltinEngine):
         stop_laws=frozenset(StopLaw),
         formulation="minimal absolute angles, stops by KKT, DOP853 with located events",
         features=frozenset(Feature),
-        elements=frozenset(ELEMENTS),  # their forces and gaps stand with the elements
+        elements=BUILT,  # which both formulations have
     )
     # A newcomer to SciPy asks for DOP853 with tolerances that sound tight.
     stock_options: ClassVar[Mapping[str, object]] = {"rtol": 1e-9, "atol": 1e-9}
@@ -73,7 +72,10 @@ class ReferenceEngine(BuiltinEngine):
         return __version__
 
     def solve(self, problem: Problem) -> Solution:
-        """The continuous solution behind :meth:`simulate`; its settings say why "auto" did not take Taylor series."""
+        """The continuous solution behind :meth:`simulate`.
+
+        Its settings say why "auto" did not take Taylor series.
+        """
         if self.integrator == "taylor":
             return solve_taylor(problem)
         reason = why_not_taylor(problem) if self.integrator == "auto" else "asked for"

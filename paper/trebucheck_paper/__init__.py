@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from trebucheck.models.shown import report_with
+
+from .evidence.claims import Study
+
 if TYPE_CHECKING:
+    from trebucheck.comparisons.report.document import Document
     from trebucheck.comparisons.runs.study import Progress
     from trebucheck.models.machines.parameters import TrebuchetParameters
-
-    from .evidence.claims import Study
 
 __all__ = ["paper"]
 
@@ -31,3 +34,13 @@ def paper(
     from .study import study
 
     return study(engines, parameters, sections=sections, timeout=timeout, progress=progress)
+
+
+def _document(study: Study) -> Document:
+    """The report, imported when it is asked for."""
+    from .report import document
+
+    return document(study)
+
+
+report_with(Study, _document)

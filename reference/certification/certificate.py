@@ -12,7 +12,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from functools import cache
 from importlib.resources import files
-from typing import Any, ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -20,7 +20,7 @@ from pydantic import Field
 from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism
 from ...models.problem import LONGEST, Problem
-from ...models.shown import Reported, load_module
+from ...models.shown import Reported
 from ...models.spec import NonNegative, Real, Spec
 from ...models.trajectory import Trajectory
 from ..solution import Solution
@@ -88,8 +88,6 @@ class Figure(Spec):
 class Certificate(Reported, Spec):
     """All figures of one machine."""
 
-    reported_by: ClassVar[str] = "comparisons.report.sections"
-
     format: Literal["trebucheck-certificate-1"] = FORMAT
     model: str
     mechanism_hash: str
@@ -101,10 +99,6 @@ class Certificate(Reported, Spec):
         default=(), description="computations that could not be made here, and why"
     )
     figures: tuple[Figure, ...]
-
-    def document(self) -> Any:
-        """The report: the figures, and what was left out."""
-        return load_module(self.reported_by).certificate_report(self)
 
     def headline(self) -> str:
         """How many figures, from how many computations."""

@@ -604,6 +604,10 @@ _KINDS: ElementTable[str] = ElementTable(
 )
 
 
+BUILT: frozenset[type] = frozenset({*_HELD.handlers, *_GAPS.handlers, *_KINDS.handlers})
+"""Classes of elements that the redundant formulation has."""
+
+
 class AppliedCartesian:
     """Weights and the forces of springs, dampers and motors on three coordinates a body.
 

@@ -154,9 +154,8 @@ class Data:
     gaps: dict[str, ScalarFunction]
     restitution: dict[str, Any]
     markers: dict[str, PointCoefficients]
-    springs: Any
-    rotational: Any
-    forces: Any
+    applied: Any
+    """Force elements with what they act along: springs, rotational ones and forces."""
 
     @classmethod
     def of(cls, mechanism: Mechanism) -> Data:
@@ -173,9 +172,7 @@ class Data:
                 marker.name: kinematics.point(marker.body, marker.point)
                 for marker in mechanism.markers
             },
-            springs=applied.springs,
-            rotational=applied.rotational,
-            forces=applied.forces,
+            applied=(applied.springs, applied.rotational, applied.forces),
         )
 
     @classmethod
@@ -253,8 +250,9 @@ class DualEquations(Equations):
         self.data = data
         self._products, self._weights, self._inertias = data.products, data.weights, data.inertias
         if self._applied is not None:
-            lifted = {"springs": data.springs, "rotational": data.rotational, "forces": data.forces}
-            vars(self._applied).update(lifted)  # where its cached properties keep them
+            # Where its cached properties keep them.
+            lifted = zip(("springs", "rotational", "forces"), data.applied, strict=True)
+            vars(self._applied).update(lifted)
 
     def constraint_jacobian(self, q: Any, closed: Sequence[str]) -> Any:
         """As that of `Equations`."""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -15,7 +15,7 @@ from ...models.errors import InputError
 from ...models.joints import AnyJoint
 from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
-from ...models.shown import Reported, load_module
+from ...models.shown import Reported
 from ...models.spec import NonNegative, Positive, Real, Spec
 from ..solution import Solution
 from .flight import Air, Flight, Surroundings, downwards, fly, world
@@ -378,8 +378,6 @@ class Sensitivity(Spec):
 class Throw(Reported, Spec):
     """Everything about one throw, in SI units and radians."""
 
-    reported_by: ClassVar[str] = "comparisons.throw.report"
-
     format: Literal["trebucheck-throw-1"] = FORMAT
     mechanism: Mechanism
     released: str = Field(description="how the release was chosen")
@@ -417,10 +415,6 @@ class Throw(Reported, Spec):
             **state,
             "__dict__": {k: v for k, v in state["__dict__"].items() if k != "performance"},
         }
-
-    def document(self) -> Any:
-        """The report, of the motion behind the figures, too."""
-        return load_module(self.reported_by).document(self.performance, self)
 
     def headline(self) -> str:
         """The range, and how it was let go."""

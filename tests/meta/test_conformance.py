@@ -19,8 +19,7 @@ import trebucheck as tb
 from trebucheck.cli.app import main
 from trebucheck.conformance import plugin
 from trebucheck.conformance.certificate import badge, certificate, headline, next_steps
-from trebucheck.conformance.deviations import Deviations
-from trebucheck.conformance.session import Session
+from trebucheck.conformance.session import Deviations, Session
 from trebucheck.conformance.suite import References, Suite, Target
 from trebucheck.conformance.verdicts import Conformance, State, Verdict
 from trebucheck.engines.registry import ANNOUNCED

@@ -48,7 +48,6 @@ RANKS: tuple[tuple[str, ...], ...] = (
         "comparisons/mjcf",
         "comparisons/problems",
         "comparisons/recommend",
-        "comparisons/throw",
     ),
     (
         "comparisons/diff",
@@ -57,6 +56,7 @@ RANKS: tuple[tuple[str, ...], ...] = (
         "comparisons/importer",
         "comparisons/matrix",
     ),
+    ("comparisons/report/pages",),
     ("conformance", "environments"),
     ("paper/evidence",),
     ("paper/identification", "paper/drag", "paper/sweep"),

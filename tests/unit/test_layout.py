@@ -12,14 +12,14 @@ import pytest
 import trebucheck as tb
 from rich.console import Console
 from trebucheck.cli.catalogue import engine_document
-from trebucheck.comparisons.compare import report
-from trebucheck.comparisons.compare.agreement import verdict_cell
 from trebucheck.comparisons.compare.study import Comparison
-from trebucheck.comparisons.problems.report import listing
 from trebucheck.comparisons.report import terminal
 from trebucheck.comparisons.report.document import Column, Document, table
 from trebucheck.comparisons.report.layout import fitted
-from trebucheck.comparisons.report.sections import certificate_report
+from trebucheck.comparisons.report.pages import compare as report
+from trebucheck.comparisons.report.pages.compare import verdict_cell
+from trebucheck.comparisons.report.pages.problems import listing
+from trebucheck.comparisons.report.pages.run import certificate_report
 from trebucheck.comparisons.runs.results import Outcome
 from trebucheck.engines.option_table import default_text, option_table
 from trebucheck.models.problems.registry import benchmarks

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from plugins import Echo
-from trebucheck.conformance.deviations import Deviations
+from trebucheck.conformance.session import Deviations
 from trebucheck.engines.protocol import BuiltinEngine, Recording
 from trebucheck.engines.registry import ANNOUNCED, announce, engine_class
 from trebucheck.models.kinematics import Kinematics

@@ -6,8 +6,8 @@ import re
 
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.compare.summary import summary
 from trebucheck.comparisons.report import markdown
+from trebucheck.comparisons.report.pages.compare import summary
 from trebucheck.comparisons.runs.results import Cause, Diagnosis, Metric, Outcome, Results, Run
 
 pytest.importorskip("pymunk")

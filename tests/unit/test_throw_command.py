@@ -130,12 +130,12 @@ def test_all_is_shown_and_written(capsys: pytest.CaptureFixture[str], tmp_path: 
 
 @pytest.mark.slow
 def test_a_page_that_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from trebucheck.comparisons.throw import plots as throw_figures
+    from trebucheck.comparisons.report.pages import throw as throw_page
 
     def broken(_: object) -> None:
         raise RuntimeError("no picture")
 
-    monkeypatch.setattr(throw_figures, "forces", broken)
+    monkeypatch.setattr(throw_page, "force_plots", broken)
     with pytest.raises(RuntimeError, match="no picture"):
         main(["throw", "--out", str(tmp_path / "out")])
     assert not (tmp_path / "out").exists()

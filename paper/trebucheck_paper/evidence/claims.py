@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterator
 from decimal import Decimal
 from enum import StrEnum
-from typing import ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from pydantic import Field, JsonValue
 from trebucheck.models.errors import InputError
@@ -166,8 +166,6 @@ class Series(Spec):
 
 class Study(Reported, Spec):
     """All of it."""
-
-    reported_by: ClassVar[str] = "paper.report"
 
     format: str = FORMAT
     made: str = Field(description="date and time, ISO 8601")

@@ -1,30 +1,139 @@
-"""Convergence studies as a document."""
+"""Plots of the studies."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from ..report import document as doc
-from ..report.document import (
-    Block,
-    Cell,
-    Column,
-    Document,
-    Heading,
-    Note,
-    Row,
-    Table,
-    Text,
-    row,
-    table,
+from ...converge.results import (
+    Curve,
+    LimitPair,
+    MachineStudies,
+    Point,
+    PowerLaw,
+    QuantityName,
+    Studies,
+    Study,
 )
-from ..report.numbers import format_number, format_settings
-from ..report.sections import compared_time, provenance
-from . import plots
-from .results import Curve, LimitPair, MachineStudies, Point, QuantityName, Studies, Study
+from .. import document as doc
+from ..document import Block, Cell, Column, Document, Heading, Note, Row, Table, Text, row, table
+from ..numbers import format_number, format_settings
+from ..plots import Axis, Label, Panels, Plot, Series, Style, run_style
+from ..tables import compared_time, provenance
+
+_WHOLE = Style("#8a8f96")
+
+
+def convergence(studies: Sequence[Study]) -> Panels:
+    """Error against the time step, position and torque, with the fitted lines and their slopes."""
+    return tuple(
+        Plot(
+            Axis("time step", "s", logarithmic=True),
+            _error(curve),
+            tuple(
+                each
+                for study in studies
+                for each in (*_points(study, column, study.label), *_line(study, column))
+            ),
+            # Lines may all but cover each other; their slopes, each at another place, do not.
+            labels=tuple(
+                label
+                for k, study in enumerate(studies, 1)
+                for label in _slope(study, column, k / (len(studies) + 1))
+            ),
+            height=430,
+        )
+        for column, curve in enumerate(studies[0].curves)
+    )
+
+
+def swept_parameter(study: Study) -> Panels:
+    """Error against one parameter, and where it can be isolated, the part of it that the parameter makes."""
+    name = "part of the parameter" if study.own else "error"
+    return tuple(
+        Plot(
+            Axis(study.title, study.unit, logarithmic=True),
+            _error(curve),
+            (
+                *(_points(study, column, "whole error", whole=True) if study.own else ()),
+                *_points(study, column, name),
+                *_line(study, column),
+            ),
+            labels=tuple(_slope(study, column, 0.5)),
+        )
+        for column, curve in enumerate(study.curves)
+    )
+
+
+def work_precision(studies: Sequence[Study]) -> Panels:
+    """Error against the median wall time; bars from the quickest to the slowest repeat."""
+    return tuple(
+        Plot(
+            Axis("wall time, warm", "s", logarithmic=True),
+            _error(curve),
+            tuple(_timed(study, study.curves[column]) for study in studies),
+            height=400,
+        )
+        for column, curve in enumerate(studies[0].curves)
+    )
+
+
+def _timed(study: Study, curve: Curve) -> Series:
+    timed = [point for point in study.points if point.wall_times]
+    times = [sorted(point.wall_times) for point in timed]
+    x = np.array([np.median(each) for each in times], dtype=float)
+    y = np.array([point.error(curve.quantity) or np.nan for point in timed], dtype=float)
+    spread = (
+        np.array([each[0] for each in times], dtype=float),
+        np.array([each[-1] for each in times], dtype=float),
+    )
+    hints = tuple(f"{study.title} = {point.value:.3g}" for point in timed)
+    return Series(study.label, x, y, run_style(study.engine, study.preset), "both", hints, spread)
+
+
+def exponent(law: PowerLaw | None) -> str:
+    """Exponent and half width of its confidence interval."""
+    return "none" if law is None else f"{law.exponent:.3f} ± {law.half_width:.3f}"
+
+
+def _error(curve: Curve) -> Axis:
+    name = (
+        "position"
+        if curve.quantity == "position"
+        else f"stop {'force' if curve.unit == 'N' else 'torque'}"
+    )
+    return Axis(f"largest error, {name}", curve.unit, logarithmic=True)
+
+
+def _points(study: Study, column: int, name: str, *, whole: bool = False) -> Iterator[Series]:
+    """The errors, or where it can be isolated and unless the whole is asked for, the parameter's part of them."""
+    own, quantity = study.own and not whole, study.curves[column].quantity
+    found = [(point.value, point.error(quantity, own)) for point in study.points]
+    ran = np.array([(value, error) for value, error in found if error is not None], dtype=float)
+    if len(ran):
+        style = _WHOLE if whole else run_style(study.engine, study.preset)
+        yield Series(name, ran[:, 0], ran[:, 1], style, "points")
+
+
+def _line(study: Study, column: int) -> Iterator[Series]:
+    """The law."""
+    law = study.curves[column].law
+    if law is not None:
+        ends = np.array([law.high, law.low]), np.array([law.at(law.high), law.at(law.low)])
+        style = replace(run_style(study.engine, study.preset), width=1.2)
+        yield Series(f"slope {law.exponent:.3f}", *ends, style, listed=False)
+
+
+def _slope(study: Study, column: int, at: float) -> Iterator[Label]:
+    """The law's exponent, at that share of its range."""
+    law = study.curves[column].law
+    if law is not None:
+        x = law.low ** (1 - at) * law.high**at
+        yield Label(x, law.at(x), exponent(law), run_style(study.engine, study.preset).colour)
+
 
 _INTRODUCTION = (
     "Each parameter of each engine is swept through its values; the errors are the largest distances of any marker "
@@ -35,16 +144,22 @@ _INTRODUCTION = (
     "parameter by one step there. “Stock” is what an engine's documentation leads a newcomer to, “tuned” the most "
     "accurate settings found."
 )
+
+
 _LIMITS = (
     "Largest distance between the same markers of two runs over the compared time, with the time step extrapolated "
     "away [m]. The "
     "limits are chosen without the reference: of all three neighbouring steps whose successive differences show a "
     "whole order, those whose limits from two and three levels lie nearest to each other."
 )
+
+
 _WORK = (
     "Error against wall time of the whole simulation, warm: median of the repeats, bars from the quickest to the "
     "slowest."
 )
+
+
 _OTHERS = (
     "Where the error of the swept parameter itself can be isolated, exponents are of that part: the distance from the "
     "run without it. “What is left” is then the error of that run."
@@ -112,14 +227,14 @@ def _chapter(machine: MachineStudies) -> Iterator[Block]:
     if steps:
         yield Heading("Order in the time step")
         yield _orders(machine, steps)
-        drawn, anchor = partial(plots.convergence, steps), f"{machine.model}-order"
+        drawn, anchor = partial(convergence, steps), f"{machine.model}-order"
         yield doc.Figure(drawn, "Error against the time step", anchor=anchor)
         yield doc.Fold("How each floor's cause was found", (_floors(steps),))
     if machine.pairs:
         yield from _limits(machine)
     if steps:
         yield doc.Figure(
-            partial(plots.work_precision, steps),
+            partial(work_precision, steps),
             "Error against wall time",
             _WORK,
             f"{machine.model}-work-precision",
@@ -130,11 +245,11 @@ def _chapter(machine: MachineStudies) -> Iterator[Block]:
         yield _laws(machine, others)
         for study in others:
             yield doc.Figure(
-                partial(plots.swept_parameter, study),
+                partial(swept_parameter, study),
                 f"{study.label}: {study.title}",
                 _about(study),
             )
-    yield doc.Fold("Every point", tuple(_points(study) for study in machine.studies))
+    yield doc.Fold("Every point", tuple(_point_table(study) for study in machine.studies))
 
 
 def _unit(machine: MachineStudies, quantity: QuantityName) -> str:
@@ -172,9 +287,9 @@ def _law(study: Study, curve: Curve) -> tuple[str | Cell, ...]:
     law, floor = curve.law, curve.floor
     span = "" if law is None else f"{format_number(law.high)} to {format_number(law.low)}"
     if floor is None:
-        return expected, plots.exponent(law), span, "not reached", ""
+        return expected, exponent(law), span, "not reached", ""
     cause = Cell(floor.cause, hint=floor.evidence)
-    return expected, plots.exponent(law), span, f"{format_number(floor.error)} {curve.unit}", cause
+    return expected, exponent(law), span, f"{format_number(floor.error)} {curve.unit}", cause
 
 
 def _limit(machine: MachineStudies, study: Study, curve: Curve) -> tuple[str, str, str]:
@@ -268,7 +383,7 @@ def _about(study: Study) -> str:
     return " ".join(sentences)
 
 
-def _points(study: Study) -> Table:
+def _point_table(study: Study) -> Table:
     whole = [f"{curve.quantity} [{curve.unit}]" for curve in study.curves]
     own = [f"of the parameter [{curve.unit}]" for curve in study.curves if study.own]
     heads = " | ".join(

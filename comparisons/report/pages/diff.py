@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 
-from ..compare.sentences import diagnosis
-from ..compare.summary import cause
-from ..report.document import (
+from ...diff.study import Difference, Fate, QuantityChange, RunChange
+from ...runs.results import Metric, Run
+from ..document import (
     Block,
     Cell,
     Column,
@@ -29,10 +29,9 @@ from ..report.document import (
     terminal_only,
     without_empty_columns,
     words,
-)  # fmt: skip
-from ..report.numbers import format_number, format_step
-from ..runs.results import Metric, Run
-from .study import Difference, Fate, QuantityChange, RunChange
+)
+from ..numbers import format_number, format_step
+from .compare import cause, diagnosis
 
 _QUESTION = "What moved from one comparison to the other, and what broke?"
 _SHOWN = 20

@@ -1,14 +1,28 @@
-"""The matrix as a document: all problems at once, each quantity, what is missing, causes, and what schemes explain."""
+"""What of its runs is each engine's own, and how many verdicts that concerns."""
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from itertools import pairwise
 
-from ..compare.sentences import MARKS
-from ..report.document import (
+from ....engines.supplied import Own, concerned, own, parts
+from ....models.problem import StopLaw
+from ...matrix.study import (
+    FLOOR,
+    SHOWN,
+    Error,
+    Matrix,
+    MatrixProblem,
+    MatrixRun,
+    MeasuredOrder,
+    sentence,
+    spreads,
+)
+from ...runs.results import COMPARED, Outcome
+from ..document import (
     Block,
     Cell,
     Column,
@@ -24,26 +38,62 @@ from ..report.document import (
     row,
     table,
     words,
-)  # fmt: skip
-from ..report.numbers import format_number
-from ..runs.results import COMPARED, Outcome
-from .study import (
-    FLOOR,
-    READING,
-    SHOWN,
-    Error,
-    Matrix,
-    MatrixProblem,
-    MatrixRun,
-    MeasuredOrder,
-    agreements,
-    own_on,
-    sentence,
-    spreads,
-    table_of_parts,
+)
+from ..numbers import format_number
+from .compare import MARKS
+
+READING = (
+    "Own: how much of its runs on a table's problems is the engine's. “all”; “most”: trebucheck decides when stops "
+    "open and are met, finds impulses of impacts, or adds or reads forces that the engine has no element for or does "
+    "not tell; “steps”: its dynamics and its integrator, but what stops, loops or springs do is trebucheck's; "
+    "“dynamics”: its mass matrix, forces, energies and points, in trebucheck's steps. Agreement speaks for an engine's "
+    "own parts alone."
 )
 
-_UNSTATED = "scheme not stated"
+
+_UNSTATED = "not stated"
+
+
+def own_on(matrix: Matrix, label: str, problems: Sequence[MatrixProblem]) -> str:
+    """The least that is an engine's in its runs on some problems; '' if it has none."""
+    runs = [matrix.run(label, problem.name) for problem in problems]
+    found = [_own(matrix, run) for run in runs if run is not None and run.outcome in COMPARED]
+    return max(found, key=_DEGREES.index, default="")
+
+
+_DEGREES = (*map(str, Own), _UNSTATED)
+
+
+def _own(matrix: Matrix, run: MatrixRun) -> str:
+    if run.supplied is None:
+        return _UNSTATED
+    has = next(problem for problem in matrix.problems if problem.name == run.problem)
+    impacts = has.stop_law == StopLaw.UNILATERAL
+    return own(
+        run.supplied, concerned(stops=has.stops, impacts=impacts, loops=has.loops, elements=has.elements)
+    )  # fmt: skip
+
+
+def agreements(matrix: Matrix) -> Text:
+    """How many agreements there are of each degree."""
+    counts = Counter(_own(matrix, run) for run in matrix.runs if run.outcome is Outcome.AGREES)
+    said = ", ".join(f"{name} in {counts[name]}" for name in _DEGREES if counts[name])
+    return Text(f"Of {counts.total()} agreements the engine's own is: {said or 'none'}.")
+
+
+def table_of_parts(matrix: Matrix) -> Iterator[Block]:
+    """A row an engine and preset: what trebucheck supplies."""
+    stated = {run.label: run.supplied for run in matrix.runs if run.supplied is not None}
+    if stated:
+        yield Heading("What is the engine's own", 2)
+        yield Note("All but what trebucheck supplies, as each adapter says.")
+        rows = [(label, parts(given) or "nothing") for label, given in sorted(stated.items())]
+        yield table([words("engine", wrap=False), words("trebucheck supplies")], rows)
+
+
+_SCHEME_UNSTATED = "scheme not stated"
+
+
 _WORDS: dict[Outcome, str] = {
     Outcome.NOT_EQUIVALENT: "another model",
     Outcome.FAILED: "failed",
@@ -51,13 +101,19 @@ _WORDS: dict[Outcome, str] = {
     Outcome.ABSENT: "not installed",
     Outcome.UNSUPPORTED: "refused",
 }
+
+
 _READING = (
     "✓ every judged quantity holds its tolerance, ✗ at least one breaks it, ○ not judged (never counted as "
     "agreement), refused: the engine cannot, in its own words below, not finished: a run had so much time and no "
     "more. The number is the largest error of a marker's position in parts of the mechanism's size, which is the same "
     "for all engines; tolerances are not: an engine's own claims, or a thousandth of each scale."
 )
+
+
 _QUANTITY = "Largest error in parts of the quantity's scale; ✓ and ✗ by the tolerances, ○ not judged, – not told."
+
+
 _KINDS: tuple[tuple[str, Callable[[MatrixProblem], bool]], ...] = (
     ("Without stops and loops", lambda problem: not problem.stops and not problem.loops),
     ("With loops", lambda problem: problem.loops and not problem.stops),
@@ -102,8 +158,14 @@ def _blocks(matrix: Matrix, line: str) -> Iterator[Block]:
 
 
 _Show = Callable[[MatrixRun], Cell]
+
+
 _Leading = Callable[[str, Sequence[MatrixProblem]], Sequence[object]]
+
+
 _LEADING = (words("own"), words("order", wrap=False), words("agrees"))
+
+
 _WIDEST = 6  # problems in a table, with which it fits a screen of 1280 pixels
 
 
@@ -151,7 +213,7 @@ def _rows(
         }
         shown = {label: runs for label, runs in found.items() if leading or any(runs)}
         if shown:
-            yield row(Cell(scheme or _UNSTATED, "strong"))
+            yield row(Cell(scheme or _SCHEME_UNSTATED, "strong"))
         for label, runs in shown.items():
             first = leading(label, problems) if leading else ()
             yield row(label, *first, *(_shown(run, show) for run in runs))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ..compare.sentences import why
-from ..report.document import Block, Cell, Column, Document, Row, Text, mark_of, row, table, words
-from ..report.numbers import format_number
-from ..report.sections import compared_time
-from ..runs.quantities import QUANTITIES
-from ..runs.results import Metric, Outcome
-from .study import NOT_GIVEN, Judgement
+from ...judge.study import NOT_GIVEN, Judgement
+from ...runs.quantities import QUANTITIES
+from ...runs.results import Metric, Outcome
+from ..document import Block, Cell, Column, Document, Row, Text, mark_of, row, table, words
+from ..numbers import format_number
+from ..tables import compared_time
+from .compare import why
 
 _HEADS = (
     words("quantity", wrap=False),

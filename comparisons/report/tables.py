@@ -1,24 +1,17 @@
-"""Sections that several reports share, and the reports of a single run and of a certificate."""
+"""Tables and paragraphs that several pages share: verdicts, causes, horizons, provenance."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-import numpy as np
-
 from ...models.mechanism import Mechanism
-from ...models.trajectory import Trajectory
-from ...reference.certification.certificate import Certificate, Figure
-from ..runs.balance import sampled_balance
-from ..runs.distance import Farthest
+from ...reference.certification.certificate import Figure
 from ..runs.results import Machine, Metric, ResultFile, Run, SingularPosition
 from .document import (
     Block,
     Code,
-    Document,
     Fold,
     Heading,
-    Listing,
     Note,
     Table,
     Text,
@@ -27,7 +20,7 @@ from .document import (
     ranked,
     table,
 )
-from .numbers import format_number, format_settings, sentence
+from .numbers import format_number, format_settings
 
 Settings = tuple[str, str, str, Mapping[str, object]]
 """Machine, engine (and what else names the run), version, and settings."""
@@ -155,74 +148,3 @@ def certified_figures(figures: Iterable[Figure], caption: str) -> Table:
     rows = [(figure.label, *figure.texts, figure.unit) for figure in figures]
     heads = ranked(columns("figure | value | uncertainty | unit"), value=0, uncertainty=0, unit=0)
     return table(heads, rows, caption)
-
-
-def certificate_report(certificate: Certificate) -> Document:
-    """Figures of events, and folded away, those at chosen times, the computations, and the mechanism."""
-    number = sum(computation.independent for computation in certificate.computations)
-    title = f"{certificate.model}: {len(certificate.figures)} figures from {number} independent computations"
-    events = [figure for figure in certificate.figures if figure.time is None]
-    timed = [figure for figure in certificate.figures if figure.time is not None]
-    further = f"{len(timed)} further figures, at chosen times"
-    left_out = tuple(Text(sentence, "warning", lead="left out:") for sentence in certificate.absent)
-    heads = "computation | formulation | integrator | tolerance | independent"
-    made = [
-        (c.name, c.formulation, c.integrator, c.tolerance, c.independent)
-        for c in certificate.computations
-    ]
-    blocks = (
-        certified_figures(events, "Figures of the motion and its events"),
-        Text(f"{further}, are in the file.", "muted", medium="terminal"),
-        Fold(further, (page_only(certified_figures(timed, further)),)),
-        Listing(left_out),
-        Fold(
-            "The computations",
-            (table(heads, made, "Each was made alone; the uncertainty is what they differ by"),),
-        ),
-        Note(
-            f"Uncertainty: {sentence(certificate.rule)} Versions: {format_settings(certificate.versions)}."
-        ),
-        Note(f"Mechanism {certificate.mechanism_hash}."),
-    )
-    return Document(title, blocks, f"trebucheck certify: {certificate.model}", certificate.command)
-
-
-def run_report(trajectory: Trajectory, distance: Farthest | str | None = None) -> Document:
-    """What one run found.
-
-    Args:
-        distance: from the reference, or why that is not known; None: not asked for.
-    """
-    run = trajectory.provenance
-    title = f"{trajectory.mechanism.name}, {run.engine} {run.preset} ({run.engine_version})"
-    rows = [
-        *_quantities(trajectory),
-        *([] if distance is None else [("from the reference", _far(distance))]),
-    ]
-    verdict = "" if distance is None else f"{title}: {_far(distance)} from the reference"
-    return Document(title, (table("|", rows, title),), verdict=verdict)
-
-
-def _far(distance: Farthest | str) -> str:
-    if isinstance(distance, str):
-        return f"not known: {distance}"
-    place = f"{distance.point} at {distance.time:.6g} s; compared to {distance.until:.6g} s"
-    return f"{format_number(distance.distance)} m ({place})"
-
-
-def _quantities(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
-    yield "simulated", f"{trajectory.t[-1]:.6g} s in {trajectory.provenance.steps} steps"
-    yield "wall time", f"{trajectory.provenance.wall_time:.3f} s"
-    for name, time in trajectory.release_times.items():
-        if trajectory.mechanism.stop(name).closed:
-            yield f"{name} opens", "not" if time is None else f"{time:.9f} s"
-    for name, torque in trajectory.stop_torques.items():
-        stop = trajectory.mechanism.stop(name)
-        yield f"{name}, largest {stop.effort}", f"{torque.max():.6g} {stop.force_unit}"
-    launch = trajectory.launch() if "projectile" in trajectory.markers else None
-    if launch is not None:
-        yield "launch (velocity at 45 deg)", f"{launch.time:.9f} s"
-        yield "launch speed", f"{launch.speed:.8f} m/s"
-    balance, _ = sampled_balance(trajectory)
-    drift = np.abs(balance - balance[0]).max()
-    yield "energy drift", f"{drift:.3g} J of {trajectory.total_energy[0]:.6g} J"

@@ -9,8 +9,18 @@ from itertools import chain
 
 import numpy as np
 
-from ..report import document as doc
-from ..report.document import (
+from ...explain.results import (
+    Budget,
+    Explanation,
+    Figures,
+    Machine,
+    Measurement,
+    Quantity,
+    Share,
+    StockAgainstTuned,
+)
+from .. import document as doc
+from ..document import (
     Block,
     Cell,
     Column,
@@ -24,19 +34,9 @@ from ..report.document import (
     row,
     table,
 )
-from ..report.numbers import format_number, format_percent
-from ..report.plots import Axis, Label, Panels, Plot, Series, Style
-from ..report.sections import compared_time, provenance
-from .results import (
-    Budget,
-    Explanation,
-    Figures,
-    Machine,
-    Measurement,
-    Quantity,
-    Share,
-    StockAgainstTuned,
-)
+from ..numbers import format_number, format_percent
+from ..plots import Axis, Label, Panels, Plot, Series, Style
+from ..tables import compared_time, provenance
 
 _FEW = 1e-3  # shares below this are left out in the terminal; the page's tables have them all
 _FIELDS = ("position", "torque", "release", "wall_time")

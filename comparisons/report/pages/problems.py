@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ...models.problems.benchmark import Benchmark
-from ...models.spec import Spec
-from ..report.document import (
+from ....models.problems.benchmark import Benchmark
+from ....models.spec import Spec
+from ...problems.study import Check, CheckedFigure
+from ..document import (
     Block,
     Cell,
     Document,
@@ -20,8 +21,7 @@ from ..report.document import (
     table,
     words,
 )
-from ..report.numbers import format_number
-from .study import Check, CheckedFigure
+from ..numbers import format_number
 
 _TITLES = "figure | unit | expected | reference | error | tolerance | basis"
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ...models.mechanism import Mechanism
-from ..report import document as doc
-from ..report.document import (
+from ....models.mechanism import Mechanism
+from ...recommend.results import Advice, Asked, Attempt, Choice, EngineAdvice, Errors
+from ...recommend.search import unit_of
+from .. import document as doc
+from ..document import (
     Block,
     Code,
     Document,
@@ -20,10 +22,8 @@ from ..report.document import (
     row,
     table,
 )
-from ..report.numbers import format_number, format_step, sentence
-from ..report.sections import compared_time, provenance
-from .results import Advice, Asked, Attempt, Choice, EngineAdvice, Errors
-from .search import unit_of
+from ..numbers import format_number, format_step, sentence
+from ..tables import compared_time, provenance
 
 
 def document(advice: Advice) -> Document:

@@ -1,0 +1,1 @@
+"""Pages: the report of each command as a document of blocks."""

@@ -1,0 +1,120 @@
+"""Renderer of results in a session: reports, pages in a frame or a file, figures, animations.
+
+`import trebucheck` installs this module as the renderer of `models/shown.py`.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import escape
+
+from ....models.errors import InputError
+from ....models.files import write_text
+from ....models.shown import Reported
+from ....models.trajectory import Trajectory
+from .. import html
+from ..document import Document
+from ..figures import figures_of, picture
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ....models.drawing.animation import Animation
+
+_HEIGHT = 640  # of a report's frame [px]
+
+
+@cache
+def _pages() -> dict[type, Callable[[Any], Document]]:
+    """Maker of the report of each class of results; imported when the first report is made."""
+    from ....reference.certification.certificate import Certificate
+    from ....reference.throw.throw import Throw
+    from ...compare.study import Comparison
+    from ...converge.results import Studies
+    from ...diff.study import Difference
+    from ...explain.results import Explanation
+    from ...recommend.results import Advice
+    from . import compare, converge, diff, explain, recommend, run, throw
+
+    return {
+        Comparison: compare.document,
+        Studies: converge.document,
+        Explanation: explain.document,
+        Advice: recommend.document,
+        Difference: diff.document,
+        Trajectory: run.document,
+        Certificate: run.certificate_report,
+        Throw: lambda one: throw.document(one.performance, one),
+    }
+
+
+def document(result: object) -> Document:
+    """Make the report of a result.
+
+    Raises:
+        TypeError: results of its class have no report here.
+    """
+    for kind, make in _pages().items():
+        if isinstance(result, kind):
+            return make(result)
+    raise TypeError(f"there is no report of {type(result).__name__}.")
+
+
+def animation(reference: Trajectory, others: Sequence[Trajectory]) -> Animation:
+    """Make an animation of a trajectory, with others of the same mechanism over it.
+
+    Raises:
+        InputError: another one is of another mechanism.
+    """
+    from ....models.drawing.animation import animation_of
+
+    return animation_of(reference, others)
+
+
+def frame(result: Reported) -> str:
+    """The report's page as a fragment for a notebook: a frame that needs no other file."""
+    shown: Document = result.document()
+    page = escape(html.page(shown))
+    style = f"width:100%;height:{_HEIGHT}px;border:1px solid #8883"
+    return f'<iframe title="{escape(shown.title)}" style="{style}" srcdoc="{page}"></iframe>'
+
+
+def write(result: Reported, path: str | Path) -> None:
+    """Write the report's page.
+
+    Raises:
+        UnwritableError: the folder cannot be written to, or has no room.
+    """
+    write_text(Path(path), html.page(result.document()))
+
+
+def figure(result: Reported, name: str | None = None) -> Figure:
+    """Draw a figure of the report, the first one if no name is given.
+
+    Raises:
+        InputError: there is none of that name.
+    """
+    figures = figures_of(result.document())
+    if not figures:
+        raise InputError(f"the report of {result} has no figure.")
+    chosen = next(iter(figures)) if name is None else name
+    if chosen not in figures:
+        raise InputError(
+            f"the report of {result} has no figure {chosen!r}; there are {', '.join(figures)}."
+        )
+    block = figures[chosen]
+    drawn = picture(block.panels(), block.columns or 3, block.title)
+    # Notebooks show a figure that pyplot knows; this one it does not, so it brings its own picture.
+    vars(drawn)["_repr_png_"] = lambda: _png(drawn)
+    return drawn
+
+
+def _png(figure: Figure) -> bytes:
+    out = io.BytesIO()
+    figure.savefig(out, format="png", dpi=110)
+    return out.getvalue()

@@ -1,1 +1,0 @@
-"""`trebucheck throw`: the pictures and tables of one throw."""
