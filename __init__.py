@@ -49,11 +49,16 @@ if TYPE_CHECKING:
         UnsupportedProblemError,
     )
     from .models.launch import Launch
-    from .models.machines.catapult import CatapultParameters, catapult
-    from .models.machines.floating_arm import FloatingArmParameters, floating_arm
-    from .models.machines.parameters import TrebuchetParameters
-    from .models.machines.registry import model
-    from .models.machines.trebuchet import HingedParameters, fixed, hinged, rolling
+    from .models.library.catapult import CatapultParameters, catapult
+    from .models.library.floating_arm import FloatingArmParameters, floating_arm
+    from .models.library.registry import model
+    from .models.library.trebuchet import (
+        HingedParameters,
+        TrebuchetParameters,
+        fixed,
+        hinged,
+        rolling,
+    )
     from .models.mechanism import Body, Marker, Mechanism
     from .models.mjcf.paths import mjcf_path
     from .models.mjcf.writer import mjcf_names
@@ -145,17 +150,17 @@ _HOMES = {
     "Engine": "engines.protocol",
     "engine": "engines.registry",
     "Launch": "models.launch",
-    "TrebuchetParameters": "models.machines.parameters",
-    "model": "models.machines.registry",
+    "TrebuchetParameters": "models.library.trebuchet",
+    "model": "models.library.registry",
     "Problem": "models.problem",
     "StopLaw": "models.problem",
     "Trajectory": "models.trajectory",
     "throw": "reference.throw.throw",
-    "fixed": "models.machines.trebuchet",
-    "rolling": "models.machines.trebuchet",
-    **dict.fromkeys(("CatapultParameters", "catapult"), "models.machines.catapult"),
-    **dict.fromkeys(("HingedParameters", "hinged"), "models.machines.trebuchet"),
-    **dict.fromkeys(("FloatingArmParameters", "floating_arm"), "models.machines.floating_arm"),
+    "fixed": "models.library.trebuchet",
+    "rolling": "models.library.trebuchet",
+    **dict.fromkeys(("CatapultParameters", "catapult"), "models.library.catapult"),
+    **dict.fromkeys(("HingedParameters", "hinged"), "models.library.trebuchet"),
+    **dict.fromkeys(("FloatingArmParameters", "floating_arm"), "models.library.floating_arm"),
     **dict.fromkeys(_ERRORS, "models.errors"),
     **dict.fromkeys(("Body", "Marker", "Mechanism"), "models.mechanism"),
     **dict.fromkeys((*_JOINTS, "PointStop", "Stop", *_FORCE_ELEMENTS), "models.elements"),

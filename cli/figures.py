@@ -37,7 +37,7 @@ def figures_command(
 
     trebucheck figures report --formats pdf,png --only fixed-distances,work-precision
     """
-    from ..comparisons.compare.stored import stored
+    from ..comparisons.compare.study import stored
     from ..comparisons.report.figures import FORMATS, figures_of, picture, write_picture
     from ..comparisons.report.pages.compare import document
     from ..comparisons.report.terminal import console

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..comparisons.compare.machine import Case, MachineRuns, RunRecord
 from ..comparisons.compare.sentences import complaints, diagnosis
+from ..comparisons.compare.study import Case, MachineRuns
 from ..comparisons.runs.quantities import QUANTITIES, judged_quantity
 from ..comparisons.runs.results import COMPARED, Run
 from ..comparisons.runs.study import Study, one_end
@@ -98,9 +98,8 @@ def _run(study: Study, target: Target) -> Run:
         runs = MachineRuns(study, study.mechanisms[0], worker)
         made = study.engine(target.engine, target.preset)
         own = study.engine_for(runs.runner.mechanism.name, runs.machine.scales.time, made)
-        found = runs.made(Case(runs.runner.mechanism.name, target.engine, target.preset), own)
-    assert not isinstance(found, RunRecord)  # there is no store
-    return found.run
+        case = Case(runs.runner.mechanism.name, target.engine, target.preset)
+        return runs.run(case, own).run
 
 
 def _faults(run: Run, wanted: frozenset[tuple[str, str | None]]) -> list[str]:

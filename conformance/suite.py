@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from ..comparisons.compare.machine import Case, MachineRuns, RunRecord
 from ..comparisons.compare.sentences import diagnosis
+from ..comparisons.compare.study import Case, MachineRuns
 from ..comparisons.report.numbers import format_number
 from ..comparisons.runs.balance import keeps_horizontal_momentum
 from ..comparisons.runs.metrics import THROWN
@@ -517,7 +517,7 @@ class Suite:
             own = study.engine_for(problem, runs.machine.scales.time, made)
         except (TrebucheckError, TypeError, ValueError) as error:
             return self._failed(problem, f"the engine cannot be made: {error}")
-        run = self._made(runs, problem, own)
+        run = runs.run(Case(problem, self.target.engine, self.target.preset), own).run
         if run.outcome in FAILURES:
             slow = run.outcome is Outcome.TIMED_OUT
             longer = (
@@ -535,11 +535,6 @@ class Suite:
         self._diagnosed += bool(run.broken)
         scaled = own.timestep != made.timestep
         return self._of_run(problem, run, f" at steps of {own.timestep:g} s" if scaled else "")
-
-    def _made(self, runs: MachineRuns, problem: str, own: Engine) -> Run:
-        found = runs.made(Case(problem, self.target.engine, self.target.preset), own)
-        assert not isinstance(found, RunRecord)  # there is no store
-        return found.run
 
     def _of_run(self, problem: str, run: Run, steps: str) -> dict[str, Verdict]:
         """Verdicts; those that speak against the engine say at which steps, where those are not the preset's."""

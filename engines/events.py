@@ -223,6 +223,8 @@ class Watch:
     parted: frozenset[str]
     """Those of them that an impact opened. Others may have a small speed by drift or softness."""
     rebounds: Rebounds
+    touching: Callable[[float, str, Collection[str], Callable[[str], float]], Contacts]
+    """:meth:`ContactEvents.touching`, for an engine that has to know before it halts."""
 
     def least_speed(self, name: str, q: FloatArray, u: FloatArray) -> float:
         """Closing speed from which a stop is met, near a state [rad/s, m/s]."""
@@ -341,7 +343,8 @@ class EventDriver:
     def _watch(self) -> Watch:
         held = self.motion.held
         names = tuple(name for name in self.events.releases if name not in held)
-        return Watch(names if self.impacts else (), self._parted, self.events.rebounds)
+        names = names if self.impacts else ()
+        return Watch(names, self._parted, self.events.rebounds, self.events.touching)
 
     def _touching(self, met: str, time: float) -> Contacts:
         motion = self.motion

@@ -12,9 +12,17 @@ from functools import cache
 from typing import Any, ClassVar, Protocol, Self, cast, runtime_checkable
 
 import numpy as np
-from pydantic import Field, JsonValue
+from pydantic import Field, JsonValue, model_validator
 
 from ..models.arrays import FloatArray
+from ..models.elements import (
+    FORCE_ELEMENTS,
+    FreeJoint,
+    PointStop,
+    PrismaticJoint,
+    SlotJoint,
+    WeldJoint,
+)
 from ..models.errors import (
     EngineNotInstalledError,
     InputError,
@@ -29,6 +37,7 @@ from ..models.memory import available_memory
 from ..models.problem import Problem, StopLaw
 from ..models.spec import Positive, Spec
 from ..models.trajectory import PointMotion, Provenance, Trajectory
+from .options import current_name
 from .study import EngineStudy
 from .supplied import Supplied
 
@@ -66,6 +75,25 @@ class Capabilities:
         """The same of an engine whose options take these elements away."""
         lacking = self.lacking | {each for each in elements if isinstance(each, Basic)}
         return replace(self, features=self.features.difference(elements), lacking=lacking)
+
+
+_FEATURES_OF_CLASSES: Mapping[type, Feature] = {
+    FreeJoint: Feature.FREE_JOINT,
+    SlotJoint: Feature.MOVING_SLOT,
+    PrismaticJoint: Feature.PRISMATIC,
+    WeldJoint: Feature.WELD,
+    PointStop: Feature.MOVING_WALL,
+    **{element: element.feature for element in FORCE_ELEMENTS},
+}
+
+
+def built_features(classes: Collection[type]) -> frozenset[Feature]:
+    """Features of an engine that builds these classes of elements on every body.
+
+    Gravity in any direction is among them: it is a property of the mechanism, not of an element.
+    """
+    features = {feature for element, feature in _FEATURES_OF_CLASSES.items() if element in classes}
+    return frozenset({*features, Feature.GRAVITY_DIRECTION})
 
 
 class Simulator(Protocol):
@@ -146,6 +174,19 @@ class EngineOptions(Spec):
 
     preset: str = Field(default="tuned", description="the preset these options were made from")
     timestep: Positive = Field(default=1e-3, le=1.0, description="step size [s]")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_old_names(cls, options: Any) -> Any:
+        """Take options by the names that they had in an earlier release."""
+        if not isinstance(options, Mapping):
+            return options
+        given = dict(cast("Mapping[str, Any]", options))
+        for name in list(given):
+            current = current_name(name, cls.model_fields)
+            if current not in given:  # an option under both names is refused as unknown
+                given[current] = given.pop(name)
+        return given
 
     @property
     def settings(self) -> dict[str, JsonValue]:

@@ -1,4 +1,4 @@
-"""Engines by name: the built-in ones and those of installed plug-ins, none imported before it is asked for."""
+"""Engines by name: the built-in ones and those of plug-ins, none imported before it is asked for."""
 
 from __future__ import annotations
 
@@ -12,23 +12,36 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, Protocol, cast, runtime_checkable
 
 from pydantic import JsonValue
 
 from ..models.errors import InputError
+from ..models.features import Basic, Feature, refuse_features
 from ..models.mechanism import Mechanism
-from ..models.spec import Spec
-from .completed import able, completed
-from .protocol import BuiltinEngine, Capabilities, Engine, Simulator
+from ..models.problem import Problem
+from ..models.trajectory import Trajectory
+from .inspection import Inspectable, Inspection, State
+from .options import (
+    OptionField,
+    OptionRow,
+    current_name,
+    option_fields,
+    refuse_reserved,
+    settings_of,
+    unknown_option,
+)
+from .protocol import BuiltinEngine, Capabilities, Engine, Simulator, refuse_no_problem
 from .study import Cause, ConstraintKinds, EngineStudy
-from .supplied import stated
+from .supplied import Supplied, stated
 
 PLUGIN_GROUP = "trebucheck.engines"
 """Entry-point group in which another package announces an engine class."""
 ANNOUNCED = "TREBUCHECK_ENGINES"
-"""Environment variable with engines of packages that are not installed, as 'name=module:Class' separated by spaces:
-processes that are started inherit it."""
+"""Environment variable with engines of packages that are not installed.
+
+Its value is 'name=module:Class', separated by spaces; processes that are started inherit it.
+"""
 
 _BUILTIN = {
     "reference": ("reference.engine", "ReferenceEngine"),
@@ -262,32 +275,40 @@ def engine(name: str, preset: str = "tuned", **options: Any) -> Engine:
     except (InputError, TypeError):
         known = option_names(name) or tuple(options)
         for unknown in (option for option in options if option not in known):
-            raise InputError(_no_option(name, unknown, known)) from None
+            raise unknown_option(name, unknown, known) from None
         raise
     return simulator if isinstance(simulator, Engine) else completed(simulator, preset, options)
 
 
 def option_names(name: str) -> tuple[str, ...] | None:
-    """Names of an engine's options: the fields of its class; None where the class of a plug-in does not tell them."""
-    cls: object = engine_class(name)
-    if not isinstance(cls, type):
-        return None
-    if issubclass(cls, Spec):
-        fields = list(cls.__pydantic_fields__)
-    elif dataclasses.is_dataclass(cls):
-        fields = [field.name for field in dataclasses.fields(cls) if field.init]
-    else:
-        return None
-    return tuple(field for field in fields if field not in _RESERVED)
+    """Names of an engine's options; None where the class of a plug-in does not tell them."""
+    fields = option_fields(engine_class(name))
+    return None if fields is None else tuple(field.name for field in fields)
 
 
-_RESERVED = ("name", "preset")
+def option_table(name: str) -> tuple[OptionRow, ...]:
+    """Every option of an engine, a plug-in's among them.
 
+    Options of a class that does not tell them are those of the settings of its presets.
 
-def _no_option(engine: str, option: str, known: Sequence[str]) -> str:
-    close = get_close_matches(option, known, n=1)
-    hint = f" (did you mean {close[0]!r}?)" if close else ""
-    return f"{engine}: {option} is not a field it has{hint}; its options are: {', '.join(known)}."
+    Raises:
+        InputError: there is no such engine, or its plug-in cannot be loaded.
+    """
+    cls = engine_class(name)
+    settings = {preset: engine(name, preset).settings for preset in cls.presets()}
+    fields = option_fields(cls)
+    if fields is None:
+        names = dict.fromkeys(option for own in settings.values() for option in own)
+        fields = tuple(map(OptionField, names))
+    return tuple(
+        OptionRow(
+            field.name,
+            {preset: own[field.name] for preset, own in settings.items() if field.name in own},
+            field.values,
+            field.meaning,
+        )
+        for field in fields
+    )
 
 
 def options_for(name: str, options: Mapping[str, Any]) -> dict[str, Any]:
@@ -299,14 +320,15 @@ def options_for(name: str, options: Mapping[str, Any]) -> dict[str, Any]:
             first.
     """
     known = option_names(name)
-    shared = {
-        key: value
-        for key, value in options.items()
-        if "." not in key and (known is None or key in known)
-    }
-    return shared | {
-        key.removeprefix(f"{name}."): v for key, v in options.items() if key.startswith(f"{name}.")
-    }
+    shared, own = dict[str, Any](), dict[str, Any]()
+    for key, value in options.items():
+        owner, dot, option = key.rpartition(".")
+        option = current_name(option, known)
+        if owner == name:
+            own[option] = value
+        elif not dot and (known is None or option in known):
+            shared[option] = value
+    return shared | own
 
 
 def refuse_unknown_options(options: Mapping[str, Any], names: Sequence[str]) -> None:
@@ -322,23 +344,10 @@ def refuse_unknown_options(options: Mapping[str, Any], names: Sequence[str]) -> 
             raise InputError(
                 f"option {key}: {owner!r} is not among the engines asked for: {', '.join(names)}."
             )
-        known = {name: option_names(name) for name in ([owner] if dot else names)}
-        if all(own is not None and option not in own for own in known.values()):
-            every = [*dict.fromkeys(each for own in known.values() for each in own or ())]
-            raise InputError(_no_option(owner or ", ".join(names), option, every))
-
-
-def refuse_reserved(options: Mapping[str, Any]) -> None:
-    """Refuse what chooses an engine among its options.
-
-    Raises:
-        InputError: the engine's name or its preset is one of them.
-    """
-    for name in _RESERVED:
-        if name in options:
-            raise InputError(
-                f"{name} = {options[name]!r} is no option of an engine: it chooses which engine is made."
-            )
+        known = [option_names(name) for name in ([owner] if dot else names)]
+        if all(own is not None and current_name(option, own) not in own for own in known):
+            every = list(dict.fromkeys(option for own in known for option in own or ()))
+            raise unknown_option(owner or ", ".join(names), option, every)
 
 
 def with_options(base: Engine, changes: Mapping[str, JsonValue]) -> Engine:
@@ -375,3 +384,117 @@ def supplied_in(name: str, preset: str) -> dict[str, str] | None:
         return stated(engine(name, preset))
     except Exception:  # which is said where it is to move something
         return None
+
+
+# --- Engines of plug-ins that tell no more than they must
+
+
+def able(engine: Simulator) -> Capabilities:
+    """What an engine declares, less what its options take away."""
+    return engine.capabilities.without(getattr(engine, "lacking", ()))
+
+
+@dataclass(frozen=True)
+class CompletedEngine:
+    """A plug-in's engine that does not tell its preset, its settings or its time step, completed by the registry."""
+
+    simulator: Simulator
+    preset: str
+    settings: dict[str, JsonValue]
+    timestep: float | None
+
+    @property
+    def name(self) -> str:
+        """Of the plug-in's engine."""
+        return self.simulator.name
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """Of the plug-in's engine."""
+        return self.simulator.capabilities
+
+    @property
+    def lacking(self) -> frozenset[Basic | Feature]:
+        """Of the plug-in's engine, if it tells."""
+        return getattr(self.simulator, "lacking", frozenset())
+
+    @property
+    def supplied(self) -> Supplied | None:
+        """Of the plug-in's engine, if it tells; else None."""
+        return getattr(self.simulator, "supplied", None)
+
+    def simulate(self, problem: Problem) -> Trajectory:
+        """As the plug-in's engine does."""
+        refuse_no_problem(problem)
+        left = able(self)
+        refuse_features(
+            problem.mechanism,
+            left.features,
+            self.name,
+            left.lacking,
+            problem.stop_law,
+            left.elements,
+        )
+        return self.simulator.simulate(problem)
+
+
+@dataclass(frozen=True)
+class CompletedInspectable(CompletedEngine):
+    """The same for an engine that shows its built model."""
+
+    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
+        """As the plug-in's engine does."""
+        return cast("Inspectable", self.simulator).inspect(mechanism, states)
+
+
+def completed(simulator: Simulator, preset: str, options: Mapping[str, Any]) -> CompletedEngine:
+    """An engine with its preset, its settings and its time step.
+
+    Args:
+        simulator: as the plug-in makes it.
+        preset: that it was made from.
+        options: that it was given.
+    """
+    settings = settings_of(simulator, options)
+    step = getattr(simulator, "timestep", settings.get("timestep"))
+    cls = CompletedInspectable if isinstance(simulator, Inspectable) else CompletedEngine
+    return cls(simulator, preset, settings, float(step) if isinstance(step, int | float) else None)
+
+
+# --- Engines' own interactive viewers
+
+
+@runtime_checkable
+class Viewable(Protocol):
+    """An engine with a viewer; one of a plug-in may have it as well."""
+
+    def view(self, mechanism: Mechanism) -> None:
+        """Open a window on the mechanism, and return when it is closed."""
+        ...
+
+
+def has_viewer(name: str) -> bool:
+    """Whether an engine of that name is here and has a viewer."""
+    known = engine_class(name)
+    return hasattr(known, "view") and known.is_installed()
+
+
+def view(engine: Engine, mechanism: Mechanism) -> None:
+    """Open an engine's own viewer, and return when it is closed.
+
+    Raises:
+        InputError: the engine has none, or there is no display.
+        EngineNotInstalledError: the engine's package is not here.
+    """
+    if not isinstance(engine, Viewable):
+        raise InputError(
+            f"{engine.name} has no viewer of its own; `trebucheck animate` writes a page to play."
+        )
+    if sys.platform == "linux" and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        raise InputError(
+            "a viewer needs a display, and there is none here (neither DISPLAY nor WAYLAND_DISPLAY is set); "
+            "`trebucheck animate` writes a file instead."
+        )
+    engine.view(mechanism)

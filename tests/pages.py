@@ -26,7 +26,7 @@ from trebucheck.comparisons.runs.results import Outcome
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.models.problems.registry import benchmark
 from trebucheck.reference.certification.certificate import load_certificate
-from trebucheck.reference.sensitivity.sensitivities import sensitivities_of
+from trebucheck.reference.sensitivity.release import sensitivities_of
 from trebucheck.reference.throw.throw import perform
 from trebucheck_paper import report as paper_report
 from trebucheck_paper.evidence.claims import Claim, EngineValue, Quantity, Series

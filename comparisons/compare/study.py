@@ -1,32 +1,240 @@
-"""Machines x engines x presets: run each, measure each, lose none."""
+"""Machines x engines x presets: each run made or taken from a store, measured, judged; none lost."""
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from itertools import combinations
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from ...engines.protocol import Engine
-from ...models.errors import SimulationError
+from ...models.errors import InputError, SimulationError, UnwritableError
+from ...models.files import read_bytes
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.shown import Reported
 from ...models.spec import Spec
-from ...models.trajectory import Trajectory
+from ...models.trajectory import Trajectory, load
 from ...reference.solution import Solution
-from ..runs.process import Worker
-from ..runs.results import Results
-from ..runs.store import Store
-from ..runs.study import PRESETS, OnDemand, Study, in_order, one_end
-from .machine import Case, FailedMachine, MachineRuns, MadeRun, RunRecord
+from ..diagnosis.diagnose import check_and_diagnose, diagnose_motion, failed_diagnosis
+from ..diagnosis.rerun import Rerun
+from ..report.numbers import format_number
+from ..runs.process import OnDemand, Worker, in_order, simulate
+from ..runs.record import RunErrors, RunRecord, judged, machine_row, new_record, pair_of, run_row
+from ..runs.results import (
+    COMPARED,
+    FORMAT,
+    Diagnosis,
+    Equality,
+    Machine,
+    Outcome,
+    Pair,
+    Results,
+    Run,
+)
+from ..runs.runner import Runner
+from ..runs.store import Store, conditions, digest
+from ..runs.study import PRESETS, Study, Until, one_end
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run to be made."""
+
+    model: str
+    engine: str
+    preset: str
+
+    @property
+    def label(self) -> str:
+        """Engine and preset in one."""
+        return f"{self.engine} {self.preset}"
+
+
+class _KeptMachine(Spec):
+    """What a store keeps of a machine: its row, and its pairs by what their files hold."""
+
+    machine: Machine
+    pairs: dict[str, Pair]
+
+
+class FinishedRun(NamedTuple):
+    """A run of a comparison, with its motion if it came to its end."""
+
+    record: RunRecord
+    run: Run
+    motion: Callable[[], Trajectory] | None = None
+    errors: RunErrors | None = None
+    """For its pairs with other runs, if they are known already."""
+    taken: bool = False
+    """Whether all of it was taken from the store."""
+
+
+class MachineRuns:
+    """One machine of a comparison: its reference, its row, and its runs, taken from a store or made.
+
+    Raises:
+        InputError: the duration is not valid, or the reference cannot begin.
+        SimulationError: the reference failed.
+    """
+
+    def __init__(self, study: Study, mechanism: Mechanism, worker: Worker) -> None:
+        self.store, self._needs = study.store, study.needs
+        self.runner = Runner(mechanism, worker, study.end_of(mechanism), study.law_of(mechanism))
+        self.diagnoses = True
+        """Whether the causes of deviations are looked for."""
+        kept = None
+        if self.store is not None:
+            made_by = conditions(*self.runner.conditions)
+            kept = self.store.record(mechanism.name, _KeptMachine, made_by)
+        self._pairs = {} if kept is None else kept.pairs
+        self.machine = machine_row(self.runner, study.needs) if kept is None else kept.machine
+        needs = study.needs.texts  # they decide verdicts, and no record
+        self.taken = kept is not None and kept.machine.needs == needs
+        """Whether the row was taken from the store as it is."""
+        self.machine = self.machine.model_copy(update={"needs": needs})
+
+    def run(self, case: Case, engine: Engine) -> FinishedRun:
+        """Takes a run from the store, or makes and measures it; judges and diagnoses it.
+
+        It may be called from any thread.
+        """
+        finished = self._kept(case, engine) or self._made(case, engine)
+        run = judged(finished.record, engine, self.machine, self._needs)
+        finished = finished._replace(run=run)
+        if finished.motion is None:
+            return finished
+        if run.broken and self.diagnoses:
+            finished = self._diagnosed(finished, engine)
+        if self.store is not None and self.store.records is not None and not finished.taken:
+            path = self.store.path(case.model, case.label)
+            record = finished.record.model_copy(update={"trajectory": digest(path) or ""})
+            self.store.keep_record(path.stem, record, self._conditions(engine))
+            finished = finished._replace(record=record)
+        return finished
+
+    def _conditions(self, engine: Engine) -> str:
+        """Conditions of a record: those of the run, and the code that checks and diagnoses it."""
+        return conditions(*self.runner.conditions, engine=engine, code="comparisons/diagnosis")
+
+    def _kept(self, case: Case, engine: Engine) -> FinishedRun | None:
+        """The finished run from the store, if its trajectory's file is unchanged."""
+        if self.store is None:
+            return None
+        path = self.store.path(case.model, case.label)
+        record = self.store.record(path.stem, RunRecord, self._conditions(engine))
+        if record is None or record.trajectory != digest(path):
+            return None
+        self.store.taken.add(path.stem)
+        motion = partial(self.store.load, case.model, case.label)
+        return FinishedRun(record, run_row(record, engine, case.model), motion, taken=True)
+
+    def _made(self, case: Case, engine: Engine) -> FinishedRun:
+        mechanism, worker = self.runner.mechanism, self.runner.worker
+        record = new_record(case.engine, case.preset, engine, mechanism)
+        motion: Callable[[], Trajectory] | None = None
+        errors: RunErrors | None = None
+        try:
+            equality, diagnosis = worker.call(check_and_diagnose, engine, mechanism)
+            record = record.model_copy(update={"equality": equality, "diagnosis": diagnosis})
+            if equality.holds:
+                trajectory = self._trajectory(case, engine)
+                metrics = self.runner.measured(trajectory)
+                record = record.timed(trajectory).model_copy(update={"metrics": metrics})
+                motion, errors = (lambda: trajectory), self._errors(trajectory)
+            else:
+                unequal = {"outcome": Outcome.NOT_EQUIVALENT, "message": _unequal(equality)}
+                record = record.model_copy(update=unequal)
+        except UnwritableError:
+            raise
+        except Exception as error:
+            record = record.failed(error)
+        return FinishedRun(record, run_row(record, engine, case.model), motion, errors)
+
+    def _trajectory(self, case: Case, engine: Engine) -> Trajectory:
+        if self.store is None:
+            return self.runner.simulate(engine)
+        problem = self.runner.problem(engine)
+        made_by = conditions(
+            problem.mechanism.content_hash, problem.duration, problem.stop_law, engine=engine
+        )
+        kept = self.store.trajectory(case.model, case.label, made_by)
+        if kept is None:
+            self.store.made.add(self.store.path(case.model, case.label).stem)
+            kept = self.runner.simulate(engine)
+            self.store.keep(kept, case.model, case.label, made_by, self.runner.worker.jobs)
+        return kept
+
+    def _diagnosed(self, finished: FinishedRun, engine: Engine) -> FinishedRun:
+        """Adds the diagnosis: the record's, if it is for the same tolerances, else a new one."""
+        record, broken, motion = finished.record, finished.run.broken, finished.motion
+        assert motion is not None
+        exceeded = {metric.label: metric.tolerance for metric in broken}
+        taken = finished.taken and record.diagnosed_for == exceeded
+        if not taken:
+            diagnosis = self._diagnosis(finished.run, motion(), engine)
+            update = {"diagnosis": diagnosis, "diagnosed_for": exceeded}
+            record = record.model_copy(update=update)
+        run = finished.run.model_copy(update={"diagnosis": record.diagnosis})
+        return finished._replace(record=record, run=run, taken=taken)
+
+    def _diagnosis(self, run: Run, trajectory: Trajectory, engine: Engine) -> Diagnosis:
+        """Computes a diagnosis in a process: it solves and runs many changed mechanisms."""
+        motions = trajectory, self.runner.solution, self.runner.end
+        diagnose = partial(diagnose_motion, run.broken, *motions, Rerun(engine, simulate))
+        try:
+            return self.runner.worker.compute(diagnose, "the diagnosis")
+        except Exception as error:
+            return failed_diagnosis(run.broken, error)
+
+    def _errors(self, trajectory: Trajectory) -> RunErrors:
+        reference = self.runner.reference(trajectory.t)
+        return RunErrors.of(trajectory, reference, self.runner.until.thrown)
+
+    def pairs(self, runs: Iterable[FinishedRun]) -> list[Pair]:
+        """Compares every two runs that came to their end; keeps them in the store with the row."""
+        moved = {each.run.label: each for each in runs if each.motion is not None}
+        errors = {label: each.errors for label, each in moved.items()}
+        pairs: dict[str, Pair] = {}
+        for labels in combinations(moved, 2):
+            key = ", ".join(f"{label}: {moved[label].record.trajectory}" for label in labels)
+            pair = self._pairs.get(key)
+            if pair is None:
+                sides: list[RunErrors] = []
+                for label in labels:
+                    motion = moved[label].motion
+                    assert motion is not None
+                    side = errors[label] or self._errors(motion())
+                    errors[label] = side
+                    sides.append(side)
+                first, second = sides
+                pair = pair_of(self.machine.model, labels, first, second, self.machine.judged_to)
+            pairs[key] = pair
+        self.taken = self.taken and pairs.keys() <= self._pairs.keys()
+        if self.store is not None and not (self.taken and all(run.taken for run in moved.values())):
+            kept = _KeptMachine(machine=self.machine, pairs=self._pairs | pairs)
+            made_by = conditions(*self.runner.conditions)
+            self.store.keep_record(self.machine.model, kept, made_by)
+        return list(pairs.values())
+
+
+def _unequal(equality: Equality) -> str:
+    if equality.note:
+        return equality.note
+    broken = ", ".join(
+        f"{check.label} off by {format_number(check.value)}" for check in equality.broken
+    )
+    return f"the built model differs before any motion: {broken}; its motion was not compared."
 
 
 @dataclass(frozen=True, repr=False)
 class Comparison(Reported):
-    """Results, and the motions behind them; motions of runs that were finished before are read when asked for."""
+    """Results, and the motions behind them; motions of earlier runs are read when asked for."""
 
     results: Results
     solutions: Mapping[str, Solution]
@@ -34,13 +242,14 @@ class Comparison(Reported):
     trajectories: Mapping[tuple[str, str], Trajectory]
     """By model and run label ('mujoco tuned')."""
     repeated: bool = False
-    """Every run and every figure was taken from the store: nothing was measured now."""
+    """Every run and every value was taken from the store: nothing was measured now."""
 
     def headline(self) -> str:
         """How many runs came out how."""
         counts = Counter(run.outcome.value for run in self.results.runs)
-        found = ", ".join(f"{number} {outcome}" for outcome, number in counts.items())
-        return f"Comparison of {', '.join(machine.model for machine in self.results.machines)}: {found}"
+        outcomes = ", ".join(f"{number} {outcome}" for outcome, number in counts.items())
+        models = ", ".join(machine.model for machine in self.results.machines)
+        return f"Comparison of {models}: {outcomes}"
 
     def rows(self) -> Iterator[dict[str, object]]:
         """A quantity of a run a row."""
@@ -78,7 +287,7 @@ def compare(
     progress: Callable[[Case, int, int], None] | None = None,
     **options: Any,
 ) -> Comparison:
-    """Measure engines on machines against the reference, to the launch: `tb.compare(["fixed"], ["mujoco"]).plot()`.
+    """Measure engines against the reference: `tb.compare(["fixed"], ["mujoco"]).plot()`.
 
     Args:
         models: names of machines or of the library's problems, mechanisms of your own, or problems.
@@ -87,7 +296,7 @@ def compare(
         parameters: of the named machines, all of one class; their defaults if left out.
         timestep: of every engine [s]; each preset's own if left out.
         duration: end of the compared motion [s]; a problem's own, else the reference's launch, if
-        left out.
+            left out.
         until: the end in other words: 'launch:MARKER', 'release:STOP', or a time [s].
         tolerances: needs by quantity, in its unit or in parts of its scale, e.g. {'position': 1e-3,
             'energy': '0.1%'}; for one subject 'position:projectile'; for whatever has none,
@@ -95,7 +304,7 @@ def compare(
         stop_law: 'release-once' or 'unilateral'; a problem's own, else 'release-once', if left out.
         store: where trajectories are kept and, if asked, taken from again.
         isolate: simulate in a process of its own, so that an engine's crash costs only its row.
-        timeout: longest wait for one isolated run [s]; what takes longer becomes a failed row.
+        timeout: longest wait for one isolated run [s]; a run that takes longer becomes a failed row.
         jobs: references, runs and diagnoses made at once, each in a process; the results but for
             wall times are the same in the same order.
         progress: called before each case with the number done and the number of all.
@@ -126,7 +335,7 @@ def compare(
 def compare_study(
     study: Study, progress: Callable[[Case, int, int], None] | None = None
 ) -> Comparison:
-    """As :func:`compare`, of a study.
+    """Measure the engines of a study against the reference.
 
     Args:
         study: its own `progress` is not used.
@@ -143,48 +352,116 @@ def compare_study(
     ]
     # Every engine is made before the first run, so that a wrong name or option costs no waiting.
     engines = {(c.engine, c.preset): study.engine(c.engine, c.preset) for c in cases}
+    by_name = {mechanism.name: mechanism for mechanism in study.mechanisms}
+    finished: dict[Case, FinishedRun] = {}
     with study.worker() as worker:
-        solved = in_order(partial(_machine_runs, study, worker), study.mechanisms, study.jobs)
-        machines = dict(zip((m.name for m in study.mechanisms), solved, strict=True))
 
-        def own(case: Case) -> Engine:
-            made, runs = engines[case.engine, case.preset], machines[case.model]
-            if not isinstance(runs, MachineRuns):
-                return made
-            return study.engine_for(case.model, runs.machine.scales.time, made)
+        def solved(mechanism: Mechanism) -> MachineRuns | SimulationError:
+            try:
+                return MachineRuns(study, mechanism, worker)
+            except SimulationError as error:
+                return error
 
-        def made(case: Case) -> RunRecord | MadeRun:
-            return machines[case.model].made(case, own(case))
+        references = in_order(solved, study.mechanisms, study.jobs)
+        machines = dict(zip(by_name, references, strict=True))
 
-        with closing(in_order(made, cases, study.jobs)) as results:
+        def run(case: Case) -> FinishedRun:
+            machine, engine = machines[case.model], engines[case.engine, case.preset]
+            if isinstance(machine, SimulationError):
+                record = new_record(case.engine, case.preset, engine, by_name[case.model])
+                record = record.failed(machine)
+                return FinishedRun(record, run_row(record, engine, case.model))
+            time = machine.machine.scales.time
+            return machine.run(case, study.engine_for(case.model, time, engine))
+
+        with closing(in_order(run, cases, study.jobs)) as results:
             for done, case in enumerate(cases):
                 if progress is not None:
                     progress(case, done, len(cases))
-                machines[case.model].add(case, own(case), next(results))
-        moved = {name: runs for name, runs in machines.items() if isinstance(runs, MachineRuns)}
-        pairs = [pair for runs in moved.values() for pair in runs.pairs()]
+                finished[case] = next(results)
+        moved = {name: each for name, each in machines.items() if isinstance(each, MachineRuns)}
+        pairs: list[Pair] = []
+        for name, machine in moved.items():
+            pairs += machine.pairs(each for case, each in finished.items() if case.model == name)
+    motions = {
+        (case.model, case.label): each.motion
+        for case, each in finished.items()
+        if each.motion is not None
+    }
     return Comparison(
         Results.made_here(
-            machines=tuple(runs.machine for runs in moved.values()),
-            runs=tuple(run for runs in machines.values() for run in runs.runs),
+            machines=tuple(machine.machine for machine in moved.values()),
+            runs=tuple(each.run for each in finished.values()),
             pairs=tuple(pairs),
         ),
-        OnDemand({name: lambda runs=runs: runs.runner.solution for name, runs in moved.items()}),
-        OnDemand(
-            {
-                (name, label): make
-                for name, runs in moved.items()
-                for label, make in runs.motions.items()
-            }
-        ),
-        all(runs.repeated for runs in machines.values()),
+        OnDemand({name: lambda m=machine: m.runner.solution for name, machine in moved.items()}),
+        OnDemand(motions),
+        all(machine.taken for machine in moved.values())
+        and all(each.taken or each.motion is None for each in finished.values()),
     )
 
 
-def _machine_runs(
-    study: Study, worker: Worker, mechanism: Mechanism
-) -> MachineRuns | FailedMachine:
+def stored(folder: str | Path) -> Comparison:
+    """Results and motions of an earlier comparison; the reference is solved again, no engine runs.
+
+    Raises:
+        InputError: the folder holds no comparison, or a file of it cannot be read.
+    """
+    results = read_results(folder)
+    store = Store(Path(folder) / "trajectories")
+    kept = {(run.model, run.label): store.path(run.model, run.label) for run in results.ran}
+    missing = [str(path) for path in kept.values() if not path.is_file()]
+    if missing:
+        raise InputError(f"trajectory {missing[0]!r} is missing; make the comparison again.")
+    solutions = {
+        m.model: Until("time", m.compared_to).solve(m.mechanism, m.stop_law)[0]
+        for m in results.machines
+    }
+    trajectories = {key: load(path) for key, path in kept.items()}
+    return Comparison(results, solutions, trajectories, repeated=True)
+
+
+def read_results(path: str | Path) -> Results:
+    """Results of a comparison.
+
+    Args:
+        path: of results.json, or of the folder that holds it.
+
+    Raises:
+        InputError: the file is not there, is of another kind or format, or is broken.
+    """
+    path = Path(path)
+    path = path / "results.json" if path.is_dir() else path
+    _refuse_others(path)
+    results = Results.load(path)
+    runs = Counter((run.model, run.engine, run.preset) for run in results.runs)
+    twice = [name for name, number in runs.items() if number > 1]
+    if twice:
+        raise InputError(f"{path}: the run {', '.join(twice[0])} is there twice; once is needed.")
+    known = {machine.model for machine in results.machines}
+    unknown = [
+        run.model for run in results.runs if run.outcome in COMPARED and run.model not in known
+    ]
+    if unknown:
+        raise InputError(
+            f"{path}: there are runs of {unknown[0]!r}, which is not among the machines."
+        )
+    return results
+
+
+def _refuse_others(path: Path) -> None:
+    """Refuses a file of another kind or format at once, before its fields are read."""
+    text = read_bytes(path, Results.largest_file)
     try:
-        return MachineRuns(study, mechanism, worker)
-    except SimulationError as error:
-        return FailedMachine(error)
+        content = json.loads(text)
+    except (ValueError, RecursionError):
+        raise InputError(
+            f"{path} is not JSON; the results.json of `trebucheck compare` is needed."
+        ) from None
+    given = content.get("format") if isinstance(content, dict) else None
+    if given != FORMAT:
+        has = "no format" if given is None else f"format {str(given)[:60]!r}"
+        raise InputError(
+            f"{path} has {has}; a results.json of `trebucheck compare` has {FORMAT!r}: "
+            "make it again."
+        )

@@ -26,9 +26,10 @@ from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
 from ...reference.certification.certificate import REFUSED_BELOW
 from ..report.numbers import format_number
+from ..runs.process import all_in_order
+from ..runs.record import Curves, EngineRuns, RunRecord, runs_of
 from ..runs.runner import run_duration
-from ..runs.study import Counter, Study, all_in_order
-from ..runs.trials import Deviation, Trial, Trials, trials_of
+from ..runs.study import Counter, Study
 from .results import (
     Curve,
     Floor,
@@ -374,7 +375,7 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
         len(study.mechanisms) * sum(len(parameter.values) for _, parameter in plan), study.progress
     )
     with study.worker() as worker:
-        moved, failures = trials_of(study, worker)
+        moved, failures = runs_of(study, worker)
         known = dict(_uncertainties(moved, failures))
         swept = [
             (each, name, parameter)
@@ -384,7 +385,7 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
         ]
 
         def sweep(
-            trials: Trials, name: str, parameter: SweptParameter
+            trials: EngineRuns, name: str, parameter: SweptParameter
         ) -> tuple[str, ParameterStudy, Extrapolated | None]:
             own = options_for(name, study.options)
             found = _Sweep(trials, known[trials.mechanism.name], name, parameter, count, own)
@@ -405,7 +406,7 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
 
 
 def _uncertainties(
-    moved: Iterable[Trials], failures: dict[str, str]
+    moved: Iterable[EngineRuns], failures: dict[str, str]
 ) -> Iterator[tuple[str, dict[QuantityName, float]]]:
     """Of each machine's reference, by the machine's name; notes where that failed."""
     for trials in moved:
@@ -500,7 +501,7 @@ def _refuse_options(name: str, parameter: SweptParameter, own: Mapping[str, Any]
 
 
 def _machine(
-    trials: Trials,
+    trials: EngineRuns,
     uncertainty: dict[QuantityName, float],
     swept: Sequence[tuple[ParameterStudy, Extrapolated | None]],
     absent: list[str],
@@ -529,7 +530,7 @@ class _Sweep:
 
     def __init__(
         self,
-        trials: Trials,
+        trials: EngineRuns,
         uncertainty: dict[QuantityName, float],
         name: str,
         parameter: SweptParameter,
@@ -546,7 +547,7 @@ class _Sweep:
         """Options that stay as they are, the user's own among them."""
         self.of_step = "timestep" in parameter.options(parameter.values[0])
         self.without = None if parameter.without is None else self.trial(parameter.without, 1)
-        self.trials: list[Trial | None] = []
+        self.trials: list[RunRecord | None] = []
         """One a value; None where the engine refused the options."""
         self.points: list[Point] = []
         for value in parameter.values:
@@ -591,9 +592,9 @@ class _Sweep:
         """With the options that stay, and these over them."""
         return engine(self.name, self.parameter.preset, **{**self.fixed, **options})
 
-    def trial(self, options: Mapping[str, Any], repeats: int) -> Trial:
+    def trial(self, options: Mapping[str, Any], repeats: int) -> RunRecord:
         """Of the engine with these options."""
-        return self.machine.trial(self.engine(options), repeats)
+        return self.machine.record(self.engine(options), repeats)
 
     def study(self) -> ParameterStudy:
         """As data, with laws and floors."""
@@ -683,9 +684,9 @@ class _Sweep:
             return None
         return limit(
             [
-                Level(point.value, trial.deviation.position, _torques(trial.deviation))
+                Level(point.value, trial.curves.position, _torques(trial.curves))
                 for point, trial in zip(self.points, self.trials, strict=True)
-                if trial is not None and trial.deviation is not None
+                if trial is not None and trial.curves is not None
             ]
         )
 
@@ -704,46 +705,46 @@ def _still_falls(ran: Sequence[tuple[float, float]]) -> bool:
     return np.log(larger / smaller) >= 0.5 * abs(np.log(before / last))
 
 
-def _whole(trial: Trial, quantity: QuantityName) -> float | None:
+def _whole(trial: RunRecord, quantity: QuantityName) -> float | None:
     return trial.position if quantity == "position" else trial.torque
 
 
-def _position(trial: Trial) -> float | None:
+def _position(trial: RunRecord) -> float | None:
     """Largest error at any sample or at the end [m].
 
     The end lies between two samples of a coarse step, and a growing error is largest there. What
     gives the reference back is not interpolated.
     """
     sampled = trial.position
-    if not sampled or trial.deviation is None:
+    if not sampled or trial.curves is None:
         return sampled
-    return max(sampled, float(np.linalg.norm(trial.deviation.position[..., -1], axis=-1).max()))
+    return max(sampled, float(np.linalg.norm(trial.curves.position[..., -1], axis=-1).max()))
 
 
 def _point(
     value: float,
     parameter: SweptParameter,
-    trial: Trial | None,
+    trial: RunRecord | None,
     message: str | None,
-    without: Trial | None,
+    without: RunRecord | None,
 ) -> Point:
     options: dict[str, Any] = dict(parameter.options(value))
-    if trial is None or trial.deviation is None:
+    if trial is None or trial.curves is None:
         return Point(value=value, options=options, message=message)
-    base = without.deviation if without is not None else None
+    base = without.curves if without is not None else None
     return Point(
         value=value,
         options=options,
         position=_position(trial),
         torque=trial.torque,
-        own_position=None if base is None else largest(trial.deviation.position - base.position),
-        own_torque=None if base is None else _largest(_torques(trial.deviation) - _torques(base)),
+        own_position=None if base is None else largest(trial.curves.position - base.position),
+        own_torque=None if base is None else _largest(_torques(trial.curves) - _torques(base)),
         steps=trial.steps,
         wall_times=trial.wall_times,
     )
 
 
-def _torques(deviation: Deviation) -> FloatArray:
+def _torques(deviation: Curves) -> FloatArray:
     """Shape (number of stops, n)."""
     return np.array([deviation.torques[name] for name in sorted(deviation.torques)])
 

@@ -37,8 +37,9 @@ from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ...models.trajectory import PointMotion, Trajectory
-from ..runs.study import PRESETS, Counter, Study, all_in_order
-from ..runs.trials import Deviation, Trial, Trials, trials_of
+from ..runs.process import all_in_order
+from ..runs.record import Curves, EngineRuns, RunRecord, runs_of
+from ..runs.study import PRESETS, Counter, Study
 from .results import (
     Budget,
     Change,
@@ -144,7 +145,9 @@ def with_filtered_torques(trajectory: Trajectory) -> Trajectory:
     return dataclasses.replace(trajectory, stop_torques=torques)
 
 
-def varied(trials: Trials, base: Engine, done: Sequence[Intervention], last_bits: int = 0) -> Trial:
+def varied(
+    trials: EngineRuns, base: Engine, done: Sequence[Intervention], last_bits: int = 0
+) -> RunRecord:
     """The trial of a base with some interventions made, the later ones over the earlier ones.
 
     Args:
@@ -166,7 +169,7 @@ def varied(trials: Trials, base: Engine, done: Sequence[Intervention], last_bits
     if kinematics or filtered:
         engine = Reread(engine, kinematics, filtered)
     given = _given(trials.mechanism, done, last_bits)
-    return trials.trial(engine, of=None if given == trials.mechanism else given)
+    return trials.record(engine, given=None if given == trials.mechanism else given)
 
 
 def _given(mechanism: Mechanism, done: Sequence[Intervention], last_bits: int) -> Mechanism:
@@ -196,7 +199,7 @@ class VariantFailedError(Exception):
         self.cause = cause
 
 
-def budget(trials: Trials, engine: Engine) -> Budget:
+def budget(trials: EngineRuns, engine: Engine) -> Budget:
     """Split an engine's error on one machine among its causes.
 
     Each removal is a run. A cause whose run fails is left out and says so: its part stays
@@ -211,10 +214,10 @@ def budget(trials: Trials, engine: Engine) -> Budget:
         settings=engine.settings,
         message=base.message,
     )
-    if base.deviation is None:
+    if base.curves is None:
         return empty
-    point = base.deviation.farthest
-    study = _Study(trials, engine, base.deviation.of_point(point))
+    point = base.curves.farthest
+    study = _Study(trials, engine, base.curves.of_point(point))
     known = causes_of(engine, trials.mechanism)
     chains = study.chains([cause for cause in known if cause.removal is not None])
     alone = study.scaled([cause for cause in known if cause.scaling is not None])
@@ -250,7 +253,7 @@ class _Chain:
     """Deviations with more and more causes taken out: one more than there are causes."""
 
     causes: tuple[Cause, ...]
-    deviations: list[Deviation]
+    deviations: list[Curves]
 
     def part(self, cause: str, quantity: str) -> FloatArray:
         """What taking out one more cause changed, extrapolated where it leaves a known part of it."""
@@ -263,9 +266,9 @@ class _Chain:
 
 @dataclass
 class _Study:
-    trials: Trials
+    trials: EngineRuns
     engine: Engine
-    base: Deviation
+    base: Curves
     failed: dict[str, str] = field(default_factory=dict[str, str])
 
     def chains(self, causes: Sequence[Cause]) -> tuple[_Chain, _Chain]:
@@ -279,7 +282,7 @@ class _Study:
             else:
                 return first, second
 
-    def _along(self, order: Sequence[Cause]) -> list[Deviation]:
+    def _along(self, order: Sequence[Cause]) -> list[Curves]:
         deviations = [self.base]
         for n, cause in enumerate(order, start=1):
             # Merged in the table's order whatever the order of removal: the same causes are the
@@ -292,18 +295,18 @@ class _Study:
         table = orders(causes_of(self.engine, self.trials.mechanism))[0]
         return [c.removal for c in table if c.name in names and c.removal is not None]
 
-    def _deviation(self, done: Sequence[Intervention], cause: str, last_bits: int = 0) -> Deviation:
+    def _deviation(self, done: Sequence[Intervention], cause: str, last_bits: int = 0) -> Curves:
         try:
-            trial: Trial = varied(self.trials, self.engine, done, last_bits)
+            trial: RunRecord = varied(self.trials, self.engine, done, last_bits)
         except InputError as error:
             raise VariantFailedError(cause, str(error)) from error
-        if trial.deviation is None:
+        if trial.curves is None:
             raise VariantFailedError(cause, trial.message or "it did not run")
-        return trial.deviation.of_point(self.base.farthest)
+        return trial.curves.of_point(self.base.farthest)
 
-    def scaled(self, causes: Sequence[Cause]) -> dict[str, tuple[Deviation, float]]:
+    def scaled(self, causes: Sequence[Cause]) -> dict[str, tuple[Curves, float]]:
         """Deviations with one cause made larger, and by what factor."""
-        deviations: dict[str, tuple[Deviation, float]] = {}
+        deviations: dict[str, tuple[Curves, float]] = {}
         for cause in causes:
             assert cause.scaling is not None
             try:
@@ -317,7 +320,7 @@ class _Study:
         return deviations
 
     def quantities(
-        self, chains: tuple[_Chain, _Chain], alone: dict[str, tuple[Deviation, float]]
+        self, chains: tuple[_Chain, _Chain], alone: dict[str, tuple[Curves, float]]
     ) -> tuple[Quantity, ...]:
         """The budget of every quantity that all these runs tell."""
         ideal = chains[0].deviations[-1]
@@ -350,7 +353,7 @@ class _Study:
         cause: Cause,
         quantity: str,
         chains: tuple[_Chain, _Chain],
-        alone: dict[str, tuple[Deviation, float]],
+        alone: dict[str, tuple[Curves, float]],
     ) -> Measured:
         first, second = (chain.part(cause.name, quantity) for chain in chains)
         if cause.name not in alone:
@@ -360,13 +363,13 @@ class _Study:
         mean = (first + second) / 2
         return Measured(mean, mean, self._extrapolated(quantity, *alone[cause.name]))
 
-    def _extrapolated(self, quantity: str, larger: Deviation, factor: float) -> FloatArray:
+    def _extrapolated(self, quantity: str, larger: Curves, factor: float) -> FloatArray:
         return (observed(larger)[quantity].values - observed(self.base)[quantity].values) / (
             factor - 1.0
         )
 
-    def _last_bits(self, done: Sequence[Intervention], signs: Sequence[int]) -> list[Deviation]:
-        deviations: list[Deviation] = []
+    def _last_bits(self, done: Sequence[Intervention], signs: Sequence[int]) -> list[Curves]:
+        deviations: list[Curves] = []
         for sign in signs:
             try:
                 deviations.append(self._deviation(done, _ROUNDOFF, sign))
@@ -375,7 +378,7 @@ class _Study:
         return deviations
 
 
-def _noise(quantity: str, whole: Observed, run: Deviation, near: Sequence[Deviation]) -> float:
+def _noise(quantity: str, whole: Observed, run: Curves, near: Sequence[Curves]) -> float:
     nearby = [observed(deviation) for deviation in near]
     return noise_between(
         observed(run)[quantity].values, [t[quantity].values for t in nearby if quantity in t], whole
@@ -419,7 +422,7 @@ class Observed:
         return float(np.sqrt(np.mean(lengths**2))), float(lengths.max())
 
 
-def observed(deviation: Deviation) -> dict[str, Observed]:
+def observed(deviation: Curves) -> dict[str, Observed]:
     """Every quantity a budget is made for, by its name; what the run does not tell is absent."""
     position = np.array(deviation.positions[deviation.farthest]).ravel()
     quantities = {"position": Observed("m", position, components=2)}
@@ -553,9 +556,9 @@ def explain(study: Study) -> Explanation:
         len(study.mechanisms) * len(engines) * (len(list(study.presets)) + 1), study.progress
     )
     with study.worker() as worker:
-        moved, failures = trials_of(study, worker)
+        moved, failures = runs_of(study, worker)
 
-        def part(trials: Trials, name: str, preset: str | None) -> Budget | StockAgainstTuned:
+        def part(trials: EngineRuns, name: str, preset: str | None) -> Budget | StockAgainstTuned:
             made = engines[name]
             count.start(
                 f"{trials.mechanism.name}: {name}{f' {preset}' if preset else ', option by option'}"
@@ -577,7 +580,7 @@ def explain(study: Study) -> Explanation:
     )
 
 
-def _machine(trials: Trials) -> Machine:
+def _machine(trials: EngineRuns) -> Machine:
     return Machine(
         model=trials.mechanism.name,
         mechanism=trials.mechanism,
@@ -591,7 +594,7 @@ def _machine(trials: Trials) -> Machine:
 _REPEATS = 3  # timed runs of each setting: a median of fewer says little of runs of some hundredths of a second
 
 
-def stock_against_tuned(trials: Trials, stock: Engine, tuned: Engine) -> StockAgainstTuned:
+def stock_against_tuned(trials: EngineRuns, stock: Engine, tuned: Engine) -> StockAgainstTuned:
     """Set an engine's two presets side by side, at the stock one's step, and change one option at a time."""
     at_stock = stock.settings
     step = at_stock.get("timestep")
@@ -626,22 +629,22 @@ def _differences(
             yield name, value, tuned[name]
 
 
-def _changed(trials: Trials, engine: Engine, option: str, value: JsonValue) -> Figures:
+def _changed(trials: EngineRuns, engine: Engine, option: str, value: JsonValue) -> Figures:
     try:
         return _measured(trials, with_options(engine, {option: value}))
     except InputError as error:
         return Figures(message=str(error))
 
 
-def _measured(trials: Trials, engine: Engine) -> Figures:
-    return figures_of(trials.trial(engine, repeats=_REPEATS))
+def _measured(trials: EngineRuns, engine: Engine) -> Figures:
+    return figures_of(trials.record(engine, repeats=_REPEATS))
 
 
-def figures_of(trial: Trial) -> Figures:
+def figures_of(trial: RunRecord) -> Figures:
     """The figures of a trial that are compared."""
-    if trial.deviation is None:
+    if trial.curves is None:
         return Figures(message=trial.message or "it did not run")
-    late = [abs(time) for time in trial.deviation.release_times.values() if time is not None]
+    late = [abs(time) for time in trial.curves.release_times.values() if time is not None]
     return Figures(
         position=trial.position,
         torque=trial.torque,

@@ -15,10 +15,10 @@ from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.trajectory import PointMotion, Provenance, Trajectory
 from ...reference.equations import Equations
-from ..compare.machine import machine_row
 from ..diagnosis.case import ENERGIES
 from ..diagnosis.diagnose import diagnose_motion, failed_diagnosis
 from ..runs.metrics import not_observed
+from ..runs.record import machine_row
 from ..runs.results import (
     Diagnosis,
     Machine,

@@ -19,7 +19,7 @@ from ...models.errors import InputError
 from ...models.files import read_bytes
 from ...models.problems.registry import find_benchmark
 from ...models.spec import Positive, Real, Spec
-from ..compare.stored import read_results
+from ..compare.study import read_results
 from ..converge.results import FORMAT as CONVERGE
 from ..converge.results import Studies
 from ..runs.quantities import QUANTITIES

@@ -32,8 +32,8 @@ from ...models.machines.registry import model, parameters_type
 from ...models.mechanism import Mechanism
 from ...models.spec import Spec
 from ...reference.certification.certificate import refusal
-from ..runs.study import in_order
-from ..runs.trials import Trial, Trials
+from ..runs.process import in_order
+from ..runs.record import EngineRuns, RunRecord
 from .results import Asked, Errors, Obstacle
 
 _METRICS = {"position": "position_max", "torque": "stop_torque_max", "release": "release_time"}
@@ -44,7 +44,7 @@ _SAMPLES = 2001  # of the reference, in search of the largest torque
 class Case:
     """A machine with its trials and its accuracy target."""
 
-    trials: Trials
+    trials: EngineRuns
     target: Asked
 
     @cached_property
@@ -99,9 +99,9 @@ class Case:
         """Of a quantity, on this machine."""
         return unit_of(quantity, self.trials.mechanism)
 
-    def errors(self, trial: Trial) -> dict[str, float]:
+    def errors(self, trial: RunRecord) -> dict[str, float]:
         """By quantity; infinite where the run failed or a release did not come."""
-        if trial.deviation is None:
+        if not trial.ran:
             return dict.fromkeys(_METRICS, math.inf)
         position, torque = trial.position, trial.torque
         return {
@@ -117,11 +117,11 @@ class Case:
         due = [name for name, time in times.items() if time is not None and time <= self.trials.end]
         return [name for name in due if mechanism.stop(name).closed]
 
-    def _release_error(self, trial: Trial) -> float:
-        values = [trial.metric(f"release_time ({name})") for name in self._due]
+    def _release_error(self, trial: RunRecord) -> float:
+        values = [trial.value("release_time", name) for name in self._due]
         return max((math.inf if value is None else abs(value) for value in values), default=0.0)
 
-    def ratio(self, trial: Trial) -> float:
+    def ratio(self, trial: RunRecord) -> float:
         """The largest error over what is allowed: up to 1 it is reached."""
         errors = self.errors(trial)
         return max(
@@ -129,7 +129,7 @@ class Case:
             for name, allowed in self.allowed.items()
         )
 
-    def described(self, trial: Trial) -> Errors:
+    def described(self, trial: RunRecord) -> Errors:
         """As the report has it."""
         errors = {
             name: value if math.isfinite(value) else None
@@ -282,7 +282,7 @@ class Level:
     """Largest error over what is allowed."""
     hardest: int
     """Index of the machine of that."""
-    trials: dict[int, Trial]
+    trials: dict[int, RunRecord]
     """By index of machine; the machine asked about is 0."""
 
     @property
@@ -354,7 +354,7 @@ class Search:
             return True
         return guess is None
 
-    def _is_dearer(self, screened: Trial, index: int) -> bool:
+    def _is_dearer(self, screened: RunRecord, index: int) -> bool:
         """Whether a step must cost more than the cheapest settings found, by the time of the screened one."""
         return (
             _wall(screened) * self.steps[SCREENED_AT] / self.steps[index] > _DEARER * self.cheapest
@@ -376,8 +376,8 @@ class Search:
         sweep.levels[step] = Level(step, ratios[panel[0]], panel[0], {i: trials[i] for i in panel})
         return panel
 
-    def _trial(self, case: int, options: OptionSet, step: float, repeats: int = 1) -> Trial:
-        return self.cases[case].trials.trial(configured(self.engine, options, step), repeats)
+    def _trial(self, case: int, options: OptionSet, step: float, repeats: int = 1) -> RunRecord:
+        return self.cases[case].trials.record(configured(self.engine, options, step), repeats)
 
     def _walk(self, sweep: Sweep, panel: list[int]) -> None:
         start = self._guess(sweep, panel)
@@ -442,7 +442,7 @@ class Search:
         step = self.steps[index]
         if step in sweep.levels:
             return sweep.levels[step]
-        trials: dict[int, Trial] = {}
+        trials: dict[int, RunRecord] = {}
         worst, hardest = 0.0, panel[0]
         for i in panel:
             trials[i] = self._trial(i, sweep.options, step)
@@ -454,9 +454,9 @@ class Search:
         sweep.levels[step] = Level(step, worst, hardest, trials)
         return sweep.levels[step]
 
-    def chosen(self, sweeps: Sequence[Sweep]) -> tuple[Sweep, Level, Trial] | None:
+    def chosen(self, sweeps: Sequence[Sweep]) -> tuple[Sweep, Level, RunRecord] | None:
         """The cheapest that reaches it, with its repeated trial; the plainest of those as cheap as can be told."""
-        candidates: list[tuple[Sweep, Level, Trial]] = []
+        candidates: list[tuple[Sweep, Level, RunRecord]] = []
         for sweep in sweeps:
             level = sweep.reached
             if level is not None and _wall(level.trials[0]) <= _DEARER * self.cheapest:
@@ -468,12 +468,12 @@ class Search:
         cheapest = min(_wall(trial) for _, _, trial in candidates)
         return next(row for row in candidates if _wall(row[2]) <= _TIE * cheapest)
 
-    def over_all_steps(self, sweep: Sweep, case: int) -> list[tuple[float, Trial]]:
+    def over_all_steps(self, sweep: Sweep, case: int) -> list[tuple[float, RunRecord]]:
         """One machine's trials at all steps from the screened one down, the longest first."""
         return [(step, self._trial(case, sweep.options, step)) for step in self.steps[SCREENED_AT:]]
 
 
-def _wall(trial: Trial) -> float:
+def _wall(trial: RunRecord) -> float:
     """Median wall time [s]; infinite for a run that failed."""
     return float(np.median(trial.wall_times)) if trial.wall_times else math.inf
 

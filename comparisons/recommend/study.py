@@ -20,8 +20,10 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ...models.spec import Spec
 from ...reference.solver import characteristic_time
-from ..runs.study import Counter, Study, Until, in_order
-from ..runs.trials import Trial, Trials
+from ..runs.process import in_order
+from ..runs.record import EngineRuns, RunRecord
+from ..runs.runner import Runner
+from ..runs.study import Counter, Study, Until
 from .results import Advice, Asked, Attempt, Choice, EngineAdvice, Errors, NeighbourMachine
 from .search import (
     ANGLE,
@@ -86,15 +88,9 @@ def recommend(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advic
     with study.worker() as worker:
 
         def case(mechanism: Mechanism, until: Until, predictable: bool) -> Case:
-            made = partial(
-                Trials,
-                mechanism,
-                worker,
-                study.store,
-                curves=False,
-                law=study.law_of(study.mechanisms[0]),
-            )
-            return Case(made(until=until, predictable=predictable), asked)
+            law = study.law_of(study.mechanisms[0])
+            runner = Runner(mechanism, worker, until, law, predictable=predictable)
+            return Case(EngineRuns(runner, study.store, curves=False), asked)
 
         family = _family(model, study, neighbours, case)
         sets = {
@@ -210,7 +206,7 @@ def _attempt(sweep: Sweep) -> Attempt:
     )
 
 
-def _choice(cases: tuple[Case, ...], sweep: Sweep, level: Level, repeated: Trial) -> Choice:
+def _choice(cases: tuple[Case, ...], sweep: Sweep, level: Level, repeated: RunRecord) -> Choice:
     walls = sorted(repeated.wall_times)
     others = [cases[i].described(trial) for i, trial in level.trials.items() if i != 0]
     options = sweep.options.all_options(level.step)

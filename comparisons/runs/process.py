@@ -18,8 +18,10 @@ import os
 import pickle
 import signal
 import sys
-from collections.abc import Callable, Generator
-from contextlib import contextmanager, suppress
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
 from multiprocessing.connection import Connection, Pipe, wait
@@ -47,6 +49,8 @@ class _Named(Protocol):
 _Runner = TypeVar("_Runner", bound=_Named)
 _Given = TypeVar("_Given")
 _Result = TypeVar("_Result")
+_K = TypeVar("_K")
+_V = TypeVar("_V")
 _WARM_UP = 5e-3  # [s] simulated before the run that is timed: imports and first calls are not the engine's speed
 _WARM_UP_STEPS = 100  # at most
 _START = 120.0  # [s] longest wait for a process to start
@@ -364,3 +368,53 @@ def _told(error: Exception) -> bytes:
     except Exception:
         answer = bytes(dumps((None, SimulationError(f"{type(error).__name__}: {error}"))))
     return answer
+
+
+class OnDemand(Mapping[_K, _V]):
+    """A mapping whose values are made, once, when they are first asked for."""
+
+    def __init__(self, makers: Mapping[_K, Callable[[], _V]]) -> None:
+        self._makers, self._values = dict(makers), dict[_K, _V]()
+
+    def __getitem__(self, key: _K) -> _V:
+        if key not in self._values:
+            self._values[key] = self._makers[key]()
+        return self._values[key]
+
+    def __iter__(self) -> Iterator[_K]:
+        return iter(self._makers)
+
+    def __len__(self) -> int:
+        return len(self._makers)
+
+
+def in_order(
+    function: Callable[[_K], _V], items: Iterable[_K], jobs: int, ahead: int | None = None
+) -> Generator[_V]:
+    """The function's values in the order of the items, each computed when asked for, or several at once.
+
+    Args:
+        jobs: processes that serve the function's calls. There is a thread more: while one measures
+            here what its process gave, the others keep all processes busy.
+        ahead: how many values are computed before they are asked for, at most; None: all, of a
+            finite number of items.
+    """
+    if jobs == 1:
+        yield from map(function, items)
+        return
+    threads, waiting = ThreadPoolExecutor(jobs + 1), deque[Future[_V]]()
+    try:
+        for item in items:
+            waiting.append(threads.submit(function, item))
+            if ahead is not None and len(waiting) > ahead:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+    finally:  # no further run is started when this is left early
+        threads.shutdown(wait=False, cancel_futures=True)
+
+
+def all_in_order(function: Callable[[_K], _V], items: Iterable[_K], jobs: int) -> list[_V]:
+    """All of :func:`in_order`; where one raises an error, no further ones are started."""
+    with closing(in_order(function, items, jobs)) as results:
+        return list(results)

@@ -391,6 +391,8 @@ class Runner:
         worker: the process in which engines run; None: this one. Its owner closes it.
         until: end of the compared motion.
         law: of the stops.
+        predictable: whether the motion is known to be predictable up to the end: the horizon is not
+            computed then.
 
     Raises:
         InputError: the end is not valid.
@@ -402,8 +404,11 @@ class Runner:
         worker: Worker | None = None,
         until: Until | None = None,
         law: StopLaw = StopLaw.RELEASE_ONCE,
+        *,
+        predictable: bool = False,
     ) -> None:
         self.mechanism, self.worker, self.law = mechanism, worker or Worker(isolate=False), law
+        self._predictable = predictable
         self.until, self.lock = until or Until(required=False), RLock()
         self._on_grid: Callable[[bytes], Trajectory] = lru_cache(_GRIDS)(self._evaluated)
 
@@ -425,6 +430,11 @@ class Runner:
     def end(self) -> float:
         """End of the compared motion [s]: as asked for, or the launch, or after some characteristic times."""
         return self._solved[1]
+
+    @property
+    def conditions(self) -> tuple[str, str, str]:
+        """Mechanism, end and law: the part of a run's conditions that is not the engine's."""
+        return self.mechanism.content_hash, repr(self.until), self.law.value
 
     @property
     def launch_time(self) -> float | None:
@@ -458,7 +468,7 @@ class Runner:
     @_once
     def judged_to(self) -> float:
         """The end, or the predictability horizon if that is earlier [s]."""
-        return self._stretching.horizon
+        return self.end if self._predictable else self._stretching.horizon
 
     @property
     def stretching(self) -> float:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
+import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -24,7 +25,10 @@ from ...models.trajectory import Trajectory, load, save
 from ...version import __version__
 
 _S = TypeVar("_S", bound=Spec)
-_SOURCES = ("models", "reference", "engines", "comparisons")  # what decides the numbers of a run
+_ROOT = Path(__file__).parents[2]
+_SHARED = ("models", "reference", "engines", "comparisons/runs")
+"""Code that decides the numbers of every run; an engine's own folder does for its runs alone."""
+_FAMILY = re.compile(rb"^\s*(?:from|import)\s+(trebucheck_\w+)", re.MULTILINE)
 
 
 class _Kept(Spec, Generic[_S]):
@@ -183,20 +187,21 @@ def digest(path: Path) -> str | None:
         return None
 
 
-def conditions(*parts: object, engine: Engine | None = None) -> str:
-    """SHA-256 of everything that makes a number: what is kept under other conditions is not used again.
+def conditions(*parts: object, engine: Engine | None = None, code: str | None = None) -> str:
+    """SHA-256 of everything that makes a number; what was made under other conditions is not used.
 
-    The code, its version, Python, NumPy, SciPy and the kind of machine always belong to it; an
-    engine does with its version, its settings and, for a plug-in, the files of its package, which
-    change without a new version while it is being written.
+    The code that a run depends on, its version, Python, NumPy, SciPy and the kind of machine always
+    belong to it; an engine does with its version, its settings and the files of its package, which
+    change without a new version while they are being written.
 
     Args:
         parts: what else decides it, e.g. hash of the mechanism, duration and law; each as JSON or
-        text.
+            text.
         engine: that makes it.
+        code: folder of further code that it depends on, below the package.
     """
     made_by: list[object] = [
-        code_digest(),
+        code_digest(*_SHARED, *([] if code is None else [code])),
         __version__,
         platform.python_version(),
         platform.system(),
@@ -204,12 +209,9 @@ def conditions(*parts: object, engine: Engine | None = None) -> str:
     made_by += [platform.machine(), numpy.__version__, scipy.__version__]
     if engine is not None:
         cls = engine_class(engine.name)
-        made_by += [
-            engine.name,
-            cls.version(),
-            engine.settings,
-            plug_in_digest(str(cls.__module__)),
-        ]
+        made_by += [engine.name, cls.version(), engine.settings, engine_digest(cls.__module__)]
+        if type(engine) is not cls:  # an engine that is read in another way, say
+            made_by.append(_file_digest(type(engine).__module__))
         # Settings of a built-in engine are all of it; a plug-in's preset may decide more than its
         # settings tell.
         made_by += [] if isinstance(engine, EngineOptions) else [engine.preset]
@@ -218,36 +220,57 @@ def conditions(*parts: object, engine: Engine | None = None) -> str:
 
 
 @cache
-def code_digest() -> str:
-    """SHA-256 of what decides a run's numbers: sources and data. What other code measured is not used again."""
-    root = Path(__file__).parents[2]
-    return _digest_of(
-        root,
-        (
-            path
-            for name in _SOURCES
-            for kind in ("*.py", "*.json")
-            for path in (root / name).rglob(kind)
-        ),
-    )
+def code_digest(*names: str) -> str:
+    """SHA-256 of sources and data below these folders of the package.
+
+    The files that lie in `engines` itself are shared by all engines; its folders are one engine's
+    each, and belong to the digest of that engine alone.
+    """
+    paths: list[Path] = []
+    for name in names:
+        below = (_ROOT / name).glob if name == "engines" else (_ROOT / name).rglob
+        paths += [path for kind in ("*.py", "*.json") for path in below(kind)]
+    return _digest_of(_ROOT, paths)
 
 
 @cache
-def plug_in_digest(module: str) -> str:
-    """SHA-256 of the package of a plug-in's module, or of its single file; empty for a module of trebucheck."""
-    name = module.partition(".")[0]
-    if name == __name__.partition(".")[0]:
-        return ""
-    file = getattr(sys.modules.get(name), "__file__", None)
+def engine_digest(module: str) -> str:
+    """SHA-256 of the package of an engine's module, or of its single file.
+
+    A plug-in's includes the packages named `trebucheck_...` that it imports, such as the toolkit.
+    """
+    package = __name__.partition(".")[0]
+    name, _, inside = module.partition(".")
+    if name == package:
+        return code_digest(inside.rpartition(".")[0].replace(".", "/"))
+    total, waiting, known = hashlib.sha256(), [name], set[str]()
+    while waiting:
+        name = waiting.pop()
+        known.add(name)
+        root, paths = _files_of(name)
+        total.update(_digest_of(root, paths).encode())
+        sources = b"\n".join(path.read_bytes() for path in paths if path.suffix == ".py")
+        named = {match.decode() for match in _FAMILY.findall(sources)}
+        waiting += sorted(named - known - set(waiting))
+    return total.hexdigest()
+
+
+@cache
+def _file_digest(module: str) -> str | None:
+    file = getattr(sys.modules.get(module), "__file__", None)
+    return None if file is None else digest(Path(file))
+
+
+def _files_of(package: str) -> tuple[Path, list[Path]]:
+    """Folder and files of an imported package, or of a single module."""
+    file = getattr(sys.modules.get(package), "__file__", None)
     if file is None:
-        return ""
+        return _ROOT, []
     path = Path(file)
-    package = path.name == "__init__.py"
-    return _digest_of(path.parent, _code_below(path.parent) if package else [path])
-
-
-def _code_below(folder: Path) -> Iterator[Path]:
-    return (path for kind in ("*.py", "*.so", "*.pyd") for path in folder.rglob(kind))
+    if path.name != "__init__.py":
+        return path.parent, [path]
+    kinds = ("*.py", "*.so", "*.pyd")
+    return path.parent, [each for kind in kinds for each in path.parent.rglob(kind)]
 
 
 def _digest_of(root: Path, paths: Iterable[Path]) -> str:

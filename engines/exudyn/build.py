@@ -187,10 +187,7 @@ class _Builder:
 
     def _observe_relative(self, relative: RelativePoint, *more: str) -> None:
         quantities = ("Position", "Velocity", *more)
-        ends = (
-            (relative.kind, relative.point),
-            (relative.anchor_kind, relative.anchor),
-        )
+        ends = ((relative.kind, relative.point), (relative.anchor_kind, relative.anchor))
         for kind, point in ends:
             if point.body != GROUND:
                 self.observe_point(kind, point.name, point, quantities)

@@ -168,16 +168,16 @@ class Solver:
         settings = self._settings(time, time + self.options.timestep, 1)
         settings.timeIntegration.newton.numericalDifferentiation.relativeEpsilon = difference
         main, solver = self.system.main, exu.MainSolverImplicitSecondOrder()
+        failure = f"exudyn finds no accelerations at t = {time:.6g} s: is the position singular?"
         try:
+            # Exudyn solves for the accelerations here; where it fails those of the last state stay.
             solved = bool(solver.InitializeSolver(main, settings))
-        except RuntimeError:  # Exudyn's own errors are RuntimeErrors; their text is a page
-            solved = False
+        except RuntimeError:  # of Exudyn's own; its text is a page
+            raise SimulationError(failure) from None
         row = self.row(time)
         accelerations = np.array(main.systemData.GetODE2Coordinates_tt())
-        if not solved or not np.isfinite(accelerations).all():
-            raise SimulationError(
-                f"exudyn finds no accelerations at t = {time:.6g} s: is the position singular?"
-            )
+        if not (solved and np.isfinite(accelerations).all()):
+            raise SimulationError(failure)
         solver.FinalizeSolver(main, settings)
         return Balance(row, accelerations)
 

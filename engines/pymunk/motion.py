@@ -1,4 +1,15 @@
-"""A segment of a run between two impacts: its active stops at the start, steps, releases and recording."""
+"""Motion of a mechanism by Chipmunk, one segment after another between the impacts of its stops.
+
+Chipmunk cannot change its step without losing its impulses. Under the unilateral law a run
+therefore goes on until a gap is below zero, back to where it was zero inside that step, through the
+impact, and on from there as a new segment with a start of its own. The state at the impact is that
+of the sample before, moved on by its speed and acceleration: its error, of third order, is made
+once per impact, so the order of the run stays. A contact that begins and ends within a step is not
+seen. A rebound that ends within three steps is none, for its leapfrog has not settled by then: the
+contact rests. So does one that has parted because another one was met, and comes back as soon:
+steps too long for impacts that follow each other ever faster would go on with them for ever.
+Comparisons allow for it.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +26,15 @@ from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..events import (
-    AT_REST,
     SAME_TIME,
     ContactEvents,
     Contacts,
+    EventDriver,
+    Halt,
+    RestitutionRule,
+    Watch,
     active_contacts,
     joined,
-    refuse_moving_gaps,
-    resting,
 )
 from ..protocol import Recording
 from .build import build
@@ -33,11 +45,13 @@ from .passes import MOST_PASSES, TRACKED, Convergence, convergence, growth
 from .reactions import forces_of, mass_matrix
 from .read import Reading
 
+_CHUNK = 64  # steps between checks of the gaps; at most these are repeated at an impact
+_SETTLING_SAMPLES = 3  # after which a contact that has opened must have a gap, or is met
 _TRIAL_ITERATIONS = 5_000  # which stops push depends on the mechanism, not on the preset
 _CHECKED = 64  # steps between two looks at how many passes loops need
 _LOOSE = 1e-4  # of the reach: error of a loop that is not closed
 _ROUNDING = 1e-9  # of the largest torque: error of a torque that is zero
-_NEAR = 4.0  # a stop's torque is computed when its impulse is less than so many of its changes in a step
+_NEAR = 4.0  # changes in a step: where an impulse is less, the stop's torque is computed
 
 
 def _pushing(mechanism: Mechanism, h: float, options: PymunkOptions) -> Contacts:
@@ -51,7 +65,7 @@ def _pushing(mechanism: Mechanism, h: float, options: PymunkOptions) -> Contacts
 def _violated(
     mechanism: Mechanism, active: Contacts, touching: Contacts, h: float, pivot_mass: float
 ) -> str | None:
-    """A touching stop that would have to pull, or that would close, by the forces of a first step."""
+    """A touching stop that would have to pull, or would close, by a first step's forces."""
     assembly = build(mechanism, active, 0.0, pivot_mass)
     stepper = Stepper(assembly, h, hold_lengths=True)
     stepper.start(_TRIAL_ITERATIONS, leapfrog=True, settle=bool(mechanism.loop_joints))
@@ -80,7 +94,7 @@ def _violated(
 
 
 def _compliance(kinematics: Kinematics, q: FloatArray, touching: Contacts) -> float:
-    """The largest acceleration of a gap by the unit torque or force of its own stop, in the tree."""
+    """Largest acceleration of a gap by the unit torque or force of its own stop, in the tree."""
     rows = np.array([kinematics.gap_jacobian(name, q) for name in touching])
     moved = np.linalg.pinv(mass_matrix(kinematics, q[None])[0]) @ rows.T
     return float(np.max(np.sum(rows.T * moved, axis=0), initial=0.0))
@@ -113,7 +127,7 @@ class Segment:
         """First sample and active stops of each interval between releases."""
         self._impulses: dict[str, float] = {}
         self._grown = 1.0
-        """Factor by which the slowest mode's error has grown since passes were last enough to let it decay."""
+        """Growth of the slowest mode's error since passes were last enough to let it decay."""
 
     def begin(self) -> None:
         """The first sample, and without the leapfrog the first step."""
@@ -143,34 +157,32 @@ class Segment:
         while self._checks_passes and self.stepper.steps < last:
             first = self.stepper.steps
             (q, *_), (u, *_) = self.reading(first, first).coordinates()
-            found = self._convergence(q, u)
-            passes = self._passes(found)
-            rate = 0.0 if found is None else growth(found.left_after(passes))
+            here = self._convergence(q, u)
+            passes = self._passes(here)
+            rate = 0.0 if here is None else growth(here.left_after(passes))
             # Singular positions are passed in a few steps, during which impulses need not converge.
             end = min(last, first + (_CHECKED if rate < 1.0 else 1))
             self._advance(end, passes)
             if passes >= MOST_PASSES:
                 self._refuse_open_loops(end)
-            if found is not None:
-                self._note_growth(found, passes, rate, end)
+            if here is not None:
+                self._note_growth(here, passes, rate, end)
         self._advance(last, self.options.iterations)
 
     @property
     def _checks_passes(self) -> bool:
-        """Whether a step is to have as many passes as its loops need: where joints are to keep their lengths.
-
-        An active stop closes a loop as a joint does.
-        """
+        """Whether a step has as many passes as its loops need: if joints keep their lengths."""
+        # An active stop closes a loop as a joint does.
         closed = bool(self.assembly.mechanism.loop_joints or self.assembly.stops)
         return self.options.hold_lengths and closed
 
-    def _passes(self, found: Convergence | None) -> int:
-        """Passes of a step: as many as it needs, up to `MOST_PASSES`, and no less than the option says."""
-        needed = 1 if found is None else min(found.passes_to(TRACKED), MOST_PASSES)
+    def _passes(self, here: Convergence | None) -> int:
+        """Passes that a step needs, up to `MOST_PASSES`, and no less than the option says."""
+        needed = 1 if here is None else min(here.passes_to(TRACKED), MOST_PASSES)
         return max(needed, self.options.iterations)
 
     def _convergence(self, q: FloatArray, u: FloatArray) -> Convergence | None:
-        """Of the assembly in a state, shapes (n_q,); None where the run has lost it."""
+        """Convergence in a state, shapes (n_q,); None where the run has lost its joints."""
         if not np.isfinite([q, u]).all():
             return None
         # Not validated: stops keep the word on whether they are closed at the start, which decides
@@ -186,19 +198,20 @@ class Segment:
         for joint in mechanism.loop_joints:
             if not gaps[joint.name][0] <= _LOOSE * _reach(mechanism):
                 raise SimulationError(
-                    f"pymunk's impulses on the loop that {joint.name!r} closes do not converge in {MOST_PASSES} passes "
-                    f"at t = {self.times()[k]:.6g} s: it is rigid or nearly singular there; its points are "
-                    f"{gaps[joint.name][0]:.2g} m apart."
+                    f"pymunk's impulses on the loop that {joint.name!r} closes do not converge in "
+                    f"{MOST_PASSES} passes at t = {self.times()[k]:.6g} s: it is rigid or nearly "
+                    f"singular there; its points are {gaps[joint.name][0]:.2g} m apart."
                 )
 
-    def _note_growth(self, found: Convergence, passes: int, rate: float, k: int) -> None:
-        """Refuse a mode that so many passes hardly see, once its error has grown beyond what is let be of impulses."""
+    def _note_growth(self, here: Convergence, passes: int, rate: float, k: int) -> None:
+        """Refuse a mode that passes hardly see, once its error has grown beyond the tolerance."""
         self._grown = self._grown * rate if rate >= 1.0 else 1.0
         if self._grown * STARTED > TRACKED:
             raise SimulationError(
                 f"pymunk's impulses do not converge at t = {self.times()[k]:.6g} s: constraints on "
-                f"{' and '.join(map(repr, found.slowest(passes)))} are nearly parallel there, so that {passes} passes "
-                f"leave {found.left_after(passes):.2g} of an error, which grows where that is above 0.5."
+                f"{' and '.join(map(repr, here.slowest(passes)))} are nearly parallel there, so "
+                f"that {passes} passes leave {here.left_after(passes):.2g} of an error, which "
+                "grows where that is above 0.5."
             )
 
     def _advance(self, last: int, iterations: int) -> None:
@@ -227,7 +240,7 @@ class Segment:
             self._release(min(due, key=lambda name: due[name]), k, min(due.values()))
 
     def _is_any_near_zero(self, k: int) -> bool:
-        """Whether an impulse may soon pass through zero; Chipmunk gives only its size, but at no cost."""
+        """Whether an impulse may soon be zero, by its size: all that Chipmunk gives at no cost."""
         before = self._impulses
         self._impulses = now = {name: joint.impulse for name, joint in self.assembly.stops.items()}
         if k < self.regimes[-1][0] + 3:
@@ -239,12 +252,18 @@ class Segment:
         self.stepper.release(name)
         self.regimes.append((k + 1, tuple(self.assembly.stops)))
 
+    def released_until(self, end: float) -> dict[str, float]:
+        """Times at which stops have opened, up to one [s]."""
+        return {
+            name: time for name, time in self.releases.items() if time is not None and time <= end
+        }
+
     def times(self) -> FloatArray:
-        """Of the samples [s], shape (n + 1,)."""
+        """Times of the samples [s], shape (n + 1,)."""
         return np.linspace(self.begins, self.ends, self.n + 1)
 
     def reading(self, first: int, last: int, near: FloatArray | None = None) -> Reading:
-        """Samples from one to another, both included; coordinates of the first one are near those given."""
+        """Samples from one to another, both included; `near` tells full turns of the first."""
         return Reading(self.assembly, self.stepper.samples(first, last), near)
 
     def active_at(self, k: int) -> Contacts:
@@ -276,7 +295,7 @@ class Segment:
     def _forces(
         self, reading: Reading, t: FloatArray
     ) -> tuple[dict[str, ComplexArray], dict[str, FloatArray]]:
-        """Reactions of the joints and torques of the stops; they depend on which stops are active."""
+        """Reactions of the joints and torques of the stops, by which stops are active."""
         joints = [joint.name for joint in reading.mechanism.joints if joint.held_directions]
         reactions = {name: np.zeros(len(t), dtype=np.complex128) for name in joints}
         torques = {stop.name: np.zeros(len(t)) for stop in reading.mechanism.stops}
@@ -299,8 +318,8 @@ def _refuse_lost_joints(
         lost = np.flatnonzero(~(gap <= reach))
         if len(lost):
             raise SimulationError(
-                f"pymunk lost the joint {name!r}: its points are {gap[lost[0]]:.3g} m apart at t = {t[lost[0]]:.6g} s; "
-                f"a shorter timestep or more iterations may help."
+                f"pymunk lost the joint {name!r}: its points are {gap[lost[0]]:.3g} m apart at "
+                f"t = {t[lost[0]]:.6g} s; a shorter timestep or more iterations may help."
             )
 
 
@@ -317,7 +336,7 @@ def _reach(mechanism: Mechanism) -> float:
 
 
 def _foreseen(torque: FloatArray) -> float | None:
-    """Steps from the last sample to the torque's zero, if it lies before the next one: negative if it is past."""
+    """Steps from the last sample to the torque's zero before the next one (negative: past)."""
     if len(torque) < 2:
         return None
     s = np.arange(1 - len(torque), 1, dtype=np.float64)
@@ -336,25 +355,6 @@ def _noticed(torque: FloatArray) -> float | None:
     return 0.0 if torque[-1] <= 0 else None
 
 
-_CHUNK = 64  # steps between checks of the gaps; at most these are repeated at an impact
-_SETTLING_SAMPLES = 3  # after which a contact that has opened must have a gap, or is met
-
-
-@dataclass(frozen=True)
-class _ContactEvent:
-    """An inactive contact is met, or speeds at the start drive into a closed one."""
-
-    time: float
-    """[s]"""
-    q: FloatArray
-    u: FloatArray
-    """The state there, before the impact, shape (n_q,)."""
-    touching: Contacts
-    met: str | None
-    sample: int
-    """The one before it, in its segment."""
-
-
 def run(problem: Problem, options: PymunkOptions) -> Recording:
     """Simulate a problem.
 
@@ -364,135 +364,140 @@ def run(problem: Problem, options: PymunkOptions) -> Recording:
         SimulationError: impacts follow each other without an end, or their impulses do not
             converge.
     """
-    if problem.stop_law is StopLaw.UNILATERAL:
-        return _UnilateralRun(problem, options).recording()
-    refuse_moving_gaps(problem.mechanism, "pymunk")
-    segment = Segment(problem.mechanism, options, 0.0, problem.duration)
-    segment.begin()
-    segment.advance(segment.n)
-    return segment.recording(segment.n)
+    unilateral = problem.stop_law is StopLaw.UNILATERAL
+    motion = PymunkMotion(problem, options)
+    return EventDriver(problem, motion, "pymunk", impacts=unilateral).run()
 
 
-class _UnilateralRun:
-    """Moves one problem whose stops may be met, one segment after another."""
+@dataclass(frozen=True)
+class _ContactEvent:
+    """The first open contact that is met in a segment."""
+
+    time: float
+    """[s]"""
+    q: FloatArray
+    u: FloatArray
+    """State there, before the impact, each of shape (n_q,)."""
+    active: Contacts
+    touching: Contacts
+    met: str
+    sample: int
+    """The one before it, in its segment."""
+
+
+class PymunkMotion:
+    """Chipmunk at the start of a segment, or at the event that ends one."""
 
     def __init__(self, problem: Problem, options: PymunkOptions) -> None:
-        self.problem, self.options, self.mechanism = problem, options, problem.mechanism
-        self.events = ContactEvents(self.mechanism, "pymunk")
-        self._last: _ContactEvent | None = None
-        self._plastic: frozenset[str] = frozenset()
-        """Contacts that did not rebound at the last impact, because their rebounds would have been too low."""
-        self._held: frozenset[str] = frozenset()
-        """Contacts that came to rest at the last impact, because they came back at once although they were plastic."""
-        self._parting: dict[str, float] = {}
-        """When each contact opened that touches at a segment's start and does not rest [s]."""
-        # Raises UnsupportedProblemError at once if a stop cannot be enforced, instead of at the
-        # first impact.
-        build(
-            _with_closed(self.mechanism, self.events.releases),
-            (),
-            options.error_bias,
-            options.pivot_mass,
-        )
+        self.mechanism, self.options = problem.mechanism, options
+        self.unilateral = problem.stop_law is StopLaw.UNILATERAL
+        self.held: Contacts = ()
+        self.kinematics = Kinematics(problem.mechanism)
+        self._state = initial_state(problem.mechanism)
+        self._start = problem.mechanism
+        """The mechanism in its state at the start of the next segment, its held stops closed."""
+        self._touching = tuple(stop.name for stop in self.mechanism.stops if stop.closed)
+        """Contacts of the last impact; before it, those that touch at the start."""
+        self._before_impact: tuple[FloatArray, FloatArray] | None = None
+        """State before the last impact; None: there was none."""
+        self._plastic, self._kept = frozenset[str](), frozenset[str]()
+        """Contacts that did not rebound at the last impact, because their rebounds would have been
+        too low; those that came to rest because they came back at once all the same."""
+        self._recordings: list[Recording] = []
+        if self.unilateral:
+            # Raises UnsupportedProblemError at once if a stop cannot be enforced, instead of at the
+            # first impact.
+            every_stop = [stop.name for stop in self.mechanism.stops]
+            placed = _with_closed(self.mechanism, every_stop)
+            build(placed, (), options.error_bias, options.pivot_mass)
 
-    def recording(self) -> Recording:
-        """Move from the start to the end, and read out."""
-        recordings: list[Recording] = []
-        start: Mechanism | None = self._first()
-        while start is not None:
-            begins = 0.0 if self._last is None else self._last.time
-            segment = Segment(start, self.options, begins, self.problem.duration)
-            event = self._step_to_event(segment)
-            if event is not None and self._is_too_low(event):
-                start = self._without_rebound(event)
-            else:
-                recordings += self._accepted(segment, event)
-                start = None if event is None else self._after_impact(event)
-        return joined(recordings, self.events)
+    def gap(self, stop: str) -> tuple[float, float]:
+        """Gap of a stop and its speed at the start, or at the event."""
+        q, u = self._state
+        speed = float(self.kinematics.gap_jacobian(stop, q) @ u)
+        return float(self.kinematics.gap(stop, q)), speed
 
-    def _first(self) -> Mechanism:
-        """The start, after an impact where its speeds drive into a closed stop."""
-        q, u = initial_state(self.mechanism)
-        touching = tuple(stop.name for stop in self.mechanism.stops if stop.closed)
-        speeds = gap_speeds(self.mechanism, touching, q, u)
-        if any(speed < -AT_REST for speed in speeds.values()):
-            return self._after_impact(_ContactEvent(0.0, q, u, touching, None, 0))
-        rest = resting(speeds)
-        self._parting = {name: 0.0 for name in touching if name not in rest}
-        return _with_closed(self.mechanism, rest)
-
-    def _step_to_event(self, segment: Segment) -> _ContactEvent | None:
-        """Step to the next impact, or to the end."""
+    def proceed(self, start: float, end: float, watch: Watch) -> Halt:
+        """Move through a segment, to the next impact or to the end."""
+        segment = Segment(self._start, self.options, start, end)
         segment.begin()
-        touched = {
-            stop.name for stop in segment.assembly.mechanism.stops if stop.closed
-        } | self._parting.keys()
-        finder, first = _EventFinder(segment, touched, self.events), 0
+        if not self.unilateral:
+            segment.advance(segment.n)
+        event = self._step_to_event(segment, watch) if self.unilateral else None
+        if event is None:
+            self._recordings.append(segment.recording(segment.n))
+            return Halt(end, segment.released_until(end))
+        if self._is_too_low(event):
+            return self._without_rebound(event)
+        last = event.sample
+        if event.time - segment.times()[last] < SAME_TIME:
+            last -= 1  # at the time of an impact the state after it is recorded
+        if last >= 0:
+            self._recordings.append(segment.recording(last))
+        self._state, self.held = (event.q, event.u), event.active
+        self._plastic = self._kept = frozenset()
+        return Halt(event.time, segment.released_until(event.time), met=event.met)
+
+    def _step_to_event(self, segment: Segment, watch: Watch) -> _ContactEvent | None:
+        """Step to the next impact; None: to the end."""
+        finder, first = _EventFinder(segment, self._touching, watch), 0
         while first < segment.n:
             last = min(max(first + _CHUNK, segment.stepper.steps), segment.n)
             segment.advance(last)
             event = finder.first_event(first, last)
             if event is not None:
-                return event if event.time < self.problem.duration - SAME_TIME else None
+                return event if event.time < segment.ends - SAME_TIME else None
             first = last
         return None
 
     def _is_too_low(self, event: _ContactEvent) -> bool:
         """Whether a contact is met again within the few steps that cannot resolve how it parted."""
-        again = (
-            self._last is not None
-            and event.met in self._last.touching
-            and event.met not in self._held
-        )
-        return again and event.met in self._parting and event.sample < _SETTLING_SAMPLES
+        again = self._before_impact is not None and event.met in self._touching
+        parted = not self._start.stop(event.met).closed
+        return again and parted and event.met not in self._kept and event.sample < _SETTLING_SAMPLES
 
-    def _without_rebound(self, event: _ContactEvent) -> Mechanism:
-        """The last impact once more: its contacts that touch again are plastic, and one that was it comes to rest."""
-        assert self._last is not None
-        assert event.met is not None
-        self.events.retract_impact()
-        plastic = self._plastic | (set(event.touching) & set(self._last.touching))
-        held = self._held | {event.met} if event.met in self._plastic else self._held
-        return self._after_impact(self._last, plastic, held)
+    def _without_rebound(self, event: _ContactEvent) -> Halt:
+        """Go back before the last impact, for it to be resolved without such a low rebound.
 
-    def _accepted(self, segment: Segment, event: _ContactEvent | None) -> list[Recording]:
-        """What is recorded of a segment."""
-        last, end = (
-            (segment.n, self.problem.duration) if event is None else (event.sample, event.time)
-        )
-        if event is not None and end - segment.times()[last] < SAME_TIME:
-            last -= 1  # at the time of an impact the state after it is recorded
-        for name, time in (*self._parting.items(), *segment.releases.items()):
-            if time is not None and time <= end:
-                self.events.release([name], time)
-        return [segment.recording(last)] if last >= 0 else []
+        Its contacts that touch again become plastic; one that was plastic comes to rest.
+        """
+        assert self._before_impact is not None
+        self._state = self._before_impact
+        if event.met in self._plastic:
+            self._kept |= {event.met}
+        self._plastic |= set(event.touching) & set(self._touching)
+        return Halt(event.time, again=(self._plastic, self._kept))
 
-    def _after_impact(
-        self,
-        event: _ContactEvent,
-        plastic: frozenset[str] = frozenset(),
-        held: frozenset[str] = frozenset(),
-    ) -> Mechanism:
-        """The mechanism as it leaves an impact, in which plastic contacts do not rebound, and held ones do not part."""
-        placed = _with_closed(self.mechanism, event.touching).model_copy(
-            update={"start": tuple(event.q.tolist()), "start_speeds": tuple(event.u.tolist())}
+    def impact(
+        self, touching: Contacts, rule: RestitutionRule, kept: frozenset[str]
+    ) -> tuple[Mapping[str, float], Contacts]:
+        """Resolve the impact of all contacts that touch; those that are kept do not part."""
+        q, u = self._before_impact = self._state
+        placed = _with_closed(self.mechanism, touching).model_copy(
+            update={"start": tuple(q.tolist()), "start_speeds": tuple(u.tolist())}
         )
-        speeds = gap_speeds(placed, event.touching, event.q, event.u)
-        restitution = self.events.restitution(speeds, event.q, event.u, plastic)
-        impact = resolve_impact(placed, restitution, self.options.pivot_mass, held)
-        self.events.note_impact(event.time, impact.impulses)
-        self._last, self._plastic, self._held = event, plastic, held
-        self._parting = {name: event.time for name in event.touching if name not in impact.resting}
-        return _with_closed(placed, impact.resting).model_copy(
-            update={"start_speeds": tuple(impact.u.tolist())}
-        )
+        restitution = rule(gap_speeds(placed, touching, q, u), q, u)
+        impact = resolve_impact(placed, restitution, self.options.pivot_mass, kept)
+        self._touching = touching
+        self._start = placed.model_copy(update={"start_speeds": tuple(impact.u.tolist())})
+        return impact.impulses, impact.resting
+
+    def hold(self, rest: Contacts, time: float) -> Contacts:
+        """Hold the contacts at rest; the next segment opens those of them that would pull."""
+        self._start = _with_closed(self._start, rest)
+        self.held = rest
+        return rest
+
+    def recording(self, events: ContactEvents) -> Recording:
+        """The recordings of all segments."""
+        return joined(self._recordings, events)
 
 
 class _EventFinder:
     """Finds the first inactive contact that is met in a segment."""
 
-    def __init__(self, segment: Segment, touched: Collection[str], events: ContactEvents) -> None:
-        self.segment, self.events = segment, events
+    def __init__(self, segment: Segment, touched: Collection[str], watch: Watch) -> None:
+        self.segment, self.watch = segment, watch
         self.kinematics = Kinematics(segment.assembly.mechanism)
         mechanism = segment.assembly.mechanism
         # A contact that has just opened may penetrate by its rounding or drift: it can be met once
@@ -551,15 +556,15 @@ class _EventFinder:
             else (h if gap(0.0) > 0 else 0.0)
         )
         time, q_event = float(self.segment.times()[k]) + after, q + after * (u + after / 2 * a)
-        active = [
+        active = tuple(
             other
             for other in self.segment.active_at(k)
             if (self.segment.releases[other] or np.inf) > time
-        ]
-        touching = self.events.touching(
+        )
+        touching = self.watch.touching(
             time, name, active, lambda other: float(self.kinematics.gap(other, q_event))
         )
-        return _ContactEvent(time, q_event, u + after * a, touching, name, k)
+        return _ContactEvent(time, q_event, u + after * a, active, touching, name, k)
 
 
 def _with_closed(mechanism: Mechanism, closed: Collection[str]) -> Mechanism:

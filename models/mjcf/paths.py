@@ -1,4 +1,4 @@
-"""Where the MJCF of the named machines is, as files."""
+"""Paths of the MJCF files of the named machines."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..errors import EngineNotInstalledError, InputError
-from ..machines.registry import model, models
+from ..library.registry import model, models
 from .scene import SCENE_FILE
 from .writer import model_file
 

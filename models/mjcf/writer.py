@@ -56,7 +56,7 @@ FAR = 1e10
 """Where a limit stands that is none [rad]: MuJoCo's ranges have two ends."""
 
 MARGIN = 1e-12
-"""How near its limit a joint must be for the limit to act [rad]; strictly nearer, so 0 would miss the start."""
+"""Distance from a limit below which it acts [rad]; strictly below, so 0 would miss the start."""
 
 
 def position_sensor(marker: str) -> str:
@@ -170,7 +170,7 @@ class _Writer:
         for joint in mechanism.joints:  # unknown joints and stops are refused
             slide_joints(joint)
         for stop in mechanism.stops:
-            _STOP_SENSORS[stop]
+            STOP_SENSORS[stop]
         self.mechanism, self.motion, self.variant = mechanism, motion, variant
         self.thrown = Thrown(mechanism, timestep) if variant.throw else None
         self.inertias = inertias(mechanism, variant)
@@ -248,7 +248,7 @@ class _Writer:
         return [-self._gap(stop), FAR] if stop.sense > 0 else [-FAR, self._gap(stop)]
 
     def _fits_its_joint(self, stop: Stop) -> bool:
-        """Give the stop an end of its joint's range; False where it is not the joint's or the end is taken."""
+        """Give the stop an end of its joint's range; False if the joint has no such end."""
         if stop.body == GROUND:
             return False
         joint = self.mechanism.joint_of(stop.body)
@@ -309,7 +309,7 @@ class _Writer:
         )
 
     def _origin(self, joint: AnyJoint) -> str:
-        """Origin of a body's frame in its parent's frame at the start; MuJoCo's frames have their joint as origin."""
+        """Origin of a body's frame, its joint, in its parent's frame at the start."""
         x, y = joint.parent_point
         for name, direction in zip(joint.slides, joint.free_directions, strict=True):
             x, y = x + self.slide[name] * direction.real, y + self.slide[name] * direction.imag
@@ -338,7 +338,7 @@ class _Writer:
         self.forces.add_sites(element, body, origin)
 
     def _add_tendons(self, tendon: ET.Element) -> None:
-        """Stops that no joint's range can be: a limit on the sum of the hinges between the two bodies."""
+        """Add stops that fit no joint's range: limits on the sum of hinges between two bodies."""
         for stop in self.on_tendon:
             if not hinge_weights(self.mechanism, *stop.bodies):
                 raise UnsupportedProblemError(
@@ -353,7 +353,7 @@ class _Writer:
 
     def _add_sensors(self, sensor: ET.Element) -> None:
         for stop in self.mechanism.stops:
-            _STOP_SENSORS[stop](self, sensor, stop)
+            STOP_SENSORS[stop](self, sensor, stop)
         for joint in self.mechanism.tree_joints:
             if joint.held_directions:
                 ET.SubElement(
@@ -380,13 +380,10 @@ class _Writer:
         self.points.add_stop_sensor(sensor, stop)
 
 
-_STOP_SENSORS: ElementTable[Callable[[_Writer, ET.Element, Any], None]] = ElementTable(
+STOP_SENSORS: ElementTable[Callable[[_Writer, ET.Element, Any], None]] = ElementTable(
     "the MJCF writer",
     STOPS,
-    {
-        Stop: _Writer._add_limit_sensor,
-        PointStop: _Writer._add_contact_sensor,
-    },
+    {Stop: _Writer._add_limit_sensor, PointStop: _Writer._add_contact_sensor},
 )
 
 

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from trebucheck.models.errors import InputError
 from trebucheck.models.machines.parameters import TrebuchetParameters
 from trebucheck.models.machines.trebuchet import fixed
-from trebucheck.reference.throw.sensitivity import sensitivities
+from trebucheck.reference.sensitivity.release import whipper_sensitivities
 from trebucheck_paper.identification.fit import fit
 from trebucheck_paper.identification.quantities import (
     ANGLES,
@@ -43,7 +43,7 @@ def _printed_of(
 
 
 def test_slopes_are_the_exact_derivatives() -> None:
-    exact = sensitivities(fixed, TABLE)
+    exact = whipper_sensitivities(fixed, TABLE)
     expected = [exact.d_launch_speed[exact.names.index(angle)] for angle in ANGLES]
     headlines = Headlines(TABLE)
     row = [quantity.name for quantity in PRINTED].index(SPEED)

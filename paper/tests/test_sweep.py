@@ -11,7 +11,7 @@ import trebucheck as tb
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.perturbed import solve_scheduled
 from trebucheck.reference.solver import solve_to_launch
-from trebucheck.reference.throw.sensitivity import sensitivities
+from trebucheck.reference.sensitivity.release import whipper_sensitivities
 from trebucheck_paper.sweep.laws import Searches, bilateral, pulls_at_start
 from trebucheck_paper.sweep.rigid_swing import (
     RigidSwing,
@@ -82,7 +82,7 @@ def test_the_peak_is_where_the_exact_derivative_vanishes() -> None:
     )  # about, as PHYSICS.md has it
 
     def slope(l1: float) -> float:
-        found = sensitivities(tb.fixed, on_beam(tb.TrebuchetParameters(), BEAM, l1))
+        found = whipper_sensitivities(tb.fixed, on_beam(tb.TrebuchetParameters(), BEAM, l1))
         by = dict(zip(found.names, found.d_launch_speed, strict=True))
         return float(by["l1"] - by["l2"])
 

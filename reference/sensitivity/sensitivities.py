@@ -1,676 +1,204 @@
-"""Exact derivatives of a release with respect to every parameter and start value, event times included.
-
-The state's derivatives are those of :mod:`.tangent`, of any mechanism; here the release's time
-follows by the implicit function theorem, the flight in closed form, and the whipper's numbers from
-its parameters by a complex step. Of other machines the derivatives are by all their physical
-numbers (:mod:`.physical`).
-"""
+"""Derivatives of a reference motion by every physical number of its mechanism, for users."""
 
 from __future__ import annotations
 
-import math
-import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, cast
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.elements import (
-    ELEMENTS,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
-    FreeJoint,
-    PinJoint,
-    PointStop,
-    PrismaticJoint,
-    RotationalSpringDamper,
-    SlotJoint,
-    SpringDamper,
-    Stop,
-    WeldJoint,
-)
-from ...models.errors import InputError, UnsupportedProblemError
-from ...models.joints import AnyJoint
-from ...models.kinematics import Kinematics, initial_state
-from ...models.launch import LAUNCH_ANGLE, lead
-from ...models.machines.parameters import TrebuchetParameters
-from ...models.machines.registry import model
-from ...models.mechanism import Marker, Mechanism
-from ...models.problem import Problem
-from ...models.spec import Spec
-from ..equations import Equations, least_step
+from ...models.errors import InputError
+from ...models.mechanism import Mechanism
+from ...models.problem import StopLaw
+from ...models.shown import Shown
+from ..motion import Described, problem_of
 from ..solution import Solution
-from ..solver import solve, solve_to_launch
-from ..throw.flight import LEVEL
-from ..throw.release import Projectile
-from ..throw.throw import Held, Performance, Sensitivity, origin
-from .dual import Dual
+from ..solver import solve
 from .kinks import one_sided, sides
-from .tangent import PointTangent, StateTangent, marker_tangent, state_tangent
-from .variational import (
-    Direction,
-    VariationalEquations,
-    consistent_directions,
-    movable,
-    moved,
-    numbers,
-)
+from .numbers import PhysicalNumber, physical_numbers
+from .release import Moment, release_time_tangent
+from .tangent import StateTangent, marker_tangent, state_tangent
+from .variational import VariationalEquations
 
-_STEP = 1e-200  # of the complex step: its square is far below the smallest float, so nothing is truncated
-_SAME = 1e-14  # relative: the two formulas may round differently, by a few units in the last place
-_ORIGIN = "where ranges are measured from"
-_GRAZES = 1e-9  # relative: a release whose condition changes more slowly than this has no time that can be followed
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
-class Moment:
-    """A release of a motion, and what is held when the mechanism changes."""
+class Derivative:
+    """Derivative of one quantity of a motion by one number of its mechanism."""
 
+    quantity: str
+    """Kind of quantity: "coordinate", "speed", "x", "y", "vx", "vy", "opening time", "impact time",
+    "launch time" or "launch speed"."""
+    of: str
+    """Coordinate, marker, stop or number of the impact that the quantity is of."""
+    quantity_unit: str
+    """SI unit of the quantity."""
+    number: str
+    """Name of the mechanism's number, such as "mass of arm"."""
+    number_unit: str
+    """SI unit of the number."""
+    number_value: float
+    """Value of the number at which the derivative is taken [number_unit]."""
+    value: float
+    """The derivative [quantity_unit per number_unit]; NaN where there is none (see the notes)."""
+
+
+@dataclass(frozen=True, repr=False)
+class DerivativeTable(Shown):
+    """Derivatives of a motion at one time, and of its events up to it, by a mechanism's numbers."""
+
+    mechanism: Mechanism
     time: float
-    """[s]."""
-    held: Held = "velocity"
-    angle: float = LAUNCH_ANGLE
-    """Of the velocity above the horizontal [rad]; held by "velocity"."""
+    """Time that is held when a number changes: states and markers are read there [s]."""
+    derivatives: tuple[Derivative, ...]
+    notes: tuple[str, ...] = ()
+    """Sentences on derivatives that do not exist, or hold for an increase or a decrease only."""
 
+    def derivative(self, quantity: str, of: str, number: str) -> float:
+        """One derivative [unit of the quantity per unit of the number].
 
-@dataclass(frozen=True)
-class Sensitivities:
-    """Derivatives of a release with respect to parameters and start values, in SI units per SI unit."""
+        Raises:
+            InputError: the table does not have it.
+        """
+        for row in self.derivatives:
+            if (row.quantity, row.of, row.number) == (quantity, of, number):
+                return row.value
+        quantities = dict.fromkeys(f"{row.quantity} of {row.of}" for row in self.derivatives)
+        numbers = dict.fromkeys(row.number for row in self.derivatives)
+        raise InputError(
+            f"there is no derivative of {quantity!r} of {of!r} by {number!r}; there are "
+            f"{', '.join(quantities)} by {', '.join(numbers)}."
+        )
 
-    names: tuple[str, ...]
-    """Fields of `TrebuchetParameters`, then start speeds ("u_theta", ...), then start slides ("x_p0")."""
-    values: FloatArray
-    """Of each, shape (n,)."""
-    launch_time: float
-    """When the projectile is let go: where nothing else is asked, its velocity coming down to 45 degrees [s]."""
-    launch_speed: float
-    """[m/s]."""
-    range: float
-    """Where the projectile let go at the launch comes back to y = 0, or to the ground asked for, in vacuum: its x in
-    the world [m]; NaN where it never does (let go below it, too slow to rise to it) or gravity is
-    not downwards."""
-    d_launch_time: FloatArray
-    d_launch_speed: FloatArray
-    d_launch_angle: FloatArray
-    """Of the velocity above the horizontal [rad per unit]."""
-    d_range: FloatArray
-    """Shape (n,)."""
-    d_release_times: dict[str, FloatArray]
-    """Of every stop, shape (n,); NaN where it did not open between the start and the launch (or opened at t = 0)."""
-    one_sided: tuple[str, ...] = ()
-    """Sentences on those that hold for an increase or a decrease only, and on those that do not exist (NaN)."""
+    def rows(self) -> Iterator[dict[str, object]]:
+        """The derivatives, a mapping a row."""
+        return (asdict(row) for row in self.derivatives)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The derivatives as a pandas data frame."""
+        import pandas as pd
+
+        return pd.DataFrame(list(self.rows()))
+
+    def headline(self) -> str:
+        """The mechanism, the time and the size of the table."""
+        return (
+            f"Sensitivities of {self.mechanism.name!r} at {self.time:.6g} s: "
+            f"{len(self.derivatives)} derivatives"
+        )
+
+    def facts(self) -> Iterator[tuple[str, str]]:
+        """The ten derivatives by which one per cent of a number moves its quantity most."""
+        known = [row for row in self.derivatives if not np.isnan(row.value)]
+        known.sort(key=lambda row: -abs(row.value * row.number_value))
+        for row in known[:10]:
+            unit = f"{row.quantity_unit} per {row.number_unit or '1'}"
+            yield f"{row.quantity} of {row.of} by {row.number}", f"{row.value:.6g} {unit}"
+        for note in self.notes:
+            yield "note", note
 
 
 def sensitivities(
-    build: Callable[[TrebuchetParameters], Mechanism],
-    parameters: TrebuchetParameters | None = None,
+    mechanism: Described,
+    at: float | None = None,
+    *,
+    numbers: Iterable[str] | None = None,
     duration: float | None = None,
-) -> Sensitivities:
-    """Differentiate the launch of a whipper, fixed or rolling, with respect to all it is made of.
+    stop_law: StopLaw | str | None = None,
+) -> DerivativeTable:
+    """Differentiate a motion by the numbers of its mechanism, through releases and impacts.
 
-    A start angle takes its rest along (the rests stand where the machine starts). A start speed is
-    a kick of which only the part counts that the closed rests let through; see
-    `VariationalEquations.start`. From a rest gone at t = 0, because it would have to pull, the kick
-    leads away; one towards it would strike it, which `one_sided` says.
+    Nothing is differenced: the variational equations are integrated with the motion. Quantities are
+    coordinates, speeds, and positions and velocities of markers at one fixed time; the times at
+    which stops open and impacts happen before it; and, if it is the launch's, its time and speed.
+    With a number the start changes by the least that keeps loops closed and closed stops touching.
 
-    Args:
-        build: `fixed` or `rolling`, or a function that makes the same machines.
-        parameters: Table I where left out.
-        duration: how long the machine has to launch [s]; some five of its characteristic times if
-            left out.
-
-    Raises:
-        InputError: the machine does not launch within the duration, or `build` makes another
-        machine.
-        SimulationError: an integrator's step size collapsed.
-    """
-    p = parameters or TrebuchetParameters()
-    mechanism = build(p)
-    directions = parameter_directions(build, p) | _start_directions(mechanism)
-    solution = (
-        solve_to_launch(mechanism)
-        if duration is None
-        else solve(Problem(mechanism, duration=duration))
-    )
-    if solution.launch is None:
-        spent = solution.problem.duration
-        raise InputError(
-            f"the {mechanism.name!r} machine does not launch within duration = {spent:g} s: its projectile's "
-            "velocity never comes down to 45 degrees; another machine or a longer duration is needed."
-        )
-    values = np.array([_value(mechanism, p, name) for name in directions])
-    return _of_the_release(
-        solution,
-        tuple(directions),
-        values,
-        tuple(directions.values()),
-        Moment(solution.launch.time),
-    )
-
-
-def _start_directions(mechanism: Mechanism) -> dict[str, Direction]:
-    names, n_angles = mechanism.coordinates, len(mechanism.angles)
-    speeds: dict[str, Direction] = {
-        f"u_{name}": {f"start_speeds.{i}": 1.0} for i, name in enumerate(names)
-    }
-    slides: dict[str, Direction] = {
-        f"{name}0": {f"start.{n_angles + i}": 1.0} for i, name in enumerate(names[n_angles:])
-    }
-    return speeds | slides
-
-
-def _value(mechanism: Mechanism, parameters: TrebuchetParameters, name: str) -> float:
-    if name in TrebuchetParameters.model_fields:
-        return float(getattr(parameters, name))
-    if name.startswith("u_"):
-        return float(
-            initial_state(mechanism)[1][mechanism.coordinates.index(name.removeprefix("u_"))]
-        )
-    return mechanism.start[mechanism.coordinates.index(name.removesuffix("0"))]
-
-
-def _of_the_release(
-    solution: Solution,
-    names: tuple[str, ...],
-    values: FloatArray,
-    directions: Sequence[Direction],
-    moment: Moment,
-    ground: float = 0.0,
-    measured_from: AnyJoint | None = None,
-) -> Sensitivities:
-    """Derivatives along directions, each of the size of its value, at a release.
+        >>> from trebucheck.reference.sensitivity.sensitivities import sensitivities
+        >>> table = sensitivities("pendulum", at=1.0, numbers=["gravity"])
+        >>> [(row.quantity, row.of) for row in table.derivatives][:2]
+        [('coordinate', 'theta'), ('speed', 'theta')]
 
     Args:
-        solution: the motion.
-        names, values, directions: of what it is differentiated by.
-        moment: the release.
-        ground: where the projectile lands [m].
-        measured_from: with whose place at the start the ground and the origin of the range move;
-            the world's if None.
-
-    Raises:
-        UnsupportedProblemError: the motion or the release does not depend smoothly on the numbers.
-    """
-    # Large values per relative change, so that the integrator's one absolute tolerance suits all
-    # directions.
-    scale = np.maximum(1.0, np.abs(values))
-    scaled = [{k: v * s for k, v in d.items()} for d, s in zip(directions, scale, strict=True)]
-    mechanism = solution.problem.mechanism
-    if measured_from is not None:
-        mechanism, scaled = _with_origin(mechanism, measured_from, scaled)
-    equations = VariationalEquations(mechanism, scaled, names)
-    state = state_tangent(solution, equations, moment.time)
-    d_origin = (
-        _d_origin(equations, len(state.q))
-        if measured_from is not None
-        else np.zeros((len(scaled), 2))
-    )
-    point = marker_tangent(equations, state)
-    # What is held at the release's time t(p) fixes t; what is read there moves with p and with t.
-    d_time = _d_time(solution, equations, state, point, moment)
-    d_time = np.where(np.isnan(sides(state.kinks, len(names))), np.nan, d_time)
-    d_position = point.d_position + d_time[:, None] * point.velocity
-    d_velocity = point.d_velocity + d_time[:, None] * point.acceleration
-    speed = math.hypot(*point.velocity)
-    (vx, vy), (sideways, upwards) = point.velocity, equations.mechanism.gravity_vector
-    gravity = -upwards if abs(sideways) <= LEVEL * abs(upwards) else 0.0  # tilted: no landing
-    above = d_position - [0.0, 1.0] * d_origin
-    landing, d_landing = _landing(
-        point, above, d_velocity, gravity, equations.along("gravity"), ground
-    )
-    return Sensitivities(
-        names=names,
-        values=values,
-        launch_time=state.t,
-        launch_speed=speed,
-        range=landing,
-        d_launch_time=d_time / scale,
-        d_launch_speed=d_velocity @ point.velocity / speed / scale,
-        d_launch_angle=(d_velocity @ np.array([-vy, vx])) / speed**2 / scale,
-        d_range=(d_landing - d_origin[:, 0]) / scale,
-        d_release_times={name: d / scale for name, d in state.d_release_times.items()},
-        one_sided=tuple(one_sided(state.kinks, names)),
-    )
-
-
-def _with_origin(
-    mechanism: Mechanism, joint: AnyJoint, directions: Sequence[Direction]
-) -> tuple[Mechanism, list[dict[str, float]]]:
-    """The mechanism with a marker where a joint holds its child, which moves with the joint's numbers."""
-    marker, known = f"markers.{_ORIGIN}.point", f"joints.{joint.name}.child_point"
-    moving = [
-        dict(d) | {f"{marker}.{i}": d.get(f"{known}.{i}", 0.0) for i in (0, 1)} for d in directions
-    ]
-    markers = (*mechanism.markers, Marker(name=_ORIGIN, body=joint.child, point=joint.child_point))
-    return mechanism.model_copy(update={"markers": markers}), moving
-
-
-def _d_origin(equations: VariationalEquations, n_q: int) -> FloatArray:
-    """Derivatives of that marker's place at the start, shape (m, 2)."""
-    start = Dual(initial_state(equations.mechanism)[0], equations.along_each("start", n_q))
-    place: Any = equations.kinematics.position(equations.data.markers[_ORIGIN], cast("Any", start))
-    return place.tangents.T
-
-
-def _d_time(
-    solution: Solution,
-    equations: VariationalEquations,
-    state: StateTangent,
-    point: PointTangent,
-    moment: Moment,
-) -> FloatArray:
-    """Derivatives of the release's time, by the implicit function theorem, shape (m,)."""
-    if moment.held == "time":
-        return np.zeros(len(equations.directions))
-    if any(time == moment.time for time, _ in solution.impacts):
-        raise _not_smooth(moment, "an impact turns the velocity through its angle")
-    if moment.held == "velocity":
-        rate, changes = lead(point.acceleration, moment.angle), lead(point.d_velocity, moment.angle)
-        if abs(rate) <= _GRAZES * math.hypot(*point.acceleration):
-            raise _not_smooth(moment, "the velocity only grazes its angle")
-        return -changes / rate
-    rate, changes = _sling(Projectile(solution), equations, state)
-    if abs(rate) <= _GRAZES * np.abs(state.u).max():
-        raise _not_smooth(moment, "the sling only grazes its angle")
-    return -changes / rate
-
-
-def _sling(
-    projectile: Projectile, equations: VariationalEquations, state: StateTangent
-) -> tuple[float, FloatArray]:
-    """The sling angle's rate [rad/s], and its derivatives at a fixed time, shape (m,); it is linear in all numbers."""
-    names = projectile.body.name, projectile.arm or projectile.body.name
-    angle = equations.kinematics.angle(*names)
-    turned = [
-        float(Kinematics(moved(equations.mechanism, direction)).angle(*names).value(state.q + dq))
-        for direction, dq in zip(equations.directions, state.dq, strict=True)
-    ]
-    start = float(angle.value(state.q))
-    return float(angle.value(state.q + state.u)) - start, np.array(turned) - start
-
-
-def _not_smooth(moment: Moment, why: str) -> UnsupportedProblemError:
-    return UnsupportedProblemError(
-        f"the release at t = {moment.time:.6g} s has no derivatives: {why}."
-    )
-
-
-def _landing(
-    point: PointTangent,
-    d_position: FloatArray,
-    d_velocity: FloatArray,
-    gravity: float,
-    d_gravity: FloatArray,
-    ground: float,
-) -> tuple[float, FloatArray]:
-    """Where a thrown point comes down through y = ground in vacuum: x [m], and its derivatives, shape (m,)."""
-    (x, y), (vx, vy) = point.position, point.velocity
-    squared = vy * vy + 2 * gravity * (y - ground)  # of the vertical speed at the ground
-    if gravity == 0 or squared <= 0:
-        return math.nan, np.full(len(d_gravity), np.nan)
-    fall = math.sqrt(squared)
-    time = (vy + fall) / gravity
-    # y + vy T - g T^2 / 2 = ground differentiated; vy - g T = -fall.
-    d_time = (d_position[:, 1] + time * d_velocity[:, 1] - time * time / 2 * d_gravity) / fall
-    return float(x + vx * time), d_position[:, 0] + time * d_velocity[:, 0] + vx * d_time
-
-
-def whipper_numbers(p: Mapping[str, Any]) -> dict[str, Any]:
-    """The numbers of the whipper that depend on its parameters, as `models/trebuchet.py` has them.
-
-    Plain arithmetic, so that it can be followed by a complex step, which validated descriptions
-    cannot. Checked against the machine itself on each use, and in the tests.
-
-    Args:
-        p: values of the fields of `TrebuchetParameters`, real or complex.
-    """
-    return {
-        "bodies.arm.mass": p["m_a"],
-        "bodies.arm.centre.0": (p["l1"] - p["l2"]) / 2,
-        "bodies.arm.inertia": p["m_a"] * (p["l1"] + p["l2"]) ** 2 / 12,
-        "bodies.sling.mass": p["m_b"],
-        "bodies.sling.centre.0": p["r"],
-        "bodies.hanger.mass": p["m_cw"],
-        "bodies.hanger.centre.0": p["h"],
-        "joints.sling pin.parent_point.0": p["l1"],
-        "joints.hanger pin.parent_point.0": -p["l2"],
-        "stops.hanger rest.limit": p["theta0"] - p["alpha0"],
-        "stops.sling rest.limit": p["phi0"] - p["theta0"],
-        "markers.projectile.point.0": p["r"],
-        "markers.counterweight.point.0": p["h"],
-        "markers.arm centre.point.0": (p["l1"] - p["l2"]) / 2,
-        "gravity": p["g"],
-        "start.0": p["theta0"],
-        "start.1": p["phi0"],
-        "start.2": p["alpha0"],
-    }
-
-
-def parameter_directions(
-    build: Callable[[TrebuchetParameters], Mechanism], parameters: TrebuchetParameters
-) -> dict[str, Direction]:
-    """How the machine's numbers change with each field of the parameters: exact, by a complex step.
-
-    f(p + i h) = f(p) + i h f'(p) + O(h^2) (Squire and Trapp, SIAM Review 40 (1998) 110-112): no
-    difference is taken, so h can be so small that only rounding is left.
-
-    Raises:
-        InputError: `build` does not make a whipper, or makes its numbers otherwise than
-            `models/trebuchet.py`.
-    """
-    values = {name: float(getattr(parameters, name)) for name in TrebuchetParameters.model_fields}
-    _refuse_another_machine(build, parameters)
-    directions: dict[str, Direction] = {}
-    for name in values:
-        stepped = whipper_numbers({k: complex(v, _STEP * (k == name)) for k, v in values.items()})
-        directions[name] = {k: complex(v).imag / _STEP for k, v in stepped.items()}
-    return directions
-
-
-def _refuse_another_machine(
-    build: Callable[[TrebuchetParameters], Mechanism], parameters: TrebuchetParameters
-) -> None:
-    """Compare all numbers at these and at a second set of parameters, which shows what depends on them."""
-    values = {name: float(getattr(parameters, name)) for name in TrebuchetParameters.model_fields}
-    other = {name: value * 1.01 + 0.001 * (i + 1) for i, (name, value) in enumerate(values.items())}
-    first = numbers(build(parameters))
-    second = numbers(build(parameters.model_copy(update=other)))
-    for actual, at in ((first, values), (second, other)):
-        expected = first | whipper_numbers(at)
-        for name in expected | actual:
-            a, b = actual.get(name), expected.get(name)
-            if a is None or b is None or abs(a - b) > _SAME * max(1.0, abs(a), abs(b)):
-                raise InputError(
-                    f"build makes {name} = {a!r} where the whipper trebuchet has {b!r}; sensitivities to its "
-                    "parameters are known for the fixed and the rolling machine."
-                )
-
-
-def sensitivities_of(
-    performance: Performance, name: str | None = None, parameters: TrebuchetParameters | None = None
-) -> tuple[tuple[Sensitivity, ...], tuple[str, ...]]:
-    """Derivatives of a throw's release, flying through vacuum: of a whipper by its parameters and start values.
-
-    Of any other mechanism by all its physical numbers, those first of which one per cent moves the
-    landing most.
-
-    Args:
-        performance: the throw.
-        name: "fixed" or "rolling", if it is one of them.
-        parameters: of that machine.
+        mechanism: a mechanism, a problem, a name of the library, or the path of a JSON file.
+        at: the time [s]; left out, the launch, or the end of the motion if nothing is launched.
+        numbers: names of those to differentiate by, as in the table; all if left out.
+        duration: of the motion [s]; as in :func:`..motion.solve`.
+        stop_law: "release-once" or "unilateral"; as in :func:`..motion.solve`.
 
     Returns:
-        The derivatives, and sentences on those that do not exist or hold one way only.
-    """
-    release = performance.flight.release
-    moment = Moment(release.time, performance.held, release.angle)
-    solution, ground = performance.solution, performance.surroundings.ground
-    mechanism = solution.problem.mechanism
-    units, sentences, joint = dict[str, str](), list[str](), None
-    if name is None:
-        joint = origin(mechanism)
-        known, sentences = physical_numbers(mechanism, performance.projectile.name)
-        units = {each.name: each.unit for each in known}
-        values, directions = (
-            np.array([each.value for each in known]),
-            {each.name: each.direction for each in known},
-        )
-    else:
-        p = parameters or TrebuchetParameters()
-        directions = parameter_directions(lambda p: model(name, p), p) | _start_directions(
-            mechanism
-        )
-        values = np.array([_value(mechanism, p, each) for each in directions])
-    try:
-        found = _of_the_release(
-            solution, tuple(directions), values, tuple(directions.values()), moment, ground, joint
-        )
-    except UnsupportedProblemError as error:
-        return (), (f"there are no sensitivities: {str(error).removesuffix('.')}",)
-    listed = _listed(found, units)
-    return (tuple(sorted(listed, key=_effect)) if name is None else listed), (
-        *sentences,
-        *found.one_sided,
-    )
-
-
-def _listed(found: Sensitivities, units: Mapping[str, str]) -> tuple[Sensitivity, ...]:
-    return tuple(
-        Sensitivity(
-            name=each,
-            value=float(found.values[i]),
-            unit=units[each] if each in units else _unit(each),
-            launch_time=float(found.d_launch_time[i]),
-            launch_speed=float(found.d_launch_speed[i]),
-            launch_angle=float(found.d_launch_angle[i]),
-            range=None if math.isnan(found.d_range[i]) else float(found.d_range[i]),
-        )
-        for i, each in enumerate(found.names)
-        if not math.isnan(found.d_launch_time[i])
-    )
-
-
-def _effect(each: Sensitivity) -> tuple[float, float]:
-    """To sort by: less what one per cent does to the range (to the speed where nothing lands), then one unit."""
-    slope = abs(each.launch_speed if each.range is None else each.range)
-    return -abs(each.value) * slope, -slope
-
-
-def _unit(name: str) -> str:
-    """Of a parameter, from its own description; of a start speed or start slide, by its name."""
-    if name in TrebuchetParameters.model_fields:
-        unit = re.search(r"\[(.+)\]", TrebuchetParameters.model_fields[name].description or "")
-        return unit.group(1) if unit else ""
-    slide = "x_p" in name
-    return ("m/s" if slide else "rad/s") if name.startswith("u_") else "m" if slide else "rad"
-
-
-_HELD = 1e-9  # a coordinate of which less is free than this cannot be chosen
-
-
-# Names of the numbers of each class, field by field. A number that is not here is refused: its
-# derivative would be missing among the others without a word.
-_Names = Mapping[str, str]
-_BODY: _Names = {
-    "mass": "mass of {name}",
-    "centre": "centre of mass of {name}",
-    "inertia": "inertia of {name}",
-}
-_MARKER: _Names = {"point": "place of {name} on {body}", "mass": ""}  # a part of its body's mass
-_ENDS: _Names = {
-    "parent_point": "place of {name} on {parent}",
-    "child_point": "place of {name} on {child}",
-}
-_ANGLE: _Names = {"angle": "angle of {name}"}
-_AXIS: _Names = {"axis": "direction of {name}"}
-_RESTITUTION: _Names = {"restitution": "restitution of {name}"}
-_POINT: _Names = {"point": "place of {name} on {body}"}
-_SPRING: _Names = {"stiffness": "stiffness of {spring}"}
-_DAMPER: _Names = {"damping": "damping of {spring}"}
-_REST_ANGLE: _Names = {"rest_angle": "rest angle of {spring}"}
-_NAMES: ElementTable[_Names] = ElementTable(
-    "The table of sensitivities",
-    ELEMENTS,
-    {
-        PinJoint: _ENDS,
-        WeldJoint: {**_ENDS, **_ANGLE},
-        SlotJoint: {**_ENDS, **_AXIS},
-        PrismaticJoint: {**_ENDS, **_AXIS, **_ANGLE},
-        FreeJoint: _ENDS,
-        Stop: {"limit": "limit of {name}", **_RESTITUTION},
-        PointStop: {
-            **_POINT,
-            "normal": "direction of {name}",
-            "offset": "offset of {name}",
-            **_RESTITUTION,
-        },
-        SpringDamper: {
-            "point": "place of {spring} on {body}",
-            "relative_point": "place of {spring} on {relative_to}",
-            **_SPRING,
-            **_DAMPER,
-            "rest_length": "rest length of {spring}",
-        },
-        RotationalSpringDamper: {**_SPRING, **_DAMPER, **_REST_ANGLE},
-        CubicTorsionSpring: {
-            **_SPRING,
-            "cubic_stiffness": "cubic stiffness of {spring}",
-            **_REST_ANGLE,
-        },
-        ConstantForce: {**_POINT, "force": "force of {name}"},
-        ConstantTorque: {"torque": "torque of {name}"},
-    },
-)
-_UNIT_VECTORS = ("axis", "normal")
-
-
-@dataclass(frozen=True)
-class PhysicalNumber:
-    """One number of a mechanism, and how the mechanism changes with it."""
-
-    name: str
-    """Such as "stiffness of strut spring"."""
-    unit: str
-    value: float
-    direction: Direction
-
-
-def physical_numbers(mechanism: Mechanism, thrown: str) -> tuple[list[PhysicalNumber], list[str]]:
-    """All numbers that change how a mechanism throws, and sentences on those along which no motion is possible.
-
-    With a number the start changes by the least that keeps loops closed and closed stops touching.
-    With a coordinate of the start the closed stops move along, and the others of a loop follow.
-    Unit vectors turn, anticlockwise.
-
-    Args:
-        mechanism: that throws.
-        thrown: the marker that is thrown.
-    """
-    found = [
-        *_of_elements(mechanism, thrown),
-        PhysicalNumber("gravity", "m/s^2", mechanism.gravity, {"gravity": 1.0}),
-    ]
-    follow = consistent_directions(mechanism, [number.direction for number in found])
-    found = [
-        replace(number, direction=direction)
-        for number, direction in zip(found, follow, strict=True)
-    ]
-    found += [*_starts(mechanism), *_start_speeds(mechanism)]
-    return _possible(mechanism, found)
-
-
-def _of_elements(mechanism: Mechanism, thrown: str) -> Iterator[PhysicalNumber]:
-    markers = [marker for marker in mechanism.markers if marker.name == thrown]
-    for item in mechanism.bodies:
-        yield from _of_fields(item, f"bodies.{item.name}", _BODY)
-    for item in mechanism.joints:
-        yield from _of_fields(item, f"joints.{item.name}", _NAMES[item])
-    for item in mechanism.stops:
-        yield from _of_fields(item, f"stops.{item.name}", _NAMES[item])
-    for item in mechanism.force_elements:
-        yield from _of_fields(item, f"force_elements.{item.name}", _NAMES[item])
-    for item in markers:
-        yield from _of_fields(item, f"markers.{item.name}", _MARKER)
-
-
-def _is_number(value: object) -> bool:
-    """Whether a field's value is a number or a vector of them."""
-    parts = cast("tuple[object, ...]", value) if isinstance(value, tuple) else (value,)
-    return any(isinstance(part, float) for part in parts)
-
-
-def _of_fields(item: Spec, path: str, names: _Names) -> Iterator[PhysicalNumber]:
-    """The numbers of a part of a mechanism, in the order of its fields.
+        A row for each quantity and number, in SI units per SI unit.
 
     Raises:
-        UnsupportedProblemError: it has a number that is not among these names.
+        InputError: nothing has that name, a value is not valid, or `at` lies outside the motion.
+        UnsupportedProblemError: the motion passes a singular position, or does not depend smoothly
+            on its numbers; or the mechanism has an element or number that has no derivative here.
+        SimulationError: an integrator gave up.
     """
-    for field, description in type(item).model_fields.items():
-        value = getattr(item, field)
-        if not _is_number(value):
-            continue
-        if field not in names:
-            raise UnsupportedProblemError(
-                f"The table of sensitivities does not know {field!r} of {path!r} "
-                f"({type(item).__name__}): a derivative by it would be missing."
-            )
-        if not names[field]:
-            continue
-        name = names[field].format(**_called(item))
-        unit = re.search(r"\[(.+)\]", description.description or "")
-        if field in _UNIT_VECTORS:
-            x, y = value
-            yield PhysicalNumber(
-                name, "rad", math.atan2(y, x), {f"{path}.{field}.0": -y, f"{path}.{field}.1": x}
-            )
-        elif isinstance(value, tuple):
-            for i, component in enumerate("xy"):
-                direction = {f"{path}.{field}.{i}": 1.0}
-                yield PhysicalNumber(
-                    f"{name}, {component}", unit[1] if unit else "", value[i], direction
-                )
-        else:
-            yield PhysicalNumber(name, unit[1] if unit else "", value, {f"{path}.{field}": 1.0})
-
-
-def _called(item: Spec) -> dict[str, str]:
-    """Names that a field's phrase needs; a spring is called one."""
-    names = {name: value for name, value in item if isinstance(value, str)}
-    spring = "" if "spring" in names["name"].lower() else " spring"
-    return names | {"spring": names["name"] + spring}
-
-
-def _starts(mechanism: Mechanism) -> Iterator[PhysicalNumber]:
-    """Of the coordinates that loops let choose; the loops' others follow, and closed stops stay where they touch."""
-    equations, q = Equations(mechanism), initial_state(mechanism)[0]
-    closed = [stop for stop in mechanism.stops if stop.closed]
-    jacobian = equations.constraint_jacobian(q, [stop.name for stop in closed])
-    loops, gaps = jacobian[: equations.n_loops], jacobian[equations.n_loops :]
-    for i, name in enumerate(mechanism.coordinates):
-        dq = np.eye(len(q))[i]
-        if len(loops):
-            dq = dq - least_step(loops, loops @ dq, equations.rank(q, ()))
-        if dq[i] < _HELD:
-            continue
-        dq = dq / dq[i]
-        angle = i < len(mechanism.angles)
-        along = {
-            f"stops.{s.name}.{s.position_field}": float(g @ dq)
-            for s, g in zip(closed, gaps, strict=True)
-        }
-        direction = {f"start.{k}": float(value) for k, value in enumerate(dq)} | along
-        what = f"start {'angle' if angle else 'position'} {name}"
-        yield PhysicalNumber(what, "rad" if angle else "m", float(q[i]), direction)
-
-
-def _start_speeds(mechanism: Mechanism) -> Iterator[PhysicalNumber]:
-    for i, (name, value) in enumerate(
-        zip(mechanism.coordinates, initial_state(mechanism)[1], strict=True)
-    ):
-        unit = "rad/s" if i < len(mechanism.angles) else "m/s"
-        yield PhysicalNumber(
-            f"start speed of {name}", unit, float(value), {f"start_speeds.{i}": 1.0}
-        )
-
-
-def _possible(
-    mechanism: Mechanism, found: list[PhysicalNumber]
-) -> tuple[list[PhysicalNumber], list[str]]:
-    """Without those that tear loops apart, whatever the start does."""
-    equations, q = (
-        VariationalEquations(mechanism, [number.direction for number in found]),
-        mechanism.start,
-    )
-    start = Dual(np.array(q), equations.along_each("start", len(q)))
-    torn = equations.misfits(
-        start, movable(equations, [stop.name for stop in mechanism.stops if stop.closed])
-    )
-    sentences = [
-        f"there is no derivative by the {found[j].name}: a change of it alone would lock the mechanism or open a loop"
-        for j in torn
+    solution = solve(problem_of(mechanism, duration, stop_law))
+    described = solution.problem.mechanism
+    launch = solution.launch
+    if at is None:
+        at = solution.segments[-1].end if launch is None else launch.time
+    known, notes = physical_numbers(described)
+    chosen = _chosen(known, numbers)
+    # Large values by their relative change, so that one absolute tolerance suits all directions.
+    scale = np.maximum(1.0, np.abs([number.value for number in chosen]))
+    directions = [
+        {name: slope * size for name, slope in number.direction.items()}
+        for number, size in zip(chosen, scale, strict=True)
     ]
-    return [number for j, number in enumerate(found) if j not in torn], sentences
+    equations = VariationalEquations(described, directions, [number.name for number in chosen])
+    state = state_tangent(solution, equations, at)
+    none = np.isnan(sides(state.kinks, len(chosen)))
+    rows: list[Derivative] = []
+    for quantity, of, unit, slopes in _quantities(solution, equations, state):
+        values = np.where(none, np.nan, slopes / scale)
+        for number, value in zip(chosen, values.tolist(), strict=True):
+            row = quantity, of, unit, number.name, number.unit, number.value, value
+            rows.append(Derivative(*row))
+    named = tuple(number.name for number in chosen)
+    return DerivativeTable(described, at, tuple(rows), (*notes, *one_sided(state.kinks, named)))
+
+
+def _chosen(known: list[PhysicalNumber], names: Iterable[str] | None) -> list[PhysicalNumber]:
+    if names is None:
+        return known
+    by_name = {number.name: number for number in known}
+    wanted = list(names)
+    for name in wanted:
+        if name not in by_name:
+            raise InputError(f"there is no number {name!r}; there are: {', '.join(by_name)}.")
+    return [by_name[name] for name in wanted]
+
+
+def _quantities(
+    solution: Solution, equations: VariationalEquations, state: StateTangent
+) -> Iterator[tuple[str, str, str, FloatArray]]:
+    """Kind, subject and unit of each quantity, and its derivatives along the directions, (m,)."""
+    mechanism = solution.problem.mechanism
+    n_angles = len(mechanism.angles)
+    for i, name in enumerate(mechanism.coordinates):
+        unit = "rad" if i < n_angles else "m"
+        yield "coordinate", name, unit, state.dq[:, i]
+        yield "speed", name, f"{unit}/s", state.du[:, i]
+    for marker in mechanism.markers:
+        point = marker_tangent(equations, state, marker.name)
+        for axis, component in enumerate("xy"):
+            yield component, marker.name, "m", point.d_position[:, axis]
+            yield f"v{component}", marker.name, "m/s", point.d_velocity[:, axis]
+    for name, slopes in state.d_release_times.items():
+        if not np.isnan(slopes).all():
+            yield "opening time", name, "s", slopes
+    for i, (_, slopes) in enumerate(state.d_impact_times, start=1):
+        yield "impact time", str(i), "s", slopes
+    launch = solution.launch
+    if launch is not None and launch.time == state.t:
+        point = marker_tangent(equations, state)
+        d_time = release_time_tangent(solution, equations, state, point, Moment(launch.time))
+        d_velocity = point.d_velocity + d_time[:, None] * point.acceleration
+        yield "launch time", "projectile", "s", d_time
+        yield "launch speed", "projectile", "m/s", d_velocity @ point.velocity / launch.speed

@@ -14,8 +14,9 @@ import trebucheck as tb
 from trebucheck.comparisons.recommend import Advice, Asked, recommend
 from trebucheck.comparisons.recommend.search import Case, configured, option_sets
 from trebucheck.comparisons.recommend.study import snippets
+from trebucheck.comparisons.runs.record import EngineRuns
+from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.study import Study, Until
-from trebucheck.comparisons.runs.trials import Trials
 from trebucheck.engines.exudyn.study import PYTHON as EXUDYN_PYTHON
 from trebucheck.engines.mujoco.study import MJCF
 from trebucheck.engines.mujoco.study import PYTHON as MUJOCO_PYTHON
@@ -41,16 +42,16 @@ def advice(model: str, engine_name: str) -> Advice:
 
 
 @cache
-def fresh_machines(model: str) -> tuple[Trials, ...]:
+def fresh_machines(model: str) -> tuple[EngineRuns, ...]:
     """Machines nobody has chosen, that launch in their first swing."""
-    random, found = np.random.default_rng(2026), list[Trials]()
-    longest = SWING * Trials(BUILDERS[model]()).end
+    random, found = np.random.default_rng(2026), list[EngineRuns]()
+    longest = SWING * Runner(BUILDERS[model]()).judged_to
     while len(found) < FRESH:
         own = tb.TrebuchetParameters(
             **{name: float(random.uniform(*ends)) for name, ends in RANGES.items()}
         )
         try:
-            trials = Trials(BUILDERS[model](own), until=Until())
+            trials = EngineRuns(Runner(BUILDERS[model](own), until=Until()))
         except tb.InputError:
             continue  # it does not launch
         if trials.end < longest:
@@ -67,7 +68,7 @@ def test_recommended_settings_hold_on_other_machines(name: str, model: str) -> N
     choice = advice(model, name).engine(name).choice
     assert choice is not None
     engine = tb.engine(name, choice.preset, **choice.changes)
-    ratios = [Case(trials, ASKED).ratio(trials.trial(engine)) for trials in fresh_machines(model)]
+    ratios = [Case(trials, ASKED).ratio(trials.record(engine)) for trials in fresh_machines(model)]
     assert max(ratios) <= 2.0, ratios
 
 
@@ -80,8 +81,8 @@ def test_what_is_recommended_was_measured_and_reaches_it() -> None:
         and choice.worst_neighbour is not None
     )
     assert choice.here.position <= 0.1 and (choice.worst_neighbour.position or math.inf) <= 0.1
-    own = Trials(tb.fixed())
-    again = own.trial(tb.engine("mujoco", choice.preset, **choice.changes))
+    own = EngineRuns(Runner(tb.fixed()))
+    again = own.record(tb.engine("mujoco", choice.preset, **choice.changes))
     assert again.position == choice.here.position
     assert len(found.neighbours) == NEIGHBOURS and len(choice.wall_times) == 3
     jsonschema.validate(json.loads(found.to_json()), json.loads(schema_text(Advice)))

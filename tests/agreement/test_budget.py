@@ -12,7 +12,8 @@ import pytest
 from trebucheck.comparisons.explain import causes_of
 from trebucheck.comparisons.explain.results import Budget, Share
 from trebucheck.comparisons.explain.study import budget, with_filtered_torques
-from trebucheck.comparisons.runs.trials import Trials
+from trebucheck.comparisons.runs.record import EngineRuns
+from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.registry import engine, engine_class, with_options
 from trebucheck.models.machines.parameters import TrebuchetParameters
@@ -54,14 +55,14 @@ OTHERS = {
 
 
 @pytest.fixture(scope="module")
-def machines() -> dict[str, Trials]:
-    """Trials by machine, remembered over all tests."""
+def machines() -> dict[str, EngineRuns]:
+    """Runs by machine, remembered over all tests."""
     made: dict[str, Mechanism] = {"fixed": fixed(), "rolling": rolling()}
     made |= {"other fixed": fixed(OTHERS["fixed"]), "other rolling": rolling(OTHERS["rolling"])}
-    return {name: Trials(machine) for name, machine in made.items()}
+    return {name: EngineRuns(Runner(machine)) for name, machine in made.items()}
 
 
-def _budget(trials: Trials, name: str, preset: str) -> Budget:
+def _budget(trials: EngineRuns, name: str, preset: str) -> Budget:
     if not engine_class(name).is_installed():
         pytest.skip(f"{name} is not installed here")
     return budget(trials, engine(name, preset, timestep=_STEPS[name]))
@@ -91,7 +92,7 @@ def _check(found: Budget) -> None:
 @pytest.mark.parametrize("name", _STEPS)
 @pytest.mark.parametrize("machine", ["fixed", "rolling"])
 def test_nine_tenths_of_each_error_are_explained(
-    machines: dict[str, Trials], machine: str, name: str, preset: str
+    machines: dict[str, EngineRuns], machine: str, name: str, preset: str
 ) -> None:
     _check(_budget(machines[machine], name, preset))
 
@@ -106,13 +107,13 @@ def test_nine_tenths_of_each_error_are_explained(
     ],
 )
 def test_on_another_machine_too(
-    machines: dict[str, Trials], machine: str, name: str, preset: str
+    machines: dict[str, EngineRuns], machine: str, name: str, preset: str
 ) -> None:
     _check(_budget(machines[machine], name, preset))
 
 
 @pytest.mark.slow
-def test_the_causes_are_the_ones_that_are_known(machines: dict[str, Trials]) -> None:
+def test_the_causes_are_the_ones_that_are_known(machines: dict[str, EngineRuns]) -> None:
     """What each engine's documentation and equations say of it."""
     trials = machines["fixed"]
     softness = _share(_budget(trials, "mujoco", "tuned"), "position", "constraint softness")
@@ -147,7 +148,7 @@ def test_softness_written_out_is_the_softness_that_follows_the_step() -> None:
 def test_exudyns_multipliers_alternate_and_the_filter_finds_it() -> None:
     """Half of the tuned torque's error changes sign with every step; what the filter leaves is smooth."""
     pytest.importorskip("exudyn")
-    trials = Trials(rolling())
+    trials = EngineRuns(Runner(rolling()))
     run = engine("exudyn", timestep=1e-3).simulate(Problem(rolling(), duration=0.5))
     exact = trials.solution.trajectory(run.t).stop_torque(HANGER_REST)
     raw = (run.stop_torque(HANGER_REST) - exact)[3:-3]

@@ -14,7 +14,7 @@ import numpy as np
 import plugins
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.compare.machine import machine_row
+from trebucheck.comparisons.runs.record import machine_row
 from trebucheck.comparisons.runs.results import Machine, Metric, Outcome, Run
 from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.tolerances import Needs, judge

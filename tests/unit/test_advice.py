@@ -32,8 +32,9 @@ from trebucheck.comparisons.recommend.search import (
     read_torque,
 )
 from trebucheck.comparisons.recommend.study import PYTHON, snippets
+from trebucheck.comparisons.runs.record import EngineRuns, RunRecord
+from trebucheck.comparisons.runs.results import Metric
 from trebucheck.comparisons.runs.study import Study
-from trebucheck.comparisons.runs.trials import Deviation, Trial, Trials
 from trebucheck.engines.mujoco.study import MJCF
 from trebucheck.engines.mujoco.study import PYTHON as MUJOCO_PYTHON
 from trebucheck.engines.study import OptionSet
@@ -84,7 +85,7 @@ def test_wrong_input_gets_a_sentence(
 def test_a_share_of_the_torque_is_each_machines_own() -> None:
     motion = SimpleNamespace(stop_torques={"rest": __import__("numpy").array([3.0, 200.0, 5.0])})
     trials = cast(
-        "Trials", SimpleNamespace(solution=SimpleNamespace(motion=lambda _: motion), end=1.0)
+        "EngineRuns", SimpleNamespace(solution=SimpleNamespace(motion=lambda _: motion), end=1.0)
     )
     assert Case(trials, Asked(torque_share=0.01)).allowed == {"torque": 2.0}
     with pytest.raises(tb.InputError, match="asked in N m and as a share"):
@@ -167,7 +168,7 @@ def test_growth_by_rounding_says_its_power() -> None:
 
 
 class _Synthetic:
-    """Trials whose errors are a formula: position = constant(options) * step^2 * the machine's own factor."""
+    """Runs whose errors are a formula: position = constant(options) * step^2 * the machine's own factor."""
 
     def __init__(
         self, factor: float, constants: dict[str, float], cost: dict[str, float], floor: float = 0.0
@@ -179,18 +180,15 @@ class _Synthetic:
         )
         self.made: list[tuple[str, float]] = []
 
-    def trial(self, engine: Any, repeats: int = 1) -> Trial:
+    def record(self, engine: Any, repeats: int = 1) -> RunRecord:
         settings = engine.settings
         name, step = str(settings["integrator"]), engine.timestep
         self.made.append((name, step))
         error = self.constants[name] * self.factor * step**2 + self.floor
-        found = Deviation(
-            end=1.0, positions={}, torques={}, energy=(), release_times={}, launch_time=None, launch_speed=None,
-            metrics={"position_max (projectile)": error},
-        )  # fmt: skip
-        return Trial(
-            engine="mujoco", engine_version="0", preset="tuned", settings=settings, mechanism_hash="", deviation=found,
-            steps=1, wall_times=(self.cost[name] / step,) * repeats,
+        position = Metric(name="position_max", subject="projectile", value=error, unit="m")
+        return RunRecord(
+            engine="mujoco", engine_version="0", preset="tuned", settings=settings, given_hash="",
+            metrics=(position,), steps=1, wall_times=(self.cost[name] / step,) * repeats,
         )  # fmt: skip
 
 
@@ -210,7 +208,7 @@ def _search(
         )
         for f in factors
     ]
-    cases = [Case(cast(Trials, trials), Asked(position=1e-6)) for trials in made]
+    cases = [Case(cast(EngineRuns, trials), Asked(position=1e-6)) for trials in made]
     search = Search("mujoco", cases, STEPS)
     return search, [search.sweep(options) for options in (DEAR, PLAIN)][::-1], made
 

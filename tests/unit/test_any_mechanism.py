@@ -18,10 +18,10 @@ from trebucheck.comparisons.converge import study as converging
 from trebucheck.comparisons.converge.report import document
 from trebucheck.comparisons.recommend import Asked, recommend
 from trebucheck.comparisons.report.html import page
+from trebucheck.comparisons.runs.record import EngineRuns, RunRecord
 from trebucheck.comparisons.runs.results import Results
 from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.study import Study
-from trebucheck.comparisons.runs.trials import Trial, Trials
 from trebucheck.comparisons.runs.until import Until
 from trebucheck.comparisons.runs.worker import Worker
 from trebucheck.models.errors import InputError
@@ -138,9 +138,9 @@ def test_advice_is_on_positions(command: Command) -> None:
 def test_what_is_compared_is_the_farthest_point(name: str) -> None:
     """Markers, also two of them; without any, centres of mass, here computed apart."""
     machine = MACHINES[name]
-    trials = Trials(machine, until=Until.of(1.5))
+    trials = EngineRuns(Runner(machine, until=Until.of(1.5)))
     engine = plugins.Second(timestep=0.01)
-    trial = trials.trial(engine)
+    trial = trials.record(engine)
     run = engine.simulate(trials.runner.problem(engine))
     exact, keep = trials.solution.trajectory(run.t), run.t <= trials.end
     if machine.markers:
@@ -154,9 +154,9 @@ def test_what_is_compared_is_the_farthest_point(name: str) -> None:
         }
     expected = {point: np.linalg.norm(error[keep], axis=1).max() for point, error in errors.items()}
     assert trial.position == pytest.approx(max(expected.values()), rel=1e-12)
-    assert trial.deviation is not None and set(trial.deviation.positions) == set(expected)
-    assert expected[trial.deviation.farthest] == max(expected.values())
-    on_grid = np.linalg.norm(trial.deviation.positions[trial.deviation.farthest], axis=0).max()
+    assert trial.curves is not None and set(trial.curves.positions) == set(expected)
+    assert expected[trial.curves.farthest] == max(expected.values())
+    on_grid = np.linalg.norm(trial.curves.positions[trial.curves.farthest], axis=0).max()
     assert on_grid == pytest.approx(
         max(expected.values()), rel=1e-3
     )  # the grid has the end, where it is largest
@@ -167,7 +167,8 @@ def test_the_positions_uncertainty_without_markers_is_that_of_a_marker_at_the_ce
 ):
     """The bound by coordinates holds what a marker says, and is no more than rounding's and safety's factor above."""
     marked, bare = (
-        Trials(MACHINES[name]).uncertainty("position_max") for name in ("tip", "no marker")
+        EngineRuns(Runner(MACHINES[name])).uncertainty("position_max")
+        for name in ("tip", "no marker")
     )
     assert marked is not None and bare is not None
     assert 0.5 * marked <= bare <= 10 * marked
@@ -194,8 +195,8 @@ def test_a_motion_is_compared_up_to_its_predictability_horizon(
     found = studies.machines[0]
     assert found.compared_to == 3.0 and found.judged_to is not None and 1.0 < found.judged_to < 2.9
     assert f"Nothing is compared beyond {found.judged_to:.6g} s" in page(document(studies))
-    trial = Trials(wild, until=Until.of(3.0)).trial(plugins.Second(timestep=0.05))
-    assert trial.deviation is not None and trial.deviation.end == found.judged_to
+    trial = EngineRuns(Runner(wild, until=Until.of(3.0))).record(plugins.Second(timestep=0.05))
+    assert trial.curves is not None and trial.curves.end == found.judged_to
 
 
 def test_what_the_reference_does_not_do_cannot_be_asked() -> None:
@@ -231,9 +232,9 @@ def test_steps_follow_the_size(tmp_path: Path) -> None:
 def test_trials_to_another_end_are_other_trials(tmp_path: Path) -> None:
     from trebucheck.comparisons.runs.store import Store
 
-    def trial(until: str) -> Trial:
+    def trial(until: str) -> RunRecord:
         store = Store(tmp_path, resume=True, records=tmp_path)
-        return Trials(MACHINES["tip"], store=store, until=Until.of(until)).trial(
+        return EngineRuns(Runner(MACHINES["tip"], until=Until.of(until)), store).record(
             plugins.Second(timestep=0.01)
         )
 

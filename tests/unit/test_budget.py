@@ -29,8 +29,10 @@ from trebucheck.comparisons.explain.study import (
     with_filtered_torques,
 )
 from trebucheck.comparisons.report import html, terminal
+from trebucheck.comparisons.runs.record import GRID, Curves, EngineRuns, RunRecord
+from trebucheck.comparisons.runs.results import Metric, Outcome
+from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.study import Study
-from trebucheck.comparisons.runs.trials import GRID, Deviation, Trial, Trials
 from trebucheck.comparisons.runs.worker import Worker
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.engines.mujoco.engine import MujocoEngine
@@ -58,7 +60,7 @@ Model = Callable[[Mapping[str, Any], Mechanism], FloatArray]
 
 @dataclass
 class ClosedForm:
-    """Stands for Trials: the deviation is a formula of the options, times the same shape in x and in the torque."""
+    """Stands for EngineRuns: the deviation is a formula of the options, times the same shape in x and in the torque."""
 
     error: Model
     refuses: Callable[[Mapping[str, Any]], bool] = lambda _: False
@@ -66,25 +68,30 @@ class ClosedForm:
     end: float = 1.0
     seen: list[dict[str, Any]] = field(default_factory=list)
 
-    def trial(self, engine: Engine, repeats: int = 1, of: Mechanism | None = None) -> Trial:
+    def record(self, engine: Engine, repeats: int = 1, given: Mechanism | None = None) -> RunRecord:
         settings = engine.settings
         self.seen.append(settings)
-        made = Trial(
+        made = RunRecord(
             engine=engine.name,
             engine_version="0",
             preset="stock",
             settings=settings,
-            mechanism_hash="",
+            given_hash="",
             wall_times=(1.0,) * repeats,
         )
         if self.refuses(settings):
-            return made.model_copy(update={"message": "it flew apart"})
-        e = self.error(settings, of or self.mechanism)
-        return made.model_copy(update={"deviation": _deviation(e)})
+            return made.model_copy(update={"outcome": Outcome.FAILED, "message": "it flew apart"})
+        e = self.error(settings, given or self.mechanism)
+        largest = float(np.abs(e).max())
+        metrics = (
+            Metric(name="position_max", subject="projectile", value=largest, unit="m"),
+            Metric(name="stop_torque_max", subject=HANGER_REST, value=1e3 * largest, unit="N m"),
+        )
+        return made.model_copy(update={"curves": _curves(e), "metrics": metrics})
 
 
-def _deviation(e: FloatArray) -> Deviation:
-    return Deviation(
+def _curves(e: FloatArray) -> Curves:
+    return Curves(
         end=1.0,
         positions={"projectile": (tuple(e.tolist()), tuple((0 * e).tolist()))},
         torques={HANGER_REST: tuple((1e3 * e).tolist())},
@@ -92,15 +99,11 @@ def _deviation(e: FloatArray) -> Deviation:
         release_times={HANGER_REST: float(e[-1])},
         launch_time=None,
         launch_speed=float(e[0]),
-        metrics={
-            "position_max (projectile)": float(np.abs(e).max()),
-            "stop_torque_max (hanger rest)": 1e3 * float(np.abs(e).max()),
-        },
     )
 
 
 def _budget(error: Model, engine: Engine, **options: Any) -> Budget:
-    return budget(cast("Trials", ClosedForm(error, **options)), engine)
+    return budget(cast("EngineRuns", ClosedForm(error, **options)), engine)
 
 
 def _shares(found: Budget, name: str = "position") -> dict[str, float]:
@@ -383,7 +386,7 @@ def test_an_engine_that_does_not_tell_its_options_is_completed() -> None:
     assert pickle.loads(pickle.dumps(made)) == made
     assert made.simulate(Problem(fixed(), duration=0.1)).t[1] == pytest.approx(5e-3)
     with Worker() as worker:
-        trial = Trials(fixed(), worker).trial(made)
+        trial = EngineRuns(Runner(fixed(), worker)).record(made)
     assert (
         trial.position == 0.0 and trial.preset == "stock" and trial.settings == {"timestep": 5e-3}
     )
@@ -450,7 +453,9 @@ def test_each_option_is_changed_alone_from_either_end() -> None:
         return (1.0 + 10.0 * (s["error_bias"] > 0)) * (1.0 + 4.0 * (not s["leapfrog"])) * T
 
     study = ClosedForm(error)
-    found = stock_against_tuned(cast("Trials", study), PymunkEngine.stock(), PymunkEngine.tuned())
+    found = stock_against_tuned(
+        cast("EngineRuns", study), PymunkEngine.stock(), PymunkEngine.tuned()
+    )
     by_option = {change.option: change for change in found.changes}
     stock, tuned = PymunkEngine.stock().settings, PymunkEngine.tuned().settings
     assert set(by_option) == {name for name in stock if stock[name] != tuned[name]}
@@ -470,7 +475,9 @@ def test_each_option_is_changed_alone_from_either_end() -> None:
 
 def test_presets_are_compared_at_the_same_step() -> None:
     study = ClosedForm(lambda s, _: s["timestep"] * T)
-    found = stock_against_tuned(cast("Trials", study), ExudynEngine.stock(), ExudynEngine.tuned())
+    found = stock_against_tuned(
+        cast("EngineRuns", study), ExudynEngine.stock(), ExudynEngine.tuned()
+    )
     assert {s["timestep"] for s in study.seen} == {found.timestep} == {1e-3}
 
 
@@ -483,7 +490,7 @@ def explanation() -> Explanation:
         return (3.0 * (s["error_bias"] > 0) + (not s["leapfrog"])) * T + 0.2 * T**3
 
     machine = fixed()
-    study = cast("Trials", ClosedForm(error, refuses=lambda s: s["locate_releases"]))
+    study = cast("EngineRuns", ClosedForm(error, refuses=lambda s: s["locate_releases"]))
     broken = _budget(error, PymunkEngine.tuned(), refuses=lambda _: True)
     return Explanation(
         trebucheck_version="0",
@@ -513,7 +520,7 @@ def test_the_page_shows_causes_failures_and_needs_nothing_else(explanation: Expl
 
 
 def test_engines_without_an_error_can_be_shown(explanation: Explanation) -> None:
-    study = cast("Trials", ClosedForm(lambda _s, _m: 0.0 * T))
+    study = cast("EngineRuns", ClosedForm(lambda _s, _m: 0.0 * T))
     found = stock_against_tuned(study, PymunkEngine.stock(), PymunkEngine.tuned())
     spotless = explanation.model_copy(
         update={"budgets": (budget(study, PymunkEngine.stock()),), "comparisons": (found,)}

@@ -38,10 +38,10 @@ from trebucheck.comparisons.converge.study import (
     weights,
 )
 from trebucheck.comparisons.report.html import page
-from trebucheck.comparisons.runs.runner import run_duration
+from trebucheck.comparisons.runs.record import make
+from trebucheck.comparisons.runs.runner import Runner, run_duration
 from trebucheck.comparisons.runs.store import Store
 from trebucheck.comparisons.runs.study import Study
-from trebucheck.comparisons.runs.trials import Trials
 from trebucheck.engines.registry import engine_study
 from trebucheck.engines.study import ConstraintKinds
 from trebucheck.models.spec import schema_text
@@ -333,9 +333,9 @@ def test_durations_are_those_of_trials(step: float, monkeypatch: pytest.MonkeyPa
         return tb.engine("reference", timestep=5e-3).simulate(problem)
 
     monkeypatch.setattr(plugins.Echo, "simulate", simulate)
-    trials = Trials(tb.fixed())
-    trials.trial(plugins.Echo(timestep=step))
-    assert asked[-1] == run_duration(trials.end, step)
+    runner = Runner(tb.fixed())
+    make(runner, plugins.Echo(timestep=step))
+    assert asked[-1] == run_duration(runner.judged_to, step)
 
 
 # the whole, on engines of a third party

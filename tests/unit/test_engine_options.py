@@ -11,8 +11,8 @@ import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
 from trebucheck.comparisons.runs.study import Study
-from trebucheck.engines.option_table import OptionRow, default_text, option_table
-from trebucheck.engines.registry import engine_names
+from trebucheck.engines.options import default_text
+from trebucheck.engines.registry import OptionRow, engine_names, option_table
 from trebucheck.models.trajectory import load
 
 pytestmark = pytest.mark.usefixtures("kept_processes")

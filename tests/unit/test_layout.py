@@ -21,7 +21,8 @@ from trebucheck.comparisons.report.pages.compare import verdict_cell
 from trebucheck.comparisons.report.pages.problems import listing
 from trebucheck.comparisons.report.pages.run import certificate_report
 from trebucheck.comparisons.runs.results import Outcome
-from trebucheck.engines.option_table import default_text, option_table
+from trebucheck.engines.options import default_text
+from trebucheck.engines.registry import option_table
 from trebucheck.models.problems.registry import benchmarks
 from trebucheck.reference.certification.certificate import load_certificate
 

@@ -13,14 +13,19 @@ import pytest
 import trebucheck as tb
 from trebucheck.cli.app import main
 from trebucheck.comparisons.compare.report import document
-from trebucheck.comparisons.compare.stored import read_results, stored
-from trebucheck.comparisons.compare.study import Comparison, compare_study
+from trebucheck.comparisons.compare.study import (
+    Comparison,
+    compare_study,
+    read_results,
+    stored,
+)
 from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.runs import store as store_module
 from trebucheck.comparisons.runs.process import Worker
-from trebucheck.comparisons.runs.store import Store, conditions, plug_in_digest
+from trebucheck.comparisons.runs.record import EngineRuns
+from trebucheck.comparisons.runs.runner import Runner
+from trebucheck.comparisons.runs.store import Store, conditions, engine_digest
 from trebucheck.comparisons.runs.study import Study
-from trebucheck.comparisons.runs.trials import Trials
 from trebucheck.engines.registry import engine_class
 from trebucheck.models.errors import UnwritableError
 
@@ -31,7 +36,7 @@ ANOTHER: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
     "NumPy": lambda patch: patch.setattr(store_module.numpy, "__version__", "9.9.9"),
     "SciPy": lambda patch: patch.setattr(store_module.scipy, "__version__", "9.9.9"),
     "trebucheck": lambda patch: patch.setattr(store_module, "__version__", "another"),
-    "code": lambda patch: patch.setattr(store_module, "code_digest", lambda: "another"),
+    "code": lambda patch: patch.setattr(store_module, "code_digest", lambda *_: "another"),
     "Python": lambda patch: patch.setattr(
         store_module.platform, "python_version", lambda: "another"
     ),
@@ -67,7 +72,7 @@ def test_another_version_of_anything_makes_the_run_anew(
 def _changed_figure(path: Path) -> None:
     """A valid record that says something else."""
     kept = json.loads(path.read_text())
-    kept["content"]["run"]["steps"] += 1
+    kept["content"]["steps"] += 1
     path.write_text(json.dumps(kept))
 
 
@@ -141,10 +146,11 @@ def test_a_file_that_cannot_be_kept_ends_the_comparison(tmp_path: Path) -> None:
 
 def test_trials_with_and_without_curves_are_not_mixed_up(tmp_path: Path) -> None:
     store, engine = Store(tmp_path, True, tmp_path), tb.engine("reference")
-    short = Trials(tb.fixed(), store=store, curves=False).trial(engine)
-    assert short.deviation is not None and short.deviation.energy == ()
-    trial = Trials(tb.fixed(), store=replace(store)).trial(engine)
-    assert trial.deviation is not None and len(trial.deviation.energy) > 1
+    short = EngineRuns(Runner(tb.fixed()), store, curves=False).record(engine)
+    assert short.ran and short.metrics and short.curves is None
+    record = EngineRuns(Runner(tb.fixed()), replace(store)).record(engine)
+    assert record.metrics == short.metrics
+    assert record.curves is not None and len(record.curves.energy) > 1
 
 
 def test_a_plug_in_that_is_being_written_is_run_again(
@@ -156,12 +162,11 @@ def test_a_plug_in_that_is_being_written_is_run_again(
     (package / "deeper" / "engine.py").write_text("STEP = 1\n")
     monkeypatch.syspath_prepend(tmp_path)
     importlib.import_module("written_today")
-    before = plug_in_digest("written_today.deeper.engine")
+    before = engine_digest("written_today.deeper.engine")
     (package / "deeper" / "engine.py").write_text("STEP = 2\n")
-    plug_in_digest.cache_clear()
-    assert plug_in_digest("written_today.deeper.engine") != before
+    engine_digest.cache_clear()
+    assert engine_digest("written_today.deeper.engine") != before
     del sys.modules["written_today"]
-    assert plug_in_digest("trebucheck.engines.reference.engine") == ""
 
 
 def test_a_comparison_read_again_has_the_reference_that_it_was_made_with(tmp_path: Path) -> None:

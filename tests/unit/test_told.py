@@ -17,8 +17,8 @@ from rich.console import Console
 from trebucheck.__main__ import main
 from trebucheck.cli import output
 from trebucheck.comparisons.report import terminal
+from trebucheck.comparisons.runs.process import in_order
 from trebucheck.comparisons.runs.runner import Runner, farthest
-from trebucheck.comparisons.runs.study import in_order
 from trebucheck.reference.certification import certify as certification
 from trebucheck.reference.certification.certificate import load_certificate
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from formulas import END, Formula, times, trolley
-from trebucheck.comparisons.compare.machine import machine_row
+from trebucheck.comparisons.runs.record import machine_row
 from trebucheck.comparisons.runs import runner as running
 from trebucheck.comparisons.runs import tolerances as module
 from trebucheck.comparisons.runs.metrics import measure

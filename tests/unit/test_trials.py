@@ -11,8 +11,10 @@ import plugins
 import pytest
 import trebucheck as tb
 from pydantic import JsonValue
+from trebucheck.comparisons.runs.metrics import measure
+from trebucheck.comparisons.runs.record import EngineRuns, RunRecord, curves_of
+from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.store import Store
-from trebucheck.comparisons.runs.trials import Trial, Trials, deviation
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import SimulationError
 from trebucheck.reference.solution import Solution
@@ -45,47 +47,47 @@ class Claims(plugins.Echo):
 
 
 @pytest.fixture
-def trials(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Trials:
-    for module in ("trials", "store"):
+def trials(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> EngineRuns:
+    for module in ("record", "store"):
         monkeypatch.setattr(
             f"trebucheck.comparisons.runs.{module}.engine_class", lambda _: plugins.Echo
         )
-    return Trials(tb.fixed(), store=Store(tmp_path, resume=True, records=tmp_path))
+    return EngineRuns(Runner(tb.fixed()), Store(tmp_path, resume=True, records=tmp_path))
 
 
-def test_further_repeats_are_added_to_what_is_known(trials: Trials) -> None:
+def test_further_repeats_are_added_to_what_is_known(trials: EngineRuns) -> None:
     engine = Claims(timestep=0.01)
-    once = trials.trial(engine)
+    once = trials.record(engine)
     assert len(once.wall_times) == len(engine.runs) == 1
-    thrice = trials.trial(engine, repeats=3)
+    thrice = trials.record(engine, repeats=3)
     assert len(thrice.wall_times) == len(engine.runs) == 3
-    assert thrice.deviation == once.deviation
-    assert trials.trial(engine, repeats=2) is thrice and len(engine.runs) == 3
-    again = Trials(trials.mechanism, store=trials._store)
-    assert again.trial(engine, repeats=3) == thrice and len(engine.runs) == 3, "kept on disk, too"
+    assert thrice.curves == once.curves
+    assert trials.record(engine, repeats=2) is thrice and len(engine.runs) == 3
+    again = EngineRuns(Runner(trials.mechanism), trials._store)
+    assert again.record(engine, repeats=3) == thrice and len(engine.runs) == 3, "kept on disk, too"
 
 
-def test_a_long_run_is_timed_once(trials: Trials) -> None:
+def test_a_long_run_is_timed_once(trials: EngineRuns) -> None:
     engine = Claims(timestep=0.01, takes=LONG)
-    assert trials.trial(engine, repeats=3).wall_times == (LONG,)
-    assert trials.trial(engine, repeats=3).wall_times == (LONG,)
+    assert trials.record(engine, repeats=3).wall_times == (LONG,)
+    assert trials.record(engine, repeats=3).wall_times == (LONG,)
     assert len(engine.runs) == 1
 
 
-def test_a_repeat_that_fails_costs_a_time_and_not_the_trial(trials: Trials) -> None:
-    found = trials.trial(Claims(timestep=0.01, fails_after=2), repeats=3)
+def test_a_repeat_that_fails_costs_a_time_and_not_the_trial(trials: EngineRuns) -> None:
+    found = trials.record(Claims(timestep=0.01, fails_after=2), repeats=3)
     assert found.message is None and found.position == 0.0 and len(found.wall_times) == 2
 
 
-def test_a_run_that_fails_is_not_repeated(trials: Trials) -> None:
+def test_a_run_that_fails_is_not_repeated(trials: EngineRuns) -> None:
     engine = Claims(timestep=0.01, fails_after=0)
-    found = trials.trial(engine, repeats=3)
+    found = trials.record(engine, repeats=3)
     assert found.message == "it fell over" and found.wall_times == () and len(engine.runs) == 1
-    assert isinstance(trials.trial(engine, repeats=3), Trial) and len(engine.runs) == 1
+    assert isinstance(trials.record(engine, repeats=3), RunRecord) and len(engine.runs) == 1
 
 
 def test_the_reference_is_evaluated_once_a_grid(
-    trials: Trials, monkeypatch: pytest.MonkeyPatch
+    trials: EngineRuns, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[int] = []
     evaluate = Solution.trajectory
@@ -96,23 +98,25 @@ def test_the_reference_is_evaluated_once_a_grid(
         return evaluate(self, t, *rest)
 
     monkeypatch.setattr(Solution, "trajectory", counted)
-    trials.trial(Claims(timestep=0.01))
+    trials.record(Claims(timestep=0.01))
     assert len(asked) == 1
-    trials.trial(
+    trials.record(
         Claims(timestep=0.01, takes=LONG)
     )  # another engine to the trials, on the same grid
     assert len(asked) == 1
-    trials.trial(Claims(timestep=0.02))
+    trials.record(Claims(timestep=0.02))
     assert len(asked) == 2 and asked[0] > asked[1]
 
 
 def test_a_known_reference_changes_nothing() -> None:
-    solution = Trials(tb.fixed()).solution
+    solution = Runner(tb.fixed()).solution
     assert solution.launch is not None
     end = solution.launch.time
     run = solution.trajectory(np.linspace(0.0, end + 0.02, 200))
     rest = run.stop_torques["sling rest"] + 1.0
     off = replace(run, q=run.q + 1e-6, stop_torques={**run.stop_torques, "sling rest": rest})
-    with_it = deviation(off, solution, end, solution.trajectory(off.t))
-    assert with_it == deviation(off, solution, end)
-    assert with_it.metrics["stop_torque_max (sling rest)"] == pytest.approx(1.0)
+    reference = solution.trajectory(off.t)
+    with_it = curves_of(off, solution, end, reference)
+    assert with_it == curves_of(off, solution, end)
+    assert max(with_it.torques["sling rest"]) == pytest.approx(1.0)
+    assert measure(off, solution, end, reference) == measure(off, solution, end)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from formulas import END, Formula, times, trolley
 from trebucheck.comparisons.compare.sentences import complaints, verdict
-from trebucheck.comparisons.runs.pairs import Compared, pair_of
+from trebucheck.comparisons.runs.record import RunErrors, pair_of
 from trebucheck.comparisons.runs.results import (
     COMPARED,
     Cause,
@@ -222,10 +222,10 @@ def _compared(
     rest: float | None = 0.5,
     speed: float | None = 2.0,
     markers: tuple[str, ...] = ("hook",),
-) -> Compared:
+) -> RunErrors:
     launch = None if speed is None else Launch(1.0, speed, (0.0, 0.0))
     errors = {name: np.stack([0 * t, off + 0 * t], axis=1) for name in markers}
-    return Compared(t, errors, {"rest": rest}, launch)
+    return RunErrors(t, errors, {"rest": rest}, launch)
 
 
 T = times()
@@ -259,7 +259,7 @@ def test_what_lies_between_samples_is_interpolated_and_what_is_missing_left_out(
     ).position_max == pytest.approx(0.99)
     short = _compared(times(0.001, 0.8), 0.0)
     assert pair_of("m", ("a", "b"), short, _compared(T, T), END).position_max == pytest.approx(0.8)
-    across = Compared(T, {"hook": np.stack([3 + 0 * T, 4 + 0 * T], axis=1)}, {}, None)
+    across = RunErrors(T, {"hook": np.stack([3 + 0 * T, 4 + 0 * T], axis=1)}, {}, None)
     assert pair_of("m", ("a", "b"), across, _compared(T), END).position_max == pytest.approx(5.0)
 
 
@@ -267,7 +267,9 @@ def test_only_markers_of_both_are_compared_and_the_worst_counts() -> None:
     first, second = _compared(T, T, markers=("x", "hook")), _compared(T, 0.5, markers=("hook", "y"))
     assert pair_of("m", ("a", "b"), first, second, END).position_max == pytest.approx(1.0)
     assert pair_of("m", ("a", "b"), first, _compared(T, markers=()), END).position_max is None
-    both = Compared(T, {"x": np.stack([5 * T, T], axis=1), "hook": np.zeros((len(T), 2))}, {}, None)
+    both = RunErrors(
+        T, {"x": np.stack([5 * T, T], axis=1), "hook": np.zeros((len(T), 2))}, {}, None
+    )
     assert pair_of("m", ("a", "b"), first, both, END).position_max == pytest.approx(5 * END)
 
 
@@ -301,11 +303,11 @@ def test_speeds_need_two_launches() -> None:
 def test_what_a_run_brings_to_its_pairs() -> None:
     reference = Formula()
     own = Formula(q=lambda t: [0 * t, reference.q(t)[1], 0.25 + 0 * t]).trajectory(T)
-    compared = Compared.of(own, reference.trajectory(T))
+    compared = RunErrors.of(own, reference.trajectory(T))
     assert set(compared.errors) == {"projectile", "hook"}
     assert np.allclose(compared.errors["hook"], [0.25, 0.0])
     assert compared.launch is not None and compared.launch.speed == pytest.approx(2.0)
     assert compared.release_times == {"rest": 0.5} and compared.t is T
-    assert Compared.of(own, reference.trajectory(T), "nothing").launch is None
-    assert Compared.of(own, reference.trajectory(T), "hook").launch is None
+    assert RunErrors.of(own, reference.trajectory(T), "nothing").launch is None
+    assert RunErrors.of(own, reference.trajectory(T), "hook").launch is None
     assert trolley().marker("hook") is not None

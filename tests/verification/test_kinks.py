@@ -14,7 +14,7 @@ from trebucheck.models.force_elements import ConstantForce
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.reference.sensitivity.kinks import Kink, one_sided, sides
-from trebucheck.reference.sensitivity.sensitivities import sensitivities
+from trebucheck.reference.sensitivity.release import whipper_sensitivities
 from trebucheck.reference.sensitivity.variational import consistent_direction
 from trebucheck.reference.solver import solve
 
@@ -165,7 +165,7 @@ def test_two_stops_that_hold_for_opposite_steps_leave_none() -> None:
 def test_a_throw_says_which_start_speeds_hold_one_way() -> None:
     """Beyond l1 = 12.73 m the fixed machine's hanger rest is gone at t = 0; kicks may strike it."""
     p, step = tb.TrebuchetParameters.with_beam(13.3), 1e-5
-    found = sensitivities(tb.fixed, p)
+    found = whipper_sensitivities(tb.fixed, p)
     (sentence,) = found.one_sided
     assert "strikes hanger rest, which touches at the start" in sentence
     increase, decrease = sentence.split(" and a decrease of ")

@@ -19,13 +19,13 @@ from mechanisms import slider_crank
 from scipy.linalg import null_space
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.reference.equations import Equations
-from trebucheck.reference.sensitivity.sensitivities import (
+from trebucheck.reference.sensitivity.release import (
     Sensitivities,
     marker_tangent,
     parameter_directions,
-    sensitivities,
     state_tangent,
     whipper_numbers,
+    whipper_sensitivities,
 )
 from trebucheck.reference.sensitivity.variational import VariationalEquations, numbers
 from trebucheck.reference.solver import solve
@@ -48,7 +48,7 @@ BLIND = 1e-4  # differences that know less than this of themselves would prove n
 
 @pytest.fixture(scope="module", params=[tb.fixed, tb.rolling], ids=["fixed", "rolling"])
 def table_one(request: pytest.FixtureRequest) -> tuple[Build, Sensitivities]:
-    return request.param, sensitivities(request.param)
+    return request.param, whipper_sensitivities(request.param)
 
 
 def figures(mechanism: tb.Mechanism, duration: float) -> np.ndarray:
@@ -190,13 +190,13 @@ def test_table_one_against_differences(table_one: tuple[Build, Sensitivities]) -
 @given(p=machine_parameters())
 def test_random_machines_against_differences(build: Build, p: tb.TrebuchetParameters) -> None:
     assume(solve(tb.Problem(build(p), duration=4.0)).launch is not None)
-    assert_differences_agree(build, p, sensitivities(build, p))
+    assert_differences_agree(build, p, whipper_sensitivities(build, p))
 
 
 def test_a_rest_gone_at_the_start_against_differences() -> None:
     """Beyond l1 = 12.73 m of the beam's 14 the fixed machine's hanger rest would have to pull: it is gone at t = 0."""
     p = tb.TrebuchetParameters.with_beam(13.3)
-    found = sensitivities(tb.fixed, p)
+    found = whipper_sensitivities(tb.fixed, p)
     assert np.isnan(found.d_release_times["hanger rest"]).all()
     assert not np.isnan(found.d_release_times["sling rest"]).any()
     # A kick towards the rest that has gone would still strike it: there is no difference to both
@@ -231,7 +231,7 @@ def assert_degrees(
 def test_scaling(build: Build, p: tb.TrebuchetParameters) -> None:
     """Time and speed go with the root of the size and of 1/g and g, range with the size; masses cancel."""
     assume(solve(tb.Problem(build(p), duration=4.0)).launch is not None)
-    found = sensitivities(build, p)
+    found = whipper_sensitivities(build, p)
     assert_degrees(found, LENGTHS, 0.5, 0.5, 1.0)
     assert_degrees(found, ("g",), -0.5, 0.5, 0.0)
     assert_degrees(found, MASSES, 0.0, 0.0, 0.0)
@@ -263,7 +263,7 @@ def test_a_head_start_shifts_all_times_and_nothing_else(
 
 
 def test_moving_the_rolling_machine_moves_its_range() -> None:
-    found = sensitivities(tb.rolling)
+    found = whipper_sensitivities(tb.rolling)
     i = found.names.index("x_p0")
     assert found.d_range[i] == pytest.approx(1.0, abs=1e-12)  # nothing but rounding enters
     assert found.d_launch_time[i] == found.d_launch_speed[i] == 0.0
@@ -271,7 +271,7 @@ def test_moving_the_rolling_machine_moves_its_range() -> None:
 
 def test_a_rolling_frame_of_reference() -> None:
     """A kick to x_p alone moves everything at that speed (Galilei): rests open when they did, the direction turns."""
-    found = sensitivities(tb.rolling)
+    found = whipper_sensitivities(tb.rolling)
     i = found.names.index("u_x_p")
     for name in RESTS:
         assert found.d_release_times[name][i] == pytest.approx(0.0, abs=1e-12)
@@ -285,7 +285,7 @@ def test_a_rolling_frame_of_reference() -> None:
 @pytest.mark.parametrize(("coordinate", "kick"), [("theta", -1e-4), ("phi", 1e-4)])
 def test_a_kick_that_the_rests_take_up_by_impacts(coordinate: str, kick: float) -> None:
     """The whole kick, under the unilateral law: what is left of it once both rests hold again."""
-    found, machine = sensitivities(tb.fixed), tb.fixed()
+    found, machine = whipper_sensitivities(tb.fixed), tb.fixed()
     speeds = tuple(kick * (name == coordinate) for name in machine.coordinates)
     kicked = machine.model_copy(update={"start_speeds": speeds})
     launch = solve(tb.Problem(kicked, duration=3.0, stop_law="unilateral")).launch
@@ -377,7 +377,7 @@ def test_a_machine_that_does_not_launch_is_refused() -> None:
     with pytest.raises(
         tb.InputError, match=r"'fixed' machine does not launch within duration = 1 s"
     ):
-        sensitivities(tb.fixed, duration=1.0)
+        whipper_sensitivities(tb.fixed, duration=1.0)
 
 
 def test_another_machine_is_refused() -> None:
@@ -387,7 +387,7 @@ def test_another_machine_is_refused() -> None:
     with pytest.raises(
         tb.InputError, match=r"build makes bodies.arm.centre.0 = .* where the whipper trebuchet has"
     ):
-        sensitivities(tied)
+        whipper_sensitivities(tied)
 
 
 def test_directions_that_do_not_fit_are_refused() -> None:

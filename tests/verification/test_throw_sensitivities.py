@@ -12,7 +12,7 @@ from trebucheck.models.force_elements import RotationalSpringDamper, SpringDampe
 from trebucheck.models.machines.registry import model
 from trebucheck.models.mechanism import Marker, Mechanism
 from trebucheck.models.problems.registry import benchmark
-from trebucheck.reference.sensitivity.sensitivities import physical_numbers, sensitivities_of
+from trebucheck.reference.sensitivity.release import physical_numbers, sensitivities_of
 from trebucheck.reference.throw.throw import Performance, Sensitivity, perform
 
 STEP = 1e-3

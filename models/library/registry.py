@@ -10,12 +10,17 @@ from typing import Any
 from ..errors import InputError
 from ..mechanism import Mechanism
 from ..problem import Problem
-from ..problems.registry import benchmarks, find_benchmark
 from ..spec import Spec
+from .benchmark import Benchmark
 from .catapult import CatapultParameters, catapult
+from .contacts import CONTACTS
 from .floating_arm import FloatingArmParameters, floating_arm
-from .parameters import TrebuchetParameters
-from .trebuchet import HingedParameters, fixed, hinged, rolling
+from .joints import ELEMENTS, FREE_BODIES
+from .linkages import LINKAGES
+from .oscillators import OSCILLATORS
+from .pendulums import PENDULUMS
+from .squeezer import SQUEEZER
+from .trebuchet import HingedParameters, TrebuchetParameters, fixed, hinged, rolling
 
 
 @dataclass(frozen=True)
@@ -82,7 +87,7 @@ def model(name: str, parameters: Spec | None = None) -> Mechanism:
 
 
 def library_problem(name: str, parameters: Spec | None = None) -> Problem | None:
-    """The run that a problem of the library asks for; None for a machine, of which any run may be made.
+    """The run that a problem of the library asks for; None for a machine.
 
     Raises:
         InputError: as :func:`model`.
@@ -101,7 +106,8 @@ def _entry(name: str, parameters: Spec | None = None) -> _Model:
         raise InputError(f"there is no model {name!r}{hint}; there are: {known}.")
     if parameters is not None and not isinstance(parameters, entry.parameters):
         raise InputError(
-            f"model {name!r} is built from {entry.parameters.__name__}, not from {type(parameters).__name__}."
+            f"model {name!r} is built from {entry.parameters.__name__}, "
+            f"not from {type(parameters).__name__}."
         )
     return entry
 
@@ -111,3 +117,48 @@ def _of_library(name: str) -> _Model | None:
     if found is None:
         return None
     return _Model(lambda given: found.problem(given).mechanism, found.parameters, found.text)
+
+
+_BENCHMARKS = {
+    entry.name: entry
+    for entry in sorted(
+        (*PENDULUMS, *LINKAGES, *CONTACTS, *OSCILLATORS, *ELEMENTS, *FREE_BODIES, SQUEEZER),
+        key=lambda entry: entry.number,
+    )
+}
+
+
+def benchmarks(tag: str | None = None) -> tuple[Benchmark, ...]:
+    """The library in the order of the numbers, or those of its problems that have a tag.
+
+    Raises:
+        InputError: no problem has that tag; the sentence lists the tags there are.
+    """
+    entries = tuple(_BENCHMARKS.values())
+    chosen = tuple(entry for entry in entries if tag is None or tag in entry.tags)
+    if not chosen:
+        tags = sorted({tag for entry in entries for tag in entry.tags})
+        raise InputError(f"no problem has the tag {tag!r}; there are: {', '.join(tags)}.")
+    return chosen
+
+
+def find_benchmark(name: str) -> Benchmark | None:
+    """The problem of that name or number; None if there is none."""
+    return next(
+        (entry for entry in _BENCHMARKS.values() if name in (entry.name, entry.number)), None
+    )
+
+
+def benchmark(name: str) -> Benchmark:
+    """The problem of that name or number.
+
+    Raises:
+        InputError: there is none; the sentence lists those there are.
+    """
+    found = find_benchmark(name)
+    if found is None:
+        close = get_close_matches(name, _BENCHMARKS, n=1)
+        hint = f" (did you mean {close[0]!r}?)" if close else ""
+        known = ", ".join(f"{entry.number} {entry.name}" for entry in _BENCHMARKS.values())
+        raise InputError(f"there is no problem {name!r}{hint}; there are: {known}.")
+    return found

@@ -14,14 +14,13 @@ from pydantic import Field
 from ..elements import PinJoint, PointStop, SlotJoint
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import Positive, Spec
-from .parameters import Angle
-from .trebuchet import COUNTERWEIGHT, PROJECTILE, SLING_PIN, TROUGH, loaded_arm
+from .trebuchet import COUNTERWEIGHT, PROJECTILE, SLING_PIN, TROUGH, Angle, loaded_arm
 
 DROP, TRACK = "drop", "track"
 
 
 class FloatingArmParameters(Spec):
-    """Lengths [m], masses [kg], gravity [m/s^2] and start angles [rad] of the floating arm trebuchet.
+    """Lengths [m], masses [kg], gravity [m/s^2] and start angles [rad] of a floating arm.
 
     Masses and lengths are Table I's; the wheel stands where the fulcrum of the others is.
 

@@ -8,14 +8,16 @@ gravity) / (inertia about the pivot), psi'' = -omega^2 sin psi. E.g. Whittaker, 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+from scipy.integrate import quad
 from scipy.special import ellipj, ellipkm1
 
 from ..arrays import FloatArray
-from .benchmark import Figure
-from .readings import coordinate, largest_error, period
+from .benchmark import Figure, coordinate, path_figure, period
 
 LOWEST = math.pi / 2  # [rad] angle of a link that hangs straight down
 
@@ -31,7 +33,7 @@ def swing_period(omega: float, amplitude: float) -> float:
 
 
 def swing(omega: float, amplitude: float, t: FloatArray) -> FloatArray:
-    """Angle from the lowest position at times t [s] of a pendulum let go at `amplitude` [rad], shape (n,)."""
+    """Angle from the lowest position at times t [s], let go at `amplitude` [rad], shape (n,)."""
     modulus = math.sin(amplitude / 2)
     _, cn, dn, _ = ellipj(omega * t, modulus**2)
     return np.asarray(2.0 * np.arcsin(np.clip(modulus * cn / dn, -1.0, 1.0)), dtype=np.float64)
@@ -49,7 +51,7 @@ def turn_period(omega: float, top_speed: float) -> float:
 
 
 def turn(omega: float, top_speed: float, t: FloatArray) -> FloatArray:
-    """Angle turned since the highest position at times t [s] of a pendulum that goes over the top, shape (n,)."""
+    """Angle since the highest position at times t [s] of a turning pendulum, shape (n,)."""
     bottom = math.sqrt(top_speed**2 + 4.0 * omega**2)
     half = turn_period(omega, top_speed) / 2.0
     # From the lowest position it is 2 am(bottom t / 2); the quarter period of am is half a turn.
@@ -64,7 +66,7 @@ class Swing:
     angle: str
     """Name of the coordinate."""
     omega: float
-    """Of small swings [rad/s]."""
+    """Frequency of small swings [rad/s]."""
     amplitude: float
     """From the lowest position [rad]."""
     lowest: float = LOWEST
@@ -86,11 +88,61 @@ class Swing:
         quantity = coordinate(self.angle)
         return (
             Figure("period", self.period, "s", time_tolerance, period(quantity, self.lowest, end)),
-            Figure(
-                "largest error of the angle",
-                0.0,
-                "rad",
-                angle_tolerance,
-                largest_error(quantity, self.at, end),
+            path_figure(
+                "largest error of the angle", "rad", angle_tolerance, quantity, self.at, end
             ),
         )
+
+
+def time_between(
+    start: float,
+    end: float,
+    start_speed: float,
+    inertia: Callable[[float], float],
+    potential: Callable[[float], float],
+) -> float:
+    """Time of a motion that does not turn back [s].
+
+    Args:
+        start, end: of the coordinate [rad or m].
+        start_speed: of the coordinate, not zero.
+        inertia: reduced to the coordinate [kg m^2 or kg].
+        potential: energy [J].
+    """
+    energy = inertia(start) * start_speed**2 / 2 + potential(start)
+
+    def slowness(a: float) -> float:
+        return math.sqrt(inertia(a) / (2 * (energy - potential(a))))
+
+    # Over a whole turn the integrand is periodic and smooth: pieces of a quarter turn are
+    # integrated to rounding.
+    pieces = max(1, math.ceil(abs(end - start) / (math.pi / 4)))
+    knots = [start + (end - start) * k / pieces for k in range(pieces + 1)]
+    parts = (quad(slowness, a, b, epsabs=0.0, epsrel=1e-13)[0] for a, b in pairwise(knots))
+    return abs(math.fsum(parts))
+
+
+def slow_swing_period(
+    middle: float, amplitude: float, most: float, inertia: Callable[[float], float]
+) -> float:
+    """Period of a swing in the potential -most cos(a - middle) [s].
+
+    With a = middle + amplitude cos(c) and the difference of the cosines as a product, what vanishes
+    at the turning points cancels: the integrand over c is smooth.
+
+    Args:
+        middle: lowest position [rad].
+        amplitude: of the swing, below pi [rad].
+        most: amplitude of the potential energy [J].
+        inertia: reduced to the coordinate [kg m^2].
+    """
+
+    def slowness(c: float) -> float:
+        # (1 - cos(c)) / 2 and (1 + cos(c)) / 2 of the amplitude are left to the two turning points.
+        left = np.sinc(amplitude / math.pi * np.array([math.sin(c / 2) ** 2, math.cos(c / 2) ** 2]))
+        return math.sqrt(inertia(middle + amplitude * math.cos(c)) / (most * float(left.prod())))
+
+    knots = [math.pi * k / 16 for k in range(17)]
+    return 2 * math.fsum(
+        quad(slowness, a, b, epsabs=0.0, epsrel=1e-13)[0] for a, b in pairwise(knots)
+    )

@@ -9,8 +9,7 @@ from pydantic import Field
 from ..elements import GROUND, PinJoint
 from ..mechanism import Marker, Mechanism
 from ..spec import Positive, Spec
-from .parameters import Angle
-from .trebuchet import COUNTERWEIGHT, FULCRUM, PROJECTILE, loaded_arm
+from .trebuchet import COUNTERWEIGHT, FULCRUM, PROJECTILE, Angle, loaded_arm
 
 
 class CatapultParameters(Spec):

@@ -1,0 +1,536 @@
+"""The record of one run: for `compare`, and for every sweep of an engine's settings.
+
+A record says what an engine with its options made of one mechanism: how the run ended, what it cost,
+and how far it was from the reference, not yet judged. Failures are outcomes. Records are kept by a
+:class:`.store.Store`, so that an interrupted study goes on where it stopped.
+
+Sweeps keep trajectory minus reference as curves on one grid of times, so that runs can be added and
+subtracted. Engines sample at times of their own; the difference, not the motion, is interpolated to
+the common grid: it is small and smooth (with kinks of higher order at releases), so that only a
+small part of it is lost. Positions are interpolated by cubic splines; torques, which have kinks in
+their slope, linearly. Two runs that are compared with each other are interpolated linearly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from threading import Lock
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, JsonValue
+from scipy.interpolate import make_interp_spline
+
+from ...engines.protocol import Engine
+from ...engines.registry import engine_class, engine_study
+from ...engines.study import StepOrder
+from ...engines.supplied import stated
+from ...models.arrays import FloatArray
+from ...models.errors import SimulationError
+from ...models.launch import LAUNCH_ANGLE, Launch
+from ...models.mechanism import Mechanism
+from ...models.spec import Real, Spec
+from ...models.trajectory import Trajectory
+from ...reference.solution import Solution
+from ...reference.solver import characteristic_time
+from .metrics import SAME_END, THROWN, against, measure, points
+from .process import Worker, all_in_order
+from .quantities import parse_label
+from .results import (
+    Diagnosis,
+    Equality,
+    Machine,
+    Metric,
+    Outcome,
+    Pair,
+    Run,
+    SingularPosition,
+    verdict_on,
+)
+from .runner import Runner, failure, time_limit
+from .store import Store, conditions
+from .study import Study
+from .tolerances import Needs, is_table_one, judge
+
+GRID = 1000
+"""Intervals of the common grid."""
+_TIMED_FOR = 0.5
+"""Wall time [s] after which no repeat is made: a long run averages over disturbances by itself."""
+
+Positions = dict[str, tuple[tuple[Real, ...], tuple[Real, ...]]]
+
+
+class Curves(Spec):
+    """Trajectory minus reference, on a uniform grid from 0 to the end of the compared motion."""
+
+    end: Real = Field(description="end of the compared motion [s]")
+    positions: Positions = Field(
+        description="x and y of each point of :func:`points` [m], each of GRID + 1 values"
+    )
+    torques: dict[str, tuple[Real, ...]] = Field(
+        description="of stops closed at the start [N m, N], on the grid"
+    )
+    force_units: dict[str, str] = Field(
+        default_factory=dict, description="of the torques; N m where left out"
+    )
+    energy: tuple[Real, ...] = Field(
+        description="total energy, of that at the start [J], on the grid"
+    )
+    release_times: dict[str, Real | None] = Field(
+        description="[s]; None where only one of the two releases"
+    )
+    launch_time: Real | None = Field(description="[s]; None where not both launch")
+    launch_speed: Real | None = Field(description="[m/s]; None where not both launch")
+
+    @property
+    def t(self) -> FloatArray:
+        """The grid [s], shape (GRID + 1,)."""
+        return np.linspace(0.0, self.end, GRID + 1)
+
+    @property
+    def position(self) -> FloatArray:
+        """Curves of all points in the order of their names [m], shape (points, 2, GRID + 1)."""
+        return np.array([self.positions[name] for name in sorted(self.positions)])
+
+    @property
+    def farthest(self) -> str:
+        """Name of the point with the largest distance from the reference."""
+        return max(
+            self.positions, key=lambda name: np.linalg.norm(self.positions[name], axis=0).max()
+        )
+
+    def of_point(self, name: str) -> Curves:
+        """Returns the same with the position of one point only."""
+        return self.model_copy(update={"positions": {name: self.positions[name]}})
+
+
+class RunRecord(Spec):
+    """One engine on one mechanism, measured against the reference, not yet judged."""
+
+    engine: str
+    preset: str
+    engine_version: str
+    settings: dict[str, JsonValue] = Field(description="every option")
+    given_hash: str = Field(
+        description="of the mechanism that was simulated; error budgets perturb it"
+    )
+    outcome: Outcome = Field(
+        default=Outcome.NOT_JUDGED, description="NOT_JUDGED: the run came to its end"
+    )
+    message: str | None = Field(default=None, description="why it did not")
+    time_limit: Real | None = Field(default=None, description="at which it was stopped [s]")
+    steps: Annotated[int, Field(ge=0)] = 0
+    wall_times: tuple[Real, ...] = Field(
+        default=(), description="of the whole simulate, warm, one a repeat [s]"
+    )
+    metrics: tuple[Metric, ...] = Field(default=(), description="without tolerances")
+    curves: Curves | None = Field(default=None, description="of sweeps that ask for them")
+    equality: Equality | None = Field(default=None, description="of compare only")
+    diagnosis: Diagnosis | None = Field(default=None, description="of compare only")
+    diagnosed_for: dict[str, Real] = Field(
+        default_factory=dict, description="tolerances that were exceeded, by label of the metric"
+    )
+    trajectory: str | None = Field(default=None, description="SHA-256 of the trajectory's file")
+
+    @property
+    def ran(self) -> bool:
+        """Whether the run came to its end and was measured."""
+        return self.outcome is Outcome.NOT_JUDGED
+
+    @property
+    def position(self) -> float | None:
+        """Largest distance of any point of :func:`.metrics.points` from the reference [m]."""
+        return self.largest("position_max")
+
+    @property
+    def torque(self) -> float | None:
+        """Largest error of any stop's torque or force at any sample [N m, N]."""
+        return self.largest("stop_torque_max")
+
+    def value(self, name: str, subject: str | None = None) -> float | None:
+        """Value of the metric of that name and subject; None if there is none."""
+        values = (m.value for m in self.metrics if (m.name, m.subject) == (name, subject))
+        return next(values, None)
+
+    def largest(self, name: str) -> float | None:
+        """Largest value of the metrics of that name; None if there is none."""
+        values = (m.value for m in self.metrics if m.name == name)
+        return max((value for value in values if value is not None), default=None)
+
+    def failed(self, error: Exception) -> RunRecord:
+        """Returns the record of a run that raised this error."""
+        outcome, message = failure(error)
+        update = {"outcome": outcome, "message": message, "time_limit": time_limit(error)}
+        return self.model_copy(update=update)
+
+    def timed(self, trajectory: Trajectory) -> RunRecord:
+        """Returns the record with the steps and the wall time of a run that came to its end."""
+        cost = trajectory.provenance
+        return self.model_copy(update={"steps": cost.steps, "wall_times": (cost.wall_time,)})
+
+
+def new_record(name: str, preset: str, engine: Engine, given: Mechanism) -> RunRecord:
+    """Record of a run that has not begun.
+
+    Args:
+        name: of the engine, as it is registered.
+        preset: as it was asked for.
+        engine: with its options.
+        given: mechanism that it is to simulate.
+    """
+    return RunRecord(
+        engine=name,
+        preset=preset,
+        engine_version=engine_class(name).version(),
+        settings=engine.settings,
+        given_hash=given.content_hash,
+    )
+
+
+def make(
+    runner: Runner, engine: Engine, given: Mechanism | None = None, *, curves: bool = False
+) -> RunRecord:
+    """Runs an engine and measures it, up to the predictability horizon; a failure is an outcome.
+
+    Args:
+        runner: of the mechanism that the run is compared with.
+        engine: with its options.
+        given: mechanism that the engine simulates instead; None: the same.
+        curves: whether to keep the difference from the reference over time.
+    """
+    record = new_record(engine.name, engine.preset, engine, given or runner.mechanism)
+    try:
+        run = runner.simulate(engine, given)
+        reference = runner.reference(run.t)
+        compared = (run, runner.solution, runner.judged_to, reference)
+        metrics = (
+            *_largest_distances(run, reference, runner.judged_to),
+            *measure(*compared, scales=runner.scales, thrown=runner.until.thrown),
+        )
+        kept = curves_of(*compared, thrown=runner.until.thrown) if curves else None
+    except Exception as error:
+        return record.failed(error)
+    return record.timed(run).model_copy(update={"metrics": metrics, "curves": kept})
+
+
+def _largest_distances(run: Trajectory, reference: Trajectory, end: float) -> Iterator[Metric]:
+    """Largest distance of each body's centre of mass, of a mechanism without markers."""
+    if run.mechanism.markers:
+        return  # :func:`.metrics.measure` has theirs
+    expected, within = points(reference), run.t <= end
+    for name, position in points(run).items():
+        distance = np.linalg.norm(position - expected[name], axis=1)[within].max()
+        yield Metric(name="position_max", subject=name, value=float(distance), unit="m")
+
+
+def curves_of(
+    trajectory: Trajectory,
+    solution: Solution,
+    end: float,
+    reference: Trajectory | None = None,
+    thrown: str = THROWN,
+) -> Curves:
+    """Interpolates trajectory minus reference, at the trajectory's times, to the common grid.
+
+    Args:
+        end: end of the compared motion [s]; the trajectory should go on a little beyond it.
+        reference: at the trajectory's times, where it is known already.
+        thrown: marker whose launch is measured.
+    """
+    reference = reference or solution.trajectory(trajectory.t)
+    grid = np.linspace(0.0, end, GRID + 1)
+    expected = points(reference)
+    errors = {name: position - expected[name] for name, position in points(trajectory).items()}
+    closed = [stop.name for stop in trajectory.mechanism.stops if stop.closed]
+    torques = {
+        name: np.interp(
+            grid, trajectory.t, trajectory.stop_torque(name) - reference.stop_torque(name)
+        )
+        for name in closed
+        if name in trajectory.stop_torques
+    }
+    balance, kept = against(trajectory, solution, end, reference).balance
+    releases = {
+        name: (trajectory.release_time(name), solution.release_times[name]) for name in closed
+    }
+    launch_time, launch_speed = _launch_differences(trajectory, solution, thrown)
+    return Curves(
+        end=end,
+        force_units={name: trajectory.mechanism.stop(name).force_unit for name in torques},
+        positions={name: _on_grid(trajectory.t, error, grid) for name, error in errors.items()},
+        torques={name: tuple(values.tolist()) for name, values in torques.items()},
+        energy=tuple(np.interp(grid, trajectory.t, balance - kept[0]).tolist()),
+        release_times={
+            name: None if time is None or due is None else time - due
+            for name, (time, due) in releases.items()
+        },
+        launch_time=launch_time,
+        launch_speed=launch_speed,
+    )
+
+
+def _launch_differences(
+    trajectory: Trajectory, solution: Solution, thrown: str
+) -> tuple[float, float] | tuple[None, None]:
+    """Differences of time [s] and speed [m/s]; None where not both launch."""
+    if thrown not in trajectory.markers:
+        return None, None
+    launch, expected = trajectory.launch(marker=thrown), solution.launch_at(LAUNCH_ANGLE, thrown)
+    if launch is None or expected is None:
+        return None, None
+    return launch.time - expected.time, launch.speed - expected.speed
+
+
+def _on_grid(
+    t: FloatArray, error: FloatArray, grid: FloatArray
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    if len(t) < 8:
+        columns = [np.interp(grid, t, column) for column in error.T]
+    else:
+        columns = list(np.asarray(make_interp_spline(t, error, k=3)(np.minimum(grid, t[-1]))).T)
+    return tuple(columns[0].tolist()), tuple(columns[1].tolist())
+
+
+class EngineRuns:
+    """Runs of engines on one mechanism, each made once and kept in memory and in a store.
+
+    Runs are compared up to the end of the motion, or to the predictability horizon if that is
+    earlier.
+
+    Args:
+        runner: of the mechanism; its reference is solved at once.
+        store: where records are kept; None: only in memory.
+        curves: keep differences as functions of time; without them a record is small.
+
+    Raises:
+        InputError: the end is not valid, or does not come.
+        SimulationError: the reference failed.
+    """
+
+    def __init__(self, runner: Runner, store: Store | None = None, *, curves: bool = True) -> None:
+        self.runner, self.mechanism, self.solution = runner, runner.mechanism, runner.solution
+        self.end = runner.judged_to
+        self._store, self._curves = store, curves
+        self._known: dict[str, RunRecord] = {}
+        self._locks: dict[str, Lock] = {}
+
+    @property
+    def time_scale(self) -> float:
+        """Time of which steps are parts [s].
+
+        It is the characteristic time (without gravity, that of the motion), or the end if earlier.
+        """
+        gravity = self.mechanism.gravity
+        own = characteristic_time(self.mechanism) if gravity else self.runner.scales.time
+        return min(own, self.runner.end)
+
+    def uncertainty(self, metric: str) -> float | None:
+        """Uncertainty of the reference in a metric, the largest of all its subjects, in its unit.
+
+        That of the centres of mass of a mechanism without markers follows from those of its
+        coordinates: each is at the end of a chain of bodies, whose angles count with their lengths.
+        """
+        known = self.runner.uncertainties.values
+        if metric == "position_max" and not self.mechanism.markers:
+            slides = len(self.mechanism.slides) * known.get("slide_max", 0.0)
+            return self.runner.scales.length * known.get("angle_max", 0.0) + slides
+        values = (value for label, value in known.items() if parse_label(label)[0] == metric)
+        return max(values, default=None)
+
+    def record(self, engine: Engine, repeats: int = 1, given: Mechanism | None = None) -> RunRecord:
+        """Record of an engine's run, which is made if it is not known, or timed too seldom.
+
+        Args:
+            engine: with its options.
+            repeats: how often it is timed; less often where its runs are long.
+            given: mechanism that the engine simulates instead of the one it is compared with: a
+                slightly wrong one shows what that wrongness does.
+        """
+        parts = ((given or self.mechanism).content_hash, *self.runner.conditions, self._curves)
+        made_by = conditions(*parts, engine=engine)
+        key = f"{engine.name}-{made_by[:20]}"
+        with self._locks.setdefault(key, Lock()):  # threads that ask for the same run wait for it
+            known = self._known.get(key) or self._kept(key, made_by)
+            record = known or make(self.runner, engine, given, curves=self._curves)
+            record = self._timed(record, engine, given, repeats)
+            if self._store and record is not known:
+                self._store.keep_record(key, record, made_by, self.runner.worker.jobs)
+            self._known[key] = record
+            return record
+
+    def _kept(self, key: str, made_by: str) -> RunRecord | None:
+        """The store's record, counted there as taken; None, and counted as made, if it has none."""
+        if self._store is None:
+            return None
+        record = self._store.record(key, RunRecord, made_by)
+        (self._store.taken if record else self._store.made).add(key)
+        return record
+
+    def _timed(
+        self, record: RunRecord, engine: Engine, given: Mechanism | None, repeats: int
+    ) -> RunRecord:
+        """The same record, timed as often as asked for or for as long as is enough."""
+        walls = list(record.wall_times)
+        with suppress(Exception):  # it did run: a repeat that fails costs a time, not the record
+            while record.ran and len(walls) < repeats and sum(walls) < _TIMED_FOR:
+                walls.append(self.runner.simulate(engine, given).provenance.wall_time)
+        if len(walls) == len(record.wall_times):
+            return record
+        return record.model_copy(update={"wall_times": tuple(walls)})
+
+
+def runs_of(study: Study, worker: Worker) -> tuple[list[EngineRuns], dict[str, str]]:
+    """Runs on each mechanism of a study; and why the references of the others failed, by name.
+
+    Raises:
+        InputError: as :class:`EngineRuns`.
+    """
+
+    def solved(mechanism: Mechanism) -> EngineRuns | tuple[str, str]:
+        try:
+            runner = Runner(mechanism, worker, study.end_of(mechanism), study.law_of(mechanism))
+            return EngineRuns(runner, study.store)
+        except SimulationError as error:
+            return mechanism.name, str(error)
+
+    found = all_in_order(solved, study.mechanisms, study.jobs)
+    failed = dict(each for each in found if isinstance(each, tuple))
+    return [each for each in found if isinstance(each, EngineRuns)], failed
+
+
+def run_row(record: RunRecord, engine: Engine, model: str) -> Run:
+    """Row of a comparison for a record, not judged.
+
+    Args:
+        engine: as it ran.
+        model: name of the mechanism.
+    """
+    orders = engine_study(record.engine).step_orders
+    declared = orders.get(record.preset, StepOrder(None, ""))
+    return Run(
+        model=model,
+        engine=record.engine,
+        preset=record.preset,
+        outcome=record.outcome,
+        message=record.message,
+        time_limit=record.time_limit,
+        engine_version=record.engine_version,
+        scheme=declared.scheme,
+        order=declared.order,
+        supplied=stated(engine),
+        settings=record.settings,
+        steps=record.steps,
+        wall_time=next(iter(record.wall_times), None),
+        equality=record.equality,
+        metrics=record.metrics,
+        diagnosis=None if record.ran else record.diagnosis,
+    )
+
+
+def judged(record: RunRecord, engine: Engine, machine: Machine, needs: Needs) -> Run:
+    """Row of a comparison for a record, with its verdict if the run came to its end."""
+    run = run_row(record, engine, machine.model)
+    if not record.ran:
+        return run
+    metrics = judge(run, machine, needs)
+    return run.model_copy(update={"metrics": metrics, "outcome": verdict_on(metrics)})
+
+
+def machine_row(runner: Runner, needs: Needs) -> Machine:
+    """Row of a mechanism as compared: the reference's values, its scales, its uncertainties."""
+    mechanism, solution, end = runner.mechanism, runner.solution, runner.end
+    launch = solution.launch_at(LAUNCH_ANGLE, runner.until.thrown)
+    uncertainties = runner.uncertainties
+    start = solution.motion(np.zeros(1))
+    return Machine(
+        model=mechanism.name,
+        mechanism=mechanism,
+        mechanism_hash=mechanism.content_hash,
+        table_one=is_table_one(mechanism),
+        stop_law=runner.law,
+        compared_to=end,
+        judged_to=runner.judged_to,
+        stretching=runner.stretching,
+        predictability=runner.predictability,
+        scales=runner.scales,
+        whole_scales=runner.whole_scales,
+        needs=needs.texts,
+        thrown=runner.until.thrown,
+        launch_time=launch.time if launch else None,
+        launch_speed=launch.speed if launch else None,
+        reference_uncertainty=uncertainties.values,
+        uncertainty_source=uncertainties.source,
+        impacts=sum(time <= end for time, _ in solution.impacts),
+        singular_positions=tuple(
+            SingularPosition(**asdict(p)) for p in solution.singular_passages if p.time <= end
+        ),
+        release_times=dict(solution.release_times),
+        start_torques={name: float(torque[0]) for name, torque in start.stop_torques.items()},
+    )
+
+
+@dataclass(frozen=True)
+class RunErrors:
+    """Errors of one run, for its pairs with other runs.
+
+    Two engines seldom sample the same times: between them the error against the reference, which is
+    small and smooth, is interpolated. The reference itself cancels in the difference of two errors.
+    """
+
+    t: FloatArray
+    """[s], shape (n,)."""
+    errors: Mapping[str, FloatArray]
+    """Position of each marker minus the reference's [m], shape (n, 2)."""
+    release_times: dict[str, float | None]
+    launch: Launch | None
+
+    @classmethod
+    def of(cls, trajectory: Trajectory, reference: Trajectory, thrown: str = THROWN) -> RunErrors:
+        """Errors of a trajectory against the reference at its times."""
+        errors = {
+            name: motion.position - reference.marker(name).position
+            for name, motion in trajectory.markers.items()
+        }
+        launch = trajectory.launch(marker=thrown) if thrown in errors else None
+        return cls(trajectory.t, errors, dict(trajectory.release_times), launch)
+
+
+def pair_of(
+    model: str, labels: tuple[str, str], first: RunErrors, second: RunErrors, end: float
+) -> Pair:
+    """Difference of two runs of one machine up to `end` [s], at the times of the coarser one."""
+    speeds = [run.launch.speed for run in (first, second) if run.launch]
+    common = [name for name in first.errors if name in second.errors]
+    distances = [_position_difference(first, second, name, end) for name in common]
+    return Pair(
+        model=model,
+        first=labels[0],
+        second=labels[1],
+        position_max=max(distances, default=None),
+        release_time_max=_release_difference(first, second, end),
+        launch_speed=speeds[0] - speeds[1] if len(speeds) == 2 else None,
+    )
+
+
+def _position_difference(first: RunErrors, second: RunErrors, marker: str, end: float) -> float:
+    coarse, fine = sorted((first, second), key=lambda run: len(run.t))
+    t = coarse.t[coarse.t <= min(end, fine.t[-1])]
+    interpolated = np.stack(
+        [np.interp(t, fine.t, fine.errors[marker][:, axis]) for axis in (0, 1)], axis=1
+    )
+    return float(np.linalg.norm(coarse.errors[marker][: len(t)] - interpolated, axis=1).max())
+
+
+def _release_difference(first: RunErrors, second: RunErrors, end: float) -> float | None:
+    differences: list[float] = []
+    for name, first_time in first.release_times.items():
+        second_time = second.release_times.get(name)
+        if all(time is None or time > end * (1 + SAME_END) for time in (first_time, second_time)):
+            continue
+        if (first_time is None) != (second_time is None):
+            return None
+        if first_time is not None and second_time is not None:
+            differences.append(abs(first_time - second_time))
+    return max(differences, default=None)

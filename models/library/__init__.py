@@ -1,0 +1,1 @@
+"""Machines and benchmark problems by name."""

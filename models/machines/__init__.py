@@ -1,1 +1,0 @@
-"""The named machines: their parameters, and how each becomes a mechanism."""

@@ -1,0 +1,247 @@
+"""The reference motion of a mechanism for users: every quantity at any time, and the events."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..models.arrays import FloatArray
+from ..models.errors import InputError
+from ..models.launch import Launch
+from ..models.machines.registry import library_problem, model
+from ..models.mechanism import Mechanism
+from ..models.problem import Problem, StopLaw
+from ..models.shown import Shown
+from ..models.trajectory import PointMotion, Trajectory
+from . import solver
+from .solution import Motion, Solution
+
+Described = Mechanism | Problem | str | Path
+"""A mechanism, a problem, a name of the library, or the path of a mechanism's JSON file."""
+
+
+def solve(
+    mechanism: Described,
+    duration: float | None = None,
+    *,
+    stop_law: StopLaw | str | None = None,
+    tolerance: float = solver.TOLERANCE,
+) -> ReferenceMotion:
+    """Solve a mechanism by the reference: a motion that can be read at any time.
+
+        >>> import trebucheck as tb
+        >>> from trebucheck.reference.motion import solve
+        >>> motion = solve("pendulum", 2.0)
+        >>> motion.q([0.0, 1.0, 2.0]).shape
+        (3, 1)
+        >>> [event.time for event in solve(tb.fixed(), 1.6).events]  # doctest: +ELLIPSIS
+        [...]
+
+    Args:
+        mechanism: a mechanism, a problem, a name of the library, or the path of a JSON file.
+        duration: end of the motion [s]; left out, that of the problem, or of the library's problem
+            of that name, or 3 s.
+        stop_law: "release-once" or "unilateral"; left out, that of the problem, or release-once.
+        tolerance: local error bound of the integrator, relative and absolute [rad, m, rad/s, m/s].
+
+    Raises:
+        InputError: nothing has that name, the file cannot be read, or a value is not valid.
+        UnsupportedProblemError: the mechanism has an element that the reference does not know.
+        SimulationError: the integrator gave up.
+    """
+    return ReferenceMotion(
+        solver.solve(problem_of(mechanism, duration, stop_law), *(tolerance,) * 2)
+    )
+
+
+def problem_of(
+    mechanism: Described, duration: float | None = None, stop_law: StopLaw | str | None = None
+) -> Problem:
+    """The problem that a mechanism, problem, name or path stands for; arguments as in :func:`solve`.
+
+    Raises:
+        InputError: nothing has that name, the file cannot be read, or a value is not valid.
+    """
+    problem = _described(mechanism)
+    changes: dict[str, object] = {"duration": duration, "stop_law": stop_law}
+    fields = {"duration": problem.duration, "stop_law": problem.stop_law}
+    fields |= {name: value for name, value in changes.items() if value is not None}
+    return Problem(problem.mechanism, **fields)
+
+
+def _described(mechanism: Described) -> Problem:
+    if isinstance(mechanism, Problem):
+        return mechanism
+    if isinstance(mechanism, Mechanism):
+        return Problem(mechanism)
+    # A name never looks like a file's.
+    if isinstance(mechanism, Path) or mechanism.endswith(".json") or "/" in mechanism:
+        return Problem(Mechanism.load(mechanism))
+    return library_problem(mechanism) or Problem(model(mechanism))
+
+
+@dataclass(frozen=True)
+class StopOpening:
+    """A stop that was closed at the start opens for the first time."""
+
+    time: float
+    """[s]."""
+    stop: str
+
+
+@dataclass(frozen=True)
+class StopImpact:
+    """The mechanism meets one or several stops, and its speeds jump."""
+
+    time: float
+    """[s]."""
+    impulses: Mapping[str, float]
+    """Of each stop that took part [N m s], of one on a point [N s]."""
+
+
+@dataclass(frozen=True, repr=False)
+class ReferenceMotion(Shown):
+    """The reference solution of a problem, continuous in time.
+
+    Every function takes a time [s], or times of shape (n,); what it returns has the shape of the
+    times before that of the quantity. At an event it is the state after it. Times outside the
+    motion raise InputError.
+    """
+
+    solution: Solution
+
+    @property
+    def problem(self) -> Problem:
+        """What was solved."""
+        return self.solution.problem
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """What moves."""
+        return self.problem.mechanism
+
+    @property
+    def duration(self) -> float:
+        """End of the motion [s]."""
+        return self.solution.segments[-1].end
+
+    def q(self, t: ArrayLike) -> FloatArray:
+        """Coordinates, in the order of `mechanism.coordinates` [rad or m], shape (..., n_q)."""
+        return self._shaped(t, self._read(t).q)
+
+    def u(self, t: ArrayLike) -> FloatArray:
+        """Speeds, the time derivatives of q [rad/s or m/s], shape (..., n_q)."""
+        return self._shaped(t, self._read(t).u)
+
+    def a(self, t: ArrayLike) -> FloatArray:
+        """Accelerations [rad/s^2 or m/s^2], shape (..., n_q)."""
+        return self._shaped(t, self._read(t).a)
+
+    def marker(self, name: str, t: ArrayLike) -> FloatArray:
+        """Position of a marker in the world [m], shape (..., 2).
+
+        Raises:
+            InputError: no marker has that name.
+        """
+        return self._shaped(t, self._marker(name, t).position)
+
+    def marker_velocity(self, name: str, t: ArrayLike) -> FloatArray:
+        """Velocity of a marker in the world [m/s], shape (..., 2).
+
+        Raises:
+            InputError: no marker has that name.
+        """
+        return self._shaped(t, self._marker(name, t).velocity)
+
+    def kinetic_energy(self, t: ArrayLike) -> FloatArray:
+        """Kinetic energy [J], shape (...,)."""
+        motion = self._read(t)
+        kinematics = self.solution.equations.kinematics
+        return self._shaped(t, kinematics.kinetic_energy(motion.q, motion.u))
+
+    def potential_energy(self, t: ArrayLike) -> FloatArray:
+        """Energy of gravity, zero at the world's origin, and of springs [J], shape (...,)."""
+        return self._shaped(t, self.solution.equations.potential_energy(self._read(t).q))
+
+    def stop_torques(self, t: ArrayLike) -> dict[str, FloatArray]:
+        """Torque of every stop [N m], of one on a point its force [N], each of shape (...,)."""
+        torques = self._read(t).stop_torques
+        return {name: self._shaped(t, torque) for name, torque in torques.items()}
+
+    def joint_reactions(self, t: ArrayLike) -> dict[str, FloatArray]:
+        """Force of every joint on its child, in the world [N], each of shape (..., 2).
+
+        Where constraints are redundant they are not unique; those of least norm are given
+        (`solution.undetermined_joints`).
+        """
+        reactions = self.solution.joint_reactions(self._read(t))
+        return {name: self._shaped(t, force) for name, force in reactions.items()}
+
+    def trajectory(self, t: ArrayLike) -> Trajectory:
+        """All quantities at times [s], shape (n,), as engines return them."""
+        return self.solution.trajectory(self._times(t))
+
+    @cached_property
+    def events(self) -> tuple[StopOpening | StopImpact | Launch, ...]:
+        """Openings of stops, impacts and the launch, in the order of time."""
+        openings = [
+            StopOpening(time, name)
+            for name, time in self.solution.release_times.items()
+            if time is not None
+        ]
+        impacts = [StopImpact(time, dict(impulses)) for time, impulses in self.solution.impacts]
+        launch = [] if self.launch is None else [self.launch]
+        return tuple(sorted((*openings, *impacts, *launch), key=lambda event: event.time))
+
+    @property
+    def launch(self) -> Launch | None:
+        """The projectile let go at 45 degrees, after its own stops have opened; None if never."""
+        return self.solution.launch
+
+    def headline(self) -> str:
+        """The mechanism, how long it moves, and the number of events."""
+        return (
+            f"Reference motion of {self.mechanism.name!r}: continuous from 0 to "
+            f"{self.duration:.6g} s, {len(self.events)} events"
+        )
+
+    def facts(self) -> Iterator[tuple[str, str]]:
+        """The coordinates and the events."""
+        yield "coordinates", ", ".join(self.mechanism.coordinates)
+        for event in self.events:
+            if isinstance(event, StopOpening):
+                yield f"{event.stop} opens", f"{event.time:.9f} s"
+            elif isinstance(event, StopImpact):
+                yield f"impact on {' and '.join(event.impulses)}", f"{event.time:.9f} s"
+            else:
+                yield "launch", f"{event.time:.9f} s at {event.speed:.6g} m/s"
+
+    def _times(self, t: ArrayLike) -> FloatArray:
+        times = np.atleast_1d(np.asarray(t, dtype=np.float64))
+        if times.ndim > 1 or not np.isfinite(times).all():
+            raise InputError("t must be a finite time [s], or times of shape (n,).")
+        return times
+
+    def _read(self, t: ArrayLike) -> Motion:
+        return self.solution.motion(self._times(t))
+
+    def _marker(self, name: str, t: ArrayLike) -> PointMotion:
+        marker = self.mechanism.marker(name)
+        if marker is None:
+            known = ", ".join(marker.name for marker in self.mechanism.markers) or "none"
+            raise InputError(f"{self.mechanism.name!r} has no marker {name!r}; there are: {known}.")
+        motion, kinematics = self._read(t), self.solution.equations.kinematics
+        point = kinematics.point(marker.body, marker.point)
+        return PointMotion(
+            kinematics.position(point, motion.q), kinematics.velocity(point, motion.q, motion.u)
+        )
+
+    @staticmethod
+    def _shaped(t: ArrayLike, values: FloatArray) -> FloatArray:
+        """Without the axis of times where a single one was asked for."""
+        return values if np.ndim(t) else values[0]
