@@ -35,6 +35,9 @@ settings.register_profile("search", max_examples=200, **_COMMON)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 
 
+BUILT_IN = ("mujoco", "pymunk", "exudyn")
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--engines", default="", help="comma-separated engines to test; all known ones by default"
@@ -60,12 +63,18 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests skip what they say that they need, before they run; a failure is always a failure."""
+    """Skip tests whose engine is absent, before they run; a test that fails is always a failure.
+
+    A test needs the engines that its mark `needs` names, and those that are its parameters.
+    """
     for item in items:
-        for mark in item.iter_markers("needs"):
-            for name in mark.args:
-                if not engine_class(name).is_installed():
-                    item.add_marker(pytest.mark.skip(reason=f"{name} is not installed here"))
+        marked = {name for mark in item.iter_markers("needs") for name in mark.args}
+        parameters = getattr(item, "callspec", None)
+        values = parameters.params.values() if parameters else ()
+        marked |= {value for value in values if isinstance(value, str) and value in BUILT_IN}
+        for name in sorted(marked):
+            if not engine_class(name).is_installed():
+                item.add_marker(pytest.mark.skip(reason=f"{name} is not installed here"))
 
 
 @pytest.fixture(params=[tb.fixed, tb.rolling], ids=["fixed", "rolling"])
