@@ -32,12 +32,7 @@ from ...models.mechanism import Mechanism
 from ...models.spec import Spec
 from ..equations import Equations, least_step
 from .dual import Dual
-from .variational import (
-    Direction,
-    VariationalEquations,
-    consistent_directions,
-    movable,
-)
+from .variational import Direction, VariationalEquations, consistent_directions, movable
 
 _HELD = 1e-9  # a coordinate of which less is free than this cannot be chosen
 

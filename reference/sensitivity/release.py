@@ -34,12 +34,7 @@ from .dual import Dual
 from .kinks import one_sided, sides
 from .numbers import physical_numbers
 from .tangent import PointTangent, StateTangent, marker_tangent, state_tangent
-from .variational import (
-    Direction,
-    VariationalEquations,
-    moved,
-    numbers,
-)
+from .variational import Direction, VariationalEquations, moved, numbers
 
 _STEP = 1e-200  # of the complex step: its square is far below the smallest float, so nothing is truncated
 _SAME = 1e-14  # relative: the two formulas may round differently, by a few units in the last place
