@@ -6,7 +6,7 @@ _LONGEST, _TAIL = 1000, 300
 
 
 def shortened(text: str) -> str:
-    """At most some thousand characters of a text: what repeats an input of any length is cut in its middle."""
+    """At most some thousand characters of a text; a longer one is cut in its middle."""
     if len(text) <= _LONGEST:
         return text
     left_out = f" [... {len(text) - _LONGEST} characters ...] "
@@ -14,7 +14,7 @@ def shortened(text: str) -> str:
 
 
 class TrebucheckError(Exception):
-    """Base of every error this package raises on purpose; its text is one sentence for the user, never a long one."""
+    """Base of every error this package raises on purpose; its text is a short sentence."""
 
     def __init__(self, *arguments: object) -> None:
         super().__init__(
@@ -23,7 +23,7 @@ class TrebucheckError(Exception):
 
 
 class InputError(TrebucheckError, ValueError):
-    """A value, option, name or file is not usable: the sentence names it and says what would be valid."""
+    """A value, option, name or file is not usable: the text names it and says what is valid."""
 
 
 class UnwritableError(InputError):

@@ -1,4 +1,4 @@
-"""Atomic writing of files: they appear whole or not at all. Reading of those that somebody else wrote."""
+"""Atomic writing of files, which appear whole or not at all, and guarded reading."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def refuse_unwritable(folder: str | Path, file: str = "") -> None:
-    """Raise UnwritableError now, before long work, if a folder cannot be written to; nothing is left behind.
+    """Raise UnwritableError before long work if a folder cannot be written to.
 
     Args:
         file: the name of what is to be written into it, where that is the user's own.
@@ -77,7 +77,7 @@ def refuse_unwritable(folder: str | Path, file: str = "") -> None:
 
 
 def _exists(path: Path) -> bool:
-    """Whether there is something; unlike `Path.exists` it raises OSError where the system cannot tell."""
+    """Whether a path exists; raises OSError where the system cannot tell."""
     try:
         path.stat()
     except (FileNotFoundError, NotADirectoryError):

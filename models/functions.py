@@ -60,13 +60,16 @@ class Phasors(ABC):
 
     @cached_property
     def _rates_at_zero(self) -> tuple[ComplexArray, ComplexArray]:
-        """Of each coordinate the rate at q = 0, and the factor of q in its exponent."""
+        """Rate of each coordinate at q = 0, and the factor of q in its exponent."""
         return np.where(self.is_angle > 0, -1j, 1.0 + 0j), np.asarray(
             -1j * self.is_angle, dtype=np.complex128
         )
 
     def rates(self, q: FloatArray) -> ComplexArray:
-        """dw_k/dq_k, shape like q: -i exp(-i q) for an angle, 1 for a slide, exp(-i q_c) on a turning line."""
+        """dw_k/dq_k, shape like q.
+
+        It is -i exp(-i q) for an angle, 1 for a slide, exp(-i q_c) for one on a turning line.
+        """
         at_zero, exponent = self._rates_at_zero
         rates = at_zero * np.exp(exponent * q)
         for k, c in self.carried:
@@ -95,7 +98,7 @@ class Phasors(ABC):
         return gradient
 
     def amplitudes(self, coefficients: ComplexArray) -> FloatArray:
-        """The greatest values of a gradient's components, slides on turning lines at 1 m; shape (n_q,)."""
+        """Largest values of a gradient, with slides on turning lines at 1 m; shape (n_q,)."""
         amplitudes = np.abs(coefficients)
         for k, c in self.carried:
             amplitudes[c] += amplitudes[k]
@@ -138,7 +141,7 @@ def weighted(w: ComplexArray, coefficients: ComplexArray) -> ComplexArray:
 
 @dataclass(frozen=True)
 class AngleFunction:
-    """A difference of angles: constant + coefficients . q [rad]; linear, so its Jacobian is constant."""
+    """A difference of angles, constant + coefficients . q [rad]; its Jacobian is constant."""
 
     constant: float
     coefficients: FloatArray
@@ -163,7 +166,7 @@ class AngleFunction:
 
 @dataclass(frozen=True)
 class PointFunction:
-    """A point's component in a direction that does not turn: constant + Re(coefficients . w(q)) [m]."""
+    """A point's component in a fixed direction: constant + Re(coefficients . w(q)) [m]."""
 
     phasors: Phasors
     constant: float
@@ -171,7 +174,7 @@ class PointFunction:
 
     @property
     def amplitudes(self) -> FloatArray:
-        """The greatest values of its derivatives, shape (n_q,); of slides on turning lines, with these at 1 m."""
+        """Largest values of its derivatives, with slides on turning lines at 1 m; shape (n_q,)."""
         return self.phasors.amplitudes(self.coefficients)
 
     def value(self, q: FloatArray) -> FloatArray:

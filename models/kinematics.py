@@ -1,4 +1,4 @@
-"""Kinematics of a mechanism: points and angles of its bodies, gaps of its stops, loops, energies."""
+"""Kinematics of a mechanism: points, angles, gaps of stops, loop closures, energies."""
 
 from __future__ import annotations
 
@@ -84,12 +84,12 @@ class Kinematics(Phasors):
         return rows
 
     def _turned(self, body: str, vector: complex) -> complex:
-        """A vector of a body's frame, turned by the constant that is added to the angle it turns with."""
+        """A vector of a body's frame, turned by the constant part of the body's angle."""
         turned = self.tree.attitudes[body][1]
         return vector if isinstance(turned, float) and not turned else vector * np.exp(-1j * turned)
 
     def _moved(self, at: PointCoefficients, body: str, arm: complex) -> PointCoefficients:
-        """A point at an arm from another one, in a body's frame [m]; its coefficients are its own."""
+        """A point at an arm from another one, in a body's frame [m]; coefficients are copied."""
         index, arm, coefficients = (
             self.tree.attitudes[body][0],
             self._turned(body, arm),
@@ -125,7 +125,7 @@ class Kinematics(Phasors):
     def component(
         self, direction: complex, of: str, vector: PointCoefficients, constant: float = 0.0
     ) -> PointFunction | LineFunction:
-        """A vector's component along a direction of a body's frame (or the ground's), plus a constant [m]."""
+        """A vector's component along a direction of a body or the ground, plus a constant [m]."""
         index, direction = self.tree.attitudes[of][0], self._turned(of, direction)
         if index is not None:
             return LineFunction(self, constant, direction, index, vector)
@@ -142,7 +142,7 @@ class Kinematics(Phasors):
         return as_vectors(self.rate(row, q, u))
 
     def speed_scale(self, row: PointCoefficients) -> float:
-        """A scale of speeds [m/s]: what a point would fall by all its arms, and what it moves at the start.
+        """A scale of speeds [m/s]: of a fall by all arms of a point, plus its speed at the start.
 
         That of the body which has the largest, if it is larger: a point that loops hold fast has
         but rounding for one.
@@ -167,7 +167,7 @@ class Kinematics(Phasors):
     def point_motion(
         self, marker: Marker, q: FloatArray, u: FloatArray, a: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Position [m], velocity [m/s] and acceleration [m/s^2] of a marker, each of shape (..., 2)."""
+        """Position [m], velocity [m/s] and acceleration [m/s^2] of a marker, shapes (..., 2)."""
         row = self.point(marker.body, marker.point)
         return self.position(row, q), self.velocity(row, q, u), self.acceleration(row, q, u, a)
 
@@ -203,7 +203,7 @@ class Kinematics(Phasors):
         return 0.5 * (np.abs(speeds) ** 2 @ self.masses + u**2 @ self.inertias)
 
     def potential_energy(self, q: FloatArray) -> FloatArray:
-        """Potential energy of gravity [J], zero at the world's origin (the fulcrum's height), shape (...,)."""
+        """Potential energy of gravity [J], zero at the world's origin, shape (...,)."""
         upwards = -as_complex(self.mechanism.gravity_direction).conjugate()
         offsets = np.array([self.point(b.name, b.centre).offset for b in self.mechanism.bodies])
         heights = ((self.phasors(q) @ self.centres.T + offsets) * upwards).real
@@ -277,7 +277,7 @@ def initial_state(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
 
 
 def immovable_stops(mechanism: Mechanism) -> tuple[str, ...]:
-    """Stops whose gap no coordinate changes: between bodies that are welded to each other, or across a rail.
+    """Names of stops whose gap no coordinate changes, such as stops between welded bodies.
 
     They have no part in the motion. A stop of a body against itself is none of them: it is an error
     of the description.

@@ -46,7 +46,9 @@ _RESOLVED = 1e-8  # last coefficients over the largest; an extreme's value then 
 _HALVINGS = 8
 _CHUNK = 32  # steps that are sampled at once
 _ROUNDING = 1e-14  # of a velocity, in parts of it
-_NOISE = 1e-12  # of speeds, in parts of their scale: a chain of light bodies may turn a hundred times faster than it falls
+# Of speeds, in parts of their scale: a chain of light bodies may turn a hundred times faster than
+# it falls.
+_NOISE = 1e-12
 _AT_REST = 1e-8  # parts of the scale: slower than this nothing is thrown, and a rest may rattle
 _AT_END = (
     1e-12  # [rad] a motion that ends this little above the launch direction ends with its launch
@@ -69,7 +71,7 @@ class SmoothVelocity:
     """A point's velocity between two events."""
 
     knots: FloatArray
-    """Instants [s] between which it is analytic, such as the integrator's steps; shape (n,), increasing."""
+    """Increasing instants [s], shape (n,), between which it is analytic, such as steps."""
     at: Callable[[FloatArray], FloatArray]
     """Velocities [m/s], shape (n, 2), at times [s], shape (n,)."""
 
@@ -77,7 +79,7 @@ class SmoothVelocity:
 def rest_opened(
     mechanism: Mechanism, body: str, release_times: Mapping[str, float | None]
 ) -> float | None:
-    """When the last of a body's own rests opened [s]: 0 if it has none, None if one is still closed."""
+    """Time at which the last rest of a body opened [s]: 0 without rests, None if one is closed."""
     times = [
         release_times.get(stop.name)
         for stop in mechanism.stops
@@ -87,12 +89,12 @@ def rest_opened(
 
 
 def lead(velocity: FloatArray, angle: float = LAUNCH_ANGLE) -> FloatArray:
-    """Component of the velocity across the launch direction: it falls through zero at the launch, shape (...,)."""
+    """Velocity across the launch direction, shape (...,); it falls through zero at the launch."""
     return velocity[..., 1] * math.cos(angle) - velocity[..., 0] * math.sin(angle)
 
 
 def is_launch(velocity: FloatArray, angle: float = LAUNCH_ANGLE, scale: float = 0.0) -> bool:
-    """Whether a velocity (2,) on the launch direction's line points along it, not against it, and is not at rest.
+    """Whether a velocity (2,) on the launch direction's line points along it and is not zero.
 
     Args:
         scale: of the mechanism's speeds [m/s] (:meth:`.kinematics.Kinematics.speed_scale`).
@@ -101,7 +103,7 @@ def is_launch(velocity: FloatArray, angle: float = LAUNCH_ANGLE, scale: float = 
 
 
 def launch_interval(velocity: FloatArray, angle: float = LAUNCH_ANGLE) -> int | None:
-    """Index i of the first interval [i, i+1] in which the velocity turns down through the launch direction.
+    """Index i of the first interval [i, i+1] where the velocity falls through the direction.
 
     The straight line between the two velocities must cross the direction itself, not its opposite.
     """
@@ -155,7 +157,10 @@ def first_launch(
 def _signed(
     piece: SmoothVelocity, angle: float, noise: float
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Instants [s] where :func:`lead` has a sign, and its values, some steps at a time; between two it is monotone."""
+    """Instants [s] between which :func:`lead` is monotone, and its values, some steps at a time.
+
+    Instants where it is within rounding of zero are left out.
+    """
     for first in range(0, len(piece.knots) - 1, _CHUNK):
         t = _monotone_between(
             lambda t: lead(piece.at(t), angle), piece.knots[first : first + _CHUNK + 1], noise
@@ -199,7 +204,7 @@ def _interpolated(function: Component, knots: FloatArray) -> FloatArray:
 
 
 def _extremes(coefficients: FloatArray) -> FloatArray:
-    """Where a Chebyshev series is stationary in (-1, 1), or nearly so."""
+    """Stationary points of a Chebyshev series in (-1, 1), exact or nearly so."""
     size = np.abs(coefficients).max()
     roots = chebyshev.chebroots(
         chebyshev.chebder(chebyshev.chebtrim(coefficients, _ROUNDING * size))
@@ -233,7 +238,7 @@ def _launch_at_end(piece: SmoothVelocity, angle: float, scale: float) -> Launch 
 
 
 def _on_line(start: FloatArray, end: FloatArray, angle: float) -> FloatArray:
-    """Where the straight line between two velocities meets the launch direction's line, shape (2,)."""
+    """Intersection of the line between two velocities with the launch direction's, shape (2,)."""
     before, after = lead(start, angle), lead(end, angle)
     return start + np.clip(before / (before - after), 0.0, 1.0) * (end - start)
 

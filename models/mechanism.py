@@ -15,16 +15,7 @@ from typing import Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from .elements import (
-    GROUND,
-    AnyElement,
-    AnyJoint,
-    AnyStop,
-    ForceElement,
-    Joint,
-    PointStop,
-    Stop,
-)
+from .elements import GROUND, AnyElement, AnyJoint, AnyStop, ForceElement, Joint, PointStop, Stop
 from .elements.base import refuse_other_lengths
 from .shown import Shown
 from .spec import Name, NonNegative, Positive, Real, Spec, Vector, schema_text
@@ -41,7 +32,8 @@ class Body(Spec):
     angle: Name | None = Field(
         default=None,
         exclude_if=lambda name: name is None,
-        description="name of its angle coordinate; none where its joint in the tree holds its angle",
+        description="name of its angle coordinate; none where its joint in the tree holds its "
+        "angle",
     )
     mass: Positive = Field(description="[kg]")
     centre: Vector = Field(description="centre of mass in the body's frame [m]")
@@ -58,7 +50,8 @@ class Marker(Spec):
     point: Vector = Field(description="in the body's frame [m]")
     mass: Positive | None = Field(
         default=None,
-        description="what leaves the machine there, if it is not the whole body [kg]; part of the body's",
+        description="what leaves the machine there, if it is not the whole body [kg]; "
+        "part of the body's",
     )
 
 
@@ -143,7 +136,7 @@ class Mechanism(Shown, Spec):
         return Tree({body.name: body.angle for body in self.bodies}, self.joints)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """With some fields changed; pydantic's would keep the tree of those before."""
+        """A copy with some fields changed; pydantic's own would keep the tree of the original."""
         copied = super().model_copy(update=update, deep=deep)
         vars(copied).pop("_tree", None)
         return copied
@@ -165,7 +158,7 @@ class Mechanism(Shown, Spec):
 
     @property
     def attitudes(self) -> dict[str, tuple[int | None, float]]:
-        """Of each body (and the ground) the index of the angle that it turns with, and the constant added to it [rad].
+        """Index of the angle that each body (and the ground) turns with, plus a constant [rad].
 
         No index: it does not turn.
         """
@@ -193,7 +186,7 @@ class Mechanism(Shown, Spec):
 
     @property
     def loop_closure_residual(self) -> dict[str, float]:
-        """By how much each joint that closes a loop is open at the start: its points, along what it holds [m]."""
+        """Distance of the points of each loop joint at the start, along what it holds [m]."""
         tree, residuals = self.tree, dict[str, float]()
         start = tree.configuration(self.start)
         for joint in tree.loop_joints:
@@ -208,7 +201,7 @@ class Mechanism(Shown, Spec):
 
     @property
     def loop_angle_residual(self) -> dict[str, float]:
-        """By how much each loop joint that holds an angle is turned at the start, full turns apart [rad]."""
+        """Error of each angle that a loop joint holds at the start, without full turns [rad]."""
         tree = self.tree
         angles = tree.configuration(self.start).angles
         return {
@@ -243,7 +236,7 @@ class Mechanism(Shown, Spec):
         return next(joint for joint in self.joints if joint.child == body)
 
     def thrown_mass(self, marker: Marker) -> float | None:
-        """Mass thrown at a marker [kg]: its own, or its body's if that is a point mass there; None: not known."""
+        """Mass thrown at a marker [kg]: its own, or that of a point mass there; None: not known."""
         body = self.body(marker.body) if marker.body != GROUND else None
         if marker.mass is not None or body is None:
             return marker.mass
@@ -251,7 +244,7 @@ class Mechanism(Shown, Spec):
 
     @property
     def force_unit(self) -> str:
-        """Unit of what the stops that are closed at the start push with, for quantities of whichever of them."""
+        """Unit of the forces of the stops that are closed at the start."""
         return (
             " or ".join(dict.fromkeys(stop.force_unit for stop in self.stops if stop.closed))
             or "N m"
@@ -306,7 +299,8 @@ class Mechanism(Shown, Spec):
         for joint in self.joints:
             if joint.child == GROUND:
                 raise ValueError(
-                    f"joint {joint.name!r} has the ground as its child; the ground can only be a parent"
+                    f"joint {joint.name!r} has the ground as its child; "
+                    "the ground can only be a parent"
                 )
         for user, name in used:
             if name not in known:
@@ -329,13 +323,15 @@ class Mechanism(Shown, Spec):
             if joint.holds_angle != (body.angle is None):
                 needs = "no angle of its own" if joint.holds_angle else "a name for its angle"
                 raise ValueError(
-                    f"body {body.name!r} hangs on the {joint.kind} joint {joint.name!r} and needs {needs}"
+                    f"body {body.name!r} hangs on the {joint.kind} joint {joint.name!r} "
+                    f"and needs {needs}"
                 )
             placed.add(body.name)
         for joint in self.loop_joints:
             if not joint.held_directions:
                 raise ValueError(
-                    f"{joint.kind} joint {joint.name!r} is not the first of {joint.child!r} and so does nothing"
+                    f"{joint.kind} joint {joint.name!r} is not the first of {joint.child!r} "
+                    "and so does nothing"
                 )
             if joint.slides:
                 raise ValueError(
@@ -358,11 +354,13 @@ class Mechanism(Shown, Spec):
             (gap, rounding), unit = _gap(stop, start), stop.gap_unit
             if stop.closed and abs(gap) > rounding:
                 raise ValueError(
-                    f"stop {stop.name!r} is closed, but its gap at the start is {gap:.3g} {unit}, not 0"
+                    f"stop {stop.name!r} is closed, "
+                    f"but its gap at the start is {gap:.3g} {unit}, not 0"
                 )
             if not stop.closed and gap <= rounding:
                 raise ValueError(
-                    f"stop {stop.name!r} is open, but its gap at the start is {gap:.3g} {unit}, not positive"
+                    f"stop {stop.name!r} is open, "
+                    f"but its gap at the start is {gap:.3g} {unit}, not positive"
                 )
 
 

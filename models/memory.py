@@ -1,4 +1,4 @@
-"""How much memory there is, so that what would not fit is refused before it starts."""
+"""Available memory, so that a run that would not fit is refused before it starts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _GROUP = Path("/sys/fs/cgroup")
 
 
 def available_memory() -> float:
-    """Memory that can be taken without swapping, by the least of the system's own figures; infinite if unknown [B]."""
+    """Memory that can be taken without swapping [B]; infinite if unknown."""
     return min(_figures(), default=float("inf"))
 
 

@@ -19,10 +19,10 @@ LONGEST = 1000.0  # [s] a motion that is asked for
 
 
 class StopLaw(StrEnum):
-    """How a stop behaves after the start."""
+    """Behaviour of a stop after the start."""
 
     RELEASE_ONCE = "release-once"
-    """The paper's: a closed stop holds until its torque falls to zero, then it is gone; none ever closes."""
+    """The paper's: a closed stop holds until its torque falls to zero; none ever closes."""
 
     UNILATERAL = "unilateral"
     """A stop closes again when its gap comes back to zero: an impact."""
@@ -55,14 +55,14 @@ class Problem(Shown, Spec):
         for name, residual in self.mechanism.loop_closure_residual.items():
             if residual > _CLOSED:
                 raise ValueError(
-                    f"start does not fit the joint {name!r}, which closes a loop: its points stand apart by "
-                    f"{residual:.3g} m"
+                    f"start does not fit the joint {name!r}, which closes a loop: "
+                    f"its points stand apart by {residual:.3g} m"
                 )
         for name, residual in self.mechanism.loop_angle_residual.items():
             if residual > _CLOSED:
                 raise ValueError(
-                    f"start does not fit the joint {name!r}, which closes a loop: its bodies are turned by "
-                    f"{residual:.3g} rad too much or too little"
+                    f"start does not fit the joint {name!r}, which closes a loop: "
+                    f"its bodies are turned by {residual:.3g} rad too much or too little"
                 )
         return self
 

@@ -1,4 +1,4 @@
-"""From which speed on a stop rebounds: one rule for the reference and for engines whose adapters resolve impacts.
+"""Least speed of a rebound: one rule for the reference and for adapters with impacts.
 
 With 0 < e < 1 rebounds follow each other ever faster without an end. A stop that is met more slowly
 than `SETTLED` of a speed scale does not rebound (e = 0 there). The scale is sqrt(2 T A): how fast
@@ -50,7 +50,7 @@ class Rebounds:
         return SETTLED * speed_scale(max(self._energy, now), self._inverse_inertia(stop, q))
 
     def _inverse_inertia(self, stop: str, q: FloatArray) -> float:
-        """Speed of a gap by a unit impulse of its stop on the mechanism with its loops [1/(kg m^2), 1/kg]."""
+        """Speed of a gap by a unit impulse of its stop, loops kept closed [1/(kg m^2), 1/kg]."""
         row, loops = self._kinematics.gap_jacobian(stop, q), self._kinematics.loop_jacobian(q)
         n, m = len(row), len(loops)
         mass, system = self._mass_matrix(q), np.zeros((n + m, n + m))

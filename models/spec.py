@@ -35,7 +35,7 @@ def as_complex(vector: Vector) -> complex:
 
 
 Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z][A-Za-z0-9_ \-]*$")]
-"""A name that is also legal in MJCF, NetCDF and file names: a letter, then letters, digits, space, _ or -."""
+"""A name for MJCF, NetCDF and files too: a letter, then letters, digits, space, _ or -."""
 
 
 # Tags of unions, which pydantic puts into the path of a complaint.
@@ -56,7 +56,7 @@ _TAGS = (
 
 
 def _refuse_twice(pairs: list[tuple[str, object]]) -> None:
-    """Of two values under one name JSON readers take one or the other: neither is believed."""
+    """Refuse two values under one name, of which JSON readers take one or the other."""
     names: set[str] = set()
     for name, _ in pairs:
         if name in names:
@@ -65,7 +65,7 @@ def _refuse_twice(pairs: list[tuple[str, object]]) -> None:
 
 
 class SpecError(InputError):
-    """A description that cannot be built; keeps its complaints as a list, so that an outer one can name their place."""
+    """A description that cannot be built, with its complaints as a list for an outer one."""
 
     def __init__(self, subject: str, complaints: list[tuple[str, str]]) -> None:
         self.subject, self.complaints = subject, complaints
@@ -91,7 +91,7 @@ class SpecError(InputError):
 
 
 def _without_consequences(rows: list[ErrorDetails]) -> list[ErrorDetails]:
-    """Without the complaint that a list is too short whose items are refused: it counts only those that are right."""
+    """Errors without "too short" of lists whose items are refused, and so not counted."""
 
     def has_wrong_items(row: ErrorDetails) -> bool:
         n = len(row["loc"])
@@ -146,7 +146,7 @@ class Spec(BaseModel):
             raise SpecError.of(error, type(self).__name__) from None
 
     def to_json(self) -> str:
-        """JSON text; floats are written as the shortest decimal that reads back to the same bits."""
+        """JSON text; floats are the shortest decimals that read back to the same bits."""
         return self.model_dump_json(indent=2)
 
     @classmethod
@@ -180,7 +180,7 @@ class Spec(BaseModel):
 
     @property
     def content_hash(self) -> str:
-        """SHA-256 of the canonical JSON: equal for equal content, whatever the order it was given in.
+        """SHA-256 of the canonical JSON: equal for equal content in any order.
 
         What is None is left out: a description keeps its hash when a field that it does not use
         comes into being.

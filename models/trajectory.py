@@ -1,4 +1,4 @@
-"""The result of every engine: the motion at its own times, and its cost; as a dataset, and as NetCDF and back."""
+"""The result of every engine: a motion at its own times, as a dataset and as NetCDF."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class PointMotion:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a trajectory comes from and what it cost."""
+    """Origin and cost of a trajectory."""
 
     engine: str
     engine_version: str
@@ -52,7 +52,7 @@ class Provenance:
     stop_law: str
     steps: int
     wall_time: float
-    """Of the whole `simulate`: build, run and read-out [s]."""
+    """Time of the whole `simulate`: build, run and read-out [s]."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -68,7 +68,7 @@ class Trajectory(Reported):
     t: FloatArray
     """[s], shape (n,), increasing from 0."""
     q: FloatArray
-    """Generalized coordinates, shape (n, n_q), in the order of `mechanism.coordinates` [rad or m]."""
+    """Generalized coordinates, shape (n, n_q), in `mechanism.coordinates`' order [rad or m]."""
     u: FloatArray
     """Generalized speeds dq/dt, shape (n, n_q)."""
     markers: Mapping[str, PointMotion]
@@ -84,23 +84,21 @@ class Trajectory(Reported):
     """Force on the child, world frame [N], each of shape (n, 2)."""
     provenance: Provenance
     joint_gaps: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
-    """Constraint drift: distance of the two points of a joint [m], shape (n,); only of engines that have it."""
+    """Constraint drift: distance of a joint's points [m], shape (n,), where an engine has it."""
     impacts: tuple[tuple[float, Mapping[str, float]], ...] = ()
-    """Time [s] and impulses by stop [N m s] of every impact the engine resolves as one; a soft stop has none."""
+    """Time [s] and impulses by stop [N m s] of every impact; a soft stop has none."""
 
     def headline(self) -> str:
-        """Which engine moved what, how far."""
+        """Engine, mechanism, samples and end."""
         run, name = self.provenance, self.mechanism.name
         samples = f"{len(self.t)} samples to {self.t[-1]:.6g} s"
         return f"Trajectory of {name!r} by {run.engine} {run.preset}: {samples}"
 
     def facts(self) -> Iterator[tuple[str, str]]:
         """Cost, releases and what was observed."""
-        yield (
-            "engine",
-            f"{self.provenance.engine} {self.provenance.engine_version}, {self.provenance.steps} steps",
-        )
-        yield "wall time", f"{self.provenance.wall_time:.3f} s"
+        run = self.provenance
+        yield "engine", f"{run.engine} {run.engine_version}, {run.steps} steps"
+        yield "wall time", f"{run.wall_time:.3f} s"
         for name, time in self.release_times.items():
             if self.mechanism.stop(name).closed:
                 yield f"{name} opens", "not" if time is None else f"{time:.9f} s"
@@ -156,7 +154,7 @@ class Trajectory(Reported):
         return _named("stop torque", name, self.stop_torques)
 
     def release_time(self, name: str) -> float | None:
-        """When a stop opened [s]; None if it did not.
+        """Time at which a stop opened [s]; None if it did not.
 
         Raises:
             InputError: there is no such stop.
@@ -172,7 +170,7 @@ class Trajectory(Reported):
         return _named("joint reaction", name, self.joint_reactions)
 
     def stop_gap(self, name: str) -> FloatArray:
-        """Gap of a stop [rad, or m for one on a point], shape (n,), from q; negative where it is penetrated."""
+        """Gap of a stop [rad or m], shape (n,), from q; negative where it is penetrated."""
         return self.kinematics.gap(name, self.q)
 
     @cached_property
@@ -191,7 +189,7 @@ class Trajectory(Reported):
         return self.kinematics.momentum(self.q, self.u)
 
     def to_dataset(self) -> xr.Dataset:
-        """All of it as a labelled dataset with units; what the engine cannot observe is left out."""
+        """A labelled dataset with units; quantities that the engine cannot observe are left out."""
         import xarray as xr  # it takes a third of a second
 
         names = list(self.mechanism.coordinates)
@@ -226,7 +224,7 @@ class Trajectory(Reported):
         return dataset
 
     def _by_name(self) -> list[tuple[str, str, Mapping[str, FloatArray], str, str]]:
-        """Name, dimension, values by name, label and unit of what belongs to markers, stops and joints."""
+        """Name, dimension, values by name, label and unit of quantities of named parts."""
         positions = {name: motion.position for name, motion in self.markers.items()}
         velocities = {name: motion.velocity for name, motion in self.markers.items()}
         torque_unit = "N m (stops on points: N)" if self.mechanism.point_stops else "N m"
@@ -259,7 +257,7 @@ class Trajectory(Reported):
         return renderer().animation(self, others)
 
     def launch(self, angle: float | None = None, marker: str = "projectile") -> Launch | None:
-        """When the marker's velocity first comes down to the launch angle; None if it does not.
+        """First launch: the marker's velocity comes down to the launch angle; None without one.
 
         Args:
             angle: above the horizontal [rad]; 45 degrees if left out.

@@ -1,4 +1,4 @@
-"""The tree of a mechanism: the joints that carry its bodies, its coordinates, and where the bodies are."""
+"""The tree of a mechanism: joints that carry bodies, coordinates, positions of bodies."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from .spec import Vector
 
 @dataclass(frozen=True)
 class Slide:
-    """A slide coordinate of the tree: how far the child's point of its joint is along a direction."""
+    """A slide coordinate of the tree: distance of a joint's child point along a direction."""
 
     coordinate: str
     joint: AnyJoint
     direction: complex
-    """In the frame of the joint's parent, length 1."""
+    """Unit vector in the frame of the joint's parent."""
 
 
 @dataclass(frozen=True)
 class Configuration:
-    """Where the bodies (and the ground) are in one position of the mechanism."""
+    """Positions of the bodies (and the ground) in one position of the mechanism."""
 
     angles: dict[str, float]
     """[rad]"""
@@ -38,10 +38,10 @@ class Configuration:
 
 @dataclass(frozen=True)
 class Tree:
-    """What follows from a mechanism's bodies and joints alone; all of it is found once."""
+    """Structure of a mechanism's bodies and joints, computed once."""
 
     angle_names: Mapping[str, str | None]
-    """Of each body the name of its angle coordinate, parents before children."""
+    """Name of each body's angle coordinate, parents before children."""
     all_joints: tuple[AnyJoint, ...]
 
     @cached_property
@@ -77,7 +77,7 @@ class Tree:
 
     @cached_property
     def attitudes(self) -> dict[str, tuple[int | None, float]]:
-        """Of each body (and the ground) the index of the angle that it turns with, and the constant added to it [rad].
+        """Index of the angle that each body (and the ground) turns with, plus a constant [rad].
 
         No index: it does not turn.
         """
@@ -92,7 +92,7 @@ class Tree:
         return attitudes
 
     def configuration(self, q: Sequence[float]) -> Configuration:
-        """Where the bodies are, from the ground outwards.
+        """Positions of the bodies, from the ground outwards.
 
         Args:
             q: coordinates [rad or m].

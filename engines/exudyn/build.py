@@ -48,7 +48,7 @@ from ..events import refuse_moving_gaps
 from .loops import implied_angles
 from .read import (
     AngleLimit,
-    PointContact,
+    LineContact,
     RelativePoint,
     SensorKey,
     Spring,
@@ -187,10 +187,7 @@ class _Builder:
 
     def _observe_relative(self, relative: RelativePoint, *more: str) -> None:
         quantities = ("Position", "Velocity", *more)
-        ends = (
-            (relative.kind, relative.point),
-            (relative.anchor_kind, relative.anchor),
-        )
+        ends = ((relative.kind, relative.point), (relative.anchor_kind, relative.anchor))
         for kind, point in ends:
             if point.body != GROUND:
                 self.observe_point(kind, point.name, point, quantities)
@@ -378,7 +375,7 @@ class _Builder:
             item = items.ObjectConnectorLinearSpringDamper(axisMarker0=[-x, -y, 0.0], **fields)
         else:
             item = self._line([point, line], (x, y))
-        self._add_stop(PointContact(stop, spring), item)
+        self._add_stop(LineContact(stop, spring), item)
 
     def _add_stop(self, constraint: UnilateralConstraint, item: Any) -> None:
         name = constraint.stop.name

@@ -5,48 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from ...models.elements import (
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    FreeJoint,
-    PinJoint,
-    PointStop,
-    PrismaticJoint,
-    RotationalSpringDamper,
-    SlotJoint,
-    SpringDamper,
-    Stop,
-    WeldJoint,
-)
-from ...models.features import Feature
+from ...models.elements import CubicTorsionSpring
+from ...models.features import COVERED_BY_FEATURES
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
-from ..protocol import BuiltinEngine, Capabilities, Recording
+from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
 from ..study import EngineStudy
 from ..supplied import Part, Supplied
 from ..units import SI, Units, units_of
 from .options import ExudynOptions
 from .study import STUDY
 
-BUILT: frozenset[type] = frozenset(
-    {
-        PinJoint,
-        WeldJoint,
-        SlotJoint,
-        PrismaticJoint,
-        FreeJoint,
-        Stop,
-        PointStop,
-        SpringDamper,
-        RotationalSpringDamper,
-        CubicTorsionSpring,
-        ConstantForce,
-        ConstantTorque,
-    }
-)
-"""Classes with a builder (:mod:`.build`, whose tables cannot be read without the library)."""
+BUILT: frozenset[type] = COVERED_BY_FEATURES | {CubicTorsionSpring}
+"""Classes that the tables of :mod:`.build` have a handler for; these need the library."""
 
 
 class ExudynEngine(ExudynOptions, BuiltinEngine):
@@ -75,7 +47,7 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         formulation="redundant Cartesian coordinates, joints and stops by Lagrange multipliers, "
         "implicit integrator; impacts located inside a step and solved in the metric of its mass "
         "matrix",
-        features=frozenset(Feature),
+        features=built_features(BUILT),
         elements=BUILT,
     )
     # Exudyn's own defaults: generalized-alpha on the positions' constraints, modified Newton,

@@ -46,14 +46,19 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
         "modified_newton": False,
     }
     return with_readout(
-        Cause("integrator", "generalized-alpha's damping, and joints held in their positions (index 3)",
+        Cause("integrator",
+              "generalized-alpha's damping, and joints held in their positions (index 3)",
               Intervention({"integrator": "trapezoidal-index-2"})),
-        Cause("Newton iteration", "where the iteration of a step stops, with a Jacobian kept over several steps",
+        Cause("Newton iteration",
+              "where the iteration of a step stops, with a Jacobian kept over several steps",
               Intervention(tighter)),
-        Cause("adaptive step", "a step whose iteration fails is shortened", Intervention({"adaptive_step": False})),
-        Cause("event location", "a stop is switched off at the end of the step in which its torque has vanished",
+        Cause("adaptive step", "a step whose iteration fails is shortened",
+              Intervention({"adaptive_step": False})),
+        Cause("event location",
+              "a stop is switched off at the end of the step in which its torque has vanished",
               Intervention({"located_releases": True}), after=first),
-        Cause("alternating torques", "the trapezoidal rule never damps an error of the multipliers that changes sign "
+        Cause("alternating torques",
+              "the trapezoidal rule never damps an error of the multipliers that changes sign "
               "with every step", Intervention(filtered_torques=True), after=first),
         # The trapezoidal rule is of second order; with a release at a step's end the run as a whole
         # is not.
@@ -67,19 +72,23 @@ def _radius(dissipation: float) -> Options:
 
 _SWEPT = (
     SweptParameter(
-        name="newton_relative", title="Newton's relative tolerance", unit="1", values=geometric(1e-2, 1e-14, 7),
+        name="newton_relative", title="Newton's relative tolerance", unit="1",
+        values=geometric(1e-2, 1e-14, 7),
         options=lambda tolerance: {"newton_relative": tolerance}, base={"timestep": 1e-3},
         without={"newton_relative": 1e-15},
-        why="Newton's method converges in leaps: the error falls in leaps, too, as one more iteration is made",
+        why="Newton's method converges in leaps: the error falls in leaps, too, as one more "
+            "iteration is made",
     ),
     SweptParameter(
-        name="spectral_radius", title="dissipation (1 - rho) / (1 + rho) of generalised alpha", unit="1",
-        values=geometric(1, 1e-2, 7), options=_radius, expected=2.0, preset="stock",
+        name="spectral_radius", title="dissipation (1 - rho) / (1 + rho) of generalised alpha",
+        unit="1", values=geometric(1, 1e-2, 7), options=_radius, expected=2.0, preset="stock",
         base={"timestep": 1e-3}, without={"spectral_radius": 1 - 1e-6},
-        why="being of second order, the rule has no term linear in the dissipation; beta = (1 + it)^2 / 4 has a square",
+        why="being of second order, the rule has no term linear in the dissipation; "
+            "beta = (1 + it)^2 / 4 has a square",
     ),
     SweptParameter(
-        name="stop_stiffness", title="stiffness k of penalty stops", unit="N m/rad", values=geometric(1e8, 1e12, 9),
+        name="stop_stiffness", title="stiffness k of penalty stops", unit="N m/rad",
+        values=geometric(1e8, 1e12, 9),
         options=lambda k: {"stop_stiffness": k}, expected=-1.0, base={"timestep": 1e-3},
         without={"stop_stiffness": None}, why="a spring gives way by torque / k",
     ),

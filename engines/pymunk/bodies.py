@@ -78,7 +78,7 @@ class Placement:
 
 
 @dataclass(frozen=True)
-class Weights:
+class MassProperties:
     """Mass [kg], centre [m] and inertia about it [kg m^2] of a body, moved masses included."""
 
     mass: float
@@ -86,23 +86,27 @@ class Weights:
     inertia: float
 
     @classmethod
-    def of(cls, body: Body) -> Weights:
+    def of(cls, body: Body) -> MassProperties:
         """A body's own."""
         return cls(body.mass, complex(*body.centre), body.inertia)
 
-    def joined(self, other: Weights) -> Weights:
+    def fields(self) -> dict[str, object]:
+        """The fields of a body that has these."""
+        return {"mass": self.mass, "centre": _pair(self.centre), "inertia": self.inertia}
+
+    def joined(self, other: MassProperties) -> MassProperties:
         """The two as one body."""
         joined = self.with_mass_at(other.centre, other.mass)
-        return Weights(joined.mass, joined.centre, joined.inertia + other.inertia)
+        return MassProperties(joined.mass, joined.centre, joined.inertia + other.inertia)
 
-    def with_mass_at(self, point: complex, mass: float) -> Weights:
+    def with_mass_at(self, point: complex, mass: float) -> MassProperties:
         """The same body with a point mass."""
         if same_point(point, self.centre):  # keeps the inertia of a point mass at exactly 0
-            return Weights(self.mass + mass, self.centre, self.inertia)
+            return MassProperties(self.mass + mass, self.centre, self.inertia)
         total = self.mass + mass
         centre = (self.mass * self.centre + mass * point) / total
         inertia = self.inertia + self.mass * mass / total * abs(point - self.centre) ** 2
-        return Weights(total, centre, inertia)
+        return MassProperties(total, centre, inertia)
 
     def spare_mass(self, point: complex) -> float:
         """The mass that can be taken away at a point [kg]: then the inertia of the rest is 0."""
@@ -110,11 +114,11 @@ class Weights:
             return self.mass
         return self.mass * self.inertia / (self.inertia + self.mass * abs(point - self.centre) ** 2)
 
-    def with_pivot_mass(self, pin: complex, factor: float) -> Weights:
+    def with_pivot_mass(self, pin: complex, factor: float) -> MassProperties:
         """The same body about a fixed pin, its mass multiplied."""
         arm = self.centre - pin
         inertia = self.inertia + self.mass * abs(arm) ** 2 * (1 - 1 / factor)
-        return Weights(self.mass * factor, pin + arm / factor, inertia)
+        return MassProperties(self.mass * factor, pin + arm / factor, inertia)
 
 
 _SAME_POINT = 1e-12  # [m]
@@ -179,21 +183,15 @@ def _carriers(joint: AnyJoint, placements: Mapping[str, Placement]) -> set[str]:
 
 
 def _joined_bodies(mechanism: Mechanism, placements: Mapping[str, Placement]) -> tuple[Body, ...]:
-    weights: dict[str, Weights] = {}
+    """Bodies that carry others or only themselves, with the masses of all that they carry."""
+    masses: dict[str, MassProperties] = {}
     for body in mechanism.bodies:
-        place = placements[body.name]
-        own = Weights(body.mass, complex(*place.point(body.centre)), body.inertia)
-        weights[place.carrier] = (
-            weights[place.carrier].joined(own) if place.carrier in weights else own
-        )
-    return tuple(
-        body.model_copy(
-            update={"mass": own.mass, "centre": _pair(own.centre), "inertia": own.inertia}
-        )
-        for body in mechanism.bodies
-        if body.name in weights
-        for own in [weights[body.name]]
-    )
+        frame = placements[body.name]
+        carried = MassProperties(body.mass, complex(*frame.point(body.centre)), body.inertia)
+        carrier = masses.get(frame.carrier)
+        masses[frame.carrier] = carried if carrier is None else carrier.joined(carried)
+    carriers = [body for body in mechanism.bodies if body.name in masses]
+    return tuple(body.model_copy(update=masses[body.name].fields()) for body in carriers)
 
 
 _Changes = dict[str, object]
@@ -224,50 +222,50 @@ def _moved_slide(joint: SlotJoint | PrismaticJoint, placements: _Placements) -> 
 
 
 def _moved_angle_stop(stop: Stop, placements: _Placements) -> _Changes:
-    own, other = placements[stop.body], placements[stop.relative_to]
-    limit = stop.limit - stop.sense * (own.angle - other.angle)
-    return {"body": own.carrier, "relative_to": other.carrier, "limit": limit}
+    frame, other_frame = placements[stop.body], placements[stop.relative_to]
+    limit = stop.limit - stop.sense * (frame.angle - other_frame.angle)
+    return {"body": frame.carrier, "relative_to": other_frame.carrier, "limit": limit}
 
 
 def _moved_point_stop(stop: PointStop, placements: _Placements) -> _Changes:
-    own, other = placements[stop.body], placements[stop.relative_to]
-    normal = other.direction(complex(*stop.normal))
+    frame, other_frame = placements[stop.body], placements[stop.relative_to]
+    normal = other_frame.direction(complex(*stop.normal))
     return {
-        "body": own.carrier,
-        "relative_to": other.carrier,
-        "point": own.point(stop.point),
+        "body": frame.carrier,
+        "relative_to": other_frame.carrier,
+        "point": frame.point(stop.point),
         "normal": _pair(normal),
-        "offset": stop.offset + (normal.conjugate() * other.origin).real,
+        "offset": stop.offset + (normal.conjugate() * other_frame.origin).real,
     }
 
 
 def _moved_force(element: ConstantForce, placements: _Placements) -> _Changes:
-    own = placements[element.body]
-    return {"body": own.carrier, "point": own.point(element.point)}
+    frame = placements[element.body]
+    return {"body": frame.carrier, "point": frame.point(element.point)}
 
 
 def _moved_torque(
     element: ConstantTorque | RotationalSpringDamper | CubicTorsionSpring, placements: _Placements
 ) -> _Changes:
-    own, other = placements[element.body], placements[element.relative_to]
-    return {"body": own.carrier, "relative_to": other.carrier}
+    frame, other_frame = placements[element.body], placements[element.relative_to]
+    return {"body": frame.carrier, "relative_to": other_frame.carrier}
 
 
 def _moved_torsion_spring(
     element: RotationalSpringDamper | CubicTorsionSpring, placements: _Placements
 ) -> _Changes:
-    own, other = placements[element.body], placements[element.relative_to]
-    rest_angle = element.rest_angle - (own.angle - other.angle)
+    frame, other_frame = placements[element.body], placements[element.relative_to]
+    rest_angle = element.rest_angle - (frame.angle - other_frame.angle)
     return _moved_torque(element, placements) | {"rest_angle": rest_angle}
 
 
 def _moved_spring(element: SpringDamper, placements: _Placements) -> _Changes:
-    own, other = placements[element.body], placements[element.relative_to]
+    frame, other_frame = placements[element.body], placements[element.relative_to]
     return {
-        "body": own.carrier,
-        "relative_to": other.carrier,
-        "point": own.point(element.point),
-        "relative_point": other.point(element.relative_point),
+        "body": frame.carrier,
+        "relative_to": other_frame.carrier,
+        "point": frame.point(element.point),
+        "relative_point": other_frame.point(element.relative_point),
     }
 
 
@@ -296,7 +294,7 @@ def _pair(z: complex) -> Vector:
 
 
 @dataclass
-class Part:
+class BodyPart:
     """How a body of the mechanism is represented in the space."""
 
     name: str
@@ -334,7 +332,7 @@ class Assembly:
     """The mechanism with each group of welded bodies as one body: what the space is made of."""
     placements: Mapping[str, Placement]
     """Places of all bodies of the mechanism in those."""
-    parts: dict[str, Part] = field(default_factory=dict[str, Part])
+    parts: dict[str, BodyPart] = field(default_factory=dict[str, BodyPart])
     """Bodies of the space, in the order of those of `rigid`."""
     rods: list[Rod] = field(default_factory=list[Rod])
     stops: dict[str, constraints.Constraint] = field(
@@ -372,7 +370,7 @@ _LEAST_PIVOT_MASS = (
 )
 
 
-def parts_of(mechanism: Mechanism, pivot_mass: float) -> list[Part]:
+def parts_of(mechanism: Mechanism, pivot_mass: float) -> list[BodyPart]:
     """Parts in the order of the bodies.
 
     Args:
@@ -398,46 +396,47 @@ class _PartMaker:
         self.attitudes = mechanism.attitudes
         self.joints = {joint.child: joint for joint in mechanism.tree_joints}
 
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[BodyPart]:
         """Made from the leaves, which move mass to their parents' pins."""
-        weights = self._weights()
-        parts: list[Part] = []
+        masses = self._mass_properties()
+        parts: list[BodyPart] = []
         for body in reversed(self.mechanism.bodies):
-            joint, own = self.joints[body.name], weights[body.name]
+            joint, body_mass = self.joints[body.name], masses[body.name]
             pin = complex(*joint.child_point)
-            if self._is_bob(body, own, pin):
-                bob, rest = _oscillator(own, pin)
+            if self._is_bob(body, body_mass, pin):
+                bob, rest = _oscillator(body_mass, pin)
                 if rest > 0 and joint.parent != GROUND:
                     at = complex(*joint.parent_point)
-                    weights[joint.parent] = weights[joint.parent].with_mass_at(at, rest)
+                    masses[joint.parent] = masses[joint.parent].with_mass_at(at, rest)
                 parts.append(self._part(body, bob, pin, turns=False))
             else:
-                own = self._with_inertia(own, joint, weights)
-                parts.append(self._part(body, self._turning(body, own, joint), pin, turns=True))
+                body_mass = self._with_inertia(body_mass, joint, masses)
+                parts.append(
+                    self._part(body, self._turning(body, body_mass, joint), pin, turns=True)
+                )
         return parts[::-1]
 
-    def _weights(self) -> dict[str, Weights]:
-        """The bodies' own weights, but the inertia shared by those that turn together."""
-        weights = {body.name: Weights.of(body) for body in self.mechanism.bodies}
+    def _mass_properties(self) -> dict[str, MassProperties]:
+        """Mass properties of the bodies; those that turn together share their inertia."""
+        masses = {body.name: MassProperties.of(body) for body in self.mechanism.bodies}
         groups: dict[int | None, list[str]] = {}
-        for name in weights:
+        for name in masses:
             groups.setdefault(self.attitudes[name][0], []).append(name)
         for index, group in groups.items():
             if len(group) > 1 or index is None:
                 total = (
-                    math.inf
-                    if index is None
-                    else math.fsum(weights[name].inertia for name in group)
+                    math.inf if index is None else math.fsum(masses[name].inertia for name in group)
                 )
                 each = total / len(group)
-                weights |= {
-                    name: Weights(weights[name].mass, weights[name].centre, each) for name in group
+                masses |= {
+                    name: MassProperties(masses[name].mass, masses[name].centre, each)
+                    for name in group
                 }
-        return weights
+        return masses
 
-    def _is_bob(self, body: Body, own: Weights, pin: complex) -> bool:
+    def _is_bob(self, body: Body, body_mass: MassProperties, pin: complex) -> bool:
         joint, children = self.joints[body.name], self.mechanism.children(body.name)
-        if not is_pin(joint) or same_point(own.centre, pin) or self._guides(body.name):
+        if not is_pin(joint) or same_point(body_mass.centre, pin) or self._guides(body.name):
             return False
         stops = [
             stop for stop in self.mechanism.angle_stops if stop.closed and body.name in stop.bodies
@@ -445,12 +444,12 @@ class _PartMaker:
         unbraced = any(not is_brace(self.mechanism, stop, body.name) for stop in stops)
         constrained = self._constrained_points(body.name)
         loaded = any(body.name in element.bodies for element in self.mechanism.force_elements)
-        if own.inertia > 0 and (
+        if body_mass.inertia > 0 and (
             children or joint.parent == GROUND or unbraced or constrained or loaded
         ):
             return False
         pins = [complex(*self.joints[child.name].parent_point) for child in children]
-        return all(same_point(point, own.centre) for point in (*pins, *constrained))
+        return all(same_point(point, body_mass.centre) for point in (*pins, *constrained))
 
     def _guides(self, body: str) -> bool:
         """Whether another joint or a wall needs the body's angle."""
@@ -480,35 +479,41 @@ class _PartMaker:
         ends += [(stop.body, stop.point) for stop in self.mechanism.point_stops if stop.closed]
         return [complex(*point) for name, point in ends if name == body]
 
-    def _with_inertia(self, own: Weights, joint: AnyJoint, weights: dict[str, Weights]) -> Weights:
+    def _with_inertia(
+        self, body_mass: MassProperties, joint: AnyJoint, masses: dict[str, MassProperties]
+    ) -> MassProperties:
         """A point mass with mass at its pin that its parent lends, if it can."""
         pin, at = complex(*joint.child_point), complex(*joint.parent_point)
         if (
-            own.inertia > 0
+            body_mass.inertia > 0
             or not is_pin(joint)
             or joint.parent == GROUND
-            or same_point(own.centre, pin)
+            or same_point(body_mass.centre, pin)
         ):
-            return own
-        lent = min(own.mass, weights[joint.parent].spare_mass(at) / 2)
-        weights[joint.parent] = weights[joint.parent].with_mass_at(at, -lent)
-        return own.with_mass_at(pin, lent)
+            return body_mass
+        lent = min(body_mass.mass, masses[joint.parent].spare_mass(at) / 2)
+        masses[joint.parent] = masses[joint.parent].with_mass_at(at, -lent)
+        return body_mass.with_mass_at(pin, lent)
 
-    def _turning(self, body: Body, own: Weights, joint: AnyJoint) -> Weights:
+    def _turning(self, body: Body, body_mass: MassProperties, joint: AnyJoint) -> MassProperties:
         if joint.parent == GROUND and is_pin(joint):
-            factor = self.pivot_mass if own.inertia > 0 else max(self.pivot_mass, _LEAST_PIVOT_MASS)
-            own = own.with_pivot_mass(complex(*joint.child_point), factor)
-        if own.inertia <= 0:
+            factor = (
+                self.pivot_mass
+                if body_mass.inertia > 0
+                else max(self.pivot_mass, _LEAST_PIVOT_MASS)
+            )
+            body_mass = body_mass.with_pivot_mass(complex(*joint.child_point), factor)
+        if body_mass.inertia <= 0:
             raise UnsupportedProblemError(
                 f"pymunk cannot turn the body {body.name!r}, whose inertia is 0: it can only be a "
                 f"point mass at the end of a rod that is pinned to the ground or to a body "
                 "with an inertia."
             )
-        return own
+        return body_mass
 
-    def _part(self, body: Body, weights: Weights, pin: complex, turns: bool) -> Part:
-        engine_body = pymunk.Body(weights.mass, weights.inertia if turns else math.inf)
-        row = self.kinematics.point(body.name, (weights.centre.real, weights.centre.imag))
+    def _part(self, body: Body, masses: MassProperties, pin: complex, turns: bool) -> BodyPart:
+        engine_body = pymunk.Body(masses.mass, masses.inertia if turns else math.inf)
+        row = self.kinematics.point(body.name, (masses.centre.real, masses.centre.imag))
         x, y = self.kinematics.position(row, self.q).tolist()
         engine_body.position = x, y
         x, y = self.kinematics.velocity(row, self.q, self.u).tolist()
@@ -517,12 +522,14 @@ class _PartMaker:
             index, turned = self.attitudes[body.name]
             engine_body.angle = -(turned if index is None else float(self.q[index]) + turned)
             engine_body.angular_velocity = 0.0 if index is None else -float(self.u[index])
-        return Part(body.name, engine_body, weights.centre, pin, turns)
+        return BodyPart(body.name, engine_body, masses.centre, pin, turns)
 
 
-def _oscillator(own: Weights, pin: complex) -> tuple[Weights, float]:
+def _oscillator(body_mass: MassProperties, pin: complex) -> tuple[MassProperties, float]:
     """Point mass that swings about the pin like the body, and the mass left on the pin [kg]."""
-    arm = own.centre - pin
-    about_pin = own.inertia + own.mass * abs(arm) ** 2
-    ratio = about_pin / (own.mass * abs(arm) ** 2)
-    return Weights(own.mass / ratio, pin + ratio * arm, 0.0), own.mass * (1 - 1 / ratio)
+    arm = body_mass.centre - pin
+    about_pin = body_mass.inertia + body_mass.mass * abs(arm) ** 2
+    ratio = about_pin / (body_mass.mass * abs(arm) ** 2)
+    return MassProperties(body_mass.mass / ratio, pin + ratio * arm, 0.0), body_mass.mass * (
+        1 - 1 / ratio
+    )

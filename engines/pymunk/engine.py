@@ -5,25 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from ...models.elements import (
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    FreeJoint,
-    PinJoint,
-    PointStop,
-    PrismaticJoint,
-    RotationalSpringDamper,
-    SlotJoint,
-    SpringDamper,
-    Stop,
-    WeldJoint,
-)
-from ...models.features import Feature
+from ...models.elements import CubicTorsionSpring
+from ...models.features import COVERED_BY_FEATURES
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
-from ..protocol import BuiltinEngine, Capabilities, Recording
+from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
 from ..study import EngineStudy
 from ..supplied import Part, Supplied
 from ..units import units_of
@@ -33,23 +20,8 @@ from .study import STUDY
 _LIBRARY_ERROR_BIAS = (1.0 - 0.1) ** 60
 
 
-BUILT: frozenset[type] = frozenset(
-    {
-        PinJoint,
-        WeldJoint,
-        SlotJoint,
-        PrismaticJoint,
-        FreeJoint,
-        Stop,
-        PointStop,
-        SpringDamper,
-        RotationalSpringDamper,
-        CubicTorsionSpring,
-        ConstantForce,
-        ConstantTorque,
-    }
-)
-"""Classes with a builder (:mod:`.build`, whose tables cannot be read without the library)."""
+BUILT: frozenset[type] = COVERED_BY_FEATURES | {CubicTorsionSpring}
+"""Classes that the tables of :mod:`.build` have a handler for; these need the library."""
 
 
 class PymunkEngine(PymunkOptions, BuiltinEngine):
@@ -76,7 +48,7 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
         joint_gaps=True,
         located_releases=True,
         stop_laws=frozenset(StopLaw),
-        features=frozenset(Feature),
+        features=built_features(BUILT),
         elements=BUILT,
         formulation="maximal coordinates, velocity-level impulses by Gauss-Seidel, leapfrog "
         "positions",

@@ -18,6 +18,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from pymunk import constraints
 from scipy.optimize import brentq
 
 from ...models.arrays import ComplexArray, FloatArray, as_vectors
@@ -35,23 +36,25 @@ from ..events import (
     Watch,
     active_contacts,
     joined,
+    resting,
 )
+from ..impact import pushing
 from ..protocol import Recording
+from .bodies import Assembly
 from .build import build
-from .impact import gap_speeds, resolve_impact
-from .leapfrog import STARTED, Stepper
+from .leapfrog import STARTED, STEP, Stepper, settled_increment
 from .options import PymunkOptions
 from .passes import MOST_PASSES, TRACKED, Convergence, convergence, growth
 from .reactions import forces_of, mass_matrix
-from .read import Reading
+from .read import MotionReading, reading_of
 
 _CHUNK = 64  # steps between checks of the gaps; at most these are repeated at an impact
 _SETTLING_SAMPLES = 3  # after which a contact that has opened must have a gap, or is met
 _TRIAL_ITERATIONS = 5_000  # which stops push depends on the mechanism, not on the preset
 _CHECKED = 64  # steps between two looks at how many passes loops need
 _LOOSE = 1e-4  # of the reach: error of a loop that is not closed
-_ROUNDING = 1e-9  # of the largest torque: error of a torque that is zero
-_NEAR = 4.0  # a stop's torque is computed when its impulse is less than so many of its changes in a step
+_ROUNDING = 1e-9  # of the largest torque, impulse or speed: error of what should be zero
+_NEAR = 4.0  # changes in a step: where an impulse is less, the stop's torque is computed
 
 
 def _pushing(mechanism: Mechanism, h: float, options: PymunkOptions) -> Contacts:
@@ -65,11 +68,11 @@ def _pushing(mechanism: Mechanism, h: float, options: PymunkOptions) -> Contacts
 def _violated(
     mechanism: Mechanism, active: Contacts, touching: Contacts, h: float, pivot_mass: float
 ) -> str | None:
-    """A touching stop that would have to pull, or that would close, by the forces of a first step."""
+    """A touching stop that would have to pull, or would close, by a first step's forces."""
     assembly = build(mechanism, active, 0.0, pivot_mass)
     stepper = Stepper(assembly, h, hold_lengths=True)
     stepper.start(_TRIAL_ITERATIONS, leapfrog=True, settle=bool(mechanism.loop_joints))
-    reading = Reading(assembly, stepper.samples(0))
+    reading = MotionReading(assembly, stepper.samples(0))
     torques = {
         name: float(torque[0])
         for name, torque in forces_of(reading, tuple(assembly.stops)).torques.items()
@@ -94,13 +97,13 @@ def _violated(
 
 
 def _compliance(kinematics: Kinematics, q: FloatArray, touching: Contacts) -> float:
-    """The largest acceleration of a gap by the unit torque or force of its own stop, in the tree."""
+    """Largest acceleration of a gap by the unit torque or force of its own stop, in the tree."""
     rows = np.array([kinematics.gap_jacobian(name, q) for name in touching])
     moved = np.linalg.pinv(mass_matrix(kinematics, q[None])[0]) @ rows.T
     return float(np.max(np.sum(rows.T * moved, axis=0), initial=0.0))
 
 
-class Segment:
+class SteppedSegment:
     """Steps of an assembly from a start to a given time, and the releases in them."""
 
     def __init__(
@@ -127,7 +130,7 @@ class Segment:
         """First sample and active stops of each interval between releases."""
         self._impulses: dict[str, float] = {}
         self._grown = 1.0
-        """Factor by which the slowest mode's error has grown since passes were last enough to let it decay."""
+        """Growth of the slowest mode's error since passes were last enough to let it decay."""
 
     def begin(self) -> None:
         """The first sample, and without the leapfrog the first step."""
@@ -157,34 +160,32 @@ class Segment:
         while self._checks_passes and self.stepper.steps < last:
             first = self.stepper.steps
             (q, *_), (u, *_) = self.reading(first, first).coordinates()
-            found = self._convergence(q, u)
-            passes = self._passes(found)
-            rate = 0.0 if found is None else growth(found.left_after(passes))
+            here = self._convergence(q, u)
+            passes = self._passes(here)
+            rate = 0.0 if here is None else growth(here.left_after(passes))
             # Singular positions are passed in a few steps, during which impulses need not converge.
             end = min(last, first + (_CHECKED if rate < 1.0 else 1))
             self._advance(end, passes)
             if passes >= MOST_PASSES:
                 self._refuse_open_loops(end)
-            if found is not None:
-                self._note_growth(found, passes, rate, end)
+            if here is not None:
+                self._note_growth(here, passes, rate, end)
         self._advance(last, self.options.iterations)
 
     @property
     def _checks_passes(self) -> bool:
-        """Whether a step is to have as many passes as its loops need: where joints are to keep their lengths.
-
-        An active stop closes a loop as a joint does.
-        """
+        """Whether a step has as many passes as its loops need: if joints keep their lengths."""
+        # An active stop closes a loop as a joint does.
         closed = bool(self.assembly.mechanism.loop_joints or self.assembly.stops)
         return self.options.hold_lengths and closed
 
-    def _passes(self, found: Convergence | None) -> int:
-        """Passes of a step: as many as it needs, up to `MOST_PASSES`, and no less than the option says."""
-        needed = 1 if found is None else min(found.passes_to(TRACKED), MOST_PASSES)
+    def _passes(self, here: Convergence | None) -> int:
+        """Passes that a step needs, up to `MOST_PASSES`, and no less than the option says."""
+        needed = 1 if here is None else min(here.passes_to(TRACKED), MOST_PASSES)
         return max(needed, self.options.iterations)
 
     def _convergence(self, q: FloatArray, u: FloatArray) -> Convergence | None:
-        """Of the assembly in a state, shapes (n_q,); None where the run has lost it."""
+        """Convergence in a state, shapes (n_q,); None where the run has lost its joints."""
         if not np.isfinite([q, u]).all():
             return None
         # Not validated: stops keep the word on whether they are closed at the start, which decides
@@ -200,19 +201,20 @@ class Segment:
         for joint in mechanism.loop_joints:
             if not gaps[joint.name][0] <= _LOOSE * _reach(mechanism):
                 raise SimulationError(
-                    f"pymunk's impulses on the loop that {joint.name!r} closes do not converge in {MOST_PASSES} passes "
-                    f"at t = {self.times()[k]:.6g} s: it is rigid or nearly singular there; its points are "
-                    f"{gaps[joint.name][0]:.2g} m apart."
+                    f"pymunk's impulses on the loop that {joint.name!r} closes do not converge in "
+                    f"{MOST_PASSES} passes at t = {self.times()[k]:.6g} s: it is rigid or nearly "
+                    f"singular there; its points are {gaps[joint.name][0]:.2g} m apart."
                 )
 
-    def _note_growth(self, found: Convergence, passes: int, rate: float, k: int) -> None:
-        """Refuse a mode that so many passes hardly see, once its error has grown beyond what is let be of impulses."""
+    def _note_growth(self, here: Convergence, passes: int, rate: float, k: int) -> None:
+        """Refuse a mode that passes hardly see, once its error has grown beyond the tolerance."""
         self._grown = self._grown * rate if rate >= 1.0 else 1.0
         if self._grown * STARTED > TRACKED:
             raise SimulationError(
                 f"pymunk's impulses do not converge at t = {self.times()[k]:.6g} s: constraints on "
-                f"{' and '.join(map(repr, found.slowest(passes)))} are nearly parallel there, so that {passes} passes "
-                f"leave {found.left_after(passes):.2g} of an error, which grows where that is above 0.5."
+                f"{' and '.join(map(repr, here.slowest(passes)))} are nearly parallel there, so "
+                f"that {passes} passes leave {here.left_after(passes):.2g} of an error, which "
+                "grows where that is above 0.5."
             )
 
     def _advance(self, last: int, iterations: int) -> None:
@@ -228,7 +230,7 @@ class Segment:
             return
         first = max(min(max(self.regimes[-1][0], k - 2), k - 1), 0)
         active = tuple(self.assembly.stops)
-        reading = Reading(self.assembly, self.stepper.samples(first))
+        reading = MotionReading(self.assembly, self.stepper.samples(first))
         torques = forces_of(reading, active).torques
         find = _foreseen if self.options.locate_releases else _noticed
         steps_to_zero = {name: find(torque) for name, torque in torques.items()}
@@ -241,7 +243,7 @@ class Segment:
             self._release(min(due, key=lambda name: due[name]), k, min(due.values()))
 
     def _is_any_near_zero(self, k: int) -> bool:
-        """Whether an impulse may soon pass through zero; Chipmunk gives only its size, but at no cost."""
+        """Whether an impulse may soon be zero, by its size: all that Chipmunk gives at no cost."""
         before = self._impulses
         self._impulses = now = {name: joint.impulse for name, joint in self.assembly.stops.items()}
         if k < self.regimes[-1][0] + 3:
@@ -260,12 +262,12 @@ class Segment:
         }
 
     def times(self) -> FloatArray:
-        """Of the samples [s], shape (n + 1,)."""
+        """Times of the samples [s], shape (n + 1,)."""
         return np.linspace(self.begins, self.ends, self.n + 1)
 
-    def reading(self, first: int, last: int, near: FloatArray | None = None) -> Reading:
-        """Samples from one to another, both included; coordinates of the first one are near those given."""
-        return Reading(self.assembly, self.stepper.samples(first, last), near)
+    def reading(self, first: int, last: int, near: FloatArray | None = None) -> MotionReading:
+        """Samples from one to another, both included; `near` tells full turns of the first."""
+        return MotionReading(self.assembly, self.stepper.samples(first, last), near)
 
     def active_at(self, k: int) -> Contacts:
         """Stops that are active at a sample."""
@@ -294,9 +296,9 @@ class Segment:
         )
 
     def _forces(
-        self, reading: Reading, t: FloatArray
+        self, reading: MotionReading, t: FloatArray
     ) -> tuple[dict[str, ComplexArray], dict[str, FloatArray]]:
-        """Reactions of the joints and torques of the stops; they depend on which stops are active."""
+        """Reactions of the joints and torques of the stops, by which stops are active."""
         joints = [joint.name for joint in reading.mechanism.joints if joint.held_directions]
         reactions = {name: np.zeros(len(t), dtype=np.complex128) for name in joints}
         torques = {stop.name: np.zeros(len(t)) for stop in reading.mechanism.stops}
@@ -319,8 +321,8 @@ def _refuse_lost_joints(
         lost = np.flatnonzero(~(gap <= reach))
         if len(lost):
             raise SimulationError(
-                f"pymunk lost the joint {name!r}: its points are {gap[lost[0]]:.3g} m apart at t = {t[lost[0]]:.6g} s; "
-                f"a shorter timestep or more iterations may help."
+                f"pymunk lost the joint {name!r}: its points are {gap[lost[0]]:.3g} m apart at "
+                f"t = {t[lost[0]]:.6g} s; a shorter timestep or more iterations may help."
             )
 
 
@@ -337,7 +339,7 @@ def _reach(mechanism: Mechanism) -> float:
 
 
 def _foreseen(torque: FloatArray) -> float | None:
-    """Steps from the last sample to the torque's zero, if it lies before the next one: negative if it is past."""
+    """Steps from the last sample to the torque's zero before the next one (negative: past)."""
     if len(torque) < 2:
         return None
     s = np.arange(1 - len(torque), 1, dtype=np.float64)
@@ -420,7 +422,7 @@ class PymunkMotion:
 
     def proceed(self, start: float, end: float, watch: Watch) -> Halt:
         """Move through a segment, to the next impact or to the end."""
-        segment = Segment(self._start, self.options, start, end)
+        segment = SteppedSegment(self._start, self.options, start, end)
         segment.begin()
         if not self.unilateral:
             segment.advance(segment.n)
@@ -439,7 +441,7 @@ class PymunkMotion:
         self._plastic = self._kept = frozenset()
         return Halt(event.time, segment.released_until(event.time), met=event.met)
 
-    def _step_to_event(self, segment: Segment, watch: Watch) -> _ContactEvent | None:
+    def _step_to_event(self, segment: SteppedSegment, watch: Watch) -> _ContactEvent | None:
         """Step to the next impact; None: to the end."""
         finder, first = _EventFinder(segment, self._touching, watch), 0
         while first < segment.n:
@@ -497,7 +499,7 @@ class PymunkMotion:
 class _EventFinder:
     """Finds the first inactive contact that is met in a segment."""
 
-    def __init__(self, segment: Segment, touched: Collection[str], watch: Watch) -> None:
+    def __init__(self, segment: SteppedSegment, touched: Collection[str], watch: Watch) -> None:
         self.segment, self.watch = segment, watch
         self.kinematics = Kinematics(segment.assembly.mechanism)
         mechanism = segment.assembly.mechanism
@@ -541,7 +543,7 @@ class _EventFinder:
         """Sample from which a contact is inactive; None while it is active."""
         return next((first for first, active in self.segment.regimes if name not in active), None)
 
-    def _located(self, name: str, k: int, reading: Reading, first: int) -> _ContactEvent:
+    def _located(self, name: str, k: int, reading: MotionReading, first: int) -> _ContactEvent:
         """The event between samples k and k + 1, where a gap is zero."""
         k = max(k, first)
         (q, u), a = reading.coordinates(), reading.accelerations()
@@ -574,3 +576,159 @@ def _with_closed(mechanism: Mechanism, closed: Collection[str]) -> Mechanism:
         stop.model_copy(update={"closed": stop.name in closed}) for stop in mechanism.stops
     )
     return mechanism.model_copy(update={"stops": stops})
+
+
+# --- The impact of all contacts that touch, by Chipmunk's own impulses.
+#
+# A step without gravity to the assembly's present position yields only the impulses that bring each
+# joint's speed to its target: zero for the joints, -e times its speed before for a stop (Newton's
+# law of restitution). Which contacts take part is decided for all of them at once: those that do
+# push, and the others part at no less than their restitution demands (:mod:`..impact`).
+
+
+@dataclass(frozen=True)
+class TrialImpact:
+    """Result of an impact in which a set of contacts takes part."""
+
+    u: FloatArray
+    """Generalized speeds after it, shape (n_q,)."""
+    impulses: Mapping[str, float]
+    """Impulse of each contact that touches [N m s, or N s for one on a point]."""
+    resting: Contacts
+    """Those of them whose gap does not move after it."""
+    violated: str | None
+    """A contact that would have to pull or goes on closing: other contacts take part."""
+
+
+def gap_speeds(
+    mechanism: Mechanism, names: Collection[str], q: FloatArray, u: FloatArray
+) -> dict[str, float]:
+    """Speeds of the stops' gaps [rad/s or m/s]."""
+    kinematics = Kinematics(mechanism)
+    return {name: float(kinematics.gap_jacobian(name, q) @ u) for name in names}
+
+
+def resolve_impact(
+    placed: Mechanism,
+    restitution: Mapping[str, float],
+    pivot_mass: float,
+    held: Collection[str] = (),
+) -> TrialImpact:
+    """The impact of the contacts that touch.
+
+    Args:
+        placed: the mechanism at its position there, with the speeds before; stops that touch are
+        closed in it.
+        restitution: e of each of them.
+        pivot_mass: as the engine's option.
+        held: those that come to rest even if they have to pull, which is not recorded: forces bring
+            them back to their walls at once. They are left to the others' impact where that
+            contradicts itself.
+
+    Raises:
+        SimulationError: the impulses do not converge, or no set of contacts takes part.
+    """
+    # Not validated: stops keep the word on whether they touch.
+    weightless = placed.model_copy(update={"gravity": 0.0, "force_elements": ()})
+    impact = _complementary(weightless, restitution, pivot_mass, held) if held else None
+    impact = impact or _complementary(weightless, restitution, pivot_mass)
+    if impact is None and any(restitution.values()):
+        impact = _complementary(weightless, dict.fromkeys(restitution, 0.0), pivot_mass)
+    if impact is None:
+        raise SimulationError(
+            f"pymunk finds no impact of the stops {', '.join(restitution)} in which all of them "
+            "push."
+        )
+    return impact
+
+
+def _complementary(
+    placed: Mechanism,
+    restitution: Mapping[str, float],
+    pivot_mass: float,
+    held: Collection[str] = (),
+) -> TrialImpact | None:
+    impacts: dict[Contacts, TrialImpact] = {}
+
+    def violated(active: Contacts) -> str | None:
+        if active not in impacts:
+            taking_part = tuple(name for name in restitution if name in active or name in held)
+            impacts[active] = _impact_of(placed, taking_part, restitution, pivot_mass, held)
+        return impacts[active].violated
+
+    active = pushing(tuple(name for name in restitution if name not in held), violated)
+    return (
+        None if active is None or not set(held) <= set(impacts[active].resting) else impacts[active]
+    )
+
+
+def _impact_of(
+    placed: Mechanism,
+    active: Contacts,
+    restitution: Mapping[str, float],
+    pivot_mass: float,
+    held: Collection[str] = (),
+) -> TrialImpact:
+    """The impact if these contacts alone take part, those that are held even if they pull."""
+    assembly = build(placed, active, 0.0, pivot_mass)
+    for name in active:
+        _set_target(assembly.stops[name], restitution[name])
+    increment = settled_increment(assembly)
+    impulses = _impulses(assembly, increment, active)
+    (q, before), after = initial_state(placed), _speeds_after(assembly, increment)
+    came, left = (gap_speeds(placed, restitution, q, u) for u in (before, after))
+    rounding = _ROUNDING * (1.0 + max(map(abs, came.values()), default=0.0))
+    total = dict.fromkeys(restitution, 0.0) | impulses
+    least = -_ROUNDING * max(total.values())
+    kinematics = Kinematics(placed)
+
+    def gap(name: str) -> float:
+        return float(kinematics.gap(name, q))
+
+    beyond = {name: left[name] + restitution[name] * came[name] for name in restitution}
+    wrong = [
+        name
+        for name in restitution
+        if (total[name] < least if name in active else beyond[name] < -rounding)
+    ]
+    # Stops whose targets contradict each other meet one of them at most. A gap that is left is
+    # closed in the step, unless the stop's joint was built where its bodies are.
+    wrong += [
+        name
+        for name in active
+        if min(abs(beyond[name]), abs(beyond[name] + gap(name) / STEP)) > rounding
+    ]
+    recorded = {
+        name: max(impulse, 0.0) if name in held else impulse for name, impulse in total.items()
+    }
+    violated = next((name for name in wrong if name not in held), None)
+    return TrialImpact(after, recorded, resting(left, rounding), violated)
+
+
+def _set_target(joint: constraints.Constraint, restitution: float) -> None:
+    """Displace the target of a stop's joint by the way it is to part in the step."""
+    if isinstance(joint, constraints.GearJoint):
+        spin = joint.b.angular_velocity - joint.a.angular_velocity
+        joint.phase += -restitution * spin * STEP
+    elif isinstance(joint, constraints.PinJoint):
+        a = joint.a.position + joint.anchor_a.rotated(joint.a.angle)
+        b = joint.b.position + joint.anchor_b.rotated(joint.b.angle)
+        ends = (
+            joint.a.velocity_at_local_point(joint.anchor_a),
+            joint.b.velocity_at_local_point(joint.anchor_b),
+        )
+        joint.distance += -restitution * (ends[1] - ends[0]).dot((b - a).normalized()) * STEP
+
+
+def _impulses(assembly: Assembly, increment: FloatArray, active: Contacts) -> dict[str, float]:
+    """Impulses of the contacts that take part, by the bodies' change of momentum."""
+    assembly.rates = np.zeros_like(increment)
+    torques = forces_of(reading_of(assembly, increment), active).torques
+    return {name: float(torques[name][0]) for name in active}
+
+
+def _speeds_after(assembly: Assembly, increment: FloatArray) -> FloatArray:
+    """Generalized speeds after the bodies' change of velocity, shape (n_q,)."""
+    assembly.rates = increment
+    change = reading_of(assembly).coordinates()[1][0]
+    return np.asarray(initial_state(assembly.mechanism)[1] + change, dtype=np.float64)

@@ -40,13 +40,16 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
         "pivot_mass": max(_HEAVY_PIVOT, settings["pivot_mass"]),
     }
     return with_readout(
-        Cause("solver passes", "impulses that have not converged in a step's passes, above all in the first step",
+        Cause("solver passes",
+              "impulses that have not converged in a step's passes, above all in the first step",
               Intervention(passes)),
         Cause("error bias", "joints are let drift: only a share of their error is undone in a step",
               Intervention({"error_bias": 0.0})),
-        Cause("start and labels", "velocities belong half a step later than positions; started and read as if not",
+        Cause("start and labels",
+              "velocities belong half a step later than positions; started and read as if not",
               Intervention({"leapfrog": True})),
-        Cause("rod lengths", "a rod's ends move on arcs: it gets longer in a step than its rate of change says",
+        Cause("rod lengths",
+              "a rod's ends move on arcs: it gets longer in a step than its rate of change says",
               Intervention({"hold_lengths": True})),
         Cause("event location", "a stop is let go a step after its torque has vanished",
               Intervention({"locate_releases": True})),
@@ -68,19 +71,22 @@ def _bias(lag: float) -> Options:
 
 _SWEPT = (
     SweptParameter(
-        name="iterations", title="iterations of the impulse solver", unit="1", values=(1, 3, 10, 30, 100, 300, 1000),
-        options=lambda n: {"iterations": round(n)}, base={"timestep": 1e-3}, without={"iterations": 2000},
+        name="iterations", title="iterations of the impulse solver", unit="1",
+        values=(1, 3, 10, 30, 100, 300, 1000), options=lambda n: {"iterations": round(n)},
+        base={"timestep": 1e-3}, without={"iterations": 2000},
         why="Gauss-Seidel converges geometrically, not by a power, and starts warm",
     ),
     SweptParameter(
         name="error_bias", title="lag of the joints' correction h bias^h / (1 - bias^h)", unit="s",
         values=geometric(0.3, 3e-4, 13), options=_bias, expected=1.0, base={"timestep": _BIAS_STEP},
         without={"error_bias": 0.0},
-        why="joints drift at a steady rate, and a share 1 - bias^h of it is undone in a step: the rest lags",
+        why="joints drift at a steady rate, and a share 1 - bias^h of it is undone in a step: the "
+            "rest lags",
     ),
     SweptParameter(
-        name="pivot_mass", title="mass of a body pinned to the ground", unit="of its own", values=geometric(1, 1e8, 9),
-        options=lambda mass: {"pivot_mass": mass}, base={"timestep": 1e-3}, without={"pivot_mass": 1e9},
+        name="pivot_mass", title="mass of a body pinned to the ground", unit="of its own",
+        values=geometric(1, 1e8, 9), options=lambda mass: {"pivot_mass": mass},
+        base={"timestep": 1e-3}, without={"pivot_mass": 1e9},
         why="the mass only conditions the solver: its effect should vanish as it grows",
     ),
 )  # fmt: skip

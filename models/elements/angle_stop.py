@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 
 class Stop(BaseStop):
-    """A unilateral constraint on a relative angle: gap = sense * (angle - angle of the other) - limit >= 0.
+    """A unilateral constraint on a relative angle.
+
+    Its gap is sense * (angle - angle of the other) - limit >= 0.
 
     Its torque is the generalised force conjugate to the gap: >= 0 while it pushes, 0 when open.
     """

@@ -55,7 +55,7 @@ class Feature(StrEnum):
 
 
 class Geometry(Protocol):
-    """Points and angles of bodies as functions of the coordinates (:class:`..kinematics.Kinematics`)."""
+    """Points and angles of bodies as functions of q (:class:`..kinematics.Kinematics`)."""
 
     def point(self, body: str, point: Vector) -> PointCoefficients:
         """Coefficients of a body's point."""
@@ -93,7 +93,7 @@ class Geometry(Protocol):
 
 
 Direction = Any
-"""What a force element acts along: :class:`PointCoefficients` or an :class:`AngleFunction`."""
+"""Direction of a force element: :class:`PointCoefficients` or an :class:`AngleFunction`."""
 
 
 def refuse_other_lengths(what: str, direction: Vector) -> None:
@@ -223,7 +223,7 @@ class BaseForceElement(Spec):
     feature: ClassVar[Feature]
     """Feature that a solver needs for it."""
     acts_along: ClassVar[Literal["vector", "angle", "point"]]
-    """What its direction is; generalized forces are summed in this order, which fixes rounding."""
+    """Kind of its direction; generalized forces are summed in this order, which fixes rounding."""
     name: Name
     body: Name
 
@@ -245,7 +245,7 @@ class BaseForceElement(Spec):
 
     @property
     def ends(self) -> tuple[tuple[str, Vector], ...]:
-        """Bodies and their points that it connects; none where it connects angles or acts on one."""
+        """Bodies and points at the two ends of a spring; none of other elements."""
         return ()
 
     @property
@@ -256,10 +256,10 @@ class BaseForceElement(Spec):
     def refuse_start(
         self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]
     ) -> None:
-        """Raise ValueError if its force is not defined at the start; arguments as in `component`."""
+        """Raise ValueError if its force is undefined at the start; arguments as in `component`."""
 
     def direction(self, geometry: Geometry) -> Direction:
-        """What it acts along."""
+        """Vector, angle or point that it acts along."""
         raise NotImplementedError(type(self).__name__)
 
     def generalized(

@@ -38,6 +38,6 @@ class CubicTorsionSpring(TorqueElement):
     def potential_energy(
         self, geometry: Geometry, direction: AngleFunction, q: FloatArray
     ) -> FloatArray:
-        """k (b - b0)^2 / 2 + k3 (b - b0)^4 / 4 [J]."""
+        """Energy k (b - b0)^2 / 2 + k3 (b - b0)^4 / 4 [J]."""
         squared = (direction.value(q) - self.rest_angle) ** 2
         return 0.5 * self.stiffness * squared + 0.25 * self.cubic_stiffness * squared * squared

@@ -11,7 +11,7 @@ from .base import GROUND, BaseJoint, Basic, Feature
 
 
 class FreeJoint(BaseJoint):
-    """No constraint: the coordinates of a body that nothing holds, the world position of one of its points."""
+    """No constraint; the coordinates of a body are the world position of one of its points."""
 
     kind: Literal["free"] = "free"
     parent: Name = Field(default=GROUND, description="the ground")
@@ -29,7 +29,8 @@ class FreeJoint(BaseJoint):
     def _moves_in_the_world(self) -> Self:
         if self.parent != GROUND:
             raise ValueError(
-                f"parent of {self.name!r} is {self.parent!r}; a free joint has the ground as its parent"
+                f"parent of {self.name!r} is {self.parent!r}; "
+                "a free joint has the ground as its parent"
             )
         return self
 

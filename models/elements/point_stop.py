@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
 
 class PointStop(BaseStop):
-    """A unilateral constraint on where a point may be: gap = normal . position - offset >= 0, a half-plane.
+    """A unilateral constraint that keeps a point in a half-plane.
+
+    Its gap is normal . position - offset >= 0.
 
     A trough, a floor, a wall without friction; or the straight side of another body, in whose frame
     position, normal and offset then are. Its force is along the normal: >= 0 while it pushes, 0

@@ -11,7 +11,7 @@ from .base import Basic, Feature, SlidingJoint
 
 
 class PrismaticJoint(SlidingJoint):
-    """A body slides along a straight line of another one, or of the ground, without turning relative to it."""
+    """A body slides along a straight line of another one, or of the ground, without turning."""
 
     holds_angle: ClassVar[bool] = True
 

@@ -42,7 +42,7 @@ class RotationalSpringDamper(TorqueElement):
     def potential_energy(
         self, geometry: Geometry, direction: AngleFunction, q: FloatArray
     ) -> FloatArray:
-        """k (b - b0)^2 / 2 [J]."""
+        """Energy k (b - b0)^2 / 2 [J]."""
         return 0.5 * self.stiffness * (direction.value(q) - self.rest_angle) ** 2
 
     def power(

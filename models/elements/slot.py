@@ -8,7 +8,7 @@ from .base import GROUND, Basic, Feature, SlidingJoint
 
 
 class SlotJoint(SlidingJoint):
-    """A point of a body slides along a straight slot in another body or in the ground (pin in slot)."""
+    """A point of a body slides along a straight slot in another body or in the ground."""
 
     kind: Literal["pin-in-slot"] = "pin-in-slot"
 

@@ -102,7 +102,7 @@ class SpringDamper(TwoBodyForceElement):
     def potential_energy(
         self, geometry: Geometry, direction: PointCoefficients, q: FloatArray
     ) -> FloatArray:
-        """k (l - l0)^2 / 2 [J]."""
+        """Energy k (l - l0)^2 / 2 [J]."""
         stretch = np.abs(geometry.vector(direction, q)) - self.rest_length
         return 0.5 * self.stiffness * stretch**2
 

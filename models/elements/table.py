@@ -14,7 +14,7 @@ CONSUMERS: list[ElementTable[object]] = []
 
 
 class ElementTable(Generic[T]):
-    """What a consumer does with each class of element; a class that it does not know is refused.
+    """Handlers of one consumer by class of element; a class that it does not know is refused.
 
     A table states for every class of its group either what it does (`handlers`) or why it does not
     (`refused`); `tests/unit/test_elements.py` finds the classes that are in neither.

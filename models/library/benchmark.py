@@ -1,4 +1,4 @@
-"""A benchmark problem: a mechanism from parameters, a duration, a stop law, a source, and what is known of it."""
+"""Benchmark problems, and how their figures are read from a motion."""
 
 from __future__ import annotations
 
@@ -43,19 +43,32 @@ class Figure:
     value: float
     unit: str
     tolerance: float
-    """What the reference is held to, in the unit: the digits that are published, or those that can be computed."""
+    """Tolerance of the reference, in the unit: the digits that are published or computable."""
     read: Callable[[Motion], float]
     basis: Literal["closed form", "quadrature", "published"] = "closed form"
 
 
 @dataclass(frozen=True)
 class Condition:
-    """When the source takes a solution as correct: an error, and the largest that is allowed."""
+    """Criterion by which the source takes a solution as correct: an error and its limit."""
 
     text: str
     limit: float
     unit: str
     error: Callable[[Motion], float]
+
+
+class BenchmarkParameters(Spec):
+    """Base of the parameters of benchmark problems.
+
+    Raises:
+        InputError: a value is not finite or outside its range.
+    """
+
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        raise NotImplementedError(type(self).__name__)
 
 
 @dataclass(frozen=True)
@@ -67,23 +80,21 @@ class Benchmark:
     tags: tuple[str, ...]
     text: str
     source: str
-    parameters: type[Spec]
+    parameters: type[BenchmarkParameters]
     build: Callable[[Any], Mechanism]
     """The mechanism, of parameters of that type; it has the benchmark's name."""
-    duration: Callable[[Any], float]
-    """Of parameters, how long the motion is followed [s]."""
     figures: Callable[[Any], tuple[Figure, ...]] = lambda parameters: ()
     conditions: Callable[[Any], tuple[Condition, ...]] = lambda parameters: ()
     stop_law: StopLaw = StopLaw.RELEASE_ONCE
 
-    def problem(self, parameters: Spec | None = None) -> Problem:
+    def problem(self, parameters: BenchmarkParameters | None = None) -> Problem:
         """The run that the benchmark asks for.
 
         Args:
             parameters: of the benchmark's own type; the published ones where left out.
         """
         given = parameters or self.parameters()
-        return Problem(self.build(given), duration=self.duration(given), stop_law=self.stop_law)
+        return Problem(self.build(given), duration=given.duration, stop_law=self.stop_law)
 
 
 _GRID = 500  # samples among which sign changes are looked for
@@ -93,7 +104,7 @@ _SAMPLES = 400  # at which a motion is compared with a closed form
 
 
 Quantity = Callable[[Trajectory], FloatArray]
-"""Of a trajectory of n samples, shape (n,)."""
+"""Values of a trajectory's n samples, shape (n,)."""
 
 
 def coordinate(name: str) -> Quantity:
@@ -119,7 +130,7 @@ def at(quantity: Quantity, t: float) -> Callable[[Motion], float]:
 def crossing(
     motion: Motion, quantity: Quantity, level: float, until: float, count: int = 1
 ) -> float:
-    """When a quantity passes a level for the n-th time [s].
+    """Time at which a quantity passes a level for the n-th time [s].
 
     Raises:
         SimulationError: it does not by `until` [s].
@@ -133,19 +144,20 @@ def crossing(
     changes = np.flatnonzero((values[:-1] * values[1:] < 0) | (values[1:] == 0))
     if len(changes) < count:
         raise SimulationError(
-            f"a level of {level:.6g} is passed {len(changes)} times by t = {until:.6g} s, not {count}."
+            f"a level of {level:.6g} is passed {len(changes)} times by t = {until:.6g} s, "
+            f"not {count}."
         )
     i = int(changes[count - 1])
     return float(brentq(distance, times[i], times[i + 1], xtol=1e-15, rtol=1e-15))
 
 
 def passage(quantity: Quantity, level: float, until: float) -> Callable[[Motion], float]:
-    """When a quantity first passes a level [s]."""
+    """Time at which a quantity first passes a level [s]."""
     return lambda motion: crossing(motion, quantity, level, until)
 
 
 def period(quantity: Quantity, level: float, until: float) -> Callable[[Motion], float]:
-    """Time between a quantity's first and third passage of a level [s]: a period of an oscillation about it."""
+    """Period of an oscillation about a level [s], from the first and third passage."""
     return lambda motion: (
         crossing(motion, quantity, level, until, 3) - crossing(motion, quantity, level, until)
     )
@@ -177,10 +189,27 @@ def energy_error(until: float) -> Callable[[Motion], float]:
     return read
 
 
+def path_figure(
+    name: str,
+    unit: str,
+    tolerance: float,
+    quantity: Quantity,
+    exact: Callable[[FloatArray], FloatArray],
+    until: float,
+) -> Figure:
+    """The largest error of a quantity as a figure; arguments as in :func:`largest_error`."""
+    return Figure(name, 0.0, unit, tolerance, largest_error(quantity, exact, until))
+
+
+def energy_figure(tolerance: float, until: float) -> Figure:
+    """The energy error of a conservative motion over [0, until] s as a figure."""
+    return Figure("largest change of the energy", 0.0, "J", tolerance, energy_error(until))
+
+
 def suite_condition(
     name: str, length: float, angle: Callable[[FloatArray], FloatArray], until: float, samples: int
 ) -> Condition:
-    """When the MBS benchmark suite takes a motion as of high precision: a marker's relative position error.
+    """Criterion of the MBS benchmark suite for high precision: a marker's position error.
 
     It is the root mean square over the samples and components, each divided by its exact value, or
     by 1 mm where that is larger.

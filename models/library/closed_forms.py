@@ -17,7 +17,7 @@ from scipy.integrate import quad
 from scipy.special import ellipj, ellipkm1
 
 from ..arrays import FloatArray
-from .benchmark import Figure, coordinate, largest_error, period
+from .benchmark import Figure, coordinate, path_figure, period
 
 LOWEST = math.pi / 2  # [rad] angle of a link that hangs straight down
 
@@ -33,7 +33,7 @@ def swing_period(omega: float, amplitude: float) -> float:
 
 
 def swing(omega: float, amplitude: float, t: FloatArray) -> FloatArray:
-    """Angle from the lowest position at times t [s] of a pendulum let go at `amplitude` [rad], shape (n,)."""
+    """Angle from the lowest position at times t [s], let go at `amplitude` [rad], shape (n,)."""
     modulus = math.sin(amplitude / 2)
     _, cn, dn, _ = ellipj(omega * t, modulus**2)
     return np.asarray(2.0 * np.arcsin(np.clip(modulus * cn / dn, -1.0, 1.0)), dtype=np.float64)
@@ -51,7 +51,7 @@ def turn_period(omega: float, top_speed: float) -> float:
 
 
 def turn(omega: float, top_speed: float, t: FloatArray) -> FloatArray:
-    """Angle turned since the highest position at times t [s] of a pendulum that goes over the top, shape (n,)."""
+    """Angle since the highest position at times t [s] of a turning pendulum, shape (n,)."""
     bottom = math.sqrt(top_speed**2 + 4.0 * omega**2)
     half = turn_period(omega, top_speed) / 2.0
     # From the lowest position it is 2 am(bottom t / 2); the quarter period of am is half a turn.
@@ -66,7 +66,7 @@ class Swing:
     angle: str
     """Name of the coordinate."""
     omega: float
-    """Of small swings [rad/s]."""
+    """Frequency of small swings [rad/s]."""
     amplitude: float
     """From the lowest position [rad]."""
     lowest: float = LOWEST
@@ -88,12 +88,8 @@ class Swing:
         quantity = coordinate(self.angle)
         return (
             Figure("period", self.period, "s", time_tolerance, period(quantity, self.lowest, end)),
-            Figure(
-                "largest error of the angle",
-                0.0,
-                "rad",
-                angle_tolerance,
-                largest_error(quantity, self.at, end),
+            path_figure(
+                "largest error of the angle", "rad", angle_tolerance, quantity, self.at, end
             ),
         )
 

@@ -1,4 +1,4 @@
-"""Problems with stops that close again: bouncing, rest after a finite time, impacts between bodies."""
+"""Problems with stops that close again: bouncing, rest after a finite time, impacts."""
 
 from __future__ import annotations
 
@@ -11,20 +11,18 @@ from pydantic import Field
 from ..elements import FreeJoint, PointStop, SlotJoint, Stop
 from ..mechanism import Body, Marker, Mechanism
 from ..problem import StopLaw
-from ..spec import Positive, Real, Spec
-from .benchmark import Benchmark, Figure, Motion, at, energy_error, speed
+from ..spec import Positive, Real
+from .benchmark import Benchmark, BenchmarkParameters, Figure, Motion, at, energy_figure, speed
 from .pendulums import pin_links, rods
 
-_ZENO = "B. Brogliato, Nonsmooth Mechanics (3rd ed., 2016), Ch. 1: infinitely many impacts by a finite time"
+_ZENO = (
+    "B. Brogliato, Nonsmooth Mechanics (3rd ed., 2016), Ch. 1: "
+    "infinitely many impacts by a finite time"
+)
 
 
-class BouncingParameters(Spec):
-    """A body that falls on a level floor from rest.
-
-    Raises:
-        InputError: a mass, height or gravity is not positive and finite, or the restitution is not
-            from 0 to 1.
-    """
+class BouncingParameters(BenchmarkParameters):
+    """A body that falls on a level floor from rest."""
 
     mass: Positive = Field(default=2.0, description="[kg]")
     height: Positive = Field(default=1.0, description="of the fall [m]")
@@ -40,18 +38,18 @@ class BouncingParameters(Spec):
 
     @property
     def rest_time(self) -> float:
-        """When it has ceased to bounce [s]; infinite without loss."""
+        """Time at which it has ceased to bounce [s]; infinite without loss."""
         e = self.restitution
         return self.speed / self.g * (1 + e) / (1 - e) if e < 1 else math.inf
 
+    @property
+    def duration(self) -> float:
+        """Past the rest; ten rebounds without loss."""
+        return 1.25 * self.rest_time if self.restitution < 1 else 20.5 * self.speed / self.g
 
-class StoppedPendulumParameters(Spec):
-    """Two equal uniform rods, the upper between two stops on either side of the vertical, let go from rest.
 
-    Raises:
-        InputError: a length, mass or gravity is not positive and finite, or an angle or the
-            restitution out of range.
-    """
+class StoppedPendulumParameters(BenchmarkParameters):
+    """Two equal uniform rods, the upper between two stops beside the vertical, let go from rest."""
 
     length: Positive = Field(default=1.0, description="of each rod [m]")
     mass: Positive = Field(default=1.0, description="of each rod [kg]")
@@ -64,14 +62,14 @@ class StoppedPendulumParameters(Spec):
     )
     restitution: Real = Field(default=0.7, gt=0, le=1, description="of both stops")
 
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        return round(9.0 * math.sqrt(self.length / self.g), 2)
 
-class FallingRodParameters(Spec):
-    """A uniform rod that falls, slanting and without spin, on a smooth level floor.
 
-    Raises:
-        InputError: a length, mass, height or gravity is not positive and finite, or the slope or
-            the restitution is out of range.
-    """
+class FallingRodParameters(BenchmarkParameters):
+    """A uniform rod that falls, slanting and without spin, on a smooth level floor."""
 
     length: Positive = Field(default=1.0, description="of the rod [m]")
     mass: Positive = Field(default=2.0, description="[kg]")
@@ -89,8 +87,13 @@ class FallingRodParameters(Spec):
 
     @property
     def impulse(self) -> float:
-        """Of the first impact [N s]: the end gives way as a mass of m / (1 + 3 cos^2) would."""
+        """Impulse of the first impact [N s]: the end acts as a mass of m / (1 + 3 cos^2)."""
         return (1 + self.restitution) * self.mass * self.speed / (1 + 3 * math.cos(self.slope) ** 2)
+
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        return 1.5 * self.speed / self.g
 
 
 def _bouncing(p: BouncingParameters) -> Mechanism:
@@ -109,18 +112,21 @@ def _bouncing(p: BouncingParameters) -> Mechanism:
     return Mechanism(
         name="bouncing",
         bodies=(ball,),
-        joints=(SlotJoint(name="line", child="ball", parent_point=(0, 0), child_point=(0, 0), axis=(0, 1),
-                          coordinate="height"),),
+        joints=(
+            SlotJoint(
+                name="line",
+                child="ball",
+                parent_point=(0, 0),
+                child_point=(0, 0),
+                axis=(0, 1),
+                coordinate="height",
+            ),
+        ),
         stops=(floor,),
         markers=(Marker(name="ball", body="ball", point=(0, 0)),),
         gravity=p.g,
         start=(0.0, p.height),
-    )  # fmt: skip
-
-
-def _bouncing_duration(p: BouncingParameters) -> float:
-    """Past the rest; ten rebounds without loss."""
-    return 1.25 * p.rest_time if p.restitution < 1 else 20.5 * p.speed / p.g
+    )
 
 
 def _bouncing_figures(p: BouncingParameters) -> tuple[Figure, ...]:
@@ -128,11 +134,11 @@ def _bouncing_figures(p: BouncingParameters) -> tuple[Figure, ...]:
     common = _first_impact("floor", fall, (1 + p.restitution) * p.mass * p.speed)
     if p.restitution == 1:
         tenth = 19 * fall
-        end, energy = _bouncing_duration(p), p.mass * p.g * p.height
+        end, energy = p.duration, p.mass * p.g * p.height
         return (
             *common,
             Figure("tenth impact", tenth, "s", 1e-11 * tenth, lambda motion: motion.impacts[9][0]),
-            Figure("largest change of the energy", 0.0, "J", 1e-11 * energy, energy_error(end)),
+            energy_figure(1e-11 * energy, end),
         )
     rest = Figure(
         "rest",
@@ -187,7 +193,7 @@ def _stopped_pendulum(p: StoppedPendulumParameters) -> Mechanism:
 
 
 def _energy_balance(p: StoppedPendulumParameters, end: float) -> Callable[[Motion], float]:
-    """Largest difference of the energy from its start less what impacts took: half of P (v- + v+) each."""
+    """Largest energy error, with the loss of impacts added: half of P (v- + v+) each."""
 
     def read(motion: Motion) -> float:
         times = np.linspace(0.0, end, 400)
@@ -204,12 +210,8 @@ def _energy_balance(p: StoppedPendulumParameters, end: float) -> Callable[[Motio
 
 def _stopped_figures(p: StoppedPendulumParameters) -> tuple[Figure, ...]:
     scale = 4 * p.mass * p.g * p.length
-    balance = _energy_balance(p, _stopped_duration(p))
+    balance = _energy_balance(p, p.duration)
     return (Figure("energy less that of the impacts", 0.0, "J", 1e-11 * scale, balance),)
-
-
-def _stopped_duration(p: StoppedPendulumParameters) -> float:
-    return round(9.0 * math.sqrt(p.length / p.g), 2)
 
 
 def _falling_rod(p: FallingRodParameters) -> Mechanism:
@@ -257,10 +259,6 @@ def _falling_rod_figures(p: FallingRodParameters) -> tuple[Figure, ...]:
     )
 
 
-def _falling_rod_duration(p: FallingRodParameters) -> float:
-    return 1.5 * p.speed / p.g
-
-
 BOUNCING = Benchmark(
     number="D01",
     name="bouncing",
@@ -269,7 +267,6 @@ BOUNCING = Benchmark(
     source=_ZENO,
     parameters=BouncingParameters,
     build=_bouncing,
-    duration=_bouncing_duration,
     figures=_bouncing_figures,
     stop_law=StopLaw.UNILATERAL,
 )
@@ -281,7 +278,6 @@ STOPPED_PENDULUM = Benchmark(
     source="energy lost in an impact: W. Thomson, P. G. Tait, Natural Philosophy (1879), Sec. 308",
     parameters=StoppedPendulumParameters,
     build=_stopped_pendulum,
-    duration=_stopped_duration,
     figures=_stopped_figures,
     stop_law=StopLaw.UNILATERAL,
 )
@@ -293,7 +289,6 @@ FALLING_ROD = Benchmark(
     source="W. Goldsmith, Impact (1960), Ch. II: Newton's law of impact for a rigid rod",
     parameters=FallingRodParameters,
     build=_falling_rod,
-    duration=_falling_rod_duration,
     figures=_falling_rod_figures,
     stop_law=StopLaw.UNILATERAL,
 )

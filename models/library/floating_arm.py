@@ -20,7 +20,7 @@ DROP, TRACK = "drop", "track"
 
 
 class FloatingArmParameters(Spec):
-    """Lengths [m], masses [kg], gravity [m/s^2] and start angles [rad] of the floating arm trebuchet.
+    """Lengths [m], masses [kg], gravity [m/s^2] and start angles [rad] of a floating arm.
 
     Masses and lengths are Table I's; the wheel stands where the fulcrum of the others is.
 

@@ -8,31 +8,28 @@ import math
 import numpy as np
 from pydantic import Field
 
+from ..arrays import FloatArray
 from ..elements import GROUND, ConstantForce, FreeJoint, SlotJoint, SpringDamper, WeldJoint
 from ..mechanism import Body, Marker, Mechanism
-from ..spec import Positive, Real, Spec, Vector
+from ..spec import Positive, Real, Vector
 from .benchmark import (
     Benchmark,
+    BenchmarkParameters,
     Figure,
     at,
     coordinate,
-    energy_error,
-    largest_error,
+    energy_figure,
     marker,
     passage,
+    path_figure,
     speed,
 )
 from .closed_forms import Swing, time_between
 from .parts import block, disc, pin, rail, rod
 
 
-class WeldedRodsParameters(Spec):
-    """A pendulum of two equal uniform rods that are welded together at an angle, let go from rest.
-
-    Raises:
-        InputError: a length, mass or gravity is not positive and finite, or an angle is not in
-            range.
-    """
+class WeldedRodsParameters(BenchmarkParameters):
+    """A pendulum of two equal rods that are welded together at an angle, let go from rest."""
 
     length: Positive = Field(default=0.8, description="of each rod [m]")
     mass: Positive = Field(default=1.5, description="of each rod [kg]")
@@ -46,7 +43,7 @@ class WeldedRodsParameters(Spec):
 
     @property
     def centre(self) -> complex:
-        """Of mass, in the first rod's frame, x + i y [m]."""
+        """Centre of mass in the first rod's frame, x + i y [m]."""
         return self.length * (1.5 + 0.5 * cmath.exp(-1j * self.bend)) / 2
 
     @property
@@ -62,13 +59,14 @@ class WeldedRodsParameters(Spec):
         omega = math.sqrt(2 * self.mass * self.g * abs(self.centre) / inertia)
         return Swing("a", omega, self.amplitude, self.lowest)
 
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        return 2.5 * self.swing.period
 
-class InclineParameters(Spec):
-    """A block on a smooth level rail under gravity in a slanting direction, with a start speed.
 
-    Raises:
-        InputError: a mass or gravity is not positive and finite, or the slope is not in range.
-    """
+class InclineParameters(BenchmarkParameters):
+    """A block on a smooth level rail under gravity in a slanting direction, with a start speed."""
 
     mass: Positive = Field(default=4.0, description="[kg]")
     slope: Real = Field(
@@ -77,14 +75,14 @@ class InclineParameters(Spec):
     g: Positive = Field(default=9.81, description="gravity [m/s^2]")
     speed: Real = Field(default=-2.0, description="at the start [m/s]")
 
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        return 3.0
 
-class BeadParameters(Spec):
-    """A bead that slides without friction on a rotating arm, without gravity.
 
-    Raises:
-        InputError: a mass, inertia, distance or speed is not positive and finite, or the end is not
-            beyond the start.
-    """
+class BeadParameters(BenchmarkParameters):
+    """A bead that slides without friction on a rotating arm, without gravity."""
 
     mass: Positive = Field(default=0.5, description="of the bead [kg]")
     inertia: Positive = Field(default=0.1, description="of the arm about its pivot [kg m^2]")
@@ -100,7 +98,7 @@ class BeadParameters(Spec):
 
     @property
     def passage(self) -> float:
-        """When the bead passes the end [s]."""
+        """Time at which the bead passes the end [s]."""
         return time_between(
             self.start, self.end, self.speed, lambda r: self.mass, self.effective_potential
         )
@@ -109,13 +107,14 @@ class BeadParameters(Spec):
         """Energy of the turning at a distance [m] of the bead [J]."""
         return self.momentum**2 / (2 * (self.inertia + self.mass * r**2))
 
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        return 1.2 * self.passage
 
-class QuickReturnParameters(Spec):
-    """A crank whose pin runs in the slot of an arm that is pivoted below it: forth slowly, back quickly.
 
-    Raises:
-        InputError: a length, mass, speed or gravity is not positive and finite.
-    """
+class QuickReturnParameters(BenchmarkParameters):
+    """A crank whose pin runs in the slot of an arm that is pivoted below it."""
 
     crank: Positive = Field(default=0.2, description="from its pivot to its pin [m]")
     distance: Positive = Field(
@@ -129,7 +128,7 @@ class QuickReturnParameters(Spec):
 
     @property
     def turn_time(self) -> float:
-        """Of the crank's first turn [s]; it does not turn back."""
+        """Time of the crank's first turn [s]; it does not turn back."""
         return time_between(0.0, 2 * math.pi, self.speed, self.inertia, self.potential)
 
     def arm_angle(self, a: float) -> tuple[float, float]:
@@ -149,6 +148,11 @@ class QuickReturnParameters(Spec):
         """Energy of crank and arm [J]."""
         arm = self.m_arm * self.arm * math.sin(self.arm_angle(a)[0])
         return -self.g / 2 * (self.m_crank * self.crank * math.sin(a) + arm)
+
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        return 1.5 * self.turn_time
 
 
 def _welded_rods(p: WeldedRodsParameters) -> Mechanism:
@@ -171,11 +175,7 @@ def _welded_rods(p: WeldedRodsParameters) -> Mechanism:
 
 
 def _welded_figures(p: WeldedRodsParameters) -> tuple[Figure, ...]:
-    return p.swing.figures(_welded_duration(p), 1e-11 * p.swing.period, 1e-10)
-
-
-def _welded_duration(p: WeldedRodsParameters) -> float:
-    return 2.5 * p.swing.period
+    return p.swing.figures(p.duration, 1e-11 * p.swing.period, 1e-10)
 
 
 def _incline(p: InclineParameters) -> Mechanism:
@@ -192,17 +192,18 @@ def _incline(p: InclineParameters) -> Mechanism:
 
 
 def _incline_figures(p: InclineParameters) -> tuple[Figure, ...]:
-    end, along = _INCLINE_DURATION, p.g * math.sin(p.slope)
+    end, along = p.duration, p.g * math.sin(p.slope)
     final = p.speed * end + along * end**2 / 2
     reach = abs(p.speed) * end + abs(along) * end**2
-    path = largest_error(coordinate("x"), lambda t: p.speed * t + along * t**2 / 2, end)
+    x, tolerance = coordinate("x"), 1e-12 * reach
+
+    def path(t: FloatArray) -> FloatArray:
+        return p.speed * t + along * t**2 / 2
+
     return (
-        Figure("position at the end", final, "m", 1e-12 * reach, at(coordinate("x"), end)),
-        Figure("largest error of the position", 0.0, "m", 1e-12 * reach, path),
+        Figure("position at the end", final, "m", tolerance, at(x, end)),
+        path_figure("largest error of the position", "m", tolerance, x, path, end),
     )
-
-
-_INCLINE_DURATION = 3.0  # [s]
 
 
 def _bead(p: BeadParameters) -> Mechanism:
@@ -219,7 +220,7 @@ def _bead(p: BeadParameters) -> Mechanism:
 
 
 def _bead_figures(p: BeadParameters) -> tuple[Figure, ...]:
-    end, r, exact = _bead_duration(p), coordinate("r"), p.passage
+    end, r, exact = p.duration, coordinate("r"), p.passage
     turning = p.momentum / (p.inertia + p.mass * p.end**2)
     return (
         Figure(
@@ -233,10 +234,6 @@ def _bead_figures(p: BeadParameters) -> tuple[Figure, ...]:
             at(speed("a"), exact),
         ),
     )
-
-
-def _bead_duration(p: BeadParameters) -> float:
-    return 1.2 * p.passage
 
 
 def _quick_return(p: QuickReturnParameters) -> Mechanism:
@@ -265,20 +262,14 @@ def _quick_return(p: QuickReturnParameters) -> Mechanism:
 
 
 def _quick_return_figures(p: QuickReturnParameters) -> tuple[Figure, ...]:
-    end, a = _quick_return_duration(p), coordinate("a")
+    end, a = p.duration, coordinate("a")
     half = time_between(0.0, math.pi, p.speed, p.inertia, p.potential)
     turn, scale = p.turn_time, p.inertia(0.0) * p.speed**2
     return (
         Figure("time of a turn", turn, "s", 1e-11, passage(a, 2 * math.pi, end), "quadrature"),
         Figure("time of the first half", half, "s", 1e-11, passage(a, math.pi, end), "quadrature"),
-        Figure(
-            "largest change of the energy", 0.0, "J", 1e-11 * max(1.0, scale), energy_error(end)
-        ),
+        energy_figure(1e-11 * max(1.0, scale), end),
     )
-
-
-def _quick_return_duration(p: QuickReturnParameters) -> float:
-    return 1.5 * p.turn_time
 
 
 WELDED_RODS = Benchmark(
@@ -289,7 +280,6 @@ WELDED_RODS = Benchmark(
     source="moves as a pendulum: E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. IV",
     parameters=WeldedRodsParameters,
     build=_welded_rods,
-    duration=_welded_duration,
     figures=_welded_figures,
 )
 
@@ -302,7 +292,6 @@ INCLINE = Benchmark(
     source="G. Galilei, Discorsi (1638): constant acceleration",
     parameters=InclineParameters,
     build=_incline,
-    duration=lambda p: _INCLINE_DURATION,
     figures=_incline_figures,
 )
 
@@ -312,10 +301,10 @@ BEAD = Benchmark(
     name="bead",
     tags=("tree", "prismatic", "quadrature"),
     text="bead that slides outwards on a rotating arm",
-    source="angular momentum and energy are conserved; E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. III",
+    source="angular momentum and energy are conserved; "
+    "E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. III",
     parameters=BeadParameters,
     build=_bead,
-    duration=_bead_duration,
     figures=_bead_figures,
 )
 
@@ -325,10 +314,10 @@ QUICK_RETURN = Benchmark(
     name="quick-return",
     tags=("loop", "slot", "quadrature"),
     text="crank whose pin runs in the slot of a swinging arm",
-    source="time of a turn by quadrature: E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. III",
+    source="time of a turn by quadrature: "
+    "E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. III",
     parameters=QuickReturnParameters,
     build=_quick_return,
-    duration=_quick_return_duration,
     figures=_quick_return_figures,
 )
 
@@ -339,13 +328,8 @@ ELEMENTS = (QUICK_RETURN, WELDED_RODS, INCLINE, BEAD)
 _SPAN = 10.0  # periods of an oscillation
 
 
-class ThrownPlateParameters(Spec):
-    """A free body thrown with spin under gravity and a constant force at its centre of mass.
-
-    Raises:
-        InputError: a mass, inertia or gravity is not positive and finite, or another value is not
-            finite.
-    """
+class ThrownPlateParameters(BenchmarkParameters):
+    """A free body thrown with spin under gravity and a constant force at its centre of mass."""
 
     mass: Positive = Field(default=3.0, description="[kg]")
     inertia: Positive = Field(default=0.2, description="[kg m^2]")
@@ -360,13 +344,14 @@ class ThrownPlateParameters(Spec):
     )
     spin: Real = Field(default=7.0, description="clockwise [rad/s]")
 
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        return 2.0
 
-class SpringPendulumParameters(Spec):
-    """A point mass in the plane on a spring whose length without load is zero, pushed from its rest.
 
-    Raises:
-        InputError: a mass, stiffness or gravity is not positive and finite.
-    """
+class SpringPendulumParameters(BenchmarkParameters):
+    """A point mass in the plane on a spring without rest length, pushed from its equilibrium."""
 
     mass: Positive = Field(default=1.0, description="[kg]")
     stiffness: Positive = Field(default=20.0, description="[N/m]")
@@ -376,8 +361,13 @@ class SpringPendulumParameters(Spec):
 
     @property
     def omega(self) -> float:
-        """Of the oscillation, the same in all directions [rad/s]."""
+        """Frequency of the oscillation, the same in all directions [rad/s]."""
         return math.sqrt(self.stiffness / self.mass)
+
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        return _SPAN * 2 * math.pi / self.omega
 
 
 _CENTRE: Vector = (0.3, -0.1)
@@ -408,16 +398,14 @@ def _thrown_figures(p: ThrownPlateParameters) -> tuple[Figure, ...]:
     pull = p.force_x / p.mass, p.force_y / p.mass - p.g
 
     def path(axis: int, start: float, rate: float, name: str) -> Figure:
-        read = largest_error(
-            marker("centre", axis),
-            lambda t: start + rate * t + pull[axis] * t**2 / 2,
-            _THROWN_DURATION,
-        )
-        return Figure(
-            f"largest error of the centre's {name}", 0.0, "m", 1e-11 * max(1.0, abs(rate)), read
-        )
+        def exact(t: FloatArray) -> FloatArray:
+            return start + rate * t + pull[axis] * t**2 / 2
 
-    turned = p.spin * _THROWN_DURATION
+        tolerance = 1e-11 * max(1.0, abs(rate))
+        name = f"largest error of the centre's {name}"
+        return path_figure(name, "m", tolerance, marker("centre", axis), exact, p.duration)
+
+    turned = p.spin * p.duration
     return (
         path(0, _CENTRE[0], p.speed_x, "x"),
         path(1, _CENTRE[1], p.speed_y, "y"),
@@ -426,12 +414,9 @@ def _thrown_figures(p: ThrownPlateParameters) -> tuple[Figure, ...]:
             turned,
             "rad",
             1e-11 * max(1.0, abs(turned)),
-            at(coordinate("a"), _THROWN_DURATION),
+            at(coordinate("a"), p.duration),
         ),
     )
-
-
-_THROWN_DURATION = 2.0  # [s]
 
 
 def _spring_pendulum(p: SpringPendulumParameters) -> Mechanism:
@@ -451,18 +436,20 @@ def _spring_pendulum(p: SpringPendulumParameters) -> Mechanism:
 
 
 def _spring_pendulum_figures(p: SpringPendulumParameters) -> tuple[Figure, ...]:
-    end, rest, w = _spring_pendulum_duration(p), -p.mass * p.g / p.stiffness, p.omega
+    end, rest, w = p.duration, -p.mass * p.g / p.stiffness, p.omega
     size = max(1.0, abs(p.aside), abs(p.speed_y) / w)
-    x = largest_error(coordinate("x"), lambda t: p.aside * np.cos(w * t), end)
-    y = largest_error(coordinate("y"), lambda t: rest + p.speed_y / w * np.sin(w * t), end)
+    tolerance = 1e-11 * size
+
+    def x(t: FloatArray) -> FloatArray:
+        return p.aside * np.cos(w * t)
+
+    def y(t: FloatArray) -> FloatArray:
+        return rest + p.speed_y / w * np.sin(w * t)
+
     return (
-        Figure("largest error of x", 0.0, "m", 1e-11 * size, x),
-        Figure("largest error of y", 0.0, "m", 1e-11 * size, y),
+        path_figure("largest error of x", "m", tolerance, coordinate("x"), x, end),
+        path_figure("largest error of y", "m", tolerance, coordinate("y"), y, end),
     )
-
-
-def _spring_pendulum_duration(p: SpringPendulumParameters) -> float:
-    return _SPAN * 2 * math.pi / p.omega
 
 
 THROWN_PLATE = Benchmark(
@@ -473,7 +460,6 @@ THROWN_PLATE = Benchmark(
     source="G. Galilei, Discorsi (1638): the centre of mass moves on a parabola",
     parameters=ThrownPlateParameters,
     build=_thrown_plate,
-    duration=lambda p: _THROWN_DURATION,
     figures=_thrown_figures,
 )
 
@@ -486,7 +472,6 @@ SPRING_PENDULUM = Benchmark(
     source="I. Newton, Principia (1687), Book I, Prop. X: a force in proportion to the distance",
     parameters=SpringPendulumParameters,
     build=_spring_pendulum,
-    duration=_spring_pendulum_duration,
     figures=_spring_pendulum_figures,
 )
 

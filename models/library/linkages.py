@@ -1,4 +1,4 @@
-"""Linkages of one degree of freedom: loops of pins and slots, some of them redundant or with singular positions."""
+"""Linkages of one degree of freedom: loops of pins and slots, some redundant or singular."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from pydantic import Field, model_validator
 from ..arrays import FloatArray
 from ..elements import GROUND, SlotJoint
 from ..mechanism import Body, Marker, Mechanism
-from ..spec import Positive, Real, Spec
+from ..spec import Positive, Real
 from .benchmark import (
     Benchmark,
+    BenchmarkParameters,
     Condition,
     Figure,
     at,
     coordinate,
-    energy_error,
-    largest_error,
+    energy_figure,
     passage,
+    path_figure,
     period,
     suite_condition,
 )
@@ -36,13 +37,8 @@ _UPRIGHT_SHARE = (
 _SUITE = "M. Gonzalez et al., MBS benchmark library (Univ. of A Coruna, 2005)"
 
 
-class FourBarParameters(Spec):
-    """N windows of equal uniform links: N + 1 upright cranks and N level couplers.
-
-    Raises:
-        InputError: a length, mass, speed or gravity is not positive and finite, or N is not an
-            integer from 1 to 100.
-    """
+class FourBarParameters(BenchmarkParameters):
+    """N windows of equal uniform links: N + 1 upright cranks and N level couplers."""
 
     N: int = Field(default=1, ge=1, le=100, description="number of windows")
     length: Positive = Field(default=1.0, description="of each link [m]")
@@ -54,23 +50,26 @@ class FourBarParameters(Spec):
 
     @property
     def omega(self) -> float:
-        """Of small swings about the lowest position [rad/s]: all cranks turn as one, the couplers do not turn."""
+        """Frequency of small swings [rad/s]: all cranks turn as one, the couplers do not turn."""
         moment, inertia = (self.N + 1) / 2 + self.N, (self.N + 1) / 3 + self.N
         return math.sqrt(moment * self.g / (inertia * self.length))
 
     @property
     def turning(self) -> float:
-        """Of the cranks at the start [rad/s]."""
+        """Speed of the cranks at the start [rad/s]."""
         return self.speed / self.length
 
+    @property
+    def duration(self) -> float:
+        """10 s at 1 m and 1 m/s; at least one and a half turns."""
+        return max(
+            10.0 * math.sqrt(self.length * 9.81 / self.g),
+            1.5 * turn_period(self.omega, self.turning),
+        )
 
-class ThreeCranksParameters(Spec):
-    """A beam on three equal parallel cranks, of which one is redundant, let go from rest.
 
-    Raises:
-        InputError: a length, mass or gravity is not positive and finite, or the amplitude is not
-            below 80 degrees.
-    """
+class ThreeCranksParameters(BenchmarkParameters):
+    """A beam on three equal parallel cranks, of which one is redundant, let go from rest."""
 
     length: Positive = Field(default=1.0, description="of each crank, a uniform rod [m]")
     spacing: Positive = Field(default=0.8, description="between neighbouring cranks [m]")
@@ -89,15 +88,16 @@ class ThreeCranksParameters(Spec):
         )
         return Swing("a1", omega, self.amplitude)
 
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        return 2.5 * self.swing.period
 
-class SliderCrankParameters(Spec):
-    """A uniform crank, a uniform rod, and a slider without size on a level line through the crank's pivot.
+
+class SliderCrankParameters(BenchmarkParameters):
+    """A uniform crank and rod, and a slider on a level line through the crank's pivot.
 
     With too little speed to turn over the crank swings, up to 270 degrees to and fro.
-
-    Raises:
-        InputError: a length, mass, speed or gravity is not positive and finite, the rod is shorter
-            than the crank, or the speed is one at which the crank comes to rest upright.
     """
 
     crank: Positive = Field(default=1.0, description="length of the crank [m]")
@@ -116,7 +116,10 @@ class SliderCrankParameters(Spec):
         return self.rod == self.crank
 
     def rod_angle(self, a: float) -> tuple[float, float]:
-        """The rod's angle [rad] at the crank's, and its derivative; with equal lengths that of the mirrored branch."""
+        """The rod's angle [rad] at the crank's, and its derivative.
+
+        Equal lengths have the mirrored branch.
+        """
         if self.is_singular:
             return -a, -1.0
         b = -math.asin(self.crank * math.sin(a) / self.rod)
@@ -140,17 +143,17 @@ class SliderCrankParameters(Spec):
 
     @property
     def share(self) -> float:
-        """Of the energy that the crank needs to turn over: below 1 it swings."""
+        """Share of the energy that the crank needs to turn over: below 1 it swings."""
         return self.inertia(0.0) * self.speed**2 / 2 / self.potential(UPRIGHT)
 
     @property
     def turn_time(self) -> float:
-        """Of the crank's first turn [s]; it does not turn back."""
+        """Time of the crank's first turn [s]; it does not turn back."""
         return time_between(0.0, 2 * math.pi, self.speed, self.inertia, self.potential)
 
     @property
     def swing_time(self) -> float:
-        """Period of a crank that does not turn over [s]: it swings evenly about its lowest position."""
+        """Period of a crank that swings about its lowest position and does not turn over [s]."""
         return slow_swing_period(
             LOWEST, math.pi / 2 + math.asin(self.share), self.potential(UPRIGHT), self.inertia
         )
@@ -159,14 +162,21 @@ class SliderCrankParameters(Spec):
     def _moves_for_good(self) -> Self:
         if self.rod < self.crank:
             raise ValueError(
-                f"rod = {self.rod:g} m is shorter than crank = {self.crank:g} m: the slider would stick"
+                f"rod = {self.rod:g} m is shorter than crank = {self.crank:g} m: "
+                "the slider would stick"
             )
         if abs(self.share - 1.0) < _UPRIGHT_SHARE:
             raise ValueError(
-                f"speed = {self.speed:g} rad/s brings the crank to rest upright, or nearly: it must differ by more "
-                f"than 0.5 % from {self.speed / math.sqrt(self.share):.6g} rad/s"
+                f"speed = {self.speed:g} rad/s brings the crank to rest upright, or nearly: "
+                "it must differ by more than 0.5 % from "
+                f"{self.speed / math.sqrt(self.share):.6g} rad/s"
             )
         return self
+
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        return 1.5 * (self.turn_time if self.share > 1 else self.swing_time)
 
 
 class SingularSliderCrankParameters(SliderCrankParameters):
@@ -175,13 +185,8 @@ class SingularSliderCrankParameters(SliderCrankParameters):
     rod: Positive = Field(default=1.0, description="length of the rod: the crank's [m]")
 
 
-class TrammelParameters(Spec):
-    """A uniform rod whose ends run in a level and in an upright slot, let go from rest.
-
-    Raises:
-        InputError: a length, mass or gravity is not positive and finite, or the start is not a
-            swing.
-    """
+class TrammelParameters(BenchmarkParameters):
+    """A uniform rod whose ends run in a level and in an upright slot, let go from rest."""
 
     length: Positive = Field(default=2.0, description="of the rod [m]")
     mass: Positive = Field(default=3.0, description="of the rod [kg]")
@@ -192,8 +197,13 @@ class TrammelParameters(Spec):
 
     @property
     def swing(self) -> Swing:
-        """Its motion: the centre moves on a circle of half the length while the rod turns as fast."""
+        """Its motion: the centre moves on a circle of half the length as fast as the rod turns."""
         return Swing("a", math.sqrt(1.5 * self.g / self.length), self.amplitude)
+
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        return 2.5 * self.swing.period
 
 
 def _four_bars(p: FourBarParameters) -> Mechanism:
@@ -222,26 +232,18 @@ def _four_bar_angle(p: FourBarParameters, t: FloatArray) -> FloatArray:
     return UPRIGHT + turn(p.omega, p.turning, t)
 
 
-def _four_bar_duration(p: FourBarParameters) -> float:
-    """10 s at 1 m and 1 m/s; at least one and a half turns."""
-    return max(
-        10.0 * math.sqrt(p.length * 9.81 / p.g),
-        1.5 * turn_period(p.omega, p.turning),
-    )
-
-
 def _four_bar_figures(p: FourBarParameters) -> tuple[Figure, ...]:
-    end, angle = _four_bar_duration(p), coordinate("a0")
+    end, angle = p.duration, coordinate("a0")
     turn = turn_period(p.omega, p.turning)
-    path = largest_error(angle, lambda t: _four_bar_angle(p, t), end)
+    name = "largest error of the first crank's angle"
     return (
         Figure("time of a turn", turn, "s", 1e-9, passage(angle, UPRIGHT + 2 * math.pi, end)),
-        Figure("largest error of the first crank's angle", 0.0, "rad", 1e-9, path),
+        path_figure(name, "rad", 1e-9, angle, lambda t: _four_bar_angle(p, t), end),
     )
 
 
 def _four_bar_conditions(p: FourBarParameters) -> tuple[Condition, ...]:
-    end = _four_bar_duration(p)
+    end = p.duration
     return (suite_condition("B0", p.length, lambda t: _four_bar_angle(p, t), end, round(20 * end)),)
 
 
@@ -292,7 +294,7 @@ def _slider_crank(name: str, p: SliderCrankParameters) -> Mechanism:
 
 
 def _slider_crank_figures(p: SliderCrankParameters) -> tuple[Figure, ...]:
-    end = _slider_crank_duration(p)
+    end = p.duration
     scale = p.inertia(0.0) * p.speed**2
     if p.share > 1:
         name, time, measured = (
@@ -304,12 +306,8 @@ def _slider_crank_figures(p: SliderCrankParameters) -> tuple[Figure, ...]:
         name, time, measured = "period", p.swing_time, period(coordinate("a"), LOWEST, end)
     return (
         Figure(name, time, "s", 1e-10 * time, measured, "quadrature"),
-        Figure("largest change of the energy", 0.0, "J", 1e-10 * scale, energy_error(end)),
+        energy_figure(1e-10 * scale, end),
     )
-
-
-def _slider_crank_duration(p: SliderCrankParameters) -> float:
-    return 1.5 * (p.turn_time if p.share > 1 else p.swing_time)
 
 
 def _trammel(p: TrammelParameters) -> Mechanism:
@@ -336,7 +334,7 @@ def _trammel(p: TrammelParameters) -> Mechanism:
 
 
 def _swing_figures(p: ThreeCranksParameters | TrammelParameters) -> tuple[Figure, ...]:
-    swing, end = p.swing, _swing_duration(p)
+    swing, end = p.swing, p.duration
     last = float(swing.at(np.array([end]))[0])
     return (
         *swing.figures(end, 1e-11 * swing.period, 1e-10),
@@ -344,19 +342,15 @@ def _swing_figures(p: ThreeCranksParameters | TrammelParameters) -> tuple[Figure
     )
 
 
-def _swing_duration(p: ThreeCranksParameters | TrammelParameters) -> float:
-    return 2.5 * p.swing.period
-
-
 N_FOUR_BAR = Benchmark(
     number="A02",
     name="n-four-bar",
     tags=("loop", "singular", "closed-form", "scalable", "IFToMM"),
     text="N four-bar linkages in a row that pass their singular positions",
-    source=f"{_SUITE}, problem A02, in the IFToMM library; E. Bayo, A. Avello, Nonlinear Dyn. 5 (1994) 209",
+    source=f"{_SUITE}, problem A02, in the IFToMM library; "
+    "E. Bayo, A. Avello, Nonlinear Dyn. 5 (1994) 209",
     parameters=FourBarParameters,
     build=_four_bars,
-    duration=_four_bar_duration,
     figures=_four_bar_figures,
     conditions=_four_bar_conditions,
 )
@@ -365,10 +359,10 @@ THREE_CRANKS = Benchmark(
     name="three-cranks",
     tags=("loop", "redundant", "closed-form"),
     text="beam on three parallel cranks, one of them redundant",
-    source="moves as a pendulum; on redundant constraints M. Wojtyra, Multibody Syst. Dyn. 14 (2005) 23",
+    source="moves as a pendulum; "
+    "on redundant constraints M. Wojtyra, Multibody Syst. Dyn. 14 (2005) 23",
     parameters=ThreeCranksParameters,
     build=_three_cranks,
-    duration=_swing_duration,
     figures=_swing_figures,
 )
 SLIDER_CRANK = Benchmark(
@@ -376,10 +370,10 @@ SLIDER_CRANK = Benchmark(
     name="slider-crank",
     tags=("loop", "slot", "quadrature"),
     text="slider-crank that turns over and over",
-    source="time of a turn by quadrature: E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. III",
+    source="time of a turn by quadrature: "
+    "E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. III",
     parameters=SliderCrankParameters,
     build=partial(_slider_crank, "slider-crank"),
-    duration=_slider_crank_duration,
     figures=_slider_crank_figures,
 )
 SINGULAR_SLIDER_CRANK = replace(
@@ -388,7 +382,8 @@ SINGULAR_SLIDER_CRANK = replace(
     name="singular-slider-crank",
     tags=("loop", "slot", "singular", "quadrature"),
     text="slider-crank with equal links, whose slider passes the crank's pivot",
-    source="E. Bayo, A. Avello, Nonlinear Dyn. 5 (1994) 209, on such positions; time of a turn by quadrature",
+    source="E. Bayo, A. Avello, Nonlinear Dyn. 5 (1994) 209, on such positions; "
+    "time of a turn by quadrature",
     parameters=SingularSliderCrankParameters,
     build=partial(_slider_crank, "singular-slider-crank"),
 )
@@ -400,7 +395,6 @@ TRAMMEL = Benchmark(
     source="moves as a pendulum: E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. IV",
     parameters=TrammelParameters,
     build=_trammel,
-    duration=_swing_duration,
     figures=_swing_figures,
 )
 LINKAGES = (N_FOUR_BAR, THREE_CRANKS, SLIDER_CRANK, SINGULAR_SLIDER_CRANK, TRAMMEL)

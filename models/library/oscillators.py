@@ -13,21 +13,26 @@ from pydantic import Field
 from ..arrays import FloatArray
 from ..elements import GROUND, ConstantTorque, RotationalSpringDamper, SpringDamper
 from ..mechanism import Marker, Mechanism
-from ..spec import NonNegative, Positive, Real, Spec
-from .benchmark import Benchmark, Figure, Quantity, at, coordinate, largest_error, period, speed
+from ..spec import NonNegative, Positive, Real
+from .benchmark import (
+    Benchmark,
+    BenchmarkParameters,
+    Figure,
+    Quantity,
+    at,
+    coordinate,
+    path_figure,
+    period,
+    speed,
+)
 from .parts import block, disc, rail
 
 _LINEAR = "linear equation of motion: Lord Rayleigh, The Theory of Sound (1877), Ch. III"
 _SPAN = 10.0  # periods, or time constants, of a linear motion
 
 
-class OscillatorParameters(Spec):
-    """A block on a spring and damper, deflected along a level line and let go.
-
-    Raises:
-        InputError: a mass or stiffness is not positive and finite, the damping is negative, or the
-            start is not shorter than the spring.
-    """
+class OscillatorParameters(BenchmarkParameters):
+    """A block on a spring and damper, deflected along a level line and let go."""
 
     mass: Positive = Field(default=2.0, description="[kg]")
     stiffness: Positive = Field(default=50.0, description="[N/m]")
@@ -41,6 +46,11 @@ class OscillatorParameters(Spec):
         """Matrix of the linear system of deflection and speed."""
         return _linear(self.mass, self.stiffness, self.damping)
 
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        return _SPAN * 2 * math.pi / math.sqrt(-self.rates[1, 0])
+
 
 class DampedOscillatorParameters(OscillatorParameters):
     """The same with a damper."""
@@ -48,12 +58,8 @@ class DampedOscillatorParameters(OscillatorParameters):
     damping: NonNegative = Field(default=3.0, description="[N s/m]")
 
 
-class TorsionParameters(Spec):
-    """A disc on a rotational spring and damper, turned away from its rest and let go.
-
-    Raises:
-        InputError: an inertia or stiffness is not positive and finite, or the damping is negative.
-    """
+class TorsionParameters(BenchmarkParameters):
+    """A disc on a rotational spring and damper, turned away from its rest and let go."""
 
     mass: Positive = Field(default=1.0, description="[kg]")
     inertia: Positive = Field(default=0.05, description="[kg m^2]")
@@ -67,13 +73,14 @@ class TorsionParameters(Spec):
         """Matrix of the linear system of the angle from the rest and its speed."""
         return _linear(self.inertia, self.stiffness, self.damping)
 
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        return _SPAN * 2 * math.pi / math.sqrt(-self.rates[1, 0])
 
-class MotorParameters(Spec):
-    """A rotor and its casing, both free to turn, with a motor and a damper between them, from rest.
 
-    Raises:
-        InputError: an inertia or the damping is not positive and finite.
-    """
+class MotorParameters(BenchmarkParameters):
+    """A rotor and its casing, both free, with a motor and a damper between them, from rest."""
 
     rotor: Positive = Field(default=0.02, description="inertia of the rotor [kg m^2]")
     casing: Positive = Field(default=0.3, description="inertia of the casing [kg m^2]")
@@ -84,6 +91,11 @@ class MotorParameters(Spec):
     def constant(self) -> float:
         """Time constant of the relative speed [s]."""
         return 1.0 / (self.damping * (1.0 / self.rotor + 1.0 / self.casing))
+
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        return _SPAN * self.constant
 
 
 def _linear(inertia: float, stiffness: float, damping: float) -> FloatArray:
@@ -105,15 +117,16 @@ def _decay(rates: FloatArray, start: float, t: FloatArray) -> FloatArray:
     return np.asarray(((up + down) / 2 + decay * ratio).real * start, dtype=np.float64)
 
 
-def _linear_duration(p: OscillatorParameters | TorsionParameters) -> float:
-    return _SPAN * 2 * math.pi / math.sqrt(-p.rates[1, 0])
-
-
 def _oscillator(name: str, p: OscillatorParameters) -> Mechanism:
     spring = SpringDamper(
-        name="spring", body="block", point=(0, 0), relative_point=(-1, 0), stiffness=p.stiffness, damping=p.damping,
+        name="spring",
+        body="block",
+        point=(0, 0),
+        relative_point=(-1, 0),
+        stiffness=p.stiffness,
+        damping=p.damping,
         rest_length=1,
-    )  # fmt: skip
+    )
     return Mechanism(
         name=name,
         bodies=(block(p.mass),),
@@ -128,12 +141,15 @@ def _oscillator(name: str, p: OscillatorParameters) -> Mechanism:
 def _linear_figures(
     p: OscillatorParameters | TorsionParameters, quantity: Quantity, rest: float
 ) -> tuple[Figure, ...]:
-    end = _linear_duration(p)
+    end = p.duration
     unit = "m" if isinstance(p, OscillatorParameters) else "rad"
-    path = largest_error(quantity, lambda t: rest + _decay(p.rates, p.start, t), end)
-    error = Figure(
-        "largest error of the deflection", 0.0, unit, 1e-11 * max(1.0, abs(p.start)), path
-    )
+
+    def deflection(t: FloatArray) -> FloatArray:
+        return rest + _decay(p.rates, p.start, t)
+
+    tolerance = 1e-11 * max(1.0, abs(p.start))
+    name = "largest error of the deflection"
+    error = path_figure(name, unit, tolerance, quantity, deflection, end)
     if p.damping > 0:
         final = rest + float(_decay(p.rates, p.start, np.array([end / 4]))[0])
         return (
@@ -192,15 +208,9 @@ def _motor_figures(p: MotorParameters) -> tuple[Figure, ...]:
         return share * final * (t + p.constant * np.expm1(-t / p.constant))
 
     last = share * final * -math.expm1(-_SPAN)
-    path = largest_error(coordinate("a"), angle, end)
+    name, tolerance = "largest error of the rotor's angle", 1e-11 * max(1.0, abs(final) * end)
     return (
-        Figure(
-            "largest error of the rotor's angle",
-            0.0,
-            "rad",
-            1e-11 * max(1.0, abs(final) * end),
-            path,
-        ),
+        path_figure(name, "rad", tolerance, coordinate("a"), angle, end),
         Figure(
             "rotor's speed at the end",
             last,
@@ -219,7 +229,6 @@ OSCILLATOR = Benchmark(
     source=_LINEAR,
     parameters=OscillatorParameters,
     build=partial(_oscillator, "oscillator"),
-    duration=_linear_duration,
     figures=lambda p: _linear_figures(p, coordinate("x"), 0.0),
 )
 DAMPED_OSCILLATOR = replace(
@@ -239,7 +248,6 @@ TORSION_PENDULUM = Benchmark(
     source=_LINEAR,
     parameters=TorsionParameters,
     build=_torsion,
-    duration=_linear_duration,
     figures=lambda p: _linear_figures(p, coordinate("a"), p.rest),
 )
 MOTOR = Benchmark(
@@ -250,7 +258,6 @@ MOTOR = Benchmark(
     source="linear equation of motion, solved by an exponential",
     parameters=MotorParameters,
     build=_motor,
-    duration=lambda p: _SPAN * p.constant,
     figures=_motor_figures,
 )
 OSCILLATORS = (OSCILLATOR, DAMPED_OSCILLATOR, TORSION_PENDULUM, MOTOR)

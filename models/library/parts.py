@@ -8,7 +8,7 @@ from ..spec import Vector
 
 
 def rod(name: str, angle: str | None, length: float, mass: float) -> Body:
-    """A uniform rod whose frame begins at its end; without a name for its angle, one whose joint holds it."""
+    """A uniform rod whose frame begins at its end; without an angle its joint must hold it."""
     return Body(
         name=name, angle=angle, mass=mass, centre=(length / 2, 0), inertia=mass * length**2 / 12
     )

@@ -87,7 +87,7 @@ def model(name: str, parameters: Spec | None = None) -> Mechanism:
 
 
 def library_problem(name: str, parameters: Spec | None = None) -> Problem | None:
-    """The run that a problem of the library asks for; None for a machine, of which any run may be made.
+    """The run that a problem of the library asks for; None for a machine.
 
     Raises:
         InputError: as :func:`model`.
@@ -106,7 +106,8 @@ def _entry(name: str, parameters: Spec | None = None) -> _Model:
         raise InputError(f"there is no model {name!r}{hint}; there are: {known}.")
     if parameters is not None and not isinstance(parameters, entry.parameters):
         raise InputError(
-            f"model {name!r} is built from {entry.parameters.__name__}, not from {type(parameters).__name__}."
+            f"model {name!r} is built from {entry.parameters.__name__}, "
+            f"not from {type(parameters).__name__}."
         )
     return entry
 

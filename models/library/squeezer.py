@@ -1,4 +1,4 @@
-"""Andrews' squeezing mechanism: seven bodies, three loops, a spring and a motor, over and over turning within 30 ms.
+"""Andrews' squeezing mechanism: seven bodies, three loops, a spring and a motor, for 30 ms.
 
 Published angles count counterclockwise, and some from another body: beta of the crank K1; Theta of
 K2 from K1; gamma of K3, the triangle with the spring; delta of K5 and Phi of K4 from K5; epsilon of
@@ -15,8 +15,8 @@ from pydantic import Field
 
 from ..elements import GROUND, ConstantTorque, SpringDamper
 from ..mechanism import Body, Marker, Mechanism
-from ..spec import NonNegative, Positive, Real, Spec, Vector
-from .benchmark import Benchmark, Figure, Quantity, at, coordinate
+from ..spec import NonNegative, Positive, Real, Vector
+from .benchmark import Benchmark, BenchmarkParameters, Figure, Quantity, at, coordinate
 from .parts import pin
 
 _END = 0.03  # [s]
@@ -52,18 +52,19 @@ _OWN = {
 _DIGITS = 1e-9  # relative
 
 
-class SqueezerParameters(Spec):
-    """What drives the mechanism; its geometry and masses are the published ones.
-
-    Raises:
-        InputError: the stiffness or the rest length is negative, or a value is not finite.
-    """
+class SqueezerParameters(BenchmarkParameters):
+    """Motor and spring of the mechanism; its geometry and masses are the published ones."""
 
     torque: Real = Field(
         default=0.033, description="of the motor on the crank, counterclockwise [N m]"
     )
     stiffness: NonNegative = Field(default=4530.0, description="of the spring [N/m]")
     rest_length: Positive = Field(default=0.07785, description="of the spring [m]")
+
+    @property
+    def duration(self) -> float:
+        """Time for which the motion is followed [s]."""
+        return _END
 
 
 def published(angle: str) -> Quantity:
@@ -150,10 +151,11 @@ SQUEEZER = Benchmark(
     name="squeezer",
     tags=("loop", "spring", "motor", "published", "IFToMM"),
     text="Andrews' squeezing mechanism: seven bodies, driven by a motor against a spring",
-    source="W. Schiehlen, Multibody Systems Handbook (1990); E. Hairer, G. Wanner, Solving ODEs II (1996), Sec. VII.7; "
-    "end state: F. Mazzia, C. Magherini, Test Set for IVP Solvers 2.4 (2008); problem A03 in the IFToMM library",
+    source="W. Schiehlen, Multibody Systems Handbook (1990); "
+    "E. Hairer, G. Wanner, Solving ODEs II (1996), Sec. VII.7; "
+    "end state: F. Mazzia, C. Magherini, Test Set for IVP Solvers 2.4 (2008); "
+    "problem A03 in the IFToMM library",
     parameters=SqueezerParameters,
     build=_squeezer,
-    duration=lambda p: _END,
     figures=_figures,
 )

@@ -43,7 +43,7 @@ class TrebuchetParameters(Spec):
 
     @classmethod
     def with_beam(cls, l1: float, beam: float = 14.0, **others: float) -> Self:
-        """Parameters on a beam of fixed length, as the paper's fulcrum sweep has it: l2 = beam - l1.
+        """Parameters on a beam of fixed length (the paper's fulcrum sweep): l2 = beam - l1.
 
         Args:
             l1: arm from the fulcrum to the sling pin [m].
@@ -160,7 +160,7 @@ def hinged(parameters: HingedParameters | None = None) -> Mechanism:
 
 
 def parameters_of(mechanism: Mechanism) -> TrebuchetParameters | None:
-    """The parameters a machine was built from; None if it is not one of these two, to the last bit."""
+    """The parameters a machine was built from; None if it is not exactly one of these two."""
     builders = {"fixed": fixed, "rolling": rolling}
     names = {body.name for body in mechanism.bodies}
     if (
@@ -273,7 +273,7 @@ def loaded_arm(l1: float, l2: float, mass: float, loads: Mapping[float, float]) 
 
 
 def _square(length: float) -> float:
-    """Of a length [m^2].
+    """Square of a length [m^2].
 
     Raises:
         InputError: it is beyond the largest float64.

@@ -1,4 +1,4 @@
-"""What a mechanism's MJCF shows of its bodies: beams, ropes, stones, boxes, wheels; nothing here has mass or touches.
+"""Shapes of bodies in MJCF: beams, ropes, stones, boxes, wheels, without mass or contact.
 
 Sizes are for the eye: they follow from the size of the whole and the cube roots of masses, not from
 densities.
@@ -14,17 +14,15 @@ from functools import cached_property
 
 import numpy as np
 
-from ..drawing.bodies import loaded_rod
-from ..drawing.sketch import distinct, on_a_line
 from ..elements import GROUND, AnyJoint
 from ..kinematics import Kinematics
 from ..mechanism import Body, Mechanism
+from ..sketch import distinct, loaded_rod, on_a_line
 from ..spec import Vector
 from .tree import number, numbers
 
-WOOD, IRON, ROPE, STONE, BOX = (
-    "0.60 0.38 0.18 1", "0.22 0.23 0.26 1", "0.96 0.62 0.10 1", "0.50 0.48 0.46 1", "0.52 0.33 0.20 1"
-)  # fmt: skip
+WOOD, IRON, ROPE = "0.60 0.38 0.18 1", "0.22 0.23 0.26 1", "0.96 0.62 0.10 1"
+STONE, BOX = "0.50 0.48 0.46 1", "0.52 0.33 0.20 1"
 _WOODS = (WOOD, "0.68 0.50 0.28 1", "0.47 0.30 0.16 1")
 _LEAST_SHARE = 0.01  # of a body's mass, below which a point mass in it is not drawn
 _HEAVY = 8.0  # times the lightest mass: drawn as a box, on an iron rod instead of a rope
@@ -71,7 +69,7 @@ class Appearance:
         return lump.body == body and math.dist(lump.point, point) < 1e-9 * self.reach
 
     def lane(self, joint: AnyJoint) -> float:
-        """How far before and behind the plane of motion the wheels and rails of a slot are [m]."""
+        """Distance of the wheels and rails of a slot from the plane of motion [m]."""
         slots = [other for other in self.mechanism.joints if other.free_directions]
         return round((0.075 + 0.03 * slots.index(joint)) * self.reach, 3)
 
@@ -81,11 +79,11 @@ class Appearance:
         return round(0.05 * self.reach, 3)
 
     def disc(self, body: Body) -> float:
-        """Radius of a body that nothing hangs on: that of a uniform disc, if there is room for it [m]."""
+        """Radius of a body that nothing hangs on: that of a uniform disc, if there is room [m]."""
         return round(min(math.sqrt(2 * body.inertia / body.mass), 0.25 * self.reach), 6)
 
     def add(self, element: ET.Element, body: Body, origin: Vector) -> None:
-        """What a body looks like, in its frame, whose origin is at its joint."""
+        """Add the shapes of a body, in its frame, whose origin is at its joint."""
         shapes = Shapes(element, origin)
         lumps = [lump for lump in self.lumps if lump.body == body.name]
         self._add_rods(shapes, body, any(map(self.is_heavy, lumps)))
@@ -180,7 +178,7 @@ class Shapes:
 
     element: ET.Element
     origin: Vector = (0.0, 0.0)
-    """Of the element's frame, in that of the body [m]."""
+    """Origin of the element's frame, in that of the body [m]."""
 
     def rod(self, a: Vector, b: Vector, radius: float, look: str, side: float = 0.0) -> None:
         """A capsule between two points."""
@@ -256,7 +254,7 @@ def points_of(mechanism: Mechanism, body: str) -> list[Vector]:
 
 
 def reach_of(mechanism: Mechanism) -> float:
-    """A length no point of the machine is farther from its ground joints [m]; at least something."""
+    """A length no point of the machine is farther from its ground joints [m]; never zero."""
     kinematics = Kinematics(mechanism)
     n_bodies = len(mechanism.angles)
     points = [(body.name, body.centre) for body in mechanism.bodies]

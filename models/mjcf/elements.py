@@ -58,7 +58,7 @@ def rail_contact(slot: str, side: str) -> str:
 _THICKNESS = 4.0  # radii of a ball: half of it is that of a wall on a moving body
 
 
-_BEYOND = 1e4  # lengths of the machine: half the extent of such a wall, which no point comes to the end of
+_BEYOND = 1e4  # lengths of the machine: half the extent of such a wall, whose end no point reaches
 
 
 @dataclass(frozen=True)
@@ -66,11 +66,11 @@ class Wall:
     """A half-plane that a point of a body must not enter."""
 
     name: str
-    """Of the contact."""
+    """Name of the contact."""
     holder: str
     """Name of the stop or joint."""
     body: str
-    """That has the wall, or 'ground'."""
+    """Body that has the wall, or 'ground'."""
     normal: Vector
     offset: float
     """Distance from the origin of the body's frame along the normal [m]."""
@@ -96,7 +96,7 @@ class Points:
     def __post_init__(self) -> None:
         for stop in self.mechanism.point_stops:
             if stop.body == stop.relative_to:
-                message = f"stop {stop.name!r} holds a point of {stop.body!r} against {stop.body!r} itself."
+                message = f"stop {stop.name!r} holds a point of {stop.body!r} against itself."
                 raise UnsupportedProblemError(message)
 
     @cached_property
@@ -137,7 +137,7 @@ class Points:
             ET.SubElement(default, "equality", soft)
 
     def add_ground(self, world: ET.Element) -> None:
-        """What the ground has: planes that balls run on, anchors, and points that walls of bodies come up against.
+        """Add the planes, anchors and held points of the ground.
 
         The planes are behind the points' own half-planes by the radius of the balls.
         """
@@ -147,14 +147,16 @@ class Points:
                 continue
             behind = wall.offset - radius
             ET.SubElement(
-                world, "geom", group="4", name=wall.geoms["geom1"], type="plane", size=numbers(size, 0.1 * size, size),
-                pos=spatial((wall.normal[0] * behind, wall.normal[1] * behind)), zaxis=spatial(wall.normal),
+                world, "geom", group="4", name=wall.geoms["geom1"], type="plane",
+                size=numbers(size, 0.1 * size, size),
+                pos=spatial((wall.normal[0] * behind, wall.normal[1] * behind)),
+                zaxis=spatial(wall.normal),
             )  # fmt: skip
         self._add_anchors(world, GROUND, (0.0, 0.0))
         self._add_balls(world, GROUND, (0.0, 0.0))
 
     def _add_boxes(self, element: ET.Element, body: str, origin: Vector) -> None:
-        """Walls on a body that moves, where MuJoCo has no planes; the point is never beyond their ends."""
+        """Add walls on a moving body, where MuJoCo has no planes; no point reaches their ends."""
         thickness, beyond = _THICKNESS * self._radius, _BEYOND * self.reach
         for wall in self.walls:
             if wall.body == body:
@@ -221,13 +223,13 @@ class Points:
             )
 
     def _turned_too_little(self, joint: AnyJoint) -> float:
-        """By how much the start misses the angle that a joint that closes a loop holds [rad]: rounding."""
+        """Rounding error of the angle that a loop joint holds, at the start [rad]."""
         angles = start_angles(self.mechanism)
         missing = (joint.turned_by or 0.0) - (angles[joint.child] - angles[joint.parent])
         return math.remainder(missing, 2 * math.pi)
 
     def add_stop_sensor(self, sensor: ET.Element, stop: PointStop) -> None:
-        """The force of a stop on a point: first of the three components in the contact's frame [N]."""
+        """Add the force of a stop on a point: first component in the contact's frame [N]."""
         ET.SubElement(
             sensor, "contact", _wall(stop).geoms, name=torque_sensor(stop.name), data="force"
         )
@@ -279,7 +281,7 @@ def _sides(slot: AnyJoint) -> Iterator[Wall]:
 
 
 def felt_from(mechanism: Mechanism, timestep: float) -> float:
-    """How near a wall is felt [m] where that shall not matter: it scales with what a step's curvature moves a point by.
+    """Margin of a contact [m] that shall not matter: it scales with a step's curvature.
 
     Both walls of a slot are pressed in by it. As long as both push they are one two-sided
     constraint without play: with a stiffness of 1/timestep^2, up to accelerations of some 1e4 of
@@ -319,7 +321,7 @@ class Forces:
 
     def __post_init__(self) -> None:
         for element in self.mechanism.force_elements:
-            _FORCES[element]  # refuses what it does not know
+            FORCE_WRITERS[element]  # refuses what it does not know
 
     def add_sites(self, element: ET.Element, body: str, origin: Vector) -> None:
         """Add to a body (or the world) the points that forces act on."""
@@ -354,7 +356,7 @@ class Forces:
 
     def _by_class(self) -> Iterator[tuple[Any, _ForceWriter[Any]]]:
         """Elements with their writers, in the order of the table: that of the file."""
-        for kind, writer in _FORCES.handlers.items():
+        for kind, writer in FORCE_WRITERS.handlers.items():
             for element in self.mechanism.force_elements:
                 if type(element) is kind:
                     yield element, writer
@@ -383,12 +385,27 @@ def _add_spring(spring: SpringDamper, tendon: ET.Element, mechanism: Mechanism) 
 def _add_rotational_spring(
     spring: RotationalSpringDamper, tendon: ET.Element, mechanism: Mechanism
 ) -> None:
+    _add_angle_spring(spring, _strength(spring), tendon, mechanism)
+
+
+def _add_cubic_spring(spring: CubicTorsionSpring, tendon: ET.Element, mechanism: Mechanism) -> None:
+    # Coefficients of the stiffness k + 0 |x| + k3 x^2: MuJoCo 4 reads them, 3.10 does not.
+    strength = {"stiffness": numbers(spring.stiffness, 0, spring.cubic_stiffness)}
+    _add_angle_spring(spring, strength, tendon, mechanism)
+
+
+def _add_angle_spring(
+    spring: RotationalSpringDamper | CubicTorsionSpring,
+    strength: dict[str, str],
+    tendon: ET.Element,
+    mechanism: Mechanism,
+) -> None:
     angles = start_angles(mechanism)
     rest = spring.rest_angle - (angles[spring.body] - angles[spring.relative_to])
     # MuJoCo takes a length of -1 for none.
     add_angle_tendon(
         tendon, mechanism, spring.bodies, 1 if rest >= 0 else -1,
-        name=_tendon(spring), **_strength(spring), springlength=number(abs(rest)),
+        name=_tendon(spring), **strength, springlength=number(abs(rest)),
     )  # fmt: skip
 
 
@@ -413,16 +430,16 @@ def _add_force(force: ConstantForce, actuator: ET.Element) -> None:
 
 
 # Sites, tendons and actuators stand in this order in the files.
-_FORCES: ElementTable[_ForceWriter[Any]] = ElementTable(
+FORCE_WRITERS: ElementTable[_ForceWriter[Any]] = ElementTable(
     "the MJCF writer",
     FORCE_ELEMENTS,
     {
         SpringDamper: _ForceWriter(add_sites=_add_spring_sites, add_tendon=_add_spring),
         RotationalSpringDamper: _ForceWriter(add_tendon=_add_rotational_spring),
+        CubicTorsionSpring: _ForceWriter(add_tendon=_add_cubic_spring),
         ConstantForce: _ForceWriter(add_sites=_add_force_site, add_actuator=_add_force),
         ConstantTorque: _ForceWriter(add_tendon=_add_torque_tendon, add_actuator=_add_torque),
     },
-    {CubicTorsionSpring: "the springs of MJCF are linear"},
 )
 
 
@@ -435,7 +452,9 @@ def _site(force: ConstantForce) -> str:
     return f"{force.name}/force"
 
 
-def _tendon(element: SpringDamper | RotationalSpringDamper | ConstantTorque) -> str:
+def _tendon(
+    element: SpringDamper | RotationalSpringDamper | CubicTorsionSpring | ConstantTorque,
+) -> str:
     """Name of its tendon, beside those of stops."""
     return f"{element.name}/{element.kind}"
 

@@ -1,4 +1,4 @@
-"""Where the MJCF of the named machines is, as files."""
+"""Paths of the MJCF files of the named machines."""
 
 from __future__ import annotations
 

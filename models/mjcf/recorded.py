@@ -1,4 +1,4 @@
-"""What a model file keeps of a certified motion: its events as keyframes, and the path that the pictures are fitted to.
+"""Certified motion that a model file keeps: events as keyframes, and the path for pictures.
 
 A motion is data here, made by whoever has a solver; those of the named machines are stored beside
 their MJCF.
@@ -48,7 +48,7 @@ def stored_motion(mechanism: Mechanism) -> RecordedMotion | None:
 
 
 def event_names(events: list[tuple[str, str]]) -> list[str]:
-    """Names of keyframes for stops and what becomes of them ("release", "impact", "rest"), each once.
+    """Unique names of keyframes for stops and their events ("release", "impact", "rest").
 
     "hanger rest" and "release" give "hanger_release"; a second event of that name is
     "hanger_release_2".

@@ -1,4 +1,4 @@
-"""The scene around a mechanism: ground, frame, rails and boards, light, and a camera whose picture its motion fills."""
+"""The scene around a mechanism: ground, frame, rails, boards, light, and a fitted camera."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SCENE_FILE = "scene.xml"
 FIELD = 35.0
 """Vertical field of view of its camera [deg]."""
 AZIMUTH, ELEVATION = 14.0, 7.0
-"""Of its camera, to the left of the plane's normal and above the horizontal [deg]."""
+"""Direction of its camera, left of the plane's normal and above the horizontal [deg]."""
 _FRAME = "0.42 0.29 0.17 1"
 _ASPECT = 4 / 3
 _MARGIN = 0.96  # of the picture is used
@@ -53,7 +53,7 @@ def corners(mechanism: Mechanism, motion: RecordedMotion | None) -> FloatArray:
 
 
 def line_of_sight() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Unit vectors of the scene's camera, in MuJoCo's axes: where it looks, and the picture's right and up."""
+    """Unit vectors of the scene's camera in MuJoCo's axes: line of sight, right and up."""
     sa, ca, se, ce = (
         f(math.radians(a)) for a in (AZIMUTH, ELEVATION) for f in (math.sin, math.cos)
     )
@@ -62,7 +62,7 @@ def line_of_sight() -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def viewpoint(points: FloatArray, aspect: float = _ASPECT) -> FloatArray:
-    """Where the scene's camera must be to show points, as near as its picture allows [m], shape (3,).
+    """Nearest position of the scene's camera that shows all points [m], shape (3,).
 
     Args:
         points: in MuJoCo's axes [m], shape (n, 3).
@@ -158,13 +158,14 @@ class _Scene:
         x0, x1, _, y1 = self.box
         far = round(max(x1 - x0, y1 - self.ground), 3)
         ET.SubElement(
-            world, "light", pos=numbers(round((x0 + x1) / 2 - 0.5 * far, 3), -far, round(self.ground + 2 * far, 3)),
+            world, "light",
+            pos=numbers(round((x0 + x1) / 2 - 0.5 * far, 3), -far, round(self.ground + 2 * far, 3)),
             dir="0.25 0.5 -1", directional="true", diffuse="0.6 0.6 0.55", specular="0.1 0.1 0.1",
         )  # fmt: skip
         none = {"contype": "0", "conaffinity": "0"}
         ET.SubElement(
-            world, "geom", none, name="floor", type="plane", pos=numbers(0, 0, self.ground), size="0 0 1",
-            material="floor",
+            world, "geom", none, name="floor", type="plane", pos=numbers(0, 0, self.ground),
+            size="0 0 1", material="floor",
         )  # fmt: skip
         ET.SubElement(world, "camera", self._camera(), name="side")
         shapes = Shapes(world)
@@ -195,7 +196,7 @@ class _Scene:
             shapes.disc((x + way, self.ground + 0.05 * height), round(0.7 * thick, 3), lane, _FRAME)
 
     def _add_track(self, shapes: Shapes, joint: AnyJoint) -> None:
-        """Two rails below the wheels of a slot, on posts; where it is steep, guides on both sides of them."""
+        """Add two rails below the wheels of a slot, on posts; two guides if it is steep."""
         (axis,), lane, wheel = joint.free_directions[:1], self.look.lane(joint), self.look.wheel
         thick = round(0.008 * self.look.reach, 3)
         along = (self.places(joint.child, joint.child_point) - joint.parent_point) @ (
@@ -236,8 +237,12 @@ class _Scene:
         """The part of a wall that its point comes near to."""
         places, thick = self.places(stop.body, stop.point), 0.006 * self.look.reach
         normal, tangent = np.array(stop.normal), np.array([stop.normal[1], -stop.normal[0]])
-        radius = max((self.look.half_size(lump) for lump in self.look.lumps
-                      if lump.body == stop.body and lump.point == stop.point), default=0.0)  # fmt: skip
+        held = [
+            lump
+            for lump in self.look.lumps
+            if lump.body == stop.body and lump.point == stop.point
+        ]
+        radius = max(map(self.look.half_size, held), default=0.0)
         near = np.abs(places @ normal - stop.offset) < 0.02 * self.look.reach
         along = (places @ tangent)[near] if near.any() else (places @ tangent)[:1]
         low, high = along.min() - 0.06 * self.look.reach, along.max() + 0.06 * self.look.reach
@@ -278,7 +283,7 @@ def _limits(
     depth: FloatArray,
     tangents: FloatArray,
 ) -> Iterator[tuple[float, float]]:
-    """Of each axis of the picture the bounds that corners put on the eye, were it at depth zero [m].
+    """Bounds that corners put on the eye at depth zero, along each axis of the picture [m].
 
     A corner at p and depth d is inside if |p - eye| <= tangent (d - eye's depth).
     """

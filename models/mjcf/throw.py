@@ -1,4 +1,4 @@
-"""The throw in MJCF: the projectile is a body that an equality ties to the machine until it is switched off.
+"""The throw in MJCF: an equality ties the projectile to the machine until its release.
 
 Until then the machine shall move as the model without it. MuJoCo's equalities are soft: what hangs
 on one with its weight moves otherwise, and contacts of the sling, whose softness follows from its
@@ -30,7 +30,7 @@ from .variants import POINT_INERTIA, Inertia
 PROJECTILE, HOLD, LANDING = "thrown_projectile", "hold_projectile", "landing_ground"
 """Names of the body and its ball, of the equality, and of the plane that it lands on."""
 HANDED_OVER = "thrown_mass"
-"""Name of the number that says how much mass the machine hands over to the projectile at its release [kg]."""
+"""Name of the number for the mass that the machine hands over to the projectile [kg]."""
 _KEPT = 0.1  # of the projectile's mass, by a sling that has no other
 _TIED = 1e-6  # of the mass that is thrown, on the equality
 
@@ -58,7 +58,7 @@ class Thrown:
 
     @cached_property
     def mass(self) -> float:
-        """Of the body that flies [kg]."""
+        """Mass of the body that flies [kg]."""
         mass, whole = (
             self.mechanism.thrown_mass(self.marker) or 0.0,
             self.mechanism.body(self.marker.body).mass,
@@ -121,14 +121,15 @@ class Thrown:
         equality = ET.SubElement(root, "equality") if equality is None else equality
         ET.SubElement(
             equality, "connect", name=HOLD, site1=PROJECTILE, site2=self.marker.name,
-            solref=numbers(-1 / self.timestep**2, -2 / self.timestep), solimp="0.9999 0.9999 0.001 0.5 2",
+            solref=numbers(-1 / self.timestep**2, -2 / self.timestep),
+            solimp="0.9999 0.9999 0.001 0.5 2",
         )  # fmt: skip
         custom = ET.SubElement(root, "custom")
         ET.SubElement(custom, "numeric", name=HANDED_OVER, data=number(self.mass - self.tied.mass))
 
 
 def released(model: Any, data: Any) -> Any:
-    """Let the projectile of a model written with `throw=True` go: switch the equality off, and hand over the mass.
+    """Release the projectile of a model written with `throw=True`, and hand over its mass.
 
     Args:
         model: a `mujoco.MjModel`; it stays as it is.
@@ -155,7 +156,7 @@ def released(model: Any, data: Any) -> Any:
 
 
 def throw(model: Any, data: Any, release_time: float | None = None, longest: float = 60.0) -> float:
-    """Step a model written with `throw=True` to the release, let the projectile go, and step until it lands.
+    """Step a model written with `throw=True` to the release, and on until its projectile lands.
 
     Args:
         model: a `mujoco.MjModel`.

@@ -30,7 +30,7 @@ from ..elements import (
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
 
-_SLIDES: ElementTable[tuple[str, ...]] = ElementTable(
+SLIDES: ElementTable[tuple[str, ...]] = ElementTable(
     "the MJCF writer",
     JOINTS,
     {
@@ -49,7 +49,7 @@ def slide_joints(joint: AnyJoint) -> tuple[str, ...]:
     Raises:
         UnsupportedProblemError: the writer does not know this class of joints.
     """
-    parts = _SLIDES[joint]
+    parts = SLIDES[joint]
     return tuple(f"{joint.name}/{part}" for part in parts) if joint.slides else ()
 
 
@@ -59,7 +59,7 @@ def joints_of(joint: AnyJoint) -> tuple[str, ...]:
 
 
 def hinge_chain(mechanism: Mechanism, body: str) -> tuple[str, ...]:
-    """Joints with a hinge from the ground to a body: its angle is the sum of these hinges and that at the start."""
+    """Joints with a hinge from the ground to a body; these hinges sum to its change of angle."""
     if body == GROUND:
         return ()
     joint = mechanism.joint_of(body)
@@ -102,7 +102,7 @@ def start_angles(mechanism: Mechanism) -> dict[str, float]:
 
 
 def hinge_weights(mechanism: Mechanism, body: str, other: str) -> dict[str, int]:
-    """Weights of the hinges whose sum is by how much a body's angle less that of another one has changed."""
+    """Weights of the hinges whose sum is the change of the angle between two bodies."""
     up, down = hinge_chain(mechanism, body), hinge_chain(mechanism, other)
     return {name: 1 for name in up if name not in down} | {
         name: -1 for name in down if name not in up
@@ -116,7 +116,7 @@ def add_angle_tendon(
     sense: int = 1,
     **attributes: str,
 ) -> None:
-    """Add a tendon whose length is the first body's angle less that of the second [rad], less the one at the start.
+    """Add a tendon whose length is the change of the angle between two bodies [rad].
 
     Args:
         tendon: element that it is added to.
@@ -165,8 +165,8 @@ def as_text(root: ET.Element) -> str:
 
 
 _REFERENCES = (
-    "name", "body", "body1", "body2", "joint", "joint1", "joint2", "geom1", "geom2", "site", "site1", "site2",
-    "refsite", "tendon", "tendon1", "objname",
+    "name", "body", "body1", "body2", "joint", "joint1", "joint2", "geom1", "geom2", "site",
+    "site1", "site2", "refsite", "tendon", "tendon1", "objname",
 )  # fmt: skip
 
 
@@ -195,7 +195,7 @@ def _named(root: ET.Element) -> Iterator[ET.Element]:
 
 
 def valid_names(names: Iterable[str], taken: Iterable[str] = ()) -> dict[str, str]:
-    """A valid name for each, all different; those that are valid already keep theirs, unless it is taken."""
+    """A valid, unique name for each; names that are valid already are kept unless taken."""
     names, taken = tuple(dict.fromkeys(names)), set(taken)
     new = {name: name for name in names if not _OTHERS.search(name) and name not in taken}
     taken.update(new)

@@ -1,4 +1,4 @@
-"""Variants of a mechanism's MJCF for what else reads it: without sensors, and without bodies of no inertia.
+"""Variants of a mechanism's MJCF for other readers: without sensors, with finite inertias.
 
 Finite inertia costs nothing where a body hangs on a pin. Mass that is moved from the parent's end
 of the pin to the child's leaves the equations of motion as they are, and with its mass and centre
@@ -29,14 +29,14 @@ _SHARE = 1e-3  # least moment of inertia, in parts of the second moment about th
 
 @dataclass(frozen=True)
 class Variant:
-    """What is written otherwise than in the committed files."""
+    """Differences from the committed files."""
 
     sensors: bool = True
     """Sensors alone ask for MuJoCo 3.3."""
     finite_inertia: bool = False
-    """Whether point masses on pins have an inertia, with the same equations of motion; forces in these pins differ."""
+    """Whether point masses on pins get an inertia; the motion is the same, pin forces differ."""
     throw: bool = False
-    """Whether the projectile is a body of its own, tied by an equality that :func:`.throw.throw` switches off."""
+    """Whether the projectile is a body tied by an equality that :func:`.throw.throw` releases."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Inertia:
     inertia: float
 
     def with_mass_at(self, point: complex, mass: float) -> Inertia:
-        """With a point mass added, or taken away [kg]."""
+        """The sum with a point mass [kg], which may be negative."""
         total = self.mass + mass
         centre = (self.mass * self.centre + mass * point) / total
         about = self.mass * abs(self.centre - centre) ** 2 + mass * abs(point - centre) ** 2

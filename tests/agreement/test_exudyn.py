@@ -232,6 +232,28 @@ def test_a_failed_step_is_one_sentence() -> None:
         _hopeless().simulate(Problem(fixed(), 0.1))
 
 
+@pytest.mark.parametrize("raises", [False, True])
+def test_a_failed_solve_leaves_no_accelerations_of_an_earlier_state(
+    raises: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from trebucheck.engines.exudyn.build import build
+    from trebucheck.engines.exudyn.read import exu
+    from trebucheck.engines.exudyn.solver import Solver
+
+    class FailingSolver:
+        def InitializeSolver(self, *_: object) -> bool:  # noqa: N802
+            if raises:
+                raise RuntimeError("a page of text")
+            return False
+
+    solver = Solver(build(double_pendulum()), ExudynEngine.tuned())
+    start = solver.start()
+    assert np.isfinite(solver.balance(start, ()).accelerations).all()  # these stay in the system
+    monkeypatch.setattr(exu, "MainSolverImplicitSecondOrder", FailingSolver)
+    with pytest.raises(SimulationError, match="no accelerations at t = 0 s"):
+        solver.balance(start, ())
+
+
 def test_a_second_run_gives_the_same_bits() -> None:
     first, second = (
         ExudynEngine(timestep=1e-2).simulate(Problem(rolling(), 2.0)) for _ in range(2)
