@@ -15,6 +15,14 @@ import numpy as np
 from pydantic import Field, JsonValue, model_validator
 
 from ..models.arrays import FloatArray
+from ..models.elements import (
+    FORCE_ELEMENTS,
+    FreeJoint,
+    PointStop,
+    PrismaticJoint,
+    SlotJoint,
+    WeldJoint,
+)
 from ..models.errors import (
     EngineNotInstalledError,
     InputError,
@@ -67,6 +75,25 @@ class Capabilities:
         """The same of an engine whose options take these elements away."""
         lacking = self.lacking | {each for each in elements if isinstance(each, Basic)}
         return replace(self, features=self.features.difference(elements), lacking=lacking)
+
+
+_FEATURES_OF_CLASSES: Mapping[type, Feature] = {
+    FreeJoint: Feature.FREE_JOINT,
+    SlotJoint: Feature.MOVING_SLOT,
+    PrismaticJoint: Feature.PRISMATIC,
+    WeldJoint: Feature.WELD,
+    PointStop: Feature.MOVING_WALL,
+    **{element: element.feature for element in FORCE_ELEMENTS},
+}
+
+
+def built_features(classes: Collection[type]) -> frozenset[Feature]:
+    """Features of an engine that builds these classes of elements on every body.
+
+    Gravity in any direction is among them: it is a property of the mechanism, not of an element.
+    """
+    features = {feature for element, feature in _FEATURES_OF_CLASSES.items() if element in classes}
+    return frozenset({*features, Feature.GRAVITY_DIRECTION})
 
 
 class Simulator(Protocol):

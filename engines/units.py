@@ -1,4 +1,4 @@
-"""Units in which a mechanism is neither small nor large, for engines with absolute floors and tolerances.
+"""Units in which a mechanism is neither small nor large, for engines with absolute tolerances.
 
 MuJoCo has a least inertia (1e-15 kg m^2) and Exudyn a residual that is small enough (1e-9 N). A
 mechanism of a few millimetres or grams, or of kilometres, or that hardly moves in a second, is
@@ -18,20 +18,66 @@ from typing import Protocol, Self, TypeVar
 import numpy as np
 
 from ..models.arrays import FloatArray
-from ..models.errors import SimulationError, UnsupportedProblemError
-from ..models.force_elements import (
-    AnyForceElement,
+from ..models.elements import (
+    ELEMENTS,
+    AnyStop,
     ConstantForce,
+    ConstantTorque,
+    CubicTorsionSpring,
+    ElementTable,
+    FreeJoint,
+    PinJoint,
+    PointStop,
+    PrismaticJoint,
     RotationalSpringDamper,
+    SlotJoint,
     SpringDamper,
+    Stop,
+    WeldJoint,
 )
+from ..models.errors import SimulationError, UnsupportedProblemError
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
-from ..models.spec import Vector
-from ..models.stops import AnyStop, PointStop, Stop
+from ..models.spec import Spec
 from ..models.trajectory import PointMotion
 from .inspection import Dynamics, Inspection, State
 from .protocol import Recording
+
+_Dimension = tuple[int, int, int]
+"""Powers of length, mass and time."""
+_LENGTH_UNIT: _Dimension = (1, 0, 0)
+_MASS_UNIT: _Dimension = (0, 1, 0)
+_FORCE: _Dimension = (1, 1, -2)
+_MOMENT: _Dimension = (2, 1, -2)
+_BODY = {"mass": _MASS_UNIT, "centre": _LENGTH_UNIT, "inertia": (2, 1, 0)}
+_MARKER = {"mass": _MASS_UNIT, "point": _LENGTH_UNIT}
+_POINTS = {"parent_point": _LENGTH_UNIT, "child_point": _LENGTH_UNIT}
+
+DIMENSIONS: ElementTable[Mapping[str, _Dimension]] = ElementTable(
+    "units of engines",
+    ELEMENTS,
+    {
+        PinJoint: _POINTS,
+        WeldJoint: _POINTS,
+        SlotJoint: _POINTS,
+        PrismaticJoint: _POINTS,
+        FreeJoint: _POINTS,
+        Stop: {},
+        PointStop: {"point": _LENGTH_UNIT, "offset": _LENGTH_UNIT},
+        SpringDamper: {
+            "point": _LENGTH_UNIT,
+            "relative_point": _LENGTH_UNIT,
+            "rest_length": _LENGTH_UNIT,
+            "stiffness": (0, 1, -2),
+            "damping": (0, 1, -1),
+        },
+        RotationalSpringDamper: {"stiffness": _MOMENT, "damping": (2, 1, -1)},
+        CubicTorsionSpring: {"stiffness": _MOMENT, "cubic_stiffness": _MOMENT},
+        ConstantForce: {"point": _LENGTH_UNIT, "force": _FORCE},
+        ConstantTorque: {"torque": _MOMENT},
+    },
+)
+"""Dimensions of the fields of each class of elements; fields without one are left out."""
 
 _LENGTHS, _MASSES = (0.25, 200.0), (0.05, 1e6)  # [m], [kg] mechanisms between these are built in SI
 _LENGTH, _MASS = 16.0, 1024.0  # [m], [kg] what others get: about Table I's
@@ -45,6 +91,7 @@ class _Options(Protocol):
 
 
 _O = TypeVar("_O", bound=_Options)
+_S = TypeVar("_S", bound=Spec)
 
 
 @dataclass(frozen=True)
@@ -72,7 +119,7 @@ class Units:
 
     def effort(self, stop: AnyStop) -> float:
         """Unit of what a stop pushes with [N m or N]."""
-        return self.force if isinstance(stop, PointStop) else self.energy
+        return self.force if stop.effort == "force" else self.energy
 
     def run(
         self, run: Callable[[Problem, _O], Recording], problem: Problem, options: _O
@@ -114,79 +161,45 @@ class Units:
         return np.array([1.0] * angles + [self.length] * slides)
 
     def mechanism(self, mechanism: Mechanism) -> Mechanism:
-        """The mechanism in these units; not validated, for its numbers are the same but for their exponents."""
+        """The mechanism in these units.
+
+        It is not validated: its numbers are the same but for their exponents.
+        """
         q = self.coordinates(mechanism)
+        speeds = (
+            np.array(mechanism.start_speeds) * self.time / q if mechanism.start_speeds else q[:0]
+        )
         return mechanism.model_copy(
             update={
-                "bodies": tuple(
-                    body.model_copy(
-                        update={
-                            "mass": body.mass / self.mass,
-                            "centre": self._vector(body.centre),
-                            "inertia": body.inertia / (self.mass * self.length**2),
-                        }
-                    )
-                    for body in mechanism.bodies
-                ),
-                "joints": tuple(
-                    joint.model_copy(
-                        update={
-                            "parent_point": self._vector(joint.parent_point),
-                            "child_point": self._vector(joint.child_point),
-                        }
-                    )
-                    for joint in mechanism.joints
-                ),
-                "stops": tuple(map(self._stop, mechanism.stops)),
-                "markers": tuple(
-                    marker.model_copy(
-                        update={
-                            "point": self._vector(marker.point),
-                            "mass": None if marker.mass is None else marker.mass / self.mass,
-                        }
-                    )
-                    for marker in mechanism.markers
-                ),
-                "force_elements": tuple(map(self._force_element, mechanism.force_elements)),
+                "bodies": tuple(self._scaled(body, _BODY) for body in mechanism.bodies),
+                "markers": tuple(self._scaled(marker, _MARKER) for marker in mechanism.markers),
+                "joints": tuple(map(self._element, mechanism.joints)),
+                "stops": tuple(map(self._element, mechanism.stops)),
+                "force_elements": tuple(map(self._element, mechanism.force_elements)),
                 "gravity": mechanism.gravity * self.time**2 / self.length,
                 "start": tuple((np.array(mechanism.start) / q).tolist()),
-                "start_speeds": tuple((np.array(mechanism.start_speeds) * self.time / q).tolist())
-                if mechanism.start_speeds
-                else (),
+                "start_speeds": tuple(speeds.tolist()),
             }
         )
 
-    def _vector(self, vector: Vector) -> Vector:
-        return vector[0] / self.length, vector[1] / self.length
+    def _element(self, element: _S) -> _S:
+        return self._scaled(element, DIMENSIONS[element])
 
-    def _stop(self, stop: Stop | PointStop) -> Stop | PointStop:
-        if isinstance(stop, Stop):
-            return stop
-        return stop.model_copy(
-            update={"point": self._vector(stop.point), "offset": stop.offset / self.length}
-        )
-
-    def _force_element(self, element: AnyForceElement) -> AnyForceElement:
-        if isinstance(element, SpringDamper):
-            update: dict[str, object] = {
-                "point": self._vector(element.point),
-                "relative_point": self._vector(element.relative_point),
-                "stiffness": element.stiffness * self.length / self.force,
-                "damping": element.damping * self.length / (self.force * self.time),
-                "rest_length": element.rest_length / self.length,
-            }
-        elif isinstance(element, RotationalSpringDamper):
-            stiffness, damping = (
-                element.stiffness / self.energy,
-                element.damping / (self.energy * self.time),
+    def _scaled(self, part: _S, dimensions: Mapping[str, _Dimension]) -> _S:
+        """A part of a mechanism in these units."""
+        changes = dict[str, object]()
+        for name, (length, mass, time) in dimensions.items():
+            unit, value = (
+                self.length**length * self.mass**mass * self.time**time,
+                getattr(part, name),
             )
-            update = {"stiffness": stiffness, "damping": damping}
-        elif isinstance(element, ConstantForce):
-            force = element.force[0] / self.force, element.force[1] / self.force
-            update = {"point": self._vector(element.point), "force": force}
-        else:
-            update = {"torque": element.torque / self.energy}
-        return element.model_copy(update=update)
+            if value is not None:
+                changes[name] = (
+                    tuple(each / unit for each in value)
+                    if isinstance(value, tuple)
+                    else value / unit
+                )
+        return part.model_copy(update=changes)
 
     def problem(self, problem: Problem) -> Problem:
         """The problem in these units."""
@@ -259,23 +272,23 @@ class Units:
         mass, forces = dynamics.mass_matrix, dynamics.forces
         return Dynamics(
             accelerations=dynamics.accelerations * q / self.time**2,
-            stop_torques=_scaled(
+            stop_torques=_in_units(
                 dynamics.stop_torques, {name: self.effort(stop) for name, stop in stops.items()}
             ),
             mass_matrix=None if mass is None else mass * inertia / np.outer(q, q),
             forces=None if forces is None else forces * self.energy / q,
             centres={name: centre * self.length for name, centre in dynamics.centres.items()},
-            stop_gaps=_scaled(
+            stop_gaps=_in_units(
                 dynamics.stop_gaps,
                 {
-                    name: self.length if isinstance(stop, PointStop) else 1.0
+                    name: self.length if stop.gap_unit == "m" else 1.0
                     for name, stop in stops.items()
                 },
             ),
         )
 
 
-def _scaled(values: Mapping[str, float], units: Mapping[str, float]) -> dict[str, float]:
+def _in_units(values: Mapping[str, float], units: Mapping[str, float]) -> dict[str, float]:
     return {name: value * units[name] for name, value in values.items()}
 
 
@@ -300,30 +313,27 @@ def units_of(mechanism: Mechanism) -> Units:
 
 def _length(mechanism: Mechanism) -> float:
     """The farthest point from its body's origin, or the largest radius of gyration [m]."""
-    points = [
-        point for joint in mechanism.joints for point in (joint.parent_point, joint.child_point)
-    ]
-    points += [body.centre for body in mechanism.bodies]
-    for element in mechanism.force_elements:
-        points += [element.point] if isinstance(element, SpringDamper | ConstantForce) else []
-        points += [element.relative_point] if isinstance(element, SpringDamper) else []
-    length = max(math.hypot(*point) for point in points)
+    length = max(math.hypot(*body.centre) for body in mechanism.bodies)
+    for element in (*mechanism.joints, *mechanism.force_elements):
+        for name, dimension in DIMENSIONS[element].items():
+            value = getattr(element, name)
+            if dimension == _LENGTH_UNIT and isinstance(value, tuple):
+                length = max(length, math.hypot(*value))
     return max(length, *(math.sqrt(body.inertia / body.mass) for body in mechanism.bodies))
 
 
 def _rate(mechanism: Mechanism, length: float, mass: float) -> float:
-    """The fastest of what the start's speeds, gravity, springs and forces make of a body of that size [1/s]."""
+    """The fastest rate that speeds, gravity, springs and forces give a body of that size [1/s]."""
     angles, squares = len(mechanism.angles), [mechanism.gravity / length]
     speeds = [
         abs(u) if i < angles else abs(u) / length for i, u in enumerate(mechanism.start_speeds)
     ]
     for element in mechanism.force_elements:
-        if isinstance(element, SpringDamper):
-            squares += [element.stiffness / mass]
-        elif isinstance(element, RotationalSpringDamper):
-            squares += [element.stiffness / (mass * length**2)]
-        elif isinstance(element, ConstantForce):
-            squares += [math.hypot(*element.force) / (mass * length)]
-        else:
-            squares += [abs(element.torque) / (mass * length**2)]
+        for name, (lengths, masses, times) in DIMENSIONS[element].items():
+            if times != -2:
+                continue
+            # Over mass and length, a force, a moment or a stiffness is the square of a rate.
+            value = getattr(element, name)
+            size = math.hypot(*value) if isinstance(value, tuple) else abs(value)
+            squares.append(size / (mass**masses * length**lengths))
     return max(*speeds, math.sqrt(max(squares))) if speeds else math.sqrt(max(squares))

@@ -329,9 +329,13 @@ class ActiveSet:
     def _resolve_impact(
         self, t: float, q: FloatArray, u: FloatArray, touching: tuple[str, ...]
     ) -> FloatArray:
-        restitution = self._bouncing.restitution(q, u, self._gap_speeds(touching, q, u))
+        speeds = self._gap_speeds(touching, q, u)
+        restitution = self._bouncing.restitution(q, u, speeds)
         after, impulses = resolve_impact(self.equations, q, u, touching, restitution)
-        self.impacts.append((t, impulses))
+        # A stop that was left at rest without a force is met again at the speed of rounding: that
+        # speed is taken away, and is no impact.
+        if any(speed < -_AT_REST for speed in speeds.values()):
+            self.impacts.append((t, impulses))
         self._last_impact |= {name: t for name, impulse in impulses.items() if impulse > 0}
         return after
 

@@ -130,7 +130,10 @@ class WithTiltedGravity(_With):
 
 
 def solve_scheduled(
-    problem: Problem, releases: Mapping[str, float | None], equations: Equations | None = None
+    problem: Problem,
+    releases: Mapping[str, float | None],
+    equations: Equations | None = None,
+    tolerance: float = TOLERANCE,
 ) -> Solution:
     """Integrate with each closed stop active until its given time.
 
@@ -139,6 +142,7 @@ def solve_scheduled(
         closes.
         releases: by stop, when it opens [s]; None: never. Stops not named open as at t = 0.
         equations: with a fault; the mechanism's own if left out.
+        tolerance: relative and absolute, of a step.
 
     Raises:
         InputError: a name is not that of a stop.
@@ -160,7 +164,7 @@ def solve_scheduled(
     now = 0.0
     for end in times:
         closed = tuple(name for name, t in schedule.items() if t is None or t > now)
-        segment, _, stepper = integrate_segment(own, closed, now, y, end, (TOLERANCE, TOLERANCE))
+        segment, _, stepper = integrate_segment(own, closed, now, y, end, (tolerance, tolerance))
         segments.append(segment)
         now, y = end, stepper.y
     return Solution(
@@ -170,6 +174,6 @@ def solve_scheduled(
         release_times={name: schedule.get(name) for name in names},
         impacts=(),
         evaluations=0,
-        settings={"rtol": TOLERANCE, "atol": TOLERANCE},
+        settings={"rtol": tolerance, "atol": tolerance},
         wall_time=time.perf_counter() - started,
     )

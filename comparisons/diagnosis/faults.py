@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from itertools import groupby
 from typing import Any, Literal
 
@@ -168,6 +168,7 @@ class Suspect:
         )
 
 
+@lru_cache(maxsize=2)
 def machine_suspects(mechanism: Mechanism) -> tuple[Suspect, ...]:
     """All suspects of a built model."""
     parts = (
@@ -522,14 +523,16 @@ Changes = Callable[[Any], Mapping[str, Any]]
 """Other fields of a part."""
 
 
-def systematic_faults(mechanism: Mechanism) -> Iterator[Suspect]:
+@lru_cache(maxsize=2)
+def systematic_faults(mechanism: Mechanism) -> tuple[Suspect, ...]:
     """Those that make another mechanism of it, and a possible one."""
-    seen = [mechanism]
+    seen, found = [mechanism], list[Suspect]()
     for name, kind, fields in _faults(mechanism):
         wrong = consistent_mechanism({**mechanism.model_dump(), **fields})
         if wrong is not None and wrong not in seen:
             seen.append(wrong)
-            yield Suspect(name, kind, wrong, scale=0.0)
+            found.append(Suspect(name, kind, wrong, scale=0.0))
+    return tuple(found)
 
 
 def _faults(m: Mechanism) -> Iterator[tuple[str, Kind, dict[str, Any]]]:

@@ -6,16 +6,19 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from ...models.elements import CubicTorsionSpring
-from ...models.features import COVERED_BY_FEATURES, Feature
+from ...models.features import COVERED_BY_FEATURES
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
-from ..protocol import BuiltinEngine, Capabilities, Recording
+from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
 from ..study import EngineStudy
 from ..supplied import Part, Supplied
 from ..units import SI, Units, units_of
 from .options import ExudynOptions
 from .study import STUDY
+
+BUILT: frozenset[type] = COVERED_BY_FEATURES | {CubicTorsionSpring}
+"""Classes that the tables of :mod:`.build` have a handler for; these need the library."""
 
 
 class ExudynEngine(ExudynOptions, BuiltinEngine):
@@ -44,8 +47,8 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         formulation="redundant Cartesian coordinates, joints and stops by Lagrange multipliers, "
         "implicit integrator; impacts located inside a step and solved in the metric of its mass "
         "matrix",
-        features=frozenset(Feature),
-        elements=COVERED_BY_FEATURES | {CubicTorsionSpring},
+        features=built_features(BUILT),
+        elements=BUILT,
     )
     # Exudyn's own defaults: generalized-alpha on the positions' constraints, modified Newton,
     # adaptive step. Its default step is 0.01 s, its tutorials take 1e-3 s. A newcomer switches a

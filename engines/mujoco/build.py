@@ -6,21 +6,28 @@ on a body that moves; a slot that closes a loop is two such contacts.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.errors import SimulationError
+from ...models.elements import STOPS, ElementTable, Feature, PointStop, Stop
+from ...models.errors import SimulationError, UnsupportedProblemError
 from ...models.mechanism import Mechanism
 from ...models.mjcf.points import RAIL_SIDES, Points, felt_from, rail_contact, torque_sensor
 from ...models.mjcf.recorded import HOME
 from ...models.mjcf.scene import scene
 from ...models.mjcf.writer import FAR, MARGIN, mjcf, mjcf_names, model_file
-from ...models.stops import PointStop, Stop
-from .compat import CALLBACK, constraint_jacobian, loses_small_gains, mass_matrix, mujoco
+from .compat import (
+    CALLBACK,
+    constraint_jacobian,
+    has_polynomial_springs,
+    loses_small_gains,
+    mass_matrix,
+    mujoco,
+)
 from .options import MujocoOptions, scaled_solref
 from .reference_acceleration import ReferenceAccelerationCorrection
 
@@ -169,12 +176,7 @@ UnilateralConstraint = Limit | PointContact
 def stop_constraints(mechanism: Mechanism, model: Any) -> dict[str, UnilateralConstraint]:
     """Each stop's limit or contact, by the stop's name."""
     names = mjcf_names(mechanism)
-    return {
-        stop.name: _contact(model, names[stop.name])
-        if isinstance(stop, PointStop)
-        else _limit(model, names[torque_sensor(stop.name)], stop)
-        for stop in mechanism.stops
-    }
+    return {stop.name: _STOPS[stop](model, names, stop) for stop in mechanism.stops}
 
 
 def stop_contacts(mechanism: Mechanism, model: Any) -> list[PointContact]:
@@ -201,8 +203,12 @@ def _contact(model: Any, name: str) -> PointContact:
     return PointContact(int(pair.id), (first, second), float(pair.margin[0]))
 
 
-def _limit(model: Any, name: str, stop: Stop) -> Limit:
-    types, sensor = mujoco.mjtConstraint, model.sensor(name)
+def _point_stop(model: Any, names: Mapping[str, str], stop: PointStop) -> PointContact:
+    return _contact(model, names[stop.name])
+
+
+def _limit(model: Any, names: Mapping[str, str], stop: Stop) -> Limit:
+    types, sensor = mujoco.mjtConstraint, model.sensor(names[torque_sensor(stop.name)])
     on_joint = int(sensor.type[0]) == mujoco.mjtSensor.mjSENS_JOINTLIMITFRC
     element, index = "jnt" if on_joint else "tendon", int(sensor.objid[0])
     low, high = getattr(model, f"{element}_range")[index]
@@ -214,6 +220,10 @@ def _limit(model: Any, name: str, stop: Stop) -> Limit:
         range=(float(low), float(high)),
     )
 
+
+_STOPS: ElementTable[Callable[[Any, Mapping[str, str], Any], UnilateralConstraint]] = ElementTable(
+    "MuJoCo's model", STOPS, {Stop: _limit, PointStop: _point_stop}
+)
 
 _PRELOAD_ITERATIONS = 6  # each gains the four digits of 1 - d, d the impedance
 _MOST_ITERATIONS = 3000  # where forces of redundant constraints drift
@@ -232,6 +242,7 @@ def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
         UnsupportedProblemError: the mechanism cannot be written as MJCF.
     """
     text = mjcf(mechanism, options.timestep)
+    _refuse_missing_springs(mechanism)
     try:
         with CALLBACK:  # MuJoCo's compiler calls it as well, with a model that Python does not know
             model = mujoco.MjModel.from_xml_string(text)
@@ -258,6 +269,15 @@ def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
         else:  # the MJCF's margin is the rounding error at the mechanism's size
             model.pair_margin[contact.index] *= options.margin / MARGIN
     return model
+
+
+def _refuse_missing_springs(mechanism: Mechanism) -> None:
+    cubic = [e.name for e in mechanism.force_elements if e.feature is Feature.CUBIC_SPRING]
+    if cubic and not has_polynomial_springs():
+        raise UnsupportedProblemError(
+            f"mujoco cannot build {cubic[0]!r}: this version's springs are linear; "
+            f"a later one ({mujoco.__version__} is here) has cubic ones."
+        )
 
 
 def correction_of(

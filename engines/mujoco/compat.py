@@ -49,6 +49,11 @@ _HUNG = """
 """A spring that pulls with 1 N on a body that is free to follow: nothing holds the body to its parent."""
 
 
+def has_polynomial_springs() -> bool:
+    """Whether the stiffness of a tendon may have higher coefficients; not in 3.10, in 4.0."""
+    return hasattr(mujoco.MjModel, "tendon_stiffnesspoly")
+
+
 @cache
 def loses_small_gains() -> bool:
     """Whether the solver's gains are differences of its cost, and lost where they are small beside it; before 3.10."""

@@ -7,14 +7,22 @@ from typing import ClassVar
 
 from ...models.features import Basic, Feature
 from ...models.mechanism import Mechanism
+from ...models.mjcf.elements import FORCE_WRITERS
+from ...models.mjcf.tree import SLIDES
+from ...models.mjcf.writer import STOP_SENSORS
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
-from ..protocol import BuiltinEngine, Capabilities, Recording
+from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
 from ..study import EngineStudy
 from ..supplied import Part, Supplied
 from ..units import units_of
 from .options import MujocoOptions
 from .study import STUDY
+
+BUILT: frozenset[type] = frozenset(
+    (*SLIDES.handlers, *STOP_SENSORS.handlers, *FORCE_WRITERS.handlers)
+)
+"""Classes of elements that the writer of MJCF has a handler for."""
 
 
 class MujocoEngine(MujocoOptions, BuiltinEngine):
@@ -56,7 +64,8 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
         formulation="minimal relative joints, stops and loops as soft limits, contacts and equalities "
         "(convex optimisation), RK4; "
         "releases and impacts located inside a step (stock: releases at its end, limits never removed, impacts soft)",
-        features=frozenset(Feature),
+        features=built_features(BUILT),
+        elements=BUILT,
     )
     # The documentation sends those who want energy conserved to RK4; the rest are its defaults.
     stock_options: ClassVar[Mapping[str, object]] = {

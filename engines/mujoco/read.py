@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,8 +10,17 @@ import numpy as np
 
 from ...models.applied_forces import AppliedForces
 from ...models.arrays import FloatArray
-from ...models.force_elements import ConstantForce, SpringDamper
-from ...models.joints import GROUND, AnyJoint
+from ...models.elements import (
+    FORCE_ELEMENTS,
+    GROUND,
+    AnyJoint,
+    ConstantForce,
+    ConstantTorque,
+    CubicTorsionSpring,
+    ElementTable,
+    RotationalSpringDamper,
+    SpringDamper,
+)
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.mjcf.tree import hinge_chain, slide_joints
@@ -66,6 +75,29 @@ class Samples:
                 parts.append(last[:end])
 
 
+def _always() -> bool:
+    return True
+
+
+def _never() -> bool:
+    return False
+
+
+TAKEN_OFF: ElementTable[Callable[[], bool]] = ElementTable(
+    "MuJoCo's joint reactions",
+    FORCE_ELEMENTS,
+    {
+        SpringDamper: counts_tendons_in_reactions,
+        ConstantForce: _never,  # actuators are not
+        # Torques have no force to be taken off.
+        RotationalSpringDamper: _always,
+        CubicTorsionSpring: _always,
+        ConstantTorque: _always,
+    },
+)
+"""Whether a `force` sensor takes off what an element does to the bodies beyond its joint."""
+
+
 @dataclass(frozen=True)
 class _Reader:
     mechanism: Mechanism
@@ -113,11 +145,12 @@ class _Reader:
         }
 
     def _left_out(self, q: FloatArray, u: FloatArray) -> dict[str, FloatArray]:
-        """Sum of the forces on all bodies beyond a joint of the tree that MuJoCo does not take off [N], (..., 2)."""
-        kinds = ConstantForce if counts_tendons_in_reactions() else (ConstantForce, SpringDamper)
-        elements = tuple(
-            element for element in self.mechanism.force_elements if isinstance(element, kinds)
-        )
+        """Sum of the forces beyond each joint of the tree that MuJoCo does not take off [N].
+
+        Its `force` sensors give what the bodies beyond a joint need besides gravity, contacts and
+        what :data:`TAKEN_OFF` says.
+        """
+        elements = tuple(e for e in self.mechanism.force_elements if not TAKEN_OFF[e]())
         alone = self.mechanism.model_copy(update={"force_elements": elements})
         sums: dict[str, FloatArray] = {}
         for name, force in AppliedForces(Kinematics(alone)).on_bodies(q, u).items():

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from ...models.elements import CubicTorsionSpring
-from ...models.features import COVERED_BY_FEATURES, Feature
+from ...models.features import COVERED_BY_FEATURES
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
-from ..protocol import BuiltinEngine, Capabilities, Recording
+from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
 from ..study import EngineStudy
 from ..supplied import Part, Supplied
 from ..units import units_of
@@ -18,6 +18,10 @@ from .options import PymunkOptions
 from .study import STUDY
 
 _LIBRARY_ERROR_BIAS = (1.0 - 0.1) ** 60
+
+
+BUILT: frozenset[type] = COVERED_BY_FEATURES | {CubicTorsionSpring}
+"""Classes that the tables of :mod:`.build` have a handler for; these need the library."""
 
 
 class PymunkEngine(PymunkOptions, BuiltinEngine):
@@ -44,8 +48,8 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
         joint_gaps=True,
         located_releases=True,
         stop_laws=frozenset(StopLaw),
-        features=frozenset(Feature),
-        elements=COVERED_BY_FEATURES | {CubicTorsionSpring},
+        features=built_features(BUILT),
+        elements=BUILT,
         formulation="maximal coordinates, velocity-level impulses by Gauss-Seidel, leapfrog "
         "positions",
     )

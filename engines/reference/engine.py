@@ -10,7 +10,6 @@ import numpy as np
 from pydantic import Field
 
 from ...models.arrays import FloatArray
-from ...models.features import Feature
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.spec import Real
@@ -21,7 +20,7 @@ from ...reference.taylor.expressions import why_not_taylor
 from ...reference.taylor.solve import solve_taylor
 from ...version import __version__
 from ..inspection import Dynamics, Inspection, State
-from ..protocol import BuiltinEngine, Capabilities, Recording
+from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
 from ..study import EngineStudy, Tolerance
 
 # The others are measured against the reference, so only an invariant can judge it here; its figures
@@ -48,7 +47,7 @@ class ReferenceEngine(BuiltinEngine):
         located_releases=True,
         stop_laws=frozenset(StopLaw),
         formulation="minimal absolute angles, stops by KKT, DOP853 with located events",
-        features=frozenset(Feature),
+        features=built_features(BUILT),
         elements=BUILT,  # which both formulations have
     )
     # A newcomer to SciPy asks for DOP853 with tolerances that sound tight.

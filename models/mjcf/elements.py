@@ -321,7 +321,7 @@ class Forces:
 
     def __post_init__(self) -> None:
         for element in self.mechanism.force_elements:
-            _FORCES[element]  # refuses what it does not know
+            FORCE_WRITERS[element]  # refuses what it does not know
 
     def add_sites(self, element: ET.Element, body: str, origin: Vector) -> None:
         """Add to a body (or the world) the points that forces act on."""
@@ -356,7 +356,7 @@ class Forces:
 
     def _by_class(self) -> Iterator[tuple[Any, _ForceWriter[Any]]]:
         """Elements with their writers, in the order of the table: that of the file."""
-        for kind, writer in _FORCES.handlers.items():
+        for kind, writer in FORCE_WRITERS.handlers.items():
             for element in self.mechanism.force_elements:
                 if type(element) is kind:
                     yield element, writer
@@ -385,12 +385,27 @@ def _add_spring(spring: SpringDamper, tendon: ET.Element, mechanism: Mechanism) 
 def _add_rotational_spring(
     spring: RotationalSpringDamper, tendon: ET.Element, mechanism: Mechanism
 ) -> None:
+    _add_angle_spring(spring, _strength(spring), tendon, mechanism)
+
+
+def _add_cubic_spring(spring: CubicTorsionSpring, tendon: ET.Element, mechanism: Mechanism) -> None:
+    # Coefficients of the stiffness k + 0 |x| + k3 x^2: MuJoCo 4 reads them, 3.10 does not.
+    strength = {"stiffness": numbers(spring.stiffness, 0, spring.cubic_stiffness)}
+    _add_angle_spring(spring, strength, tendon, mechanism)
+
+
+def _add_angle_spring(
+    spring: RotationalSpringDamper | CubicTorsionSpring,
+    strength: dict[str, str],
+    tendon: ET.Element,
+    mechanism: Mechanism,
+) -> None:
     angles = start_angles(mechanism)
     rest = spring.rest_angle - (angles[spring.body] - angles[spring.relative_to])
     # MuJoCo takes a length of -1 for none.
     add_angle_tendon(
         tendon, mechanism, spring.bodies, 1 if rest >= 0 else -1,
-        name=_tendon(spring), **_strength(spring), springlength=number(abs(rest)),
+        name=_tendon(spring), **strength, springlength=number(abs(rest)),
     )  # fmt: skip
 
 
@@ -415,16 +430,16 @@ def _add_force(force: ConstantForce, actuator: ET.Element) -> None:
 
 
 # Sites, tendons and actuators stand in this order in the files.
-_FORCES: ElementTable[_ForceWriter[Any]] = ElementTable(
+FORCE_WRITERS: ElementTable[_ForceWriter[Any]] = ElementTable(
     "the MJCF writer",
     FORCE_ELEMENTS,
     {
         SpringDamper: _ForceWriter(add_sites=_add_spring_sites, add_tendon=_add_spring),
         RotationalSpringDamper: _ForceWriter(add_tendon=_add_rotational_spring),
+        CubicTorsionSpring: _ForceWriter(add_tendon=_add_cubic_spring),
         ConstantForce: _ForceWriter(add_sites=_add_force_site, add_actuator=_add_force),
         ConstantTorque: _ForceWriter(add_tendon=_add_torque_tendon, add_actuator=_add_torque),
     },
-    {CubicTorsionSpring: "the springs of MJCF are linear"},
 )
 
 
@@ -437,7 +452,9 @@ def _site(force: ConstantForce) -> str:
     return f"{force.name}/force"
 
 
-def _tendon(element: SpringDamper | RotationalSpringDamper | ConstantTorque) -> str:
+def _tendon(
+    element: SpringDamper | RotationalSpringDamper | CubicTorsionSpring | ConstantTorque,
+) -> str:
     """Name of its tendon, beside those of stops."""
     return f"{element.name}/{element.kind}"
 

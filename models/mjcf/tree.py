@@ -30,7 +30,7 @@ from ..elements import (
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
 
-_SLIDES: ElementTable[tuple[str, ...]] = ElementTable(
+SLIDES: ElementTable[tuple[str, ...]] = ElementTable(
     "the MJCF writer",
     JOINTS,
     {
@@ -49,7 +49,7 @@ def slide_joints(joint: AnyJoint) -> tuple[str, ...]:
     Raises:
         UnsupportedProblemError: the writer does not know this class of joints.
     """
-    parts = _SLIDES[joint]
+    parts = SLIDES[joint]
     return tuple(f"{joint.name}/{part}" for part in parts) if joint.slides else ()
 
 

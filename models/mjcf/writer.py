@@ -23,6 +23,7 @@ from typing import Any, cast
 from ..elements import GROUND, STOPS, AnyJoint, ElementTable, PointStop, Stop
 from ..errors import InputError, UnsupportedProblemError
 from ..files import write_text
+from ..given import Model, model
 from ..kinematics import initial_state
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
@@ -104,7 +105,7 @@ def _names(mechanism: Mechanism) -> Mapping[str, str]:
     return MappingProxyType(names_in(_Writer(mechanism, 1e-3, None, Variant()).root()))
 
 
-def mjcf_names(mechanism: Mechanism) -> Mapping[str, str]:
+def mjcf_names(mechanism: Model) -> Mapping[str, str]:
     """Names of bodies, joints, sites, sensors and the like in a mechanism's MJCF, read-only.
 
     A file has only letters, digits, `_`, `-` and `.` in its names. The keys are names with blanks
@@ -112,12 +113,14 @@ def mjcf_names(mechanism: Mechanism) -> Mapping[str, str]:
     earlier versions have those.
 
     Args:
-        mechanism: any.
+        mechanism: its name, the path of its .json file, itself, or a problem.
 
     Raises:
+        InputError: nothing has that name.
         UnsupportedProblemError: as :func:`mjcf`.
     """
-    return _names(cast("Any", mechanism))  # type checkers do not see that a description has a hash
+    # Type checkers do not see that a description has a hash.
+    return _names(cast("Any", model(mechanism)))
 
 
 def model_file(mechanism: Mechanism) -> str:
@@ -151,14 +154,14 @@ def write_model_folder(
         InputError: the folder cannot be written to, or as :func:`mjcf`.
         UnsupportedProblemError: as :func:`mjcf`.
     """
-    model = model_file(mechanism)
+    name = model_file(mechanism)
     texts = {
-        model: mjcf(mechanism, timestep, motion, variant),
-        SCENE_FILE: scene(mechanism, model, motion),
+        name: mjcf(mechanism, timestep, motion, variant),
+        SCENE_FILE: scene(mechanism, name, motion),
     }
     for name, text in texts.items():
         write_text(Path(folder) / name, text)
-    return Path(folder) / model, Path(folder) / SCENE_FILE
+    return Path(folder) / name, Path(folder) / SCENE_FILE
 
 
 class _Writer:
@@ -170,7 +173,7 @@ class _Writer:
         for joint in mechanism.joints:  # unknown joints and stops are refused
             slide_joints(joint)
         for stop in mechanism.stops:
-            _STOP_SENSORS[stop]
+            STOP_SENSORS[stop]
         self.mechanism, self.motion, self.variant = mechanism, motion, variant
         self.thrown = Thrown(mechanism, timestep) if variant.throw else None
         self.inertias = inertias(mechanism, variant)
@@ -353,7 +356,7 @@ class _Writer:
 
     def _add_sensors(self, sensor: ET.Element) -> None:
         for stop in self.mechanism.stops:
-            _STOP_SENSORS[stop](self, sensor, stop)
+            STOP_SENSORS[stop](self, sensor, stop)
         for joint in self.mechanism.tree_joints:
             if joint.held_directions:
                 ET.SubElement(
@@ -381,7 +384,7 @@ class _Writer:
         self.points.add_stop_sensor(sensor, stop)
 
 
-_STOP_SENSORS: ElementTable[Callable[[_Writer, ET.Element, Any], None]] = ElementTable(
+STOP_SENSORS: ElementTable[Callable[[_Writer, ET.Element, Any], None]] = ElementTable(
     "the MJCF writer",
     STOPS,
     {Stop: _Writer.add_limit_sensor, PointStop: _Writer.add_contact_sensor},

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from ...models.errors import InputError
+from ...models.given import Model, model
 from ...models.joints import AnyJoint
 from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
@@ -34,7 +35,7 @@ _THROUGH = -1e-9  # [rad] a gap below this is no rounding
 
 
 def throw(
-    mechanism: Mechanism,
+    mechanism: Model,
     *,
     release_angle: float | None = None,
     release_time: float | None = None,
@@ -53,7 +54,8 @@ def throw(
         1008.259
 
     Args:
-        mechanism: with a marker "projectile".
+        mechanism: its name, the path of its .json file, itself, or a problem; with a marker
+            "projectile".
         release_angle: of the velocity above the horizontal [rad].
         release_time: [s].
         sling_angle: from the arm, phi - theta [rad].
@@ -75,7 +77,13 @@ def throw(
         "sling_angle": sling_angle,
     }
     performance = perform(
-        mechanism, chosen, best=best, density=density, drag_area=drag_area, body=body, height=height
+        model(mechanism),
+        chosen,
+        best=best,
+        density=density,
+        drag_area=drag_area,
+        body=body,
+        height=height,
     )
     vars(performance.throw)["performance"] = performance
     return performance.throw

@@ -1,0 +1,52 @@
+"""Features and dimensions follow from tables: no engine claims what it does not build."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import trebucheck as tb
+from trebucheck.engines.protocol import built_features
+from trebucheck.engines.units import DIMENSIONS, Units
+from trebucheck.models.elements import ELEMENTS, FORCE_ELEMENTS, Feature, FreeJoint
+
+# Fields of elements that are names, choices, or numbers without dimension.
+PLAIN = {
+    *("name", "kind", "body", "relative_to", "parent", "child", "coordinate", "coordinates"),
+    *("axis", "normal", "angle", "rest_angle", "limit", "sense", "closed", "restitution"),
+}
+
+
+def test_every_feature_is_built_by_a_class_of_elements() -> None:
+    assert built_features(ELEMENTS) == frozenset(Feature)
+
+
+def test_a_class_that_is_not_built_is_not_claimed() -> None:
+    without = [element for element in ELEMENTS if element is not FreeJoint]
+    assert frozenset(Feature) - built_features(without) == {Feature.FREE_JOINT}
+    without = [element for element in ELEMENTS if element not in FORCE_ELEMENTS]
+    assert Feature.SPRING not in built_features(without)
+
+
+@pytest.mark.parametrize("name", ["reference", "mujoco", "pymunk", "exudyn"])
+def test_built_in_engines_claim_the_features_of_what_they_build(name: str) -> None:
+    capabilities = tb.engines()[name].capabilities
+    assert capabilities.features == built_features(capabilities.elements)
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_every_field_has_a_dimension_or_is_known_to_have_none(element: Any) -> None:
+    dimensions = DIMENSIONS.handlers[element]
+    assert set(element.model_fields) - PLAIN == set(dimensions)
+
+
+def test_an_unknown_element_has_no_units() -> None:
+    class Rubber(tb.PinJoint):
+        pass
+
+    mechanism = tb.model("pendulum")
+    (pin,) = mechanism.joints
+    rubber = Rubber(**pin.model_dump() | {"name": "odd one"})
+    mechanism = mechanism.model_copy(update={"joints": (rubber,)})
+    with pytest.raises(tb.UnsupportedProblemError, match="odd one"):
+        Units(2.0, 2.0, 2.0).mechanism(mechanism)
