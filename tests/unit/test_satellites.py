@@ -1,49 +1,64 @@
-"""Commands that other distributions bring by entry points."""
+"""Distributions beside the core stand on its public interface, and say what they are for."""
 
 from __future__ import annotations
 
-from importlib.metadata import EntryPoint
+import ast
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 import trebucheck as tb
-import typer
-from trebucheck.cli.app import _COMMANDS, add_satellites, app  # pyright: ignore[reportPrivateUsage]
-from typer.testing import CliRunner
 
-GROUP = "trebucheck.commands"
-
-
-def _with(*points: EntryPoint) -> typer.Typer:
-    other = typer.Typer()
-    other.command("compare")(lambda: print("ours"))
-    add_satellites(other, points)
-    return other
+ROOT = Path(__file__).parents[2]
+PACKAGES = {
+    "paper": ROOT / "paper" / "trebucheck_paper",
+    "environments": ROOT / "environments" / "trebucheck_environments",
+    "importers": ROOT / "importers" / "trebucheck_importers",
+}
+satellites = pytest.mark.parametrize("name", PACKAGES)
 
 
-def test_a_satellite_that_cannot_be_imported_is_a_sentence_when_it_is_called() -> None:
-    app = _with(
-        EntryPoint("broken", "no_such_package.command:run", GROUP),
-        EntryPoint("works", "math:sqrt", GROUP),
-    )
-    help_text = CliRunner().invoke(app, ["--help"])
-    assert help_text.exit_code == 0
-    assert "broken" in help_text.output and "works" in help_text.output
-    for words in (["broken"], ["broken", "--out", "x", "y"]):
-        called = CliRunner().invoke(app, words)
-        assert isinstance(called.exception, tb.InputError)
-        assert "'broken' of no_such_package.command:run cannot be loaded" in str(called.exception)
-        assert "No module named 'no_such_package'" in str(called.exception)
+def _imports(package: Path) -> Iterator[tuple[Path, str, str]]:
+    for path in package.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and not node.level and node.module:
+                for alias in node.names:
+                    yield path, node.module, alias.name
+            elif isinstance(node, ast.Import):
+                for alias in node.names:
+                    yield path, alias.name, ""
 
 
-def test_no_satellite_takes_the_place_of_a_command() -> None:
-    app = _with(EntryPoint("compare", "no_such_package:run", GROUP))
-    assert CliRunner().invoke(app, []).output == "ours\n"
+@satellites
+def test_a_satellite_imports_the_public_interface_alone(name: str) -> None:
+    of_ours = [found for found in _imports(PACKAGES[name]) if found[1].startswith("trebucheck.")]
+    assert of_ours
+    for path, module, imported in of_ours:
+        assert module.startswith("trebucheck.api."), f"{path}: {module}.{imported}"
+    for path, module, imported in _imports(PACKAGES[name]):
+        if module == "trebucheck" and imported:
+            assert imported in (*tb.__all__, "__version__"), f"{path}: {imported}"
 
 
-@pytest.mark.parametrize("question", _COMMANDS)
-def test_the_help_groups_commands_by_their_question(question: str) -> None:
-    text = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "120"}).output
-    assert question in text
-    _, _, rest = text.partition(question)
-    panel, _, _ = rest.partition("╰")
-    assert all(f" {name} " in panel for name in _COMMANDS[question])
+def test_the_public_modules_name_what_they_have() -> None:
+    for path in (ROOT / "api").glob("*.py"):
+        tree = ast.parse(path.read_text())
+        imported = {
+            alias.asname or alias.name
+            for node in tree.body
+            if isinstance(node, ast.ImportFrom) and node.level
+            for alias in node.names
+        }
+        named = [node for node in tree.body if isinstance(node, ast.Assign)]
+        listed = set(ast.literal_eval(named[0].value)) if named else set()
+        assert listed == imported, path
+
+
+@satellites
+def test_a_satellite_says_what_it_is(name: str) -> None:
+    folder = PACKAGES[name].parent
+    project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
+    assert project["name"] == f"trebucheck-{name}"
+    assert "trebucheck" in project["dependencies"]
+    assert (folder / "CHANGELOG.md").is_file() and "pip install" in (folder / "README.md").read_text()
