@@ -106,10 +106,8 @@ class FixedRod(CorrectedRod):
         else:
             dx, dy, ax, ay = _arc(row[a + 2], h * row[a + 5], self._ax, self._ay)
             x, y, cx, cy = x - row[a] - dx, y - row[a + 1] - dy, cx - ax, cy - ay
-            px, py = (
-                px - h * (row[a + 3] - row[a + 5] * dy),
-                py - h * (row[a + 4] + row[a + 5] * dx),
-            )
+            px = px - h * (row[a + 3] - row[a + 5] * dy)
+            py = py - h * (row[a + 4] + row[a + 5] * dx)
         distance = math.hypot(x, y)
         along = (x * cx + y * cy) / distance
         across = (x * (py + cy) - y * (px + cx)) / distance
@@ -452,9 +450,8 @@ def settled_increment(assembly: Assembly) -> FloatArray:
         last, increment = increment, assembly.rates - before
         size, previous = max(float(np.abs(increment).max()), reach), change
         difference = float(np.abs(increment - last).max())
-        change = (
-            difference / size if size > 0 else difference
-        )  # at rest at the origin nothing has a size
+        # At rest at the origin nothing has a size.
+        change = difference / size if size > 0 else difference
         enough = _MOST if taken >= needed else _ENOUGH
         if change <= _SETTLED or ((previous < change or taken >= needed) and change <= enough):
             break
