@@ -197,7 +197,7 @@ def resolve_impact(
 ) -> tuple[BodyState, dict[str, float]]:
     """The state after the impact of all contacts that touch, and the impulse of each [N m s, N s].
 
-    Newton's law with complementarity (:mod:`..impact_law`): z'+ = z'- + sum_i p_i r_i, with r_i
+    Newton's law with complementarity (:mod:`..impact`): z'+ = z'- + sum_i p_i r_i, with r_i
     what a unit impulse on gap i does to the bodies in their joints.
 
     Args:
