@@ -13,170 +13,71 @@ and Exudyn; `compare` says how well they agree. No engine is imported before it 
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
+import sys
+from types import ModuleType
+from typing import Any
 
 from .models.shown import Renderer, show_with
 from .renamed import install
-from .version import __version__
+from .version import __version__ as __version__
 
-if TYPE_CHECKING:
-    from .comparisons.compare.study import compare
-    from .comparisons.diff.study import diff
-    from .comparisons.front.studies import certify, converge, explain, recommend
-    from .comparisons.mjcf.model import mjcf
-    from .conformance.check import check
-    from .engines.protocol import Capabilities, Engine
-    from .engines.registry import engine, engines
-    from .models.elements import (
-        ConstantForce,
-        ConstantTorque,
-        CubicTorsionSpring,
-        FreeJoint,
-        PinJoint,
-        PointStop,
-        PrismaticJoint,
-        RotationalSpringDamper,
-        SlotJoint,
-        SpringDamper,
-        Stop,
-        WeldJoint,
-    )
-    from .models.errors import (
-        EngineNotInstalledError,
-        InputError,
-        SimulationError,
-        TrebucheckError,
-        UnsupportedProblemError,
-    )
-    from .models.launch import Launch
-    from .models.library.catapult import CatapultParameters, catapult
-    from .models.library.floating_arm import FloatingArmParameters, floating_arm
-    from .models.library.registry import model
-    from .models.library.trebuchet import (
-        HingedParameters,
-        TrebuchetParameters,
-        fixed,
-        hinged,
-        rolling,
-    )
-    from .models.mechanism import Body, Marker, Mechanism
-    from .models.mjcf.paths import mjcf_path
-    from .models.mjcf.writer import mjcf_names
-    from .models.problem import Problem, StopLaw
-    from .models.trajectory import Trajectory
-    from .reference.throw.throw import throw
-
-__all__ = [
-    "Body",
-    "Capabilities",
-    "CatapultParameters",
-    "ConstantForce",
-    "ConstantTorque",
-    "CubicTorsionSpring",
-    "Engine",
-    "EngineNotInstalledError",
-    "FloatingArmParameters",
-    "FreeJoint",
-    "HingedParameters",
-    "InputError",
-    "Launch",
-    "Marker",
-    "Mechanism",
-    "PinJoint",
-    "PointStop",
-    "PrismaticJoint",
-    "Problem",
-    "RotationalSpringDamper",
-    "SimulationError",
-    "SlotJoint",
-    "SpringDamper",
-    "Stop",
-    "StopLaw",
-    "Trajectory",
-    "TrebucheckError",
-    "TrebuchetParameters",
+# Module: its public names. They are loaded when first asked for (PEP 562): `import trebucheck`
+# stays quick and free of engines. `__init__.pyi` has the same for type checkers; a test holds the
+# two equal.
+_PUBLIC = {
+    "comparisons.certify": "certify",
+    "comparisons.compare.study": "compare",
+    "comparisons.converge.study": "converge",
+    "comparisons.diff.study": "diff",
+    "comparisons.explain.study": "explain",
+    "comparisons.judge.study": "judge",
+    "comparisons.matrix.study": "matrix",
+    "comparisons.mjcf": "mjcf",
+    "comparisons.recommend.study": "recommend",
+    "conformance.check": "check",
+    "engines.protocol": "Capabilities Engine",
+    "engines.registry": "engine engines",
+    "models.errors": "EngineNotInstalledError InputError SimulationError TrebucheckError "
     "UnsupportedProblemError",
-    "WeldJoint",
-    "__version__",
-    "catapult",
-    "certify",
-    "check",
-    "compare",
-    "converge",
-    "diff",
-    "engine",
-    "engines",
-    "explain",
-    "fixed",
-    "floating_arm",
-    "hinged",
-    "mjcf",
-    "mjcf_names",
-    "mjcf_path",
-    "model",
-    "paper",
-    "recommend",
-    "rolling",
-    "throw",
-]
-
-install()
-
-_ERRORS = (
-    "EngineNotInstalledError",
-    "InputError",
-    "SimulationError",
-    "TrebucheckError",
-    "UnsupportedProblemError",
-)
-_JOINTS = ("FreeJoint", "PinJoint", "PrismaticJoint", "SlotJoint", "WeldJoint")
-_FORCE_ELEMENTS = (
-    "ConstantForce",
-    "ConstantTorque",
-    "CubicTorsionSpring",
-    "RotationalSpringDamper",
-    "SpringDamper",
-)
-# Loaded when first asked for (PEP 562): `import trebucheck` stays quick and free of engines.
-_HOMES = {
-    "compare": "comparisons.compare.study",
-    "diff": "comparisons.diff.study",
-    **dict.fromkeys(("certify", "converge", "explain", "recommend"), "comparisons.front.studies"),
-    "mjcf": "comparisons.mjcf.model",
-    "mjcf_names": "models.mjcf.writer",
-    "mjcf_path": "models.mjcf.paths",
-    "check": "conformance.check",
-    "Capabilities": "engines.protocol",
-    "Engine": "engines.protocol",
-    "engine": "engines.registry",
-    "Launch": "models.launch",
-    "TrebuchetParameters": "models.library.trebuchet",
-    "model": "models.library.registry",
-    "Problem": "models.problem",
-    "StopLaw": "models.problem",
-    "Trajectory": "models.trajectory",
-    "throw": "reference.throw.throw",
-    "fixed": "models.library.trebuchet",
-    "rolling": "models.library.trebuchet",
-    **dict.fromkeys(("CatapultParameters", "catapult"), "models.library.catapult"),
-    **dict.fromkeys(("HingedParameters", "hinged"), "models.library.trebuchet"),
-    **dict.fromkeys(("FloatingArmParameters", "floating_arm"), "models.library.floating_arm"),
-    **dict.fromkeys(_ERRORS, "models.errors"),
-    **dict.fromkeys(("Body", "Marker", "Mechanism"), "models.mechanism"),
-    **dict.fromkeys((*_JOINTS, "PointStop", "Stop", *_FORCE_ELEMENTS), "models.elements"),
+    "models.elements": "ConstantForce ConstantTorque CubicTorsionSpring FreeJoint PinJoint "
+    "PointStop PrismaticJoint RotationalSpringDamper SlotJoint SpringDamper Stop WeldJoint",
+    "models.given": "model problem problems",
+    "models.launch": "Launch",
+    "models.library.catapult": "CatapultParameters catapult",
+    "models.library.floating_arm": "FloatingArmParameters floating_arm",
+    "models.library.trebuchet": "HingedParameters TrebuchetParameters fixed hinged rolling",
+    "models.mechanism": "Body Marker Mechanism",
+    "models.mjcf.paths": "mjcf_path",
+    "models.mjcf.writer": "mjcf_names",
+    "models.problem": "Problem StopLaw",
+    "models.trajectory": "Trajectory",
+    "reference.throw.throw": "throw",
 }
+_HOMES = {name: module for module, names in _PUBLIC.items() for name in names.split()}
+# The audit of the paper is a distribution of its own.
+_SATELLITES = {"paper": "trebucheck_paper"}
+
+__all__ = sorted([*_HOMES, *_SATELLITES, "__version__"])  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:
-    if name == "engines":  # a subpackage that can be called: see its docstring
-        return importlib.import_module(f".{name}", __name__)
-    if name == "paper":
-        return _paper()
+    if name in _SATELLITES:
+        return _of_satellite(name)
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
     globals()[name] = value
     return value
+
+
+def _of_satellite(name: str) -> Any:
+    try:
+        return getattr(importlib.import_module(_SATELLITES[name]), name)
+    except ImportError as error:
+        package = _SATELLITES[name].replace("_", "-")
+        raise AttributeError(
+            f"trebucheck.{name} is in the distribution {package}: pip install ./{name}"
+        ) from error
 
 
 def _renderer() -> Renderer:
@@ -185,18 +86,23 @@ def _renderer() -> Renderer:
     return session
 
 
-show_with(_renderer)
-
-
-def _paper() -> Any:
-    """The audit of the paper, which is a distribution of its own."""
-    try:
-        return importlib.import_module("trebucheck_paper").paper
-    except ImportError as error:
-        raise AttributeError(
-            "trebucheck.paper is in the distribution trebucheck-paper: pip install ./paper"
-        ) from error
-
-
 def __dir__() -> list[str]:
     return sorted(__all__)
+
+
+class _Package(ModuleType):
+    """This package; its public names stay what they are, whatever is imported below it.
+
+    The import of `trebucheck.engines.registry` would bind the name `engines` to the subpackage,
+    which hides the function of that name. (The function has the subpackage's attributes, so that
+    `trebucheck.engines.registry` is found through it.)
+    """
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in __all__ and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
+install()
+show_with(_renderer)

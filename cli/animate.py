@@ -12,9 +12,9 @@ from ..models.errors import InputError, TrebucheckError
 from . import options, output
 
 if TYPE_CHECKING:
+    from ..comparisons.report.drawing.scene import Scene
     from ..comparisons.runs.process import Worker
     from ..comparisons.runs.study import Study
-    from ..models.drawing.scene import Scene
     from ..models.mechanism import Mechanism
     from ..models.trajectory import Trajectory
 
@@ -86,10 +86,10 @@ def animate_command(
 
     trebucheck animate fixed --at 0,1.5,2.74 --out fixed.svg
     """
+    from ..comparisons.report.drawing.animation import Animation, refuse_other_files
+    from ..comparisons.report.drawing.scene import refuse_magnification
     from ..comparisons.runs.process import Worker
     from ..comparisons.runs.study import Study, one_end
-    from ..models.drawing.animation import Animation, refuse_other_files
-    from ..models.drawing.scene import refuse_magnification
 
     instants = (
         [] if at is None else [options.number(text, "--at") for text in options.names(at, "--at")]
@@ -133,7 +133,7 @@ def _refuse_several(study: Study, out: Path) -> None:
 
 def _from_runs(study: Study, mechanism: Mechanism, worker: Worker, magnify: float | None) -> Scene:
     """The reference's motion, and runs made now; engines that cannot make one are named below it."""
-    from ..comparisons.report.motion import motion_scene
+    from ..comparisons.report.plots import motion_scene
     from ..comparisons.runs.runner import Runner
 
     engines = {
@@ -193,7 +193,7 @@ def _of_one(
     worker: Worker,
     magnify: float | None,
 ) -> Scene:
-    from ..comparisons.report.motion import motion_scene
+    from ..comparisons.report.plots import motion_scene
     from ..comparisons.runs.runner import Runner
     from ..comparisons.runs.study import Until
     from ..models.problem import StopLaw
@@ -231,8 +231,7 @@ def view_command(
     Example: trebucheck view rolling
     """
     from ..engines.registry import engine as make
-    from ..engines.registry import engine_names
-    from ..engines.viewer import has_viewer, view
+    from ..engines.registry import engine_names, has_viewer, view
 
     mechanism = options.machine(model, assignments, beam, "view")
     name = engine or next((name for name in engine_names() if has_viewer(name)), None)

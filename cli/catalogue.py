@@ -11,7 +11,7 @@ from . import completion, options, output
 
 if TYPE_CHECKING:
     from ..comparisons.report.document import Document
-    from ..engines.option_table import OptionRow
+    from ..engines.registry import OptionRow
 
 models_app = typer.Typer(
     help="The machines: list them, show one as JSON, export its MJCF.", no_args_is_help=True
@@ -23,7 +23,7 @@ _Name = Annotated[str, typer.Argument(autocompletion=completion.machines, help=o
 @models_app.command("list")
 def list_command() -> None:
     """List the machines there are."""
-    from ..models.machines.registry import models
+    from ..models.library.registry import models
 
     width = max(map(len, models()))
     for name, text in models().items():
@@ -170,8 +170,7 @@ def engine_document(name: str) -> Document:
         InputError: there is no such engine.
     """
     from ..comparisons.report.document import Column, Document, Text, ranked, table, words
-    from ..engines.option_table import option_table
-    from ..engines.registry import engine_class, supplied_in
+    from ..engines.registry import engine_class, option_table, supplied_in
     from ..engines.supplied import sentence
 
     cls = engine_class(name)
@@ -192,7 +191,7 @@ def engine_document(name: str) -> Document:
 
 def _defaults(option: OptionRow) -> str:
     """One value, or a line a preset where they differ."""
-    from ..engines.option_table import default_text
+    from ..engines.options import default_text
 
     texts = {preset: default_text(value) for preset, value in option.defaults.items()}
     if len(set(texts.values())) == 1:

@@ -14,7 +14,7 @@ from . import options, output
 if TYPE_CHECKING:
     from ..comparisons.runs.process import Worker
     from ..comparisons.runs.study import Progress
-    from ..models.machines.parameters import TrebuchetParameters
+    from ..models.library.trebuchet import TrebuchetParameters
     from ..models.mechanism import Mechanism
     from ..models.problem import Problem, StopLaw
     from ..reference.certification.certificate import Certificate

@@ -23,14 +23,13 @@ def _last_of(names: Callable[[], Iterable[str]]) -> Complete:
 
 
 def _machines() -> list[str]:
-    from ..models.machines.registry import models
-    from ..models.problems.registry import benchmarks
+    from ..models.library.registry import benchmarks, models
 
     return [*models(), *(each.name for each in benchmarks(None))]
 
 
 def _problems() -> list[str]:
-    from ..models.problems.registry import benchmarks
+    from ..models.library.registry import benchmarks
 
     return [each.name for each in benchmarks(None)]
 

@@ -45,7 +45,7 @@ def matrix_command(
 
     trebucheck matrix report/results.json converge/converge.json --out engines.json
     """
-    from ..comparisons.matrix.study import read
+    from ..comparisons.matrix.study import matrix as matrix_of
     from ..comparisons.report.pages.matrix import document
     from ..models.errors import InputError
     from ..models.files import refuse_unwritable, write_text
@@ -56,7 +56,7 @@ def matrix_command(
         )
     if out is not None:
         refuse_unwritable(out.parent, out.name)
-    matrix = read(files).made_by(output.command_line(context))
+    matrix = matrix_of(files).made_by(output.command_line(context))
     if out is not None:
         write_text(out, _text(matrix, out.suffix))
     if json:

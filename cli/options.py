@@ -14,7 +14,7 @@ from . import completion
 
 if TYPE_CHECKING:
     from ..comparisons.runs.study import Study
-    from ..models.machines.parameters import TrebuchetParameters
+    from ..models.library.trebuchet import TrebuchetParameters
     from ..models.mechanism import Mechanism
     from ..models.problem import Problem
     from ..models.spec import Spec
@@ -197,7 +197,7 @@ class Chosen:
         Raises:
             InputError: the machine, or one of the names, is unknown, or a value is not valid.
         """
-        from ..models.machines.registry import parameters_type
+        from ..models.library.registry import parameters_type
 
         kind = parameters_type(name)
         known = list(kind.model_fields)
@@ -212,14 +212,14 @@ class Chosen:
 
     def whipper(self, name: str) -> TrebuchetParameters | None:
         """The same for a machine of the paper; None, too, for any other."""
-        from ..models.machines.parameters import TrebuchetParameters
-        from ..models.machines.registry import models
+        from ..models.library.registry import models
+        from ..models.library.trebuchet import TrebuchetParameters
 
         parameters = self.of(name) if name in models() else None
         return parameters if isinstance(parameters, TrebuchetParameters) else None
 
     def _short_end(self, kind: type[Spec]) -> dict[str, float]:
-        from ..models.machines.parameters import short_end
+        from ..models.library.trebuchet import short_end
 
         if self.beam is None:
             return {}
@@ -267,7 +267,7 @@ def given(text: str, texts: list[str] | None, beam: float | None) -> list[Mechan
         InputError: a name is unknown, a parameter is not valid, or a file cannot be read or is not
             a mechanism.
     """
-    from ..models.machines.registry import library_problem, model
+    from ..models.library.registry import library_problem, model
     from ..models.mechanism import Mechanism
 
     chosen = parameters(texts, beam)

@@ -42,7 +42,7 @@ def problems_command(
     from ..comparisons.problems.study import check
     from ..comparisons.report.pages.problems import document, listing
     from ..comparisons.runs.process import Worker
-    from ..models.problems.registry import benchmark, benchmarks
+    from ..models.library.registry import benchmark, benchmarks
 
     if name is None:
         if assignments:

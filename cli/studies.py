@@ -162,7 +162,7 @@ def converge_command(
 
     trebucheck converge --models pendulum.json --until 5
     """
-    from ..comparisons.converge.study import converge
+    from ..comparisons.converge.study import converge_study
     from ..comparisons.report.pages.converge import document
 
     machines = options.given(models, assignments, beam)
@@ -171,7 +171,7 @@ def converge_command(
     study = options.study(machines, engines, out, resume, timeout, jobs, options=own, until=until)
     told = output.Told(quiet, json)
     with output.progress(told=told) as show:
-        studies = converge(replace(study, progress=show), chosen)
+        studies = converge_study(replace(study, progress=show), chosen)
     studies = studies.made_by(output.command_line(context))
     output.publish(
         (out / "converge.json", studies.to_json()),
@@ -214,7 +214,7 @@ def explain_command(
 
     trebucheck explain --preset tuned --timestep 5e-4 --set l1=9.5 --out why
     """
-    from ..comparisons.explain.study import explain
+    from ..comparisons.explain.study import explain_study
     from ..comparisons.report.pages.explain import document
 
     machines = options.given(models, assignments, beam)
@@ -225,7 +225,7 @@ def explain_command(
     )
     told = output.Told(quiet, json)
     with output.progress(width=44, told=told) as show:
-        explanation = explain(replace(study, progress=show))
+        explanation = explain_study(replace(study, progress=show))
     explanation = explanation.made_by(output.command_line(context))
     data = out / "explain.json", explanation.to_json()
     output.publish(
@@ -272,8 +272,9 @@ def recommend_command(
 
     trebucheck recommend --model pendulum.json --position 1e-4 --until 5
     """
-    from ..comparisons.recommend import Asked, recommend
+    from ..comparisons.recommend import Asked
     from ..comparisons.recommend.search import read_torque
+    from ..comparisons.recommend.study import recommend_study
     from ..comparisons.report.pages.recommend import document, files
     from ..models.files import write_text
 
@@ -302,7 +303,7 @@ def recommend_command(
     )
     told = output.Told(quiet, json)
     with output.progress("references", 30, told) as show:
-        advice = recommend(replace(study, progress=show), target, neighbours)
+        advice = recommend_study(replace(study, progress=show), target, neighbours)
     advice = advice.made_by(output.command_line(context))
     for name, text in files(advice).items():
         write_text(out / name, text)

@@ -133,7 +133,7 @@ def _with_sensitivities(
     performance: Performance, model: str, chosen: options.Chosen, worker: Worker
 ) -> Throw:
     """Of the two whippers by Table I's parameters, of others by their physical numbers."""
-    from ..models.machines.parameters import TrebuchetParameters
+    from ..models.library.trebuchet import TrebuchetParameters
     from ..reference.sensitivity.release import sensitivities_of
 
     throw = performance.throw

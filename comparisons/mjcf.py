@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..models.errors import InputError, SimulationError
-from ..models.machines.registry import library_problem, model, parameters_type
+from ..models.given import Model, model_of, named_parameters
 from ..models.mechanism import Mechanism
 from ..models.mjcf import writer
 from ..models.mjcf.paths import as_spec as spec_of
@@ -99,7 +99,7 @@ def _events(runner: Runner) -> Iterator[tuple[float, str, str]]:
 
 
 def mjcf(
-    given: str | Mechanism | Problem,
+    given: Model,
     *,
     timestep: float | None = None,
     keyframes: bool = True,
@@ -115,7 +115,8 @@ def mjcf(
     >>> mujoco.MjModel.from_xml_string(text)  # doctest: +SKIP
 
     Args:
-        given: name of a machine or problem, a mechanism, or a problem.
+        given: name of a machine or of a problem of the library, path of a mechanism's .json file, a
+            mechanism, or a problem.
         timestep: of MuJoCo's integrator [s]; the stiffness of stops and loops is scaled with it. If
             left out it is a hundredth of the motion's characteristic time, but 1 ms at most; 1 ms
             as well where the reference cannot move it.
@@ -141,11 +142,7 @@ def mjcf(
         SimulationError: the reference cannot move it; without keyframes it is written all the same.
         EngineNotInstalledError: MuJoCo is not there, for `as_spec`.
     """
-    found = _named(given, parameters) if isinstance(given, str) else given
-    if parameters and not isinstance(given, str):
-        raise InputError(
-            f"{', '.join(parameters)}: only what has a name has parameters; this is a mechanism as it is."
-        )
+    found = model_of(given, named_parameters(given, parameters))
     mechanism = found.mechanism if isinstance(found, Problem) else found
     variant = Variant(sensors=sensors, finite_inertia=finite_inertia, throw=throw)
     step, motion = step_and_motion(found, timestep, keyframes=keyframes)
@@ -174,8 +171,3 @@ def step_and_motion(
         return suitable_step(runner), None
     except (InputError, SimulationError):
         return LONGEST_STEP, None
-
-
-def _named(name: str, parameters: dict[str, float]) -> Mechanism | Problem:
-    given = parameters_type(name)(**parameters)
-    return library_problem(name, given) or model(name, given)

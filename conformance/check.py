@@ -3,29 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from ..comparisons.compare.sentences import complaints, diagnosis
 from ..comparisons.compare.study import Case, MachineRuns
 from ..comparisons.runs.quantities import QUANTITIES, judged_quantity
 from ..comparisons.runs.results import COMPARED, Run
-from ..comparisons.runs.study import Study, one_end
+from ..comparisons.runs.study import Study
+from ..engines.protocol import Engine
 from ..engines.registry import engine_class
 from ..models.errors import EngineNotInstalledError, InputError
-from ..models.mechanism import Mechanism
-from ..models.problem import Problem, StopLaw
+from ..models.given import Model, model_of
+from ..models.problem import StopLaw
 from .suite import Target, absence
 
 
 def check(
-    engine: str,
-    model: str | Mechanism | Problem = "fixed",
+    engine: str | Engine,
+    model: Model = "fixed",
     *,
     duration: float | None = None,
     until: str | float | None = None,
     stop_law: StopLaw | str | None = None,
     options: Mapping[str, Any] | None = None,
+    timestep: float | None = None,
     timeout: float = 600.0,
     isolate: bool = True,
     **tolerances: float | str,
@@ -35,13 +36,15 @@ def check(
     For example `tb.check("mujoco", "fixed", position=1e-6, energy="0.1%")`.
 
     Args:
-        engine: NAME, NAME/PRESET, or the same with 'package.module:Class' for the name.
-        model: name of a machine or of a problem of the library, the path of a mechanism's .json
-            file, a mechanism, or a problem.
+        engine: NAME, NAME/PRESET, or the same with 'package.module:Class' for the name; or an
+            engine as `tb.engine` makes it.
+        model: name of a machine or of a problem of the library, path of a mechanism's .json file, a
+            mechanism, or a problem.
         duration: end of the compared motion [s]; a problem's own, else the launch, if left out.
         until: the end in other words, as `compare` takes it.
         stop_law: 'release-once' or 'unilateral'; a problem's own, else 'release-once', if left out.
-        options: of the engine.
+        options: of the engine, over its preset's.
+        timestep: of the engine [s]; its preset's own if left out.
         timeout: longest wait for the run [s].
         isolate: run the engine in a process of its own, so that its crash fails the check and
         nothing else.
@@ -60,21 +63,19 @@ def check(
         EngineNotInstalledError: the engine is not here.
     """
     __tracebackhide__ = True
-    target = Target.of(engine)
+    target = Target.of(engine) if isinstance(engine, str) else Target(engine.name, engine.preset)
     if not engine_class(target.engine).is_installed():
         raise EngineNotInstalledError(absence(engine_class(target.engine)))
-    needs = {_title(name): value for name, value in tolerances.items()}
-    given = (
-        Mechanism.load(Path(model)) if isinstance(model, str) and model.endswith(".json") else model
-    )
-    study = Study(
-        [given],
-        [target.engine],
-        [target.preset],
-        options=options or {},
+    study = Study.of(
+        model_of(model),
+        target.engine if isinstance(engine, str) else engine,
+        target.preset,
+        options=options,
+        timestep=timestep,
+        duration=duration,
+        until=until,
         stop_law=stop_law,
-        until=one_end(duration, until),
-        tolerances=needs,
+        tolerances={_title(name): value for name, value in tolerances.items()},
         timeout=timeout,
         isolate=isolate,
     )

@@ -34,7 +34,7 @@ from trebucheck.comparisons.explain.results import Explanation
 from trebucheck.comparisons.judge.study import Judgement
 from trebucheck.comparisons.matrix.report import document as matrix_document
 from trebucheck.comparisons.matrix.study import distilled, orders_of
-from trebucheck.comparisons.matrix.study import read as read_matrix
+from trebucheck.comparisons.matrix.study import matrix as read_matrix
 from trebucheck.comparisons.mjcf import record_motion
 from trebucheck.comparisons.problems.report import library
 from trebucheck.comparisons.problems.study import check

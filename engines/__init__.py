@@ -1,22 +1,14 @@
 """Engines, each behind the same protocol, none imported before it is asked for.
 
-The public function `trebucheck.engines()` and this subpackage share one name. Python binds a
-subpackage to its parent whenever it is first imported, so the only answer that does not depend on
-the order of imports is a module that can be called.
+`trebucheck.engines` is the function that lists them, and this subpackage has the same name: the
+function has the subpackage's attributes, so that `trebucheck.engines.registry` is found either way,
+in whatever order they are imported (see `trebucheck/__init__.py`).
 """
 
 from __future__ import annotations
 
-import sys
-from types import ModuleType
+from .registry import engines
 
-from .registry import EngineStatus, engines
+__all__ = ["engines"]
 
-
-class _CallableModule(ModuleType):
-    def __call__(self) -> dict[str, EngineStatus]:
-        """See :func:`.registry.engines`."""
-        return engines()
-
-
-sys.modules[__name__].__class__ = _CallableModule
+engines.__dict__ = globals()

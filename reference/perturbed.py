@@ -25,7 +25,7 @@ from .solution import Segment, Solution
 from .solver import integrate_segment
 
 TOLERANCE = 1e-12
-"""Relative and absolute local error: a scheduled motion is compared with deviations that are far larger."""
+"""Local error bound: scheduled motions are compared with far larger deviations."""
 
 
 class _With(Equations):
@@ -54,7 +54,7 @@ class _With(Equations):
         return super()._forces(q, u, rates, quadratic) + linear - added.rate * momenta[..., 0]
 
     def potential_energy(self, q: FloatArray) -> FloatArray:
-        """With the energy of springs [J]."""
+        """Energy with that of the added springs [J]."""
         stretched = q - self._beside.relaxed
         return super().potential_energy(q) + 0.5 * np.sum(
             stretched @ self._beside.stiffness * stretched, axis=-1
@@ -101,7 +101,7 @@ class WithJoint(_With):
 
 
 class WithRubbing(_With):
-    """The equations with the same viscous friction against several rates of change, each a row of a matrix on u.
+    """The equations with viscous friction against rates of change, each a row on u.
 
     Args:
         mechanism: without it.
@@ -121,7 +121,7 @@ class WithDamping(_With):
 
 
 class WithTiltedGravity(_With):
-    """The equations with gravity turned anticlockwise by an angle [rad], and with it weights, reactions and energy."""
+    """The equations with gravity turned anticlockwise by an angle [rad]."""
 
     def __init__(self, mechanism: Mechanism, angle: float) -> None:
         direction = as_complex(mechanism.gravity_direction) * np.exp(1j * angle)
@@ -130,7 +130,10 @@ class WithTiltedGravity(_With):
 
 
 def solve_scheduled(
-    problem: Problem, releases: Mapping[str, float | None], equations: Equations | None = None
+    problem: Problem,
+    releases: Mapping[str, float | None],
+    equations: Equations | None = None,
+    tolerance: float = TOLERANCE,
 ) -> Solution:
     """Integrate with each closed stop active until its given time.
 
@@ -139,6 +142,7 @@ def solve_scheduled(
         closes.
         releases: by stop, when it opens [s]; None: never. Stops not named open as at t = 0.
         equations: with a fault; the mechanism's own if left out.
+        tolerance: relative and absolute, of a step.
 
     Raises:
         InputError: a name is not that of a stop.
@@ -160,7 +164,7 @@ def solve_scheduled(
     now = 0.0
     for end in times:
         closed = tuple(name for name, t in schedule.items() if t is None or t > now)
-        segment, _, stepper = integrate_segment(own, closed, now, y, end, (TOLERANCE, TOLERANCE))
+        segment, _, stepper = integrate_segment(own, closed, now, y, end, (tolerance, tolerance))
         segments.append(segment)
         now, y = end, stepper.y
     return Solution(
@@ -170,6 +174,6 @@ def solve_scheduled(
         release_times={name: schedule.get(name) for name in names},
         impacts=(),
         evaluations=0,
-        settings={"rtol": TOLERANCE, "atol": TOLERANCE},
+        settings={"rtol": tolerance, "atol": tolerance},
         wall_time=time.perf_counter() - started,
     )

@@ -7,12 +7,12 @@ from functools import cache
 
 import trebucheck as tb
 from trebucheck.comparisons.compare.study import Comparison
-from trebucheck.comparisons.converge.study import converge
+from trebucheck.comparisons.converge.study import converge_study
 from trebucheck.comparisons.diff.study import diff
-from trebucheck.comparisons.explain.study import explain
+from trebucheck.comparisons.explain.study import explain_study
 from trebucheck.comparisons.problems.study import check
 from trebucheck.comparisons.recommend.results import Asked
-from trebucheck.comparisons.recommend.study import recommend
+from trebucheck.comparisons.recommend.study import recommend_study
 from trebucheck.comparisons.report.document import Document
 from trebucheck.comparisons.report.pages import compare as compare_report
 from trebucheck.comparisons.report.pages import converge as converge_report
@@ -66,7 +66,7 @@ def _throw() -> Document:
 
 
 def _recommend() -> Document:
-    found = recommend(
+    found = recommend_study(
         Study(["pendulum"], ["pymunk"], isolate=False), Asked(position=1e-2), neighbours=0
     )
     return recommend_report.document(found)
@@ -128,8 +128,8 @@ def _certify() -> Document:
 DOCUMENTS = {
     "compare": lambda: compare_report.document(comparison()),
     "throw": _throw,
-    "converge": lambda: converge_report.document(converge(_study("pendulum"), ["timestep"])),
-    "explain": lambda: explain_report.document(explain(_study("pendulum"))),
+    "converge": lambda: converge_report.document(converge_study(_study("pendulum"), ["timestep"])),
+    "explain": lambda: explain_report.document(explain_study(_study("pendulum"))),
     "recommend": _recommend,
     "diff": _diff,
     "problems": lambda: problems_report.document(check(benchmark("pendulum"))),

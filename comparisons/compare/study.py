@@ -12,11 +12,13 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ...engines.given import Engines, Names
 from ...engines.protocol import Engine
 from ...models.errors import InputError, SimulationError, UnwritableError
 from ...models.files import read_bytes
+from ...models.given import Models
 from ...models.mechanism import Mechanism
-from ...models.problem import Problem, StopLaw
+from ...models.problem import StopLaw
 from ...models.shown import Reported
 from ...models.spec import Spec
 from ...models.trajectory import Trajectory, load
@@ -39,7 +41,7 @@ from ..runs.results import (
 )
 from ..runs.runner import Runner
 from ..runs.store import Store, conditions, digest
-from ..runs.study import PRESETS, Study, Until, one_end
+from ..runs.study import Study, Until
 
 
 @dataclass(frozen=True)
@@ -270,11 +272,12 @@ class Comparison(Reported):
 
 
 def compare(
-    models: Iterable[str | Mechanism | Problem] = ("fixed", "rolling"),
-    engines: Iterable[str] | None = None,
-    presets: Iterable[str] = PRESETS,
+    models: Models = ("fixed", "rolling"),
+    engines: Engines | None = None,
+    presets: Names | None = None,
     *,
     parameters: Spec | None = None,
+    options: Mapping[str, Any] | None = None,
     timestep: float | None = None,
     duration: float | None = None,
     until: str | float | None = None,
@@ -285,15 +288,18 @@ def compare(
     timeout: float = 600.0,
     jobs: int = 1,
     progress: Callable[[Case, int, int], None] | None = None,
-    **options: Any,
+    **more_options: Any,
 ) -> Comparison:
-    """Measure engines against the reference: `tb.compare(["fixed"], ["mujoco"]).plot()`.
+    """Measure engines against the reference: `tb.compare("fixed", "mujoco").plot()`.
 
     Args:
-        models: names of machines or of the library's problems, mechanisms of your own, or problems.
-        engines: names; all known ones if left out. Those not installed become rows that say so.
-        presets: 'tuned', 'stock', or both.
+        models: one or several: names of machines or of the library's problems, paths of mechanisms'
+            .json files, mechanisms, or problems.
+        engines: one or several: names, or engines as `tb.engine` makes them; all known ones if left
+            out. Those not installed become rows that say so.
+        presets: 'tuned', 'stock', or both; both if left out, or those of the engines given.
         parameters: of the named machines, all of one class; their defaults if left out.
+        options: over each preset's: of every engine that has them, or of one, as 'mujoco.solref'.
         timestep: of every engine [s]; each preset's own if left out.
         duration: end of the compared motion [s]; a problem's own, else the reference's launch, if
             left out.
@@ -308,21 +314,22 @@ def compare(
         jobs: references, runs and diagnoses made at once, each in a process; the results but for
             wall times are the same in the same order.
         progress: called before each case with the number done and the number of all.
-        options: further options, each for every engine that has it, or as 'mujoco.solref' (a key of
-            a mapping given with two asterisks) for one.
+        more_options: further ones of `options`.
 
     Raises:
         InputError: a name or a value is not valid. A run that fails raises nothing: it becomes a
             failed row.
     """
-    study = Study(
-        models=models,
-        engines=engines,
-        presets=presets,
+    study = Study.of(
+        models,
+        engines,
+        presets,
         parameters=parameters,
-        options=options if timestep is None else {"timestep": timestep, **options},
+        options={**(options or {}), **more_options},
+        timestep=timestep,
+        duration=duration,
+        until=until,
         stop_law=stop_law,
-        until=one_end(duration, until),
         tolerances=tolerances,
         store=store,
         isolate=isolate,

@@ -13,23 +13,25 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from scipy import stats
 from scipy.optimize import brentq
 
+from ...engines.given import Engines, Names, names_of
 from ...engines.protocol import Engine
 from ...engines.registry import engine, engine_class, engine_names, engine_study, options_for
 from ...engines.study import ConstraintKinds, Options, Refinement, StepOrder, SweptParameter
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
+from ...models.given import Models
 from ...reference.certification.certificate import REFUSED_BELOW
 from ..report.numbers import format_number
 from ..runs.process import all_in_order
 from ..runs.record import Curves, EngineRuns, RunRecord, runs_of
 from ..runs.runner import run_duration
-from ..runs.study import Counter, Study
+from ..runs.study import Counter, RunOptions, Study
 from .results import (
     Curve,
     Floor,
@@ -356,8 +358,37 @@ _COARSER = tuple(
 _UNKNOWN = StepOrder(None, "the order of a plug-in is not known beforehand")
 
 
-def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
-    """Carry out the studies.
+def converge(
+    models: Models = ("fixed", "rolling"),
+    engines: Engines | None = None,
+    *,
+    knobs: Names | None = None,
+    **how: Unpack[RunOptions],
+) -> Studies:
+    """Turn each engine's knobs and see how its error falls: orders, floors, Richardson limits.
+
+        >>> import trebucheck as tb
+        >>> studies = tb.converge("fixed", "pymunk", knobs="timestep")  # doctest: +SKIP
+        >>> studies.plot("fixed-errors")  # doctest: +SKIP
+
+    Args:
+        models: one or several: names of machines or of the library's problems, paths of mechanisms'
+            .json files, mechanisms, or problems.
+        engines: one or several: names, or engines as `tb.engine` makes them; all but the reference
+            if left out.
+        knobs: names of the parameters to be swept, such as 'timestep'; all if left out.
+        how: runs are made; see :class:`..runs.study.RunOptions`.
+
+    Raises:
+        InputError: a name or value is not valid, or there is nothing to do. A failed run is a
+            failed point.
+    """
+    study = Study.of(models, engines, **how)
+    return converge_study(study, None if knobs is None else names_of(knobs))
+
+
+def converge_study(study: Study, chosen: Sequence[str] | None = None) -> Studies:
+    """As :func:`converge`, of a study.
 
     Args:
         study: mechanisms, engines (all known ones but the reference if None; those not installed

@@ -21,10 +21,9 @@ from ...models.errors import (
 )
 from ...models.files import write_text
 from ...models.launch import Launch
-from ...models.machines.registry import library_problem, model, models
+from ...models.library.registry import benchmarks, find_benchmark, library_problem, model, models
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
-from ...models.problems.registry import benchmarks, find_benchmark
 from ...models.trajectory import Trajectory, write_dataset
 from ...reference.certification.redundant import solve_redundant
 from ...reference.solution import Solution

@@ -9,7 +9,7 @@ deviation by least squares.
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -24,6 +24,8 @@ from ...reference.equations import Equations
 from ...reference.solution import Motion, Solution
 from ...reference.solver import solve
 from ..runs.metrics import EVENT_GUARD
+from ..runs.results import Cause
+from .rank import Estimate
 
 ENERGIES = ("kinetic energy", "potential energy")
 
@@ -225,11 +227,17 @@ _FEWEST = 3
 _ROUNDING = 1e-10  # of the forces of gravity
 
 
-_TOLERANCE = 1e-11  # of the suspects' motions
+_ROUGH_MARGIN = 10  # a fault's motion may be so many times as sensitive as the reference's
+_ROUGH_ENOUGH = 0.01  # error of a share up to which a rough one is of use
 
 
 _REFERENCE_STEPS = 100  # at least, as a measure of what a motion with a fault may cost
 
+
+FINE = 1e-11
+"""Tolerance of the suspects' motions."""
+ROUGH = 1e-6
+"""Tolerance at which suspects are tried that are probably not worth more."""
 
 PATIENCE = 20
 
@@ -385,21 +393,38 @@ class Case:
         law = StopLaw(self.solution.problem.stop_law)
         return Problem(mechanism, duration=float(self.t[-1]), stop_law=law)
 
-    def solved(self, equations: Equations, patience: int = PATIENCE) -> Solution | None:
+    def solved(
+        self, equations: Equations, patience: int = PATIENCE, tolerance: float = FINE
+    ) -> Solution | None:
         """The motion under other equations; None if it cannot be computed.
 
         Args:
             patience: it is given up after so many times the reference's steps: equations that are
                 so stiff are far from any that fit.
+            tolerance: relative and absolute, of a step.
         """
         try:
             with np.errstate(all="ignore"):
                 most = patience * self._reference_steps
-                return solve(
-                    self.problem(equations.mechanism), _TOLERANCE, _TOLERANCE, equations, most
-                )
+                problem = self.problem(equations.mechanism)
+                return solve(problem, tolerance, tolerance, equations, most)
         except (TrebucheckError, np.linalg.LinAlgError, ValueError):
             return None
+
+    @cached_property
+    def rough_error(self) -> float | None:
+        """Error of a share of the deviation that is computed at `ROUGH`; None if it is of no use.
+
+        The reference itself, solved so, tells it: small deviations are beyond such a tolerance, and
+        so are motions that carry errors on.
+        """
+        size = float(np.linalg.norm(self.deviation))
+        rough = self.solved(self.solution.equations, tolerance=ROUGH)
+        if rough is None or size == 0.0:
+            return None
+        signature = self.signature(rough.trajectory(self.t))
+        error = _ROUGH_MARGIN * float(np.linalg.norm(signature)) / size
+        return error if error <= _ROUGH_ENOUGH else None
 
     @cached_property
     def _reference_steps(self) -> int:
@@ -407,11 +432,11 @@ class Case:
             _REFERENCE_STEPS, sum(len(segment.interpolant.ts) for segment in self.solution.segments)
         )
 
-    def under(self, law: StopLaw) -> Solution | None:
+    def under(self, law: StopLaw, tolerance: float = FINE) -> Solution | None:
         """The motion under the other law of the stops; None if it cannot be computed."""
         problem = Problem(self.mechanism, duration=float(self.t[-1]), stop_law=law)
         try:
-            return solve(problem, _TOLERANCE, _TOLERANCE)
+            return solve(problem, tolerance, tolerance)
         except (TrebucheckError, np.linalg.LinAlgError, ValueError):
             return None
 
@@ -426,3 +451,23 @@ class Case:
         right = self.solution.reading(self.t, replace(self.motion, q=motion.q, u=motion.u), told)
         mixed = replace(right, stop_torques=own.stop_torques, joint_reactions=own.joint_reactions)
         return self.signature(own), self.signature(mixed)
+
+
+def estimate(
+    cause: Cause, share: Callable[[bool], float | None], error: float | None
+) -> Cause | Estimate:
+    """A cause by its rough share where that is of use, else by its accurate one.
+
+    Args:
+        cause: without its share.
+        share: computes it, roughly if its argument is true; None where no motion can be solved.
+        error: of a rough share; None where it is of no use.
+    """
+
+    def accurate() -> Cause:
+        return cause.model_copy(update={"explained": share(False) or 0.0})
+
+    rough = None if error is None else share(True)
+    if rough is None or error is None:
+        return accurate()
+    return Estimate(cause.model_copy(update={"explained": rough}), error, accurate)

@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -26,14 +27,14 @@ from ...models.problem import Problem, StopLaw
 from ...models.trajectory import Trajectory
 from ...reference.equations import Equations
 from ...reference.integrator import one_thread
-from ...reference.perturbed import WithoutCentrifugal, solve_scheduled
+from ...reference.perturbed import TOLERANCE, WithoutCentrifugal, solve_scheduled
 from ...reference.solution import Solution
 from ...reference.solver import solve
 from ..runs.impacts import impact_times
 from ..runs.metrics import THROWN, Comparison, against
 from ..runs.results import Cause, Diagnosis, Equality, Metric
 from ..runs.runner import failure
-from .case import Case, fit, match
+from .case import FINE, ROUGH, Case, estimate, fit, match
 from .equivalence import (
     EXACT,
     Expected,
@@ -56,7 +57,7 @@ from .faults import (
     with_closed_loops,
 )
 from .fit import Found, better, faults_at_the_same_motion, fitting_faults
-from .rank import SAME, SUFFICIENT, ranked
+from .rank import SAME, SUFFICIENT, Estimate, measured, ranked
 from .readings import (
     NO_MOTION,
     Reading,
@@ -91,7 +92,12 @@ class Onset:
 
 def find_onset(c: Comparison, violated: Iterable[Metric]) -> Onset | None:
     """The earliest of all violated quantities; None where none of them belongs to a time."""
-    times = {metric.label: _time(c, metric) for metric in violated}
+
+    @cache
+    def error_growth() -> FloatArray:
+        return growth(c.solution, c.t)
+
+    times = {metric.label: _time(c, metric, error_growth) for metric in violated}
     onsets = {label: t for label, t in times.items() if t is not None}
     if not onsets:
         return None
@@ -104,7 +110,7 @@ def active_contacts_at(solution: Solution, t: float) -> tuple[str, ...]:
     return next((s.closed for s in solution.segments if s.start <= t <= s.end), ())
 
 
-def _time(c: Comparison, metric: Metric) -> float | None:
+def _time(c: Comparison, metric: Metric, error_growth: Callable[[], FloatArray]) -> float | None:
     """When a violated quantity leaves its tolerance [s]."""
     if metric.name == "release_time":
         times = (
@@ -123,7 +129,7 @@ def _time(c: Comparison, metric: Metric) -> float | None:
     series = next(_series(c, metric), None)
     if series is None or metric.tolerance is None:
         return None
-    allowed = metric.tolerance * (growth(c.solution, c.t) if metric.name in _GROWING else 1.0)
+    allowed = metric.tolerance * (error_growth() if metric.name in _GROWING else 1.0)
     beyond = np.flatnonzero(~(series <= allowed) & c.smooth)
     return float(c.t[beyond[0]]) if len(beyond) else None
 
@@ -267,21 +273,29 @@ def failed_diagnosis(broken: Sequence[Metric], error: Exception) -> Diagnosis:
 
 
 def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[Cause, ...], int]:
-    """Mistakes of reading first, which cost nothing to compute; engines run again only if nothing else explains it."""
-    causes = [*_outright_causes(case), *_reading_causes(case)]
-    certain = max((cause.explained for cause in causes), default=0.0) >= _CERTAIN
-    if (
-        case.told is not None or not certain
-    ):  # of what tells little, faults and mistakes may account alike
+    """Suspects in the order of what they cost, and the next kind only if the last explains too little.
+
+    Mistakes of reading cost next to nothing. An engine is run again only if nothing else explains
+    its deviation.
+    """
+    readings = [*_outright_causes(case), *_reading_causes(case)]
+    shares = {cause.name: cause.explained for cause in readings}
+    causes: list[Cause | Estimate] = [*readings]
+    certain = max(shares.values(), default=0.0) >= _CERTAIN
+    # Where little is recorded, faults and mistakes of reading may explain it alike.
+    if case.told is not None or not certain:
         causes += [*fitting_faults(case), *_missing_causes(case), *_law_causes(case)]
     elif _motion_agrees(case):
-        causes += faults_at_the_same_motion(
-            case
-        )  # a load that moves nothing is no worse an explanation
-    if NO_MOTION in {cause.name for cause in causes if cause.explained >= SUFFICIENT}:
-        causes += [*_missing_causes(case), *_gross_causes(case)]  # nor is the lack of what moves it
-    elif not _is_settled(causes):
-        causes += _gross_causes(case)
+        # A load that moves nothing is as good an explanation as a mistake of reading its force.
+        causes += faults_at_the_same_motion(case)
+    if shares.get(NO_MOTION, 0.0) >= SUFFICIENT:
+        # So is the lack of what would move it.
+        causes += [*_missing_causes(case), *_gross_causes(case)]
+    else:
+        causes = measured(causes)
+        if not _is_settled(causes):
+            causes += _gross_causes(case)
+    causes = measured(causes)
     if rerun is not None and not ranked(causes)[1]:
         causes += rerun.causes(case)
     if not ranked(causes)[1]:
@@ -289,7 +303,7 @@ def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[Cause, ...], 
     return ranked(causes)
 
 
-def _is_settled(causes: Sequence[Cause]) -> bool:
+def _is_settled(causes: Sequence[Cause | Estimate]) -> bool:
     """Whether a cause is named that leaves so little that none of another kind is looked for."""
     listed, named = ranked(causes)
     return named > 0 and listed[0].explained >= SAME
@@ -336,61 +350,67 @@ def _first_sample(case: Case) -> Iterator[Cause]:
         yield Cause(name=f"first sample: {what}", kind="reading", explained=share)
 
 
-def _missing_causes(case: Case) -> Iterator[Cause]:
+def _missing_causes(case: Case) -> Iterator[Cause | Estimate]:
     """Parts that are missing, and data that are rounded: faults without a size."""
     for suspect in machine_suspects(case.mechanism):
         closed = None if suspect.scale else with_closed_loops(suspect.wrong)
         if closed is not None:
-            yield suspect.cause(1.0, _share(case, case.solved(Equations(closed))))
+            yield _estimate(case, suspect.name, suspect.kind, Equations(closed))
 
 
-def _gross_causes(case: Case) -> Iterator[Cause]:
+def _gross_causes(case: Case) -> Iterator[Cause | Estimate]:
     """Forces that are quite wrong, and the other law of the stops."""
     for name, equations in gross_faults(case.mechanism):
-        yield Cause(name=name, kind="law", explained=_share(case, case.solved(equations)))
+        yield _estimate(case, name, "law", equations)
     for fault in systematic_faults(case.mechanism):
         closed = with_closed_loops(fault.wrong)
         if closed is not None:
-            yield fault.cause(1.0, _share(case, case.solved(Equations(closed))))
+            yield _estimate(case, fault.name, fault.kind, Equations(closed))
     given = StopLaw(case.solution.problem.stop_law)
     other = next(law for law in StopLaw if law != given)
-    yield Cause(
-        name=f"stops by the law {other.value}",
-        kind="law",
-        explained=_share(case, case.under(other)),
-    )
+    yield _estimate(case, f"stops by the law {other.value}", "law", other)
 
 
-def _share(case: Case, wrong: Solution | None) -> float:
-    """Of the deviation, that the motion with a fault accounts for, whoever reads it; 0 where there is none."""
-    if wrong is None:
-        return 0.0
+def _estimate(case: Case, name: str, kind: Kind, fault: Equations | StopLaw) -> Cause | Estimate:
+    """A fault without a size: roughly where that is enough to tell whether it can be listed."""
+
+    def share(rough: bool) -> float | None:
+        tolerance = ROUGH if rough else FINE
+        if isinstance(fault, StopLaw):
+            wrong = case.under(fault, tolerance)
+        else:
+            wrong = case.solved(fault, tolerance=tolerance)
+        return None if wrong is None else _share(case, wrong)
+
+    return estimate(Cause(name=name, kind=kind, explained=0.0), share, case.rough_error)
+
+
+def _share(case: Case, wrong: Solution) -> float:
+    """Share of the deviation that a faulty motion explains, whoever reads it."""
     signatures = case.seen(wrong, wrong.motion(case.t))
     return max(match(case.deviation, signature, fixed=True).explained for signature in signatures)
 
 
-def _law_causes(case: Case) -> Iterator[Cause]:
+def _law_causes(case: Case) -> Iterator[Cause | Estimate]:
     """Stops that open at other times than they should, or never; and forces of the wrong law."""
     engine_times, reference_times = case.whole.release_times, case.solution.release_times
     closed = [stop.name for stop in case.mechanism.stops if stop.closed]
     right: dict[str, float | None] = {name: reference_times.get(name) for name in closed}
-    own = {name: engine_times.get(name) for name in closed}
-    wrong = [name for name in closed if own[name] != right[name]]
+    releases = {name: engine_times.get(name) for name in closed}
+    wrong = [name for name in closed if releases[name] != right[name]]
     for name in wrong:
-        amount = f"{_format_time(own[name])} instead of {_format_time(right[name])}"
-        yield from _release(case, name, amount, {**right, name: own[name]})
-        if len(wrong) > 1 and name == _earliest(
-            wrong, own, right
-        ):  # the others open late or early because of it
-            yield from _scheduled(case, f"release of the {name}", own, amount)
+        amount = f"{_format_time(releases[name])} instead of {_format_time(right[name])}"
+        yield from _release(case, name, amount, {**right, name: releases[name]})
+        if len(wrong) > 1 and name == _earliest(wrong, releases, right):
+            # The others open late or early because of it.
+            yield from _scheduled(case, f"release of the {name}", releases, amount)
     yield from _open_stops(case)
     for name in closed:
-        if own[name] is not None:
+        if releases[name] is not None:
             yield from _scheduled(case, f"{name} never opens", {**right, name: None})
     if case.has_velocity_forces:
-        yield from _scheduled(
-            case, "velocity-dependent forces dropped", own, "", WithoutCentrifugal(case.mechanism)
-        )
+        dropped = WithoutCentrifugal(case.mechanism)
+        yield from _scheduled(case, "velocity-dependent forces dropped", releases, "", dropped)
 
 
 def _open_stops(case: Case) -> Iterator[Cause]:
@@ -428,7 +448,7 @@ def _earliest(
 
 def _release(
     case: Case, stop: str, amount: str, releases: Mapping[str, float | None]
-) -> Iterator[Cause]:
+) -> Iterator[Cause | Estimate]:
     """A release at another time: either the motion shows it, or only the reported time is wrong."""
     signature = _schedule(case, releases)
     if signature is None:
@@ -453,19 +473,32 @@ def _scheduled(
     releases: Mapping[str, float | None],
     amount: str = "",
     equations: Equations | None = None,
-) -> Iterator[Cause]:
-    """Stops that open by a schedule; it has no impacts, and so is no motion of a mechanism that has some."""
-    signature = None if case.has_impacts else _schedule(case, releases, equations)
-    if signature is not None:
-        share = match(case.deviation, signature, fixed=True).explained
-        yield Cause(name=name, kind="law", amount=amount, explained=share)
+) -> Iterator[Cause | Estimate]:
+    """Stops that open by a schedule.
+
+    A scheduled motion has no impacts, and so is no motion of a mechanism that has some.
+    """
+    if case.has_impacts:
+        return
+
+    def share(rough: bool) -> float | None:
+        signature = _schedule(case, releases, equations, ROUGH if rough else TOLERANCE)
+        return None if signature is None else match(case.deviation, signature, fixed=True).explained
+
+    cause = Cause(name=name, kind="law", amount=amount, explained=0.0)
+    yield estimate(cause, share, case.rough_error)
 
 
 def _schedule(
-    case: Case, releases: Mapping[str, float | None], equations: Equations | None = None
+    case: Case,
+    releases: Mapping[str, float | None],
+    equations: Equations | None = None,
+    tolerance: float = TOLERANCE,
 ) -> FloatArray | None:
+    """Signature of a motion whose stops open by a schedule; None where it cannot be solved."""
+    problem = case.problem(case.mechanism)
     try:
-        solution = solve_scheduled(case.problem(case.mechanism), releases, equations)
+        solution = solve_scheduled(problem, releases, equations, tolerance)
     except TrebucheckError:
         return None
     return case.signature(solution.trajectory(case.t))

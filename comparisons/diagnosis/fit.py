@@ -17,12 +17,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import TrebucheckError
 from ...models.kinematics import initial_state
+from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ...reference.equations import Equations
 from ...reference.solution import Motion, Segment, Solution
@@ -246,13 +248,14 @@ def _unmoved(case: Case, equations: Equations | None) -> FloatArray | None:
 
 
 def better(one: Found, other: Found) -> Found:
-    """That which leaves less; two numbers have to leave much less than one."""
+    """The better fit; a fault of two numbers has to leave much less than one of one number."""
     simple, general = sorted((one, other), key=lambda found: len(found.factors))
-    allowance = _PARSIMONY if len(simple.factors) < len(general.factors) else 1.0
-    left = max(1 - simple.explained, 1 - EXACT) if allowance < 1 else 1 - simple.explained
-    return (
-        general if 1 - general.explained < allowance * left and simple.explained < EXACT else simple
-    )
+    if simple.explained >= EXACT:
+        return simple
+    left = 1 - simple.explained
+    if len(general.factors) > len(simple.factors):
+        left *= _PARSIMONY
+    return general if 1 - general.explained < left else simple
 
 
 def _leads(
@@ -276,18 +279,28 @@ def _fitted(case: Case, hypothesis: Hypothesis, readings: FloatArray, part: floa
 
 
 def _signatures(case: Case) -> list[tuple[Hypothesis, FloatArray]]:
-    """Each hypothesis with the signatures of its components by both readings, shape (2, n_components, m)."""
-    kept: list[tuple[Hypothesis, list[Equations]]] = []
-    for hypothesis in hypotheses(case.mechanism):
-        units = np.eye(len(hypothesis.components))
-        equations = [hypothesis.make(unit.tolist()) for unit in units]
-        if all(each is not None for each in equations):
-            kept.append((hypothesis, [each for each in equations if each is not None]))
-    rows = iter(_responses(case, [each for _, equations in kept for each in equations]))
+    """Each hypothesis with the signatures of its components by both readings.
+
+    These are of shape (2, n_components, m).
+    """
+    small = _small_faults(case.mechanism)
+    rows = iter(_responses(case, [each for _, equations in small for each in equations]))
     return [
         (hypothesis, np.array([next(rows) for _ in equations]).swapaxes(0, 1))
-        for hypothesis, equations in kept
+        for hypothesis, equations in small
     ]
+
+
+@lru_cache(maxsize=2)  # an engine's runs of one mechanism are diagnosed one after the other
+def _small_faults(mechanism: Mechanism) -> tuple[tuple[Hypothesis, tuple[Equations, ...]], ...]:
+    """Hypotheses with their equations, of the small size of each component alone."""
+    found: list[tuple[Hypothesis, tuple[Equations, ...]]] = []
+    for hypothesis in hypotheses(mechanism):
+        made = [hypothesis.make(unit.tolist()) for unit in np.eye(len(hypothesis.components))]
+        equations = tuple(each for each in made if each is not None)
+        if len(equations) == len(made):
+            found.append((hypothesis, equations))
+    return tuple(found)
 
 
 def _responses(case: Case, faulty: Sequence[Equations]) -> Iterator[FloatArray]:
@@ -324,9 +337,9 @@ def _solved(case: Case, lead: _Lead, part: float) -> Found | None:
     """
     best: Found | None = None
     factors, windows = lead.factors, [other for other in _WINDOWS if other >= part]
-    corrections, patience = (
-        (_CORRECTIONS, PATIENCE) if lead.explained > _HOPELESS else (1, _IMPATIENCE)
-    )
+    corrections, patience = _CORRECTIONS, PATIENCE
+    if lead.explained <= _HOPELESS:
+        corrections, patience = 1, _IMPATIENCE
     before = 0.0
     for _ in range(corrections):
         signature = _measured(case, lead, factors, patience)

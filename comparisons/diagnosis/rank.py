@@ -10,7 +10,8 @@ cannot tell them apart, and all of them are named.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
 from ..runs.results import Cause
 
@@ -23,15 +24,55 @@ EXACT = 0.999
 _CLEARLY = 2.0  # times what the best suspect leaves: what the next one has to leave at least
 _MOST = 3  # suspects of the same effect that are worth a name
 _LISTED = 6
-_TELLING = 0.05  # what accounts for less is no suspect
+TELLING = 0.05
+"""Share below which a cause is not listed."""
 
 
-def ranked(causes: Iterable[Cause]) -> tuple[tuple[Cause, ...], int]:
-    """Suspects by the share that they account for, and how many of the first are named; 0: the cause is unknown."""
+@dataclass(frozen=True)
+class Estimate:
+    """A cause whose share was computed roughly; it is measured only if it may be listed."""
+
+    cause: Cause
+    """With the rough share."""
+    error: float
+    """Bound of its error."""
+    measured: Callable[[], Cause]
+    """Computes the share accurately."""
+
+
+def measured(causes: Sequence[Cause | Estimate]) -> list[Cause | Estimate]:
+    """The causes in their order, with those measured that may be listed or named.
+
+    The list ends with the last of the best six shares. How many causes are named depends on those
+    that leave less than a tenth, twice what the best of them may leave. Whatever is below both,
+    and by more than its error, changes nothing.
+    """
+    sure: dict[str, float] = {}
+    for each in causes:
+        cause, error = (each.cause, each.error) if isinstance(each, Estimate) else (each, 0.0)
+        sure[cause.name] = max(cause.explained - error, sure.get(cause.name, 0.0))
+    best = sorted(sure.values(), reverse=True)[:_LISTED]
+    last = best[-1] if len(best) == _LISTED else 0.0
+    least = max(TELLING, min(last, 1.0 - _CLEARLY * (1.0 - SUFFICIENT)))
+    return [
+        each.measured()
+        if isinstance(each, Estimate) and each.cause.explained + each.error >= least
+        else each
+        for each in causes
+    ]
+
+
+def ranked(causes: Iterable[Cause | Estimate]) -> tuple[tuple[Cause, ...], int]:
+    """Suspects by the share that they explain, and how many of the first are named.
+
+    None is named if the cause is unknown. Estimates that are left can be neither, see `measured`.
+    """
     best: dict[str, Cause] = {}
     for cause in causes:
+        if isinstance(cause, Estimate):
+            continue
         if cause.explained > max(
-            _TELLING, best[cause.name].explained if cause.name in best else 0.0
+            TELLING, best[cause.name].explained if cause.name in best else 0.0
         ):
             best[cause.name] = cause
     listed = sorted(best.values(), key=lambda cause: -min(cause.explained, EXACT))

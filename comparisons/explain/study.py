@@ -24,22 +24,25 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
+from typing import Unpack
 
 import numpy as np
 from pydantic import JsonValue
 
+from ...engines.given import Engines, Names
 from ...engines.protocol import Capabilities, Engine
 from ...engines.registry import causes_of, with_options
 from ...engines.study import Cause, Intervention
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
+from ...models.given import Models
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ...models.trajectory import PointMotion, Trajectory
 from ..runs.process import all_in_order
 from ..runs.record import Curves, EngineRuns, RunRecord, runs_of
-from ..runs.study import PRESETS, Counter, Study
+from ..runs.study import PRESETS, Counter, RunOptions, Study
 from .results import (
     Budget,
     Change,
@@ -533,8 +536,35 @@ def noise_between(base: FloatArray, others: Sequence[FloatArray], whole: Observe
     return math.sqrt(sum(squares) / len(squares)) if squares else 0.0
 
 
-def explain(study: Study) -> Explanation:
-    """Measure all budgets.
+def explain(
+    models: Models = ("fixed", "rolling"),
+    engines: Engines | None = None,
+    presets: Names | None = None,
+    **how: Unpack[RunOptions],
+) -> Explanation:
+    """Split each engine's error among its causes, each measured by a run without it.
+
+        >>> import trebucheck as tb
+        >>> budget = tb.explain("fixed", "mujoco", "stock")  # doctest: +SKIP
+        >>> budget.to_dataframe()[["cause", "fraction"]]  # doctest: +SKIP
+
+    Args:
+        models: one or several: names of machines or of the library's problems, paths of mechanisms'
+            .json files, mechanisms, or problems.
+        engines: one or several: names, or engines as `tb.engine` makes them; all but the reference
+            if left out.
+        presets: for which a budget is made: 'tuned', 'stock', or both; both if left out, or those
+            of the engines given.
+        how: runs are made; see :class:`..runs.study.RunOptions`.
+
+    Raises:
+        InputError: a name or value is not valid. A run that fails becomes a budget without shares.
+    """
+    return explain_study(Study.of(models, engines, presets, **how))
+
+
+def explain_study(study: Study) -> Explanation:
+    """As :func:`explain`, of a study.
 
     Args:
         study: mechanisms, engines (all known ones but the reference if None), presets for which a

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -11,8 +11,11 @@ import numpy as np
 from pydantic import Field
 
 from ...models.arrays import FloatArray
+from ...models.given import Model, model_of
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
+from ...models.problem import StopLaw
+from ...models.spec import Spec
 from ...models.trajectory import PointMotion, Provenance, Trajectory
 from ...reference.equations import Equations
 from ..diagnosis.case import ENERGIES
@@ -30,8 +33,8 @@ from ..runs.results import (
     verdict_on,
 )
 from ..runs.runner import Runner
-from ..runs.study import REFERENCE, Counter, Study
-from ..runs.tolerances import judge
+from ..runs.study import REFERENCE, Counter, Progress, Study, one_end
+from ..runs.tolerances import judge as judge_run
 from .read import Given, Impact, jumps, merged, read
 from .read import metrics as impact_metrics
 
@@ -60,8 +63,56 @@ class Judgement(Measured, ResultFile):
         return verdict_on(self.metrics)
 
 
+def judge(
+    file: str | Path,
+    model: Model = "fixed",
+    *,
+    parameters: Spec | None = None,
+    duration: float | None = None,
+    until: str | float | None = None,
+    stop_law: StopLaw | str | None = None,
+    tolerances: Mapping[str, float | str] | None = None,
+    diagnosed: bool = True,
+    progress: Progress | None = None,
+) -> Judgement:
+    """Judge a motion from a file against the reference, in every quantity that it gives.
+
+        >>> import trebucheck as tb
+        >>> judgement = tb.judge("mine.csv", "rolling")  # doctest: +SKIP
+        >>> judgement.outcome, judgement.given  # doctest: +SKIP
+
+    Args:
+        file: CSV with names and units in its first line, or NetCDF (.nc); as `trebucheck judge`
+            reads it.
+        model: name of a machine or of a problem of the library, path of a mechanism's .json file, a
+            mechanism, or a problem.
+        parameters: of the named model; its defaults if left out.
+        duration: end of the compared motion [s]; a problem's own, else the launch, if left out.
+        until: the end in other words: 'launch:MARKER', 'release:STOP', or a time [s].
+        stop_law: 'release-once' or 'unilateral'; a problem's own, else 'release-once', if left out.
+        tolerances: needs by quantity, as `tb.compare` takes them.
+        diagnosed: look for the causes of what is broken, which takes seconds.
+        progress: called before each part.
+
+    Raises:
+        InputError: the file cannot be read, or is not a motion of the mechanism, or a name or value
+            is not valid.
+        SimulationError: the reference cannot move it.
+    """
+    study = Study(
+        [model_of(model, parameters)],
+        [],
+        (),
+        stop_law=stop_law,
+        until=one_end(duration, until),
+        tolerances=tolerances,
+        progress=progress,
+    )
+    return judge_file(Path(file), study, diagnosed)
+
+
 def judge_file(path: Path, study: Study, diagnosed: bool = True) -> Judgement:
-    """Judge a file on the one mechanism of a study.
+    """As :func:`judge`, on the one mechanism of a study.
 
     Nothing that the file says of itself is believed: mechanism, engine and settings are not read;
     points and energies that it does not give follow from its coordinates and speeds, if it gives
@@ -89,7 +140,7 @@ def judge_file(path: Path, study: Study, diagnosed: bool = True) -> Judgement:
     run = Run(model=mechanism.name, engine=REFERENCE, preset="file", outcome=Outcome.NOT_JUDGED, engine_version="",
               metrics=metrics)  # fmt: skip
     counter.start("causes")
-    judged = run.model_copy(update={"metrics": judge(run, machine, study.needs)})
+    judged = run.model_copy(update={"metrics": judge_run(run, machine, study.needs)})
     return Judgement.made_here(
         file=path.name, sha256=given.sha256, machine=machine, samples=len(given.t), given=tuple(sorted(own.told)),
         metrics=judged.metrics, diagnosis=own.diagnosed(judged.broken) if diagnosed and judged.broken else None,

@@ -17,7 +17,7 @@ from pydantic import Field
 from ...engines.supplied import Own, own
 from ...models.errors import InputError
 from ...models.files import read_bytes
-from ...models.problems.registry import find_benchmark
+from ...models.library.registry import find_benchmark
 from ...models.spec import Positive, Real, Spec
 from ..compare.study import read_results
 from ..converge.results import FORMAT as CONVERGE
@@ -182,17 +182,22 @@ class Matrix(ResultFile):
 _Part = TypeVar("_Part", MatrixRun, MeasuredOrder)
 
 
-def read(paths: Sequence[Path]) -> Matrix:
-    """One matrix of all files.
+def matrix(files: str | Path | Iterable[str | Path]) -> Matrix:
+    """Put results of several comparisons together: engine x problem x quantity.
+
+        >>> import trebucheck as tb
+        >>> found = tb.matrix(["report", "converge/converge.json"])  # doctest: +SKIP
+        >>> [(order.engine, order.exponent) for order in found.orders]  # doctest: +SKIP
 
     Args:
-        paths: of results.json of `compare`, converge.json of `converge` and data of `matrix`, or of
-            folders with one.
+        files: one or several paths: of results.json of `compare`, converge.json of `converge` and
+            data of `matrix`, or of folders with one.
 
     Raises:
         InputError: there is no file, a file is of another kind or broken, two files have the same
             run, or they mean different mechanisms or motions by one name.
     """
+    paths = [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]
     if not paths:
         raise InputError("no file: the results.json of one comparison at least is needed.")
     found = [(path, _one(path)) for path in paths]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from ...models.problems.benchmark import Benchmark, Condition, Figure, Motion
+from ...models.library.benchmark import Benchmark, Condition, Figure, Motion
 from ...models.spec import Spec
 from ...reference.solver import solve
 

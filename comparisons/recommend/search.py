@@ -28,7 +28,7 @@ from ...engines.protocol import Engine
 from ...engines.registry import engine, engine_class, engine_study
 from ...engines.study import OptionSet
 from ...models.errors import InputError, TrebucheckError
-from ...models.machines.registry import model, parameters_type
+from ...models.library.registry import model, parameters_type
 from ...models.mechanism import Mechanism
 from ...models.spec import Spec
 from ...reference.certification.certificate import refusal

@@ -10,12 +10,14 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
-from typing import Any
+from typing import Any, Unpack
 
+from ...engines.given import Engines
 from ...engines.registry import engine, engine_class, engine_study
 from ...engines.study import OptionSet
 from ...models.errors import InputError, TrebucheckError
-from ...models.machines.registry import models, parameters_type
+from ...models.given import Model
+from ...models.library.registry import models, parameters_type
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ...models.spec import Spec
@@ -23,7 +25,7 @@ from ...reference.solver import characteristic_time
 from ..runs.process import in_order
 from ..runs.record import EngineRuns, RunRecord
 from ..runs.runner import Runner
-from ..runs.study import Counter, Study, Until
+from ..runs.study import Counter, RunOptions, Study, Until
 from .results import Advice, Asked, Attempt, Choice, EngineAdvice, Errors, NeighbourMachine
 from .search import (
     ANGLE,
@@ -40,6 +42,7 @@ from .search import (
     of_mechanism,
     of_parameters,
     option_sets,
+    read_torque,
 )
 
 NEIGHBOURS = 32
@@ -61,8 +64,48 @@ _MakeCase = Callable[[Mechanism, Until, bool], Case]
 """Of a mechanism, the end of its motion, and whether that is known to be predictable up to there."""
 
 
-def recommend(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advice:
-    """For each engine the cheapest measured settings that reach an accuracy target, or what stands in the way.
+def recommend(
+    model: Model = "fixed",
+    engines: Engines | None = None,
+    *,
+    position: float | None = None,
+    torque: float | str | None = None,
+    release: float | None = None,
+    neighbours: int = NEIGHBOURS,
+    **how: Unpack[RunOptions],
+) -> Advice:
+    """Find, for each engine, the cheapest measured settings that reach an accuracy, or what bars it.
+
+        >>> import trebucheck as tb
+        >>> advice = tb.recommend("rolling", "mujoco", position=1e-3)  # doctest: +SKIP
+        >>> print(advice.engine("mujoco").snippets["trebucheck in Python"])  # doctest: +SKIP
+
+    Args:
+        model: name of a machine or of a problem of the library, path of a mechanism's .json file, a
+            mechanism, or a problem.
+        engines: one or several names; all but the reference if left out.
+        position: largest distance of any marker from the reference that is allowed [m].
+        torque: largest error of any stop's torque [N m, or N on points], or a share of the largest:
+            '0.1%'.
+        release: largest error of any stop's release [s].
+        neighbours: machines of the same kind that the settings must hold on, too; 0: only the
+            machine itself.
+        how: runs are made; see :class:`..runs.study.RunOptions`. Settings are what is looked for:
+            options of engines are not used.
+
+    Raises:
+        InputError: nothing is asked, or a name or value is not valid. A run that fails raises
+            nothing.
+    """
+    if position is None and torque is None and release is None:
+        raise InputError("nothing is asked; give at least one of position, torque and release.")
+    text = torque if isinstance(torque, str | None) else repr(float(torque))
+    asked = Asked(position=position, release=release, **(read_torque(text) if text else {}))
+    return recommend_study(Study.of(model, engines, **how), asked, neighbours)
+
+
+def recommend_study(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advice:
+    """As :func:`recommend`, of a study of one model.
 
     They are measured on the machine and on the worst of its neighbours, machines of the same kind
     with other parameters (:mod:`.cases`), so that they hold on another machine, too.

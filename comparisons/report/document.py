@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 from .numbers import format_value
 
 if TYPE_CHECKING:
-    from ...models.drawing.scene import Scene
+    from .drawing.scene import Scene
     from .plots import Panels
 
 Mark = Literal["plain", "good", "bad", "warning", "unjudged", "muted", "strong"]

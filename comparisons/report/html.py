@@ -16,8 +16,8 @@ from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup, escape
 
 from ...models.arrays import FloatArray
-from ...models.drawing import animation
 from .document import SIGNS, Animation, Document, Figure, Heading, in_medium
+from .drawing import animation
 from .plots import Axis, Plot, Series
 
 

@@ -6,11 +6,14 @@ its colour alone.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from ...engines.registry import engine_study
 from ...models.arrays import FloatArray
+from ...models.trajectory import Trajectory
+from .drawing.scene import RunLook, Scene, States, scene
 
 _COLOURS = (
     "#CC79A7",
@@ -132,3 +135,25 @@ class Plot:
 
 Panels = tuple[Plot, ...]
 """Plots beside each other under one legend."""
+
+
+REFERENCE_RUN = "reference tuned"
+"""Label of the run that is the reference itself."""
+
+
+def motion_scene(states: States, runs: Mapping[str, Trajectory], **how: Any) -> Scene:
+    """Returns a mechanism in motion with engines' runs over the reference, each in its colour.
+
+    A run of the reference's own is left out.
+
+    Args:
+        states: the reference motion at any times.
+        runs: by label, such as 'mujoco tuned'.
+        how: as :func:`.drawing.scene.scene` takes it.
+    """
+    looks: dict[str, RunLook] = {}
+    for label, run in runs.items():
+        if label != REFERENCE_RUN:
+            style = run_style(run.provenance.engine, run.provenance.preset)
+            looks[label] = RunLook(run, style.colour, style.dashed)
+    return scene(states, looks, **how)

@@ -233,7 +233,10 @@ class Worker:
 
     def _end(self, pool: Any) -> None:
         self._started.remove(pool)
-        pool.shutdown(wait=False, kill_workers=True)
+        # The pool's thread is waited for, so that its semaphores are freed here. Left to that daemon
+        # thread they may never be: an interpreter that ends meanwhile stops it between taking a
+        # finalizer and calling it, and the resource tracker then reports leaked semaphores.
+        pool.shutdown(wait=True, kill_workers=True)
 
     def close(self) -> None:
         """End the processes; of a later call at its end."""

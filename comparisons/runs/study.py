@@ -11,12 +11,14 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from threading import Lock
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, TypedDict, Unpack
 
 from ...engines import registry
+from ...engines.given import Engines, Names, engines_of
 from ...engines.protocol import Engine
 from ...engines.registry import engine_class, engine_names, options_for, refuse_unknown_options
 from ...models.errors import InputError
+from ...models.given import Models, several
 from ...models.launch import LAUNCH_ANGLE
 from ...models.machines.registry import library_problem, model
 from ...models.mechanism import Mechanism
@@ -152,6 +154,47 @@ Progress = Callable[[str, int, int], None]
 """Called before each part with what it is, the number of parts done and of all parts."""
 
 
+class RunOptions(TypedDict, total=False):
+    """How runs are made: keywords of every function that makes some."""
+
+    parameters: Spec | None
+    """Of the models given by name; their defaults if left out."""
+    options: Mapping[str, Any] | None
+    """Over each preset's: of every engine that has them, or of one, as 'mujoco.solref'."""
+    timestep: float | None
+    """Step of every engine [s]; each preset's own if left out."""
+    duration: float | None
+    """End of the compared motion [s]; a problem's own, else the launch, if left out."""
+    until: str | float | None
+    """The end in other words: 'launch:MARKER', 'release:STOP', or a time [s]."""
+    stop_law: StopLaw | str | None
+    """'release-once' or 'unilateral'; a problem's own, else 'release-once', if left out."""
+    store: Store | None
+    """Where finished runs are kept, and taken from again if asked."""
+    isolate: bool
+    """Simulate in a process of its own, so that an engine's crash costs only its run; true if left
+    out."""
+    timeout: float
+    """Longest wait for one run [s]."""
+    jobs: int
+    """Processes at once; 1 if left out."""
+    progress: Progress | None
+    """Called before each part with what it is, the number of parts done and of all parts."""
+
+
+class _StudyFields(TypedDict, total=False):
+    """Fields of :class:`Study` that :meth:`Study.of` hands over as they are."""
+
+    parameters: Spec | None
+    stop_law: StopLaw | str | None
+    tolerances: Mapping[str, float | str] | None
+    store: Store | None
+    isolate: bool
+    timeout: float
+    jobs: int
+    progress: Progress | None
+
+
 @dataclass(frozen=True)
 class Study:
     """Mechanisms, engines and presets, and how they are run.
@@ -187,6 +230,46 @@ class Study:
     """Processes that solve references, run engines and diagnose at once; wall times then include what runs cost each
     other, and results say so."""
     progress: Progress | None = None
+
+    @classmethod
+    def of(
+        cls,
+        models: Models,
+        engines: Engines | None = None,
+        presets: Names | None = None,
+        *,
+        options: Mapping[str, Any] | None = None,
+        timestep: float | None = None,
+        duration: float | None = None,
+        until: str | float | None = None,
+        **fields: Unpack[_StudyFields],
+    ) -> Self:
+        """A study of models, engines and presets however they are given: one or several, as names or objects.
+
+        Args:
+            presets: if left out, those of engines that are objects, else all.
+            options: over the presets' and over those of engines that are objects.
+            timestep: of every engine [s], as the option of that name.
+            duration: end of the compared motion [s], as `until`.
+
+        Raises:
+            InputError: a name or a value is not valid, the end is said twice, or a list is empty.
+        """
+        given = dict(options or {})
+        if timestep is not None and given.setdefault("timestep", timestep) != timestep:
+            raise InputError(
+                f"timestep = {timestep!r} s and options = {{'timestep': {given['timestep']!r}}} differ; "
+                "leave one of them out."
+            )
+        chosen = engines_of(engines, presets, given, PRESETS)
+        return cls(
+            several(models),
+            chosen.names,
+            chosen.presets,
+            options=chosen.options,
+            until=one_end(duration, until),
+            **fields,
+        )
 
     def __post_init__(self) -> None:
         if not self.timeout > 0:

@@ -48,7 +48,7 @@ from ..events import refuse_moving_gaps
 from .loops import implied_angles
 from .read import (
     AngleLimit,
-    PointContact,
+    LineContact,
     RelativePoint,
     SensorKey,
     Spring,
@@ -375,7 +375,7 @@ class _Builder:
             item = items.ObjectConnectorLinearSpringDamper(axisMarker0=[-x, -y, 0.0], **fields)
         else:
             item = self._line([point, line], (x, y))
-        self._add_stop(PointContact(stop, spring), item)
+        self._add_stop(LineContact(stop, spring), item)
 
     def _add_stop(self, constraint: UnilateralConstraint, item: Any) -> None:
         name = constraint.stop.name

@@ -24,7 +24,7 @@ from .. import impact as impact_law
 from ..events import Contacts
 from .loops import DEPENDENT
 from .read import System, exu
-from .solver import State
+from .solver import BodyState
 
 # Central difference of order 8: weights of f(k h) - f(-k h), k = 1..4, over h. A Jacobian is a sum
 # of sines and cosines of rotations; at _TURN [rad] a step the truncation is _TURN^8 / 630 = 1e-15,
@@ -194,8 +194,8 @@ def solve_constrained(
 
 
 def resolve_impact(
-    system: System, state: State, restitution: Mapping[str, float]
-) -> tuple[State, dict[str, float]]:
+    system: System, state: BodyState, restitution: Mapping[str, float]
+) -> tuple[BodyState, dict[str, float]]:
     """The state after the impact of all contacts that touch, and the impulse of each [N m s, N s].
 
     Newton's law with complementarity (:mod:`..impact_law`): z'+ = z'- + sum_i p_i r_i, with r_i

@@ -36,7 +36,7 @@ from .build import build, silence
 from .matrices import Matrices, matrices, resolve_impact, solve_constrained
 from .options import ExudynOptions
 from .read import Reader, Spring, Values, recording
-from .solver import Balance, Solver, State, is_at
+from .solver import Balance, BodyState, Solver, is_at
 
 _WHOLE = 1e-6  # of a step: so near to a whole number of steps, it is one
 _DIGITS = 1e-4  # of the largest torque: the rounding error of a spring's must be smaller
@@ -358,7 +358,7 @@ class ExudynMotion:
 
 
 def _springs(
-    solver: Solver, state: State, active: Contacts, stiffness: float, damping_ratio: float
+    solver: Solver, state: BodyState, active: Contacts, stiffness: float, damping_ratio: float
 ) -> dict[str, Spring]:
     """A spring for each stop that pushes at a state, in balance there.
 

@@ -2,7 +2,7 @@
 
 Exudyn's rotations are positive anticlockwise, the mechanism's angles clockwise. Points that lie in
 frames of other bodies (slides along lines, distances from walls) are :class:`RelativePoint`; gaps
-and forces of stops follow from their connectors (:class:`AngleLimit`, :class:`PointContact`); a
+and forces of stops follow from their connectors (:class:`AngleLimit`, :class:`LineContact`); a
 :class:`Reader` reads a table of all sensors out.
 """
 
@@ -201,7 +201,7 @@ class AngleLimit:
 
 
 @dataclass(frozen=True)
-class PointContact:
+class LineContact:
     """A stop on a point: a line of the ground or of another body, without friction."""
 
     force_sensor: ClassVar[str] = "ForceLocal"
@@ -251,7 +251,7 @@ class PointContact:
         return turned(local, angle) @ np.array(self.stop.normal)
 
 
-UnilateralConstraint = AngleLimit | PointContact
+UnilateralConstraint = AngleLimit | LineContact
 
 
 @dataclass(frozen=True)

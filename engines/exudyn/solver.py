@@ -75,7 +75,7 @@ class _Outcome(Enum):
 
 
 @dataclass(frozen=True)
-class State:
+class BodyState:
     """Displacements (x, y, rotation by body) from the reference and rates, (3 n_bodies,)."""
 
     t: float
@@ -112,19 +112,19 @@ class Solver:
         self._kinematics = Kinematics(system.mechanism)
         self._conditioning: Conditioning | None = None
 
-    def start(self) -> State:
+    def start(self) -> BodyState:
         """The state as built."""
         rates = np.array(
             self.system.main.systemData.GetODE2Coordinates_t(exu.ConfigurationType.Initial)
         )
-        return State(0.0, np.zeros(len(rates)), rates)
+        return BodyState(0.0, np.zeros(len(rates)), rates)
 
-    def state(self, table: FloatArray, row: int) -> State:
+    def state(self, table: FloatArray, row: int) -> BodyState:
         """The state in a row of a table."""
         coordinates, rates = (
             self.of_bodies(table[row], quantity) for quantity in ("Coordinates", "Coordinates_t")
         )
-        return State(float(table[row, 0]), coordinates, rates)
+        return BodyState(float(table[row, 0]), coordinates, rates)
 
     def of_bodies(self, row: FloatArray, quantity: str) -> FloatArray:
         """A quantity of all nodes in a row of a table: x, y, rotation by body, (3 n_bodies,)."""
@@ -146,7 +146,7 @@ class Solver:
         """Torque (or force) of an active stop in a row of a table [N m, N]."""
         return float(self.system.constraints[stop].torque(self.values(row))[0])
 
-    def balance(self, state: State, active: Contacts) -> Balance:
+    def balance(self, state: BodyState, active: Contacts) -> Balance:
         """Sensors and accelerations at a state, under the joints and the active stops.
 
         Exudyn takes the constraints' second derivative from one-sided difference quotients, which
@@ -182,7 +182,12 @@ class Solver:
         return Balance(row, accelerations)
 
     def run(
-        self, state: State, active: Contacts, end: float, steps: int, monitor: Monitor | None = None
+        self,
+        state: BodyState,
+        active: Contacts,
+        end: float,
+        steps: int,
+        monitor: Monitor | None = None,
     ) -> FloatArray:
         """Table of all sensors at the start and after each step, shape (n, columns).
 
@@ -232,7 +237,7 @@ class Solver:
 
     def _equal_steps(
         self,
-        state: State,
+        state: BodyState,
         active: Contacts,
         end: float,
         steps: int,
@@ -258,16 +263,16 @@ class Solver:
         interrupted = finished and self._conditioning is not None and self._conditioning.is_due
         return table, _Outcome.INTERRUPTED if interrupted else _Outcome.FAILED
 
-    def _explicit_step(self, state: State, active: Contacts, end: float) -> FloatArray:
+    def _explicit_step(self, state: BodyState, active: Contacts, end: float) -> FloatArray:
         """Table of one trapezoidal step with the accelerations at an explicit Euler step's end."""
         h, first = end - state.t, self.balance(state, active)
         coordinates = state.coordinates + h * (state.rates + h / 2 * first.accelerations)
         predicted = self.balance(
-            State(end, coordinates, state.rates + h * first.accelerations), active
+            BodyState(end, coordinates, state.rates + h * first.accelerations), active
         )
         rates = state.rates + h / 2 * (first.accelerations + predicted.accelerations)
         self.steps += 1
-        return np.stack([first.row, self.balance(State(end, coordinates, rates), active).row])
+        return np.stack([first.row, self.balance(BodyState(end, coordinates, rates), active).row])
 
     def _watched(self, active: Contacts) -> Conditioning | None:
         """Monitor of the loops; generalised alpha needs none, as it damps the error."""
@@ -280,13 +285,13 @@ class Solver:
     def _coordinates(self) -> FloatArray:
         return coordinates(self.system.mechanism, self.system.now)[0]
 
-    def _without_drift(self, table: FloatArray) -> State:
+    def _without_drift(self, table: FloatArray) -> BodyState:
         """Nearest state to that at the end of a table with loops and active stops closed."""
         state, reader = self.state(table, -1), Reader(self.system, self.columns, table[-1:])
         bodies, start = BodyCoordinates(self._kinematics), initial_state(self.system.mechanism)[0]
         constraints = LoopConstraints(self._kinematics, self.system.active)
         q, u = constraints.projected(reader.coordinates()[0], reader.speeds()[0])
-        return State(state.t, bodies.placed(q) - bodies.placed(start), bodies.jacobian(q) @ u)
+        return BodyState(state.t, bodies.placed(q) - bodies.placed(start), bodies.jacobian(q) @ u)
 
     def _past_failure(
         self, table: FloatArray, step: float, end: float, monitor: Monitor | None
@@ -311,7 +316,7 @@ class Solver:
         step: float,
         end: float,
         monitor: Monitor | None,
-        now: State | None = None,
+        now: BodyState | None = None,
     ) -> tuple[FloatArray, _Outcome]:
         """A table and equal steps after it, from `now` or the state at its end."""
         nears = (
@@ -326,7 +331,7 @@ class Solver:
         return np.concatenate([table[:-1], rest]), outcome
 
     def _leap(
-        self, state: State, until: float, monitor: Monitor | None
+        self, state: BodyState, until: float, monitor: Monitor | None
     ) -> tuple[FloatArray, _Outcome]:
         """One step, which fails also if the speeds jump: its end is on another branch then."""
         leap, outcome = self._equal_steps(
@@ -388,7 +393,7 @@ class Solver:
         finally:
             main.SetPostStepUserFunction(0)
 
-    def _set(self, state: State, accelerations: FloatArray | None = None) -> None:
+    def _set(self, state: BodyState, accelerations: FloatArray | None = None) -> None:
         data, initial = self.system.main.systemData, exu.ConfigurationType.Initial
         data.SetODE2Coordinates(state.coordinates, initial)
         data.SetODE2Coordinates_t(state.rates, initial)

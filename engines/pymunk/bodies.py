@@ -294,7 +294,7 @@ def _pair(z: complex) -> Vector:
 
 
 @dataclass
-class Part:
+class BodyPart:
     """How a body of the mechanism is represented in the space."""
 
     name: str
@@ -332,7 +332,7 @@ class Assembly:
     """The mechanism with each group of welded bodies as one body: what the space is made of."""
     placements: Mapping[str, Placement]
     """Places of all bodies of the mechanism in those."""
-    parts: dict[str, Part] = field(default_factory=dict[str, Part])
+    parts: dict[str, BodyPart] = field(default_factory=dict[str, BodyPart])
     """Bodies of the space, in the order of those of `rigid`."""
     rods: list[Rod] = field(default_factory=list[Rod])
     stops: dict[str, constraints.Constraint] = field(
@@ -370,7 +370,7 @@ _LEAST_PIVOT_MASS = (
 )
 
 
-def parts_of(mechanism: Mechanism, pivot_mass: float) -> list[Part]:
+def parts_of(mechanism: Mechanism, pivot_mass: float) -> list[BodyPart]:
     """Parts in the order of the bodies.
 
     Args:
@@ -396,10 +396,10 @@ class _PartMaker:
         self.attitudes = mechanism.attitudes
         self.joints = {joint.child: joint for joint in mechanism.tree_joints}
 
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[BodyPart]:
         """Made from the leaves, which move mass to their parents' pins."""
         masses = self._mass_properties()
-        parts: list[Part] = []
+        parts: list[BodyPart] = []
         for body in reversed(self.mechanism.bodies):
             joint, body_mass = self.joints[body.name], masses[body.name]
             pin = complex(*joint.child_point)
@@ -511,7 +511,7 @@ class _PartMaker:
             )
         return body_mass
 
-    def _part(self, body: Body, masses: MassProperties, pin: complex, turns: bool) -> Part:
+    def _part(self, body: Body, masses: MassProperties, pin: complex, turns: bool) -> BodyPart:
         engine_body = pymunk.Body(masses.mass, masses.inertia if turns else math.inf)
         row = self.kinematics.point(body.name, (masses.centre.real, masses.centre.imag))
         x, y = self.kinematics.position(row, self.q).tolist()
@@ -522,7 +522,7 @@ class _PartMaker:
             index, turned = self.attitudes[body.name]
             engine_body.angle = -(turned if index is None else float(self.q[index]) + turned)
             engine_body.angular_velocity = 0.0 if index is None else -float(self.u[index])
-        return Part(body.name, engine_body, masses.centre, pin, turns)
+        return BodyPart(body.name, engine_body, masses.centre, pin, turns)
 
 
 def _oscillator(body_mass: MassProperties, pin: complex) -> tuple[MassProperties, float]:

@@ -49,7 +49,7 @@ from ...models.errors import UnsupportedProblemError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ...models.spec import Vector
-from .bodies import Assembly, Part, Rod, is_brace, parts_of, same_point, without_welds
+from .bodies import Assembly, BodyPart, Rod, is_brace, parts_of, same_point, without_welds
 from .loads import (
     Angle,
     Combination,
@@ -412,7 +412,7 @@ class _ForceBuilder:
         share = (point - part.pin) / (part.reference - part.pin)
         return self._pin(part).times(1 - share) + Combination(0j, (Term(share, part.body, 0j),))
 
-    def _pin(self, part: Part) -> Combination:
+    def _pin(self, part: BodyPart) -> Combination:
         joint = self.mechanism.joint_of(part.name)
         return self._point(joint.parent, complex(*joint.parent_point))
 

@@ -29,7 +29,7 @@ from .build import build
 from .leapfrog import STEP, settled_increment
 from .options import PymunkOptions
 from .reactions import forces_of
-from .read import Reading, reading_of
+from .read import MotionReading, reading_of
 
 
 def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkOptions) -> Inspection:
@@ -130,7 +130,7 @@ def _free_accelerations(assembly: Assembly) -> FloatArray:
     return accelerations
 
 
-def _stepped(assembly: Assembly) -> Reading:
+def _stepped(assembly: Assembly) -> MotionReading:
     """One step to the present state, whose change of velocity is the acceleration there."""
     _set_targets(assembly)
     return reading_of(assembly, settled_increment(assembly) / STEP)
@@ -187,14 +187,14 @@ def _lengthening(rod: Rod) -> float:
     return bent + 2 * spin * across - spin**2 * distance
 
 
-def _gap(built: Assembly, stop: AnyStop, reading: Reading) -> float:
+def _gap(built: Assembly, stop: AnyStop, reading: MotionReading) -> float:
     """Gap of a stop [rad or m] at the bodies' present positions, by its joint as built."""
     joint, stop = built.stops[stop.name], built.rigid.stop(stop.name)
     rod = next((rod for rod in built.rods if rod.joint is joint), None)
     return _GAPS[stop](built, stop, reading, rod)
 
 
-def _point_gap(built: Assembly, stop: PointStop, reading: Reading, rod: Rod | None) -> float:
+def _point_gap(built: Assembly, stop: PointStop, reading: MotionReading, rod: Rod | None) -> float:
     assert rod is not None
     other = built.parts.get(stop.relative_to)
     anchor = complex(*rod.end_a) + (other.reference if other is not None else 0j)
@@ -205,7 +205,7 @@ def _point_gap(built: Assembly, stop: PointStop, reading: Reading, rod: Rod | No
     return (difference * normal.conjugate()).real - rod.length
 
 
-def _angle_gap(built: Assembly, stop: Stop, reading: Reading, rod: Rod | None) -> float:
+def _angle_gap(built: Assembly, stop: Stop, reading: MotionReading, rod: Rod | None) -> float:
     q = {name: float(frame.q[0]) for name, frame in reading.frames.items()}
     between = q[stop.body] - q[stop.relative_to]
     if rod is None:
@@ -215,7 +215,7 @@ def _angle_gap(built: Assembly, stop: Stop, reading: Reading, rod: Rod | None) -
     return stop.sense * math.remainder(between - _braced_angle(built, rod, stop), 2 * math.pi)
 
 
-_GAPS: ElementTable[Callable[[Assembly, Any, Reading, Rod | None], float]] = ElementTable(
+_GAPS: ElementTable[Callable[[Assembly, Any, MotionReading, Rod | None], float]] = ElementTable(
     "pymunk's inspection", STOPS, {Stop: _angle_gap, PointStop: _point_gap}
 )
 

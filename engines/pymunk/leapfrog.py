@@ -22,7 +22,7 @@ from ...models.errors import SimulationError
 from .bodies import Assembly, Rod
 from .loads import Pose
 from .passes import convergence
-from .read import Samples, samples_of
+from .read import BodySamples, samples_of
 
 Row = list[float]
 
@@ -333,7 +333,7 @@ class Stepper:
         """Steps taken since the start."""
         return len(self.rows) - 1
 
-    def samples(self, first: int, last: int | None = None) -> Samples:
+    def samples(self, first: int, last: int | None = None) -> BodySamples:
         """Samples from one to another, both included; to the present one if left out."""
         rows = np.array(self.rows[max(first - 1, 0) : None if last is None else last + 1])
         start = None

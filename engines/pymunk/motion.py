@@ -18,6 +18,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from pymunk import constraints
 from scipy.optimize import brentq
 
 from ...models.arrays import ComplexArray, FloatArray, as_vectors
@@ -35,22 +36,24 @@ from ..events import (
     Watch,
     active_contacts,
     joined,
+    resting,
 )
+from ..impact import pushing
 from ..protocol import Recording
+from .bodies import Assembly
 from .build import build
-from .impact import gap_speeds, resolve_impact
-from .leapfrog import STARTED, Stepper
+from .leapfrog import STARTED, STEP, Stepper, settled_increment
 from .options import PymunkOptions
 from .passes import MOST_PASSES, TRACKED, Convergence, convergence, growth
 from .reactions import forces_of, mass_matrix
-from .read import Reading
+from .read import MotionReading, reading_of
 
 _CHUNK = 64  # steps between checks of the gaps; at most these are repeated at an impact
 _SETTLING_SAMPLES = 3  # after which a contact that has opened must have a gap, or is met
 _TRIAL_ITERATIONS = 5_000  # which stops push depends on the mechanism, not on the preset
 _CHECKED = 64  # steps between two looks at how many passes loops need
 _LOOSE = 1e-4  # of the reach: error of a loop that is not closed
-_ROUNDING = 1e-9  # of the largest torque: error of a torque that is zero
+_ROUNDING = 1e-9  # of the largest torque, impulse or speed: error of what should be zero
 _NEAR = 4.0  # changes in a step: where an impulse is less, the stop's torque is computed
 
 
@@ -69,7 +72,7 @@ def _violated(
     assembly = build(mechanism, active, 0.0, pivot_mass)
     stepper = Stepper(assembly, h, hold_lengths=True)
     stepper.start(_TRIAL_ITERATIONS, leapfrog=True, settle=bool(mechanism.loop_joints))
-    reading = Reading(assembly, stepper.samples(0))
+    reading = MotionReading(assembly, stepper.samples(0))
     torques = {
         name: float(torque[0])
         for name, torque in forces_of(reading, tuple(assembly.stops)).torques.items()
@@ -100,7 +103,7 @@ def _compliance(kinematics: Kinematics, q: FloatArray, touching: Contacts) -> fl
     return float(np.max(np.sum(rows.T * moved, axis=0), initial=0.0))
 
 
-class Segment:
+class SteppedSegment:
     """Steps of an assembly from a start to a given time, and the releases in them."""
 
     def __init__(
@@ -227,7 +230,7 @@ class Segment:
             return
         first = max(min(max(self.regimes[-1][0], k - 2), k - 1), 0)
         active = tuple(self.assembly.stops)
-        reading = Reading(self.assembly, self.stepper.samples(first))
+        reading = MotionReading(self.assembly, self.stepper.samples(first))
         torques = forces_of(reading, active).torques
         find = _foreseen if self.options.locate_releases else _noticed
         steps_to_zero = {name: find(torque) for name, torque in torques.items()}
@@ -262,9 +265,9 @@ class Segment:
         """Times of the samples [s], shape (n + 1,)."""
         return np.linspace(self.begins, self.ends, self.n + 1)
 
-    def reading(self, first: int, last: int, near: FloatArray | None = None) -> Reading:
+    def reading(self, first: int, last: int, near: FloatArray | None = None) -> MotionReading:
         """Samples from one to another, both included; `near` tells full turns of the first."""
-        return Reading(self.assembly, self.stepper.samples(first, last), near)
+        return MotionReading(self.assembly, self.stepper.samples(first, last), near)
 
     def active_at(self, k: int) -> Contacts:
         """Stops that are active at a sample."""
@@ -293,7 +296,7 @@ class Segment:
         )
 
     def _forces(
-        self, reading: Reading, t: FloatArray
+        self, reading: MotionReading, t: FloatArray
     ) -> tuple[dict[str, ComplexArray], dict[str, FloatArray]]:
         """Reactions of the joints and torques of the stops, by which stops are active."""
         joints = [joint.name for joint in reading.mechanism.joints if joint.held_directions]
@@ -419,7 +422,7 @@ class PymunkMotion:
 
     def proceed(self, start: float, end: float, watch: Watch) -> Halt:
         """Move through a segment, to the next impact or to the end."""
-        segment = Segment(self._start, self.options, start, end)
+        segment = SteppedSegment(self._start, self.options, start, end)
         segment.begin()
         if not self.unilateral:
             segment.advance(segment.n)
@@ -438,7 +441,7 @@ class PymunkMotion:
         self._plastic = self._kept = frozenset()
         return Halt(event.time, segment.released_until(event.time), met=event.met)
 
-    def _step_to_event(self, segment: Segment, watch: Watch) -> _ContactEvent | None:
+    def _step_to_event(self, segment: SteppedSegment, watch: Watch) -> _ContactEvent | None:
         """Step to the next impact; None: to the end."""
         finder, first = _EventFinder(segment, self._touching, watch), 0
         while first < segment.n:
@@ -496,7 +499,7 @@ class PymunkMotion:
 class _EventFinder:
     """Finds the first inactive contact that is met in a segment."""
 
-    def __init__(self, segment: Segment, touched: Collection[str], watch: Watch) -> None:
+    def __init__(self, segment: SteppedSegment, touched: Collection[str], watch: Watch) -> None:
         self.segment, self.watch = segment, watch
         self.kinematics = Kinematics(segment.assembly.mechanism)
         mechanism = segment.assembly.mechanism
@@ -540,7 +543,7 @@ class _EventFinder:
         """Sample from which a contact is inactive; None while it is active."""
         return next((first for first, active in self.segment.regimes if name not in active), None)
 
-    def _located(self, name: str, k: int, reading: Reading, first: int) -> _ContactEvent:
+    def _located(self, name: str, k: int, reading: MotionReading, first: int) -> _ContactEvent:
         """The event between samples k and k + 1, where a gap is zero."""
         k = max(k, first)
         (q, u), a = reading.coordinates(), reading.accelerations()
@@ -573,3 +576,159 @@ def _with_closed(mechanism: Mechanism, closed: Collection[str]) -> Mechanism:
         stop.model_copy(update={"closed": stop.name in closed}) for stop in mechanism.stops
     )
     return mechanism.model_copy(update={"stops": stops})
+
+
+# --- The impact of all contacts that touch, by Chipmunk's own impulses.
+#
+# A step without gravity to the assembly's present position yields only the impulses that bring each
+# joint's speed to its target: zero for the joints, -e times its speed before for a stop (Newton's
+# law of restitution). Which contacts take part is decided for all of them at once: those that do
+# push, and the others part at no less than their restitution demands (:mod:`..impact`).
+
+
+@dataclass(frozen=True)
+class TrialImpact:
+    """Result of an impact in which a set of contacts takes part."""
+
+    u: FloatArray
+    """Generalized speeds after it, shape (n_q,)."""
+    impulses: Mapping[str, float]
+    """Impulse of each contact that touches [N m s, or N s for one on a point]."""
+    resting: Contacts
+    """Those of them whose gap does not move after it."""
+    violated: str | None
+    """A contact that would have to pull or goes on closing: other contacts take part."""
+
+
+def gap_speeds(
+    mechanism: Mechanism, names: Collection[str], q: FloatArray, u: FloatArray
+) -> dict[str, float]:
+    """Speeds of the stops' gaps [rad/s or m/s]."""
+    kinematics = Kinematics(mechanism)
+    return {name: float(kinematics.gap_jacobian(name, q) @ u) for name in names}
+
+
+def resolve_impact(
+    placed: Mechanism,
+    restitution: Mapping[str, float],
+    pivot_mass: float,
+    held: Collection[str] = (),
+) -> TrialImpact:
+    """The impact of the contacts that touch.
+
+    Args:
+        placed: the mechanism at its position there, with the speeds before; stops that touch are
+        closed in it.
+        restitution: e of each of them.
+        pivot_mass: as the engine's option.
+        held: those that come to rest even if they have to pull, which is not recorded: forces bring
+            them back to their walls at once. They are left to the others' impact where that
+            contradicts itself.
+
+    Raises:
+        SimulationError: the impulses do not converge, or no set of contacts takes part.
+    """
+    # Not validated: stops keep the word on whether they touch.
+    weightless = placed.model_copy(update={"gravity": 0.0, "force_elements": ()})
+    impact = _complementary(weightless, restitution, pivot_mass, held) if held else None
+    impact = impact or _complementary(weightless, restitution, pivot_mass)
+    if impact is None and any(restitution.values()):
+        impact = _complementary(weightless, dict.fromkeys(restitution, 0.0), pivot_mass)
+    if impact is None:
+        raise SimulationError(
+            f"pymunk finds no impact of the stops {', '.join(restitution)} in which all of them "
+            "push."
+        )
+    return impact
+
+
+def _complementary(
+    placed: Mechanism,
+    restitution: Mapping[str, float],
+    pivot_mass: float,
+    held: Collection[str] = (),
+) -> TrialImpact | None:
+    impacts: dict[Contacts, TrialImpact] = {}
+
+    def violated(active: Contacts) -> str | None:
+        if active not in impacts:
+            taking_part = tuple(name for name in restitution if name in active or name in held)
+            impacts[active] = _impact_of(placed, taking_part, restitution, pivot_mass, held)
+        return impacts[active].violated
+
+    active = pushing(tuple(name for name in restitution if name not in held), violated)
+    return (
+        None if active is None or not set(held) <= set(impacts[active].resting) else impacts[active]
+    )
+
+
+def _impact_of(
+    placed: Mechanism,
+    active: Contacts,
+    restitution: Mapping[str, float],
+    pivot_mass: float,
+    held: Collection[str] = (),
+) -> TrialImpact:
+    """The impact if these contacts alone take part, those that are held even if they pull."""
+    assembly = build(placed, active, 0.0, pivot_mass)
+    for name in active:
+        _set_target(assembly.stops[name], restitution[name])
+    increment = settled_increment(assembly)
+    impulses = _impulses(assembly, increment, active)
+    (q, before), after = initial_state(placed), _speeds_after(assembly, increment)
+    came, left = (gap_speeds(placed, restitution, q, u) for u in (before, after))
+    rounding = _ROUNDING * (1.0 + max(map(abs, came.values()), default=0.0))
+    total = dict.fromkeys(restitution, 0.0) | impulses
+    least = -_ROUNDING * max(total.values())
+    kinematics = Kinematics(placed)
+
+    def gap(name: str) -> float:
+        return float(kinematics.gap(name, q))
+
+    beyond = {name: left[name] + restitution[name] * came[name] for name in restitution}
+    wrong = [
+        name
+        for name in restitution
+        if (total[name] < least if name in active else beyond[name] < -rounding)
+    ]
+    # Stops whose targets contradict each other meet one of them at most. A gap that is left is
+    # closed in the step, unless the stop's joint was built where its bodies are.
+    wrong += [
+        name
+        for name in active
+        if min(abs(beyond[name]), abs(beyond[name] + gap(name) / STEP)) > rounding
+    ]
+    recorded = {
+        name: max(impulse, 0.0) if name in held else impulse for name, impulse in total.items()
+    }
+    violated = next((name for name in wrong if name not in held), None)
+    return TrialImpact(after, recorded, resting(left, rounding), violated)
+
+
+def _set_target(joint: constraints.Constraint, restitution: float) -> None:
+    """Displace the target of a stop's joint by the way it is to part in the step."""
+    if isinstance(joint, constraints.GearJoint):
+        spin = joint.b.angular_velocity - joint.a.angular_velocity
+        joint.phase += -restitution * spin * STEP
+    elif isinstance(joint, constraints.PinJoint):
+        a = joint.a.position + joint.anchor_a.rotated(joint.a.angle)
+        b = joint.b.position + joint.anchor_b.rotated(joint.b.angle)
+        ends = (
+            joint.a.velocity_at_local_point(joint.anchor_a),
+            joint.b.velocity_at_local_point(joint.anchor_b),
+        )
+        joint.distance += -restitution * (ends[1] - ends[0]).dot((b - a).normalized()) * STEP
+
+
+def _impulses(assembly: Assembly, increment: FloatArray, active: Contacts) -> dict[str, float]:
+    """Impulses of the contacts that take part, by the bodies' change of momentum."""
+    assembly.rates = np.zeros_like(increment)
+    torques = forces_of(reading_of(assembly, increment), active).torques
+    return {name: float(torques[name][0]) for name in active}
+
+
+def _speeds_after(assembly: Assembly, increment: FloatArray) -> FloatArray:
+    """Generalized speeds after the bodies' change of velocity, shape (n_q,)."""
+    assembly.rates = increment
+    change = reading_of(assembly).coordinates()[1][0]
+    return np.asarray(initial_state(assembly.mechanism)[1] + change, dtype=np.float64)

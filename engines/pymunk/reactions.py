@@ -22,13 +22,13 @@ from ...models.elements import GROUND, Stop
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ..events import Contacts
-from .read import Reading
+from .read import MotionReading
 
 _SINGULAR = 1e-10  # of the largest singular value: dependent constraints share their force
 
 
 @dataclass(frozen=True)
-class Forces:
+class ConstraintForces:
     """Forces of joints and stops at the samples."""
 
     reactions: Mapping[str, ComplexArray]
@@ -37,7 +37,7 @@ class Forces:
     """Torque of each active stop [N m, or N for one on a point], shape (n,)."""
 
 
-def forces_of(reading: Reading, active: Contacts) -> Forces:
+def forces_of(reading: MotionReading, active: Contacts) -> ConstraintForces:
     """Forces of all joints and of the active stops."""
     mechanism, needed = reading.mechanism, _needed(reading)
     points = [stop for stop in mechanism.point_stops if stop.name in active]
@@ -47,7 +47,7 @@ def forces_of(reading: Reading, active: Contacts) -> Forces:
     one_by_one = not (points or turn_together) and len(outer) == len(active)
     if not mechanism.loop_joints and (not active or one_by_one):
         reactions = _tree_reactions(mechanism, needed)
-        return Forces(reactions, _angle_torques(reading, reactions, active))
+        return ConstraintForces(reactions, _angle_torques(reading, reactions, active))
     multipliers = _multipliers(reading, needed, active)
     loops = _loop_forces(reading, multipliers)
     torques = dict(zip(active, multipliers.T[multipliers.shape[1] - len(active) :], strict=True))
@@ -58,10 +58,10 @@ def forces_of(reading: Reading, active: Contacts) -> Forces:
         push = reading.frames[stop.relative_to].world(complex(*stop.normal)) * torques[stop.name]
         _act(needed, stop.body, -push)
         _act(needed, stop.relative_to, push)
-    return Forces(_tree_reactions(mechanism, needed) | loops, torques)
+    return ConstraintForces(_tree_reactions(mechanism, needed) | loops, torques)
 
 
-def _needed(reading: Reading) -> dict[str, ComplexArray]:
+def _needed(reading: MotionReading) -> dict[str, ComplexArray]:
     """Force that each body's momentum needs beyond gravity and force elements [N]."""
     mechanism, needed = reading.mechanism, dict[str, ComplexArray]()
     weight = complex(*mechanism.gravity_vector)
@@ -92,7 +92,7 @@ def _tree_reactions(
 
 
 def _angle_torques(
-    reading: Reading, reactions: Mapping[str, ComplexArray], active: Contacts
+    reading: MotionReading, reactions: Mapping[str, ComplexArray], active: Contacts
 ) -> dict[str, FloatArray]:
     """Torques of active stops on angles, if all joints are of the tree."""
     if not active:
@@ -122,7 +122,7 @@ def _share(stop: Stop, body: str) -> float:
     return float(stop.sense * ((body == stop.body) - (body == stop.relative_to)))
 
 
-def _couple(reading: Reading, name: str, reactions: Mapping[str, ComplexArray]) -> FloatArray:
+def _couple(reading: MotionReading, name: str, reactions: Mapping[str, ComplexArray]) -> FloatArray:
     """Clockwise couple that acts on a body besides gravity and the tree's forces [N m]."""
     body, frame = reading.mechanism.body(name), reading.frames[name]
     centre = reading.point(name, body.centre).position
@@ -144,7 +144,7 @@ def _couple(reading: Reading, name: str, reactions: Mapping[str, ComplexArray]) 
 
 
 def _multipliers(
-    reading: Reading, needed: Mapping[str, ComplexArray], active: Contacts
+    reading: MotionReading, needed: Mapping[str, ComplexArray], active: Contacts
 ) -> FloatArray:
     """Multipliers of the loop joints' components, then of the active stops, (n, n_constraints).
 
@@ -163,7 +163,7 @@ def _multipliers(
     )
 
 
-def _missing(reading: Reading, needed: Mapping[str, ComplexArray]) -> FloatArray:
+def _missing(reading: MotionReading, needed: Mapping[str, ComplexArray]) -> FloatArray:
     """r, shape (n, n_q): the generalized forces that no joint of the tree exerts [N m or N]."""
     mechanism = reading.mechanism
     reactions = _tree_reactions(mechanism, needed)
@@ -196,7 +196,7 @@ def mass_matrix(kinematics: Kinematics, q: FloatArray) -> FloatArray:
     return products.real + np.diag(kinematics.inertias)
 
 
-def _loop_forces(reading: Reading, multipliers: FloatArray) -> dict[str, ComplexArray]:
+def _loop_forces(reading: MotionReading, multipliers: FloatArray) -> dict[str, ComplexArray]:
     """Force of each loop joint on its child [N]."""
     forces: dict[str, ComplexArray] = {}
     columns = iter(multipliers.T)

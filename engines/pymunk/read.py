@@ -19,11 +19,11 @@ from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.spec import Vector
 from ...models.trajectory import PointMotion
-from .bodies import Assembly, Part, Placement, is_pin
+from .bodies import Assembly, BodyPart, Placement, is_pin
 
 
 @dataclass(frozen=True)
-class Samples:
+class BodySamples:
     """Engine bodies at the samples: values, first and second rates, shape (3, n, n_bodies)."""
 
     points: ComplexArray
@@ -93,11 +93,11 @@ class Frame:
 
 
 @dataclass
-class Reading:
+class MotionReading:
     """The mechanism's motion, from the engine bodies' samples."""
 
     assembly: Assembly
-    samples: Samples
+    samples: BodySamples
     near: FloatArray | None = None
     """Coordinates that tell the full turns of the first sample; None: those of the start."""
     frames: dict[str, Frame] = field(default_factory=dict[str, Frame])
@@ -131,11 +131,11 @@ class Reading:
     def _body(self, i: int) -> PointState:
         return PointState(*self.samples.points[:, :, i])
 
-    def _turning(self, i: int, part: Part) -> Frame:
+    def _turning(self, i: int, part: BodyPart) -> Frame:
         angle, spin, spin_rate = self.samples.angles[:, :, i]
         return Frame(part.reference, self._body(i), 0.0 - angle, 0.0 - spin, -spin_rate)
 
-    def _swinging(self, i: int, part: Part) -> Frame:
+    def _swinging(self, i: int, part: BodyPart) -> Frame:
         """A bob's rod points from its pin to its mass: rod = arm exp(-i q)."""
         rigid = self.assembly.rigid
         joint, (index, _) = rigid.joint_of(part.name), rigid.attitudes[part.name]
@@ -242,7 +242,7 @@ class Reading:
 
 def samples_of(
     states: FloatArray, h: float, leapfrog: bool, start: FloatArray | None = None
-) -> Samples:
+) -> BodySamples:
     """Samples 0 ... n from rows -1 ... n.
 
     In a leapfrog, the velocity at a sample is the mean of those half a step before and after it:
@@ -267,7 +267,7 @@ def samples_of(
         return np.stack([values[1:], share * after + (1 - share) * before, (after - before) / h])
 
     points, first = _points(states), None if start is None else _points(start)
-    return Samples(
+    return BodySamples(
         with_rates(points[..., 0], points[..., 1], None if first is None else first[..., 1]),
         with_rates(states[..., 2], states[..., 5], None if start is None else start[..., 5]),
     )
@@ -278,7 +278,7 @@ def _points(states: FloatArray) -> ComplexArray:
     return states[..., 0:4:3] + 1j * states[..., 1:5:3]
 
 
-def reading_of(assembly: Assembly, accelerations: FloatArray | None = None) -> Reading:
+def reading_of(assembly: Assembly, accelerations: FloatArray | None = None) -> MotionReading:
     """The bodies' present state as one sample; accelerations as its rates, zero if left out."""
     places, rates = (
         np.array([[*body.position, body.angle] for body in assembly.bodies]),
@@ -287,4 +287,4 @@ def reading_of(assembly: Assembly, accelerations: FloatArray | None = None) -> R
     x, y, angles = np.stack(
         [places, rates, np.zeros_like(rates) if accelerations is None else accelerations]
     ).T
-    return Reading(assembly, Samples((x + 1j * y).T[:, None], angles.T[:, None]))
+    return MotionReading(assembly, BodySamples((x + 1j * y).T[:, None], angles.T[:, None]))

@@ -14,11 +14,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ..drawing.bodies import loaded_rod
-from ..drawing.sketch import distinct, on_a_line
 from ..elements import GROUND, AnyJoint
 from ..kinematics import Kinematics
 from ..mechanism import Body, Mechanism
+from ..sketch import distinct, loaded_rod, on_a_line
 from ..spec import Vector
 from .tree import number, numbers
 

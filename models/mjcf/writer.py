@@ -23,6 +23,7 @@ from typing import Any, cast
 from ..elements import GROUND, STOPS, AnyJoint, ElementTable, PointStop, Stop
 from ..errors import InputError, UnsupportedProblemError
 from ..files import write_text
+from ..given import Model, model
 from ..kinematics import initial_state
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
@@ -104,7 +105,7 @@ def _names(mechanism: Mechanism) -> Mapping[str, str]:
     return MappingProxyType(names_in(_Writer(mechanism, 1e-3, None, Variant()).root()))
 
 
-def mjcf_names(mechanism: Mechanism) -> Mapping[str, str]:
+def mjcf_names(mechanism: Model) -> Mapping[str, str]:
     """Names of bodies, joints, sites, sensors and the like in a mechanism's MJCF, read-only.
 
     A file has only letters, digits, `_`, `-` and `.` in its names. The keys are names with blanks
@@ -112,12 +113,14 @@ def mjcf_names(mechanism: Mechanism) -> Mapping[str, str]:
     earlier versions have those.
 
     Args:
-        mechanism: any.
+        mechanism: its name, the path of its .json file, itself, or a problem.
 
     Raises:
+        InputError: nothing has that name.
         UnsupportedProblemError: as :func:`mjcf`.
     """
-    return _names(cast("Any", mechanism))  # type checkers do not see that a description has a hash
+    # Type checkers do not see that a description has a hash.
+    return _names(cast("Any", model(mechanism)))
 
 
 def model_file(mechanism: Mechanism) -> str:
@@ -151,14 +154,14 @@ def write_model_folder(
         InputError: the folder cannot be written to, or as :func:`mjcf`.
         UnsupportedProblemError: as :func:`mjcf`.
     """
-    model = model_file(mechanism)
+    name = model_file(mechanism)
     texts = {
-        model: mjcf(mechanism, timestep, motion, variant),
-        SCENE_FILE: scene(mechanism, model, motion),
+        name: mjcf(mechanism, timestep, motion, variant),
+        SCENE_FILE: scene(mechanism, name, motion),
     }
     for name, text in texts.items():
         write_text(Path(folder) / name, text)
-    return Path(folder) / model, Path(folder) / SCENE_FILE
+    return Path(folder) / name, Path(folder) / SCENE_FILE
 
 
 class _Writer:

@@ -1,4 +1,4 @@
-"""The uncertainty of each of the reference's quantities: the published certificates, and what follows from them.
+"""Uncertainty of the reference's quantities: published certificates, and what follows from them.
 
 A certificate is committed for each named machine (`certificates/`, made by `trebucheck certify`);
 for any other an estimate costs one more, coarser, integration. Both decide which tolerances can be
@@ -29,12 +29,10 @@ from ..solver import solve
 FORMAT = "trebucheck-certificate-1"
 SCHEMA = "certificate.schema.json"
 REFUSED_BELOW = 10.0
-"""A tolerance finer than this many times the reference's uncertainty is refused: the verdict would be a tenth, or
-more, the reference's own error."""
+"""Least tolerance, in uncertainties of the reference, of which a tenth would be its own error."""
 
-_COARSE = (
-    1e-12  # tolerance of the estimate's second integration: some thirty times the reference's own
-)
+# Tolerance of the estimate's second integration: some thirty times the reference's own.
+_COARSE = 1e-12
 _SAMPLES = 60
 _BEYOND = 1.02  # times the compared motion: so that the coarser one's events lie inside, too
 _SAFETY = 4.0
@@ -78,7 +76,7 @@ class Figure(Spec):
 
     @property
     def texts(self) -> tuple[str, str]:
-        """Value and uncertainty as printed: two digits of the uncertainty, and the value to the same decimal place."""
+        """Value and uncertainty as printed: two digits of the uncertainty, as many of the value."""
         if self.uncertainty == 0:
             return repr(self.value), "0"
         decimals = 1 - math.floor(math.log10(self.uncertainty))
@@ -103,7 +101,10 @@ class Certificate(Reported, Spec):
     def headline(self) -> str:
         """How many figures, from how many computations."""
         number = sum(computation.independent for computation in self.computations)
-        return f"Certificate of {self.model!r}: {len(self.figures)} figures from {number} independent computations"
+        return (
+            f"Certificate of {self.model!r}: {len(self.figures)} figures from {number} independent "
+            "computations"
+        )
 
     def rows(self) -> Iterator[dict[str, object]]:
         """A figure a row."""
@@ -132,7 +133,7 @@ class Uncertainties(Spec):
     values: dict[str, NonNegative]
 
     def of(self, metric: str, subject: str | None = None) -> float | None:
-        """In the metric's unit; None where nothing is known."""
+        """Uncertainty in the metric's unit; None where nothing is known."""
         return self.values.get(f"{metric} ({subject})", self.values.get(metric))
 
 
@@ -149,7 +150,7 @@ def committed_certificates() -> dict[str, Certificate]:
 
 
 def load_certificate(mechanism: Mechanism) -> Certificate | None:
-    """The committed certificate of exactly this mechanism, by its content; None if there is none."""
+    """The committed certificate of exactly this mechanism, by its content; None without one."""
     return committed_certificates().get(mechanism.content_hash)
 
 
@@ -164,7 +165,7 @@ def reference_uncertainty(solution: Solution, end: float | None = None) -> Uncer
 
 
 def covering_certificate(solution: Solution, end: float | None = None) -> Certificate | None:
-    """The mechanism's committed certificate, if it covers the motion up to `end` [s]: none goes past the launch."""
+    """The mechanism's committed certificate, if it covers the motion up to `end` [s]."""
     launch = solution.launch
     if launch is None or (end is not None and end > launch.time * (1 + 1e-9)):
         return None
@@ -266,7 +267,7 @@ def _enter(
 
 
 def _events(fine: Solution, coarse: Solution, end: float) -> dict[str, float]:
-    """Releases and the launch: one uncertainty for all that both have; all of the motion for one that only one has."""
+    """Uncertainty [s] of each release and of the launch."""
     pairs = {
         f"release_time ({name})": (t, coarse.release_times[name])
         for name, t in fine.release_times.items()
@@ -299,6 +300,6 @@ def refusal(
         return None
     label = metric if subject is None else f"{metric} ({subject})"
     return (
-        f"the tolerance {tolerance:.2g} of {label} is finer than {REFUSED_BELOW:g} times the reference's own "
-        f"uncertainty, {uncertainty:.2g}: it cannot be judged"
+        f"the tolerance {tolerance:.2g} of {label} is finer than {REFUSED_BELOW:g} times the "
+        f"reference's own uncertainty, {uncertainty:.2g}: it cannot be judged"
     )

@@ -21,7 +21,7 @@ PointState = tuple[FloatArray, FloatArray, FloatArray]
 
 
 class Motion(Protocol):
-    """What a computation offers; times are single floats [s]."""
+    """A motion as every computation offers it; times are single floats [s]."""
 
     @property
     def release_times(self) -> Mapping[str, float | None]:
@@ -62,7 +62,7 @@ class Key(NamedTuple):
 
 @dataclass(frozen=True)
 class Plan:
-    """Which quantities a machine has: decided once, so that every computation yields the same ones."""
+    """Quantities of a machine, decided once, so that every computation yields the same ones."""
 
     mechanism: Mechanism
     releases: tuple[str, ...]
@@ -71,8 +71,8 @@ class Plan:
     grid: tuple[float, ...]
     launches: bool
     step: float = BEYOND_LAUNCH
-    """Of the grid of instants, a power of ten [s]; the best release and the largest energy ratio are searched up to one
-    step about the launch."""
+    """Step of the grid of instants, a power of ten [s]; the best release and the largest energy
+    ratio are searched up to one step about the launch."""
 
 
 def grid_step(scale: float) -> float:
@@ -264,7 +264,7 @@ def _maximum(
     end: float,
     step: float,
 ) -> float | None:
-    """Where a smooth function is largest [s], by the root of its derivative; None at an end of the interval."""
+    """Where a smooth function is largest [s]; None at an end of the interval."""
     times = np.linspace(start, end, max(3, math.ceil((end - start) / step) + 1))
     best = int(np.argmax([value(float(t)) for t in times]))
     if best in (0, len(times) - 1):
@@ -276,7 +276,7 @@ def _maximum(
 
 
 def vacuum_range(motion: Motion, gravity: float, t: float) -> float:
-    """Where a projectile let go at t comes back to y = 0 [m], from the world's origin; NaN where it never does."""
+    """Where a projectile let go at t comes back to y = 0 [m]; NaN where it never does."""
     (x, y), (vx, vy), _ = motion.marker(PROJECTILE, t)
     return float(x + vx * _flight_time(y, vy, gravity))
 

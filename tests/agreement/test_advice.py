@@ -11,9 +11,9 @@ import jsonschema
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.recommend import Advice, Asked, recommend
+from trebucheck.comparisons.recommend import Advice, Asked
 from trebucheck.comparisons.recommend.search import Case, configured, option_sets
-from trebucheck.comparisons.recommend.study import snippets
+from trebucheck.comparisons.recommend.study import recommend_study, snippets
 from trebucheck.comparisons.runs.record import EngineRuns
 from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.study import Study, Until
@@ -38,7 +38,9 @@ SWING = 2.0  # of the machine's launch time: a throw that takes longer went back
 
 @cache
 def advice(model: str, engine_name: str) -> Advice:
-    return recommend(Study([model], [engine_name], isolate=False), ASKED, neighbours=NEIGHBOURS)
+    return recommend_study(
+        Study([model], [engine_name], isolate=False), ASKED, neighbours=NEIGHBOURS
+    )
 
 
 @cache
@@ -90,7 +92,7 @@ def test_what_is_recommended_was_measured_and_reaches_it() -> None:
 
 def test_a_mechanism_of_ones_own_gets_advice() -> None:
     mechanism = tb.fixed().model_copy(update={"name": "own"})
-    found = recommend(
+    found = recommend_study(
         Study([mechanism], ["mujoco"], isolate=False), Asked(position=0.1), neighbours=3
     )
     assert found.engine("mujoco").choice is not None
@@ -101,7 +103,7 @@ def test_a_mechanism_of_ones_own_gets_advice() -> None:
 @pytest.mark.slow
 def test_what_stands_in_the_way_of_pymunk_is_rounding() -> None:
     """Its impulses are divided by the step: 1e-6 N m of a torque of 8e4 is beyond it, however short the step."""
-    found = recommend(
+    found = recommend_study(
         Study(["fixed"], ["pymunk"], isolate=False), Asked(torque=1e-6), neighbours=0
     ).engine("pymunk")
     assert found.choice is None and found.obstacle == "rounding", found.message

@@ -11,7 +11,7 @@ import trebucheck as tb
 from mechanisms import chain, hanging_bob
 from trebucheck.comparisons.converge import study as studying
 from trebucheck.comparisons.converge.results import MachineStudies, Study
-from trebucheck.comparisons.converge.study import converge, swept_parameters
+from trebucheck.comparisons.converge.study import converge_study, swept_parameters
 from trebucheck.comparisons.runs import study as runs
 from trebucheck.engines.study import SweptParameter
 from trebucheck.models.mechanism import Marker
@@ -38,7 +38,7 @@ LAWS = {
 
 @cache
 def _machine(name: str, asked: tuple[str, ...]) -> MachineStudies:
-    return converge(
+    return converge_study(
         runs.Study([BUILD[name]()], list(ENGINES), isolate=False), list(asked)
     ).machines[0]
 
@@ -122,7 +122,7 @@ def test_the_order_is_found_of_any_mechanism(
     """Without a launch, without stops."""
     monkeypatch.setattr(studying, "_STEPS", tuple(8e-3 / 2**k for k in range(5)))
     study = runs.Study([mechanism], ["pymunk", "exudyn"], until=1.0, isolate=False)
-    for found in converge(study, ["timestep"]).machines[0].studies:
+    for found in converge_study(study, ["timestep"]).machines[0].studies:
         assert [curve.quantity for curve in found.curves] == ["position"]
         law = found.curve("position").law
         assert law is not None and law.exponent == pytest.approx(ORDER, abs=WITHIN), found.label
@@ -132,7 +132,7 @@ def test_a_high_order_is_looked_for_at_coarser_steps(monkeypatch: pytest.MonkeyP
     """MuJoCo's Runge-Kutta is at the reference's uncertainty with most of the steps that others are measured at."""
     monkeypatch.setattr(studying, "_STEPS", tuple(1e-2 / 2**k for k in range(4)))
     study = runs.Study(["pendulum"], ["mujoco"], until=1.0, isolate=False)
-    found = converge(study, ["timestep"]).machines[0].studies[0]
+    found = converge_study(study, ["timestep"]).machines[0].studies[0]
     law = found.curve("position").law
     assert law is not None and law.exponent == pytest.approx(4.0, abs=WITHIN)
     assert all(coarse.value > fine.value for coarse, fine in pairwise(found.points))

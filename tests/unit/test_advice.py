@@ -17,7 +17,7 @@ import jsonschema
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
-from trebucheck.comparisons.recommend import Advice, Asked, recommend
+from trebucheck.comparisons.recommend import Advice, Asked
 from trebucheck.comparisons.recommend import search as family
 from trebucheck.comparisons.recommend import search as obstacles
 from trebucheck.comparisons.recommend.results import Obstacle
@@ -31,7 +31,7 @@ from trebucheck.comparisons.recommend.search import (
     option_sets,
     read_torque,
 )
-from trebucheck.comparisons.recommend.study import PYTHON, snippets
+from trebucheck.comparisons.recommend.study import PYTHON, recommend_study, snippets
 from trebucheck.comparisons.runs.record import EngineRuns, RunRecord
 from trebucheck.comparisons.runs.results import Metric
 from trebucheck.comparisons.runs.study import Study
@@ -316,6 +316,7 @@ def test_the_command_gives_the_same_engine(
         assert made[-1] == configured(name, options, 5e-4)
 
 
+@pytest.mark.needs("mujoco")
 def test_what_mjcf_cannot_say_is_said() -> None:
     sets = {options.name: options for options in option_sets("mujoco")}
     alone, tuned = (
@@ -341,7 +342,7 @@ def test_an_engine_that_is_not_here_is_a_row(monkeypatch: pytest.MonkeyPatch) ->
     from trebucheck.engines.exudyn.engine import ExudynEngine
 
     monkeypatch.setattr(ExudynEngine, "is_installed", classmethod(lambda _: False))
-    advice = recommend(
+    advice = recommend_study(
         Study(["fixed"], ["exudyn"], isolate=False), Asked(position=1e-3), neighbours=0
     )
     assert advice.engine("exudyn").choice is None

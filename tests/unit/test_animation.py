@@ -21,10 +21,10 @@ from trebucheck.__main__ import main
 from trebucheck.comparisons.report import html, markdown
 from trebucheck.comparisons.report.document import Animation as AnimationBlock
 from trebucheck.comparisons.report.document import Document, Heading
-from trebucheck.models.drawing import animation, vector, video
-from trebucheck.models.drawing.animation import Animation, scene_data
-from trebucheck.models.drawing.picture import PALETTE, Picture
-from trebucheck.models.drawing.scene import RunLook, Scene, resampled, scene
+from trebucheck.comparisons.report.drawing import animation, files
+from trebucheck.comparisons.report.drawing.animation import Animation, scene_data
+from trebucheck.comparisons.report.drawing.files import PALETTE, Stage
+from trebucheck.comparisons.report.drawing.scene import RunLook, Scene, resampled, scene
 from trebucheck.models.trajectory import Trajectory, save
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
@@ -283,7 +283,7 @@ def test_the_script_prints_in_the_colours_of_pictures() -> None:
 
 @pytest.mark.slow
 def test_a_gif_plays_the_motion_slower_about_events(tmp_path: Path) -> None:
-    times = video.play_times(_scene(), 18.0)
+    times = files.play_times(_scene(), 18.0)
     assert times[0] == 0 and times[-1] == END
     steps = np.diff(times)
     (launch,) = (event.time for event in _scene().events if event.kind == "launch")
@@ -314,33 +314,60 @@ def test_an_mp4_without_its_package_is_refused_at_once(
     assert not list(tmp_path.iterdir())
 
 
+def _centres(part: ET.Element, name: str) -> list[complex]:
+    """Centres of the circles of a name in an SVG by Matplotlib [px]; its unit is the point."""
+    found: list[complex] = []
+    for group in part.iter(f"{SVG}g"):
+        if group.get("id") == name:
+            (path,) = group.iter(f"{SVG}path")
+            numbers = [float(each) for each in re.findall(r"-?[\d.]+", path.get("d", ""))]
+            x, y = numbers[0::2], numbers[1::2]
+            found.append(complex(min(x) + max(x), min(y) + max(y)) / 2 * 96 / 72)
+    return found
+
+
+def _layers(root: ET.Element, name: str) -> list[ET.Element]:
+    """Layers of a moving SVG in their order."""
+    return [each for each in root.iter(f"{SVG}g") if each.get("id", "").startswith(f"{name}-")]
+
+
+def _visibility(layer: ET.Element) -> tuple[list[str], list[float]]:
+    """States of a layer, and when it changes to them, in parts of the whole."""
+    (animate,) = layer.findall(f"{SVG}animate")
+    times = [float(each) for each in animate.get("keyTimes", "").split(";")]
+    return animate.get("values", "").split(";"), times
+
+
+MASSES = ("counterweight", "projectile")
+
+
+def _masses(stage: Stage, time: float) -> np.ndarray:
+    """Where both masses belong in the picture [px]."""
+    return stage.pixels(stage.points(time))[[stage.scene.drawing.markers[n] for n in MASSES]]
+
+
 def test_a_stroboscope_shows_start_events_and_end(tmp_path: Path) -> None:
     releases = [event.time for event in _scene().events if event.kind == "release"]
-    Animation((_scene(),)).save(tmp_path / "motion.svg", at=[0.0, *releases, END])
+    times = [0.0, *releases, END]
+    Animation((_scene(),)).save(tmp_path / "motion.svg", at=times)
     root = ET.fromstring((tmp_path / "motion.svg").read_text())
-    picture = Picture(_scene(), 640, _scene().magnification)
-    width, height = (float(root.attrib[name]) for name in ("width", "height"))
-    assert (width, height) == (640, picture.height)
-    circles = [
-        e
-        for e in root.iter("{http://www.w3.org/2000/svg}circle")
-        if e.get("fill") == PALETTE["mass"]
-    ]
-    assert (
-        len(circles) == 2 * 4
-    )  # counterweight and projectile: at the start, at both releases, at the end
-    end = picture._px(picture.points(END))[_scene().drawing.markers["counterweight"]]
-    assert any(
-        abs(complex(float(c.get("cx", 0)), float(c.get("cy", 0))) - end) < 0.02 for c in circles
-    )
+    stage = Stage(_scene(), 640)
+    size = [float(root.attrib[name].removesuffix("pt")) * 96 / 72 for name in ("width", "height")]
+    assert size == [640, stage.height]
+    drawn = _centres(root, "mass")
+    assert len(drawn) == 2 * len(times)
+    for time in times:
+        for place in _masses(stage, time):
+            assert np.abs(np.array(drawn) - place).min() < 0.02
 
 
 def test_a_still_picture_is_of_its_instant(tmp_path: Path) -> None:
     Animation((_scene(),)).save(tmp_path / "still.svg", at=1.25)
     text = (tmp_path / "still.svg").read_text()
-    picture = Picture(_scene(), 640, _scene().magnification)
-    there = picture._px(picture.points(1.25))[_scene().drawing.markers["counterweight"]]
-    assert f'<circle cx="{there.real:.2f}" cy="{there.imag:.2f}"' in text
+    drawn = _centres(ET.fromstring(text), "mass")
+    assert len(drawn) == 2
+    for place in _masses(Stage(_scene(), 640), 1.25):
+        assert np.abs(np.array(drawn) - place).min() < 0.02
     assert "<animate" not in text and "t = 1.250 s" in text
 
 
@@ -349,38 +376,43 @@ def test_an_svg_plays_by_itself_from_start_to_end(tmp_path: Path) -> None:
     Animation((shown,)).save(tmp_path / "motion.svg")
     text = (tmp_path / "motion.svg").read_text()
     root = ET.fromstring(text)
-    assert "<script" not in text and "href" not in text and len(text) < 400_000
-    picture = Picture(shown, 640, shown.magnification)
-    times = video.play_times(shown, vector._RATE)
-    moving = [e for e in root.iter(f"{SVG}circle") if e.get("fill") == PALETTE["mass"]]
-    assert len(moving) == 2
-    for circle in moving:
-        values = {
-            e.get("attributeName"): e.get("values", "").split(";")
-            for e in circle.iter(f"{SVG}animate")
-        }
-        drawn = [
-            complex(float(x), float(y)) for x, y in zip(values["cx"], values["cy"], strict=True)
-        ]
-        assert len(drawn) == len(times) + round(video.HOLD * vector._RATE)
-        marked = [
-            picture._px(picture.points(time))[
-                [shown.drawing.markers[n] for n in ("counterweight", "projectile")]
-            ]
-            for time in times
-        ]
-        nearest = np.argmin(np.abs(np.array(marked)[0] - drawn[0]))
-        np.testing.assert_allclose(drawn[: len(times)], np.array(marked)[:, nearest], atol=0.008)
-        assert set(drawn[len(times) :]) == {drawn[len(times) - 1]}
-    labels = [e.text for e in root.iter(f"{SVG}text")]
+    assert "<script" not in text and "href" not in text and len(text) < 1_200_000
+    stage, times = Stage(shown, 640), files.play_times(shown, files._SVG_RATE)
+    frames = _layers(root, "frame")
+    assert len(frames) == len(times)
+    duration = len(times) / files._SVG_RATE + files.HOLD
+    for k, (frame, time) in enumerate(zip(frames, times, strict=True)):
+        drawn = np.array(_centres(frame, "mass"))
+        for place in _masses(stage, time):
+            assert np.abs(drawn - place).min() < 0.02
+        states, at = _visibility(frame)
+        assert states.count("visible") == 1
+        begin = at[states.index("visible")]
+        assert begin == pytest.approx(k / files._SVG_RATE / duration, abs=1e-5)
+        end = 1.0 if states[-1] == "visible" else at[-1]
+        last = k == len(times) - 1
+        assert end == pytest.approx(1.0 if last else (k + 1) / files._SVG_RATE / duration, abs=1e-5)
+    labels = [each.text for each in root.iter(f"{SVG}text")]
     assert "t = 0.000 s" in labels and f"t = {END:.3f} s" in labels
-    traces = [e for e in root.iter(f"{SVG}polyline") if e.get("stroke-dashoffset")]
-    assert len(traces) == 2 * len(shown.drawing.compared)
-    for trace in traces:
-        (growth,) = trace.iter(f"{SVG}animate")
-        left = [float(each) for each in growth.get("values", "").split(";")]
-        assert left == sorted(left, reverse=True) and left[-1] == 0
-        assert left[0] == float(trace.get("stroke-dasharray", ""))
+
+
+def test_in_an_svg_traces_grow_and_stay(tmp_path: Path) -> None:
+    Animation((_scene(),)).save(tmp_path / "motion.svg")
+    paths = _layers(ET.fromstring((tmp_path / "motion.svg").read_text()), "path")
+    assert not list(paths[0].iter(f"{SVG}path"))  # at the start there is none
+    for path in paths[1:]:
+        assert len(list(path.iter(f"{SVG}path"))) == 2 * len(_scene().drawing.compared)
+        assert _visibility(path)[0] == ["hidden", "visible"]
+
+
+def test_a_program_that_plays_no_svg_shows_one_instant_with_its_traces(tmp_path: Path) -> None:
+    Animation((_scene(),)).save(tmp_path / "motion.svg")
+    root = ET.fromstring((tmp_path / "motion.svg").read_text())
+    (seen,) = [
+        k for k, each in enumerate(_layers(root, "frame")) if each.get("visibility") == "visible"
+    ]
+    paths = [each.get("visibility") for each in _layers(root, "path")]
+    assert paths == ["visible"] * (seen + 1) + ["hidden"] * (len(paths) - seen - 1)
 
 
 def test_in_an_svg_a_run_is_not_seen_after_its_end(tmp_path: Path) -> None:
@@ -388,16 +420,10 @@ def test_in_an_svg_a_run_is_not_seen_after_its_end(tmp_path: Path) -> None:
     shown = scene(_solution().trajectory, {"short": RunLook(short, "#00ff00")}, end=END)
     Animation((shown,)).save(tmp_path / "motion.svg")
     root = ET.fromstring((tmp_path / "motion.svg").read_text())
-    own = [
-        e
-        for e in root.iter()
-        if "#00ff00" in (e.get("stroke"), e.get("fill")) and not e.get("stroke-dashoffset")
-    ]
-    lines = [e for e in own if len(e)]  # but for the legend's
-    assert lines
-    for line in lines:
-        (seen,) = (e for e in line.iter(f"{SVG}animate") if e.get("attributeName") == "opacity")
-        assert seen.get("values") == "1;0"
+    frames = _layers(root, "frame")
+    times = files.play_times(shown, files._SVG_RATE)
+    for frame, time in zip(frames, times, strict=True):
+        assert ("#00ff00" in ET.tostring(frame, encoding="unicode")) == (time <= 1.0)
 
 
 def test_a_trajectory_plays_in_a_notebook_with_others_over_it() -> None:

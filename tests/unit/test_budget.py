@@ -17,23 +17,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 from trebucheck.comparisons.explain import Cause, Intervention, causes_of
-from trebucheck.comparisons.explain.report import document, main_quantities
 from trebucheck.comparisons.explain.results import Budget, Explanation, Machine
 from trebucheck.comparisons.explain.study import (
     Reread,
     budget,
     by_kinematics,
-    explain,
+    explain_study,
     orders,
     stock_against_tuned,
     with_filtered_torques,
 )
 from trebucheck.comparisons.report import html, terminal
+from trebucheck.comparisons.report.pages.explain import document, main_quantities
+from trebucheck.comparisons.runs.process import Worker
 from trebucheck.comparisons.runs.record import GRID, Curves, EngineRuns, RunRecord
 from trebucheck.comparisons.runs.results import Metric, Outcome
 from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.study import Study
-from trebucheck.comparisons.runs.worker import Worker
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.mujoco.options import effective_solref
@@ -44,8 +44,8 @@ from trebucheck.engines.registry import engine, engine_study, with_options
 from trebucheck.engines.study import ConstraintKinds
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import InputError
-from trebucheck.models.machines.registry import model
-from trebucheck.models.machines.trebuchet import HANGER_REST, fixed
+from trebucheck.models.library.registry import model
+from trebucheck.models.library.trebuchet import HANGER_REST, fixed
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.models.spec import schema_text
@@ -581,14 +581,16 @@ def test_wrong_input_is_refused_before_anything_runs(
 def test_a_machine_that_cannot_throw_is_refused() -> None:
     still = fixed().model_copy(update={"gravity": 0.0})
     with pytest.raises(InputError, match="gravity"):
-        explain(Study([still], engines=["reference"], isolate=False))
+        explain_study(Study([still], engines=["reference"], isolate=False))
 
 
 def test_an_engine_that_is_not_installed_is_a_row_of_the_explanation(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(ExudynEngine, "is_installed", classmethod(lambda _: False))
-    explanation = explain(Study([fixed()], engines=["exudyn"], presets=["tuned"], isolate=False))
+    explanation = explain_study(
+        Study([fixed()], engines=["exudyn"], presets=["tuned"], isolate=False)
+    )
     (absent,) = explanation.budgets
     assert absent.message is not None and "pip install exudyn" in absent.message
     assert explanation.comparisons[0].stock.message == absent.message

@@ -17,7 +17,6 @@ import trebucheck as tb
 from trebucheck.cli.app import main
 from trebucheck.comparisons.converge import study as floors
 from trebucheck.comparisons.converge import study as studying
-from trebucheck.comparisons.converge.report import document
 from trebucheck.comparisons.converge.results import Studies
 from trebucheck.comparisons.converge.study import (
     ASYMPTOTIC,
@@ -25,7 +24,7 @@ from trebucheck.comparisons.converge.study import (
     SLOPE,
     Level,
     Site,
-    converge,
+    converge_study,
     fitting,
     floor,
     largest,
@@ -38,6 +37,7 @@ from trebucheck.comparisons.converge.study import (
     weights,
 )
 from trebucheck.comparisons.report.html import page
+from trebucheck.comparisons.report.pages.converge import document
 from trebucheck.comparisons.runs.record import make
 from trebucheck.comparisons.runs.runner import Runner, run_duration
 from trebucheck.comparisons.runs.store import Store
@@ -343,7 +343,7 @@ def test_durations_are_those_of_trials(step: float, monkeypatch: pytest.MonkeyPa
 
 @pytest.fixture
 def studies(third_party: None) -> Studies:
-    return converge(Study([tb.fixed()], ["echo", "raiser"], isolate=False))
+    return converge_study(Study([tb.fixed()], ["echo", "raiser"], isolate=False))
 
 
 @pytest.mark.slow
@@ -377,10 +377,10 @@ def test_options_hold_in_every_point_of_a_sweep() -> None:
         pytest.skip("pymunk is not installed here")
     own = {"pymunk.leapfrog": False, "timestep": 2e-3}
     study = Study(["pendulum"], ["pymunk"], options=own, until=0.1, isolate=False)
-    (swept,) = converge(study, ["iterations"]).machines[0].studies
+    (swept,) = converge_study(study, ["iterations"]).machines[0].studies
     assert swept.base == {"timestep": 2e-3, "leapfrog": False}
     assert swept.settings["leapfrog"] is False and swept.settings["timestep"] == 2e-3
-    (plain,) = converge(replace(study, options={}), ["iterations"]).machines[0].studies
+    (plain,) = converge_study(replace(study, options={}), ["iterations"]).machines[0].studies
     assert plain.settings["leapfrog"] is True
     assert plain.points[-1].steps > 1.5 * swept.points[-1].steps
     assert plain.points[-1].position != swept.points[-1].position
@@ -391,7 +391,7 @@ def test_what_sets_a_floor_is_looked_for_by_the_engine_itself() -> None:
     """pymunk's iterations converge soon: what is left is set by the time step."""
     if not tb.engines()["pymunk"].installed:
         pytest.skip("pymunk is not installed here")
-    found = converge(Study([tb.fixed()], ["pymunk"], isolate=False), ["iterations"])
+    found = converge_study(Study([tb.fixed()], ["pymunk"], isolate=False), ["iterations"])
     explained = found.machines[0].studies[0].curve("position").floor
     assert explained is not None and explained.cause == "time step"
     assert "half the time step leaves 0.25" in explained.evidence
@@ -454,7 +454,7 @@ def test_an_interrupt_is_exit_code_130(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(studying, "converge", interrupted)
+    monkeypatch.setattr(studying, "converge_study", interrupted)
     assert main(["converge", "--out", str(tmp_path / "out")]) == 130
     assert "--resume" in capsys.readouterr().err
     assert not (tmp_path / "out" / "converge.html").exists()
@@ -468,8 +468,8 @@ def test_an_interrupted_study_goes_on(third_party: None, tmp_path: Path) -> None
 
     store = Store(tmp_path, records=tmp_path)
     with pytest.raises(KeyboardInterrupt):
-        converge(Study([tb.fixed()], ["echo"], store=store, isolate=False, progress=stop))
+        converge_study(Study([tb.fixed()], ["echo"], store=store, isolate=False, progress=stop))
     kept = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
     assert kept
-    converge(Study([tb.fixed()], ["echo"], store=replace(store, resume=True), isolate=False))
+    converge_study(Study([tb.fixed()], ["echo"], store=replace(store, resume=True), isolate=False))
     assert all(path.stat().st_mtime_ns == time for path, time in kept.items())

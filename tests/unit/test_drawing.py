@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+import trebucheck as tb
 from mechanisms import (
     body_of,
     chain,
@@ -18,10 +19,9 @@ from mechanisms import (
     slider_crank,
 )
 from random_mechanisms import random_mechanism
-from trebucheck.models.drawing.bodies import loaded_rod
-from trebucheck.models.drawing.draw import draw
-from trebucheck.models.drawing.shapes import ROLES, Drawing, Shape
-from trebucheck.models.joints import GROUND
+from trebucheck.comparisons.report.drawing.sketch import ROLES, Drawing, Shape
+from trebucheck.comparisons.report.drawing.symbols import draw, loaded_rod
+from trebucheck.models.elements import GROUND, ConstantForce, CubicTorsionSpring
 from trebucheck.models.kinematics import initial_state
 from trebucheck.models.machines.registry import model, models
 from trebucheck.models.mechanism import Body, Mechanism
@@ -204,3 +204,20 @@ def test_springs_dampers_and_loads_are_told_apart() -> None:
     assert {("load", "turn"), ("guide", "line"), ("body", "area")} <= kinds
     only = {shape.role for shape in draw(NAMED["oscillator"]).shapes}
     assert "spring" in only and "damper" not in only
+
+
+def test_a_cubic_torsion_spring_is_a_spiral() -> None:
+    spring = CubicTorsionSpring(name="spring", body="bob", cubic_stiffness=2.0)
+    shapes = _of(draw(hanging_bob(force_elements=(spring,))), "spring")
+    assert [shape.kind for shape in shapes] == ["spiral"]
+
+
+class _Magnet(ConstantForce):
+    """An element that the drawing does not know."""
+
+
+def test_an_unknown_element_is_refused_by_name() -> None:
+    force = _Magnet(name="coil", body="bob", point=(1.0, 0.0), force=(1.0, 0.0))
+    mechanism = hanging_bob().model_copy(update={"force_elements": (force,)})
+    with pytest.raises(tb.UnsupportedProblemError, match="coil"):
+        draw(mechanism)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import ast
 import doctest
 import importlib
 import subprocess
 import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import pytest
 import trebucheck as tb
+from trebucheck.comparisons.runs.study import Study
 
 ENGINE_LIBRARIES = ("mujoco", "pymunk", "exudyn")
 
@@ -45,12 +50,145 @@ def test_no_engine_library_is_loaded(code: str) -> None:
         "tb.engines()",
         "import trebucheck.engines.registry",
         "from trebucheck import engines",
+        "from trebucheck.engines.registry import engines",
+        "import trebucheck.engines as package; assert package.registry",
     ],
 )
-def test_engines_can_be_called_whatever_was_imported_first(first: str) -> None:
-    assert (
-        _python(f"import trebucheck as tb; {first}; print('reference' in tb.engines())") == "True"
+def test_engines_is_a_function_whatever_was_imported_first(first: str) -> None:
+    code = (
+        f"import inspect, trebucheck as tb; {first}; import trebucheck.engines.registry as registry; "
+        "import trebucheck; assert trebucheck.engines.registry is registry; "
+        "print(inspect.isfunction(tb.engines) and 'reference' in tb.engines())"
     )
+    assert _python(code) == "True"
+
+
+def test_type_checkers_see_the_same_names() -> None:
+    stub = ast.parse((Path(tb.__file__).parent / "__init__.pyi").read_text())
+    imported = {
+        alias.name for node in stub.body if isinstance(node, ast.ImportFrom) for alias in node.names
+    }
+    imported |= {node.name for node in stub.body if isinstance(node, ast.FunctionDef)}
+    (listed,) = (ast.literal_eval(node.value) for node in stub.body if isinstance(node, ast.Assign))
+    assert imported == set(tb.__all__)
+    assert sorted(listed) == sorted(tb.__all__)
+    for node in stub.body:
+        if isinstance(node, ast.ImportFrom) and node.module != "version":
+            assert all(tb._HOMES[alias.name] == node.module for alias in node.names)  # pyright: ignore
+
+
+MODELS: dict[str, Callable[[Path], Any]] = {
+    "name": lambda _: "pendulum",
+    "number": lambda _: tb.problems()["pendulum"].number,
+    "path": lambda folder: folder / "pendulum.json",
+    "path as text": lambda folder: str(folder / "pendulum.json"),
+    "mechanism": lambda _: tb.model("pendulum"),
+    "problem": lambda _: tb.problem("pendulum"),
+    "list": lambda _: ["pendulum"],
+}
+ENGINES: dict[str, Any] = {
+    "name": "mujoco",
+    "list": ["mujoco"],
+    "object": tb.engine("mujoco"),
+    "objects": (tb.engine("mujoco"),),
+}
+SHORT: dict[str, Any] = {"duration": 0.1, "isolate": False}
+
+
+def _run_of(comparison: Any) -> tuple[str, str, str, str]:
+    (run,) = comparison.results.runs
+    return run.engine, run.preset, str(run.outcome), comparison.results.machines[0].mechanism_hash
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_a_model_is_taken_however_it_is_given(kind: str, tmp_path: Path) -> None:
+    (tmp_path / "pendulum.json").write_text(tb.model("pendulum").to_json())
+    given = MODELS[kind](tmp_path)
+    expected = ("mujoco", "tuned", "agrees", tb.model("pendulum").content_hash)
+    assert _run_of(tb.compare(given, "mujoco", "tuned", **SHORT)) == expected
+    if kind != "list":
+        assert tb.model(given) == tb.model("pendulum")
+        assert tb.mjcf_names(given) == tb.mjcf_names("pendulum")
+        assert tb.check("mujoco", given, **SHORT).outcome == "agrees"
+        assert tb.mjcf(given, keyframes=False, timestep=1e-3).startswith("<")
+
+
+@pytest.mark.parametrize("kind", ENGINES)
+def test_an_engine_is_taken_however_it_is_given(kind: str) -> None:
+    found = tb.compare("pendulum", ENGINES[kind], presets="tuned", **SHORT)
+    assert _run_of(found)[:3] == ("mujoco", "tuned", "agrees")
+
+
+@pytest.mark.parametrize(
+    ("how", "settings"),
+    [
+        ({"engines": tb.engine("pymunk", iterations=7)}, {"iterations": 7}),
+        ({"engines": "pymunk", "options": {"iterations": 7}}, {"iterations": 7}),
+        ({"engines": "pymunk", "options": {"pymunk.iterations": 7}}, {"iterations": 7}),
+        ({"engines": "pymunk", "timestep": 2e-3}, {"timestep": 2e-3}),
+        ({"engines": "pymunk", "options": {"timestep": 2e-3}}, {"timestep": 2e-3}),
+        ({"engines": tb.engine("pymunk", timestep=2e-3)}, {"timestep": 2e-3}),
+        (
+            {"engines": tb.engine("pymunk", iterations=7), "options": {"pymunk.iterations": 8}},
+            {"iterations": 8},
+        ),
+    ],
+)
+def test_options_are_given_the_same_way_everywhere(
+    how: dict[str, Any], settings: dict[str, Any]
+) -> None:
+    (run,) = tb.compare("pendulum", presets="tuned", **how, **SHORT).results.runs
+    assert settings.items() <= run.settings.items()
+    study = Study.of("pendulum", presets="tuned", **how)
+    assert settings.items() <= study.engine("pymunk", "tuned").settings.items()
+
+
+def test_an_engine_given_as_an_object_brings_its_preset() -> None:
+    study = Study.of("fixed", [tb.engine("mujoco", "stock"), tb.engine("pymunk", "stock")])
+    assert (study.engines, study.presets) == (("mujoco", "pymunk"), ("stock",))
+    assert Study.of("fixed", "mujoco").presets == ("tuned", "stock")
+
+
+def test_throws_and_certificates_take_names() -> None:
+    assert tb.throw("fixed").flight.range == tb.throw(tb.fixed()).flight.range
+    assert tb.check(tb.engine("mujoco"), "fixed", isolate=False).outcome == "agrees"
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: tb.compare("p"), "there is no model 'p'"),
+        (lambda: tb.compare("fixed", "m"), "no engine 'm'.*; there are: reference, mujoco"),
+        (lambda: tb.compare("fixed", "mujoco", "t"), "no preset 't'; there are: stock, tuned"),
+        (lambda: tb.throw("f"), "there is no model 'f'.*; there are: fixed, rolling"),
+        (lambda: tb.mjcf_names("f"), "there is no model 'f'.*; there are: fixed, rolling"),
+        (lambda: tb.certify("f"), "there is no model 'f'.*; there are: fixed, rolling"),
+        (lambda: tb.problem("fixed"), "there is no problem 'fixed'"),
+        (lambda: tb.problems("x"), "no problem has the tag 'x'; there are: "),
+        (lambda: tb.model(3), "3 is no model; a name, "),  # pyright: ignore
+        (lambda: tb.compare(3), "3 is no model; a name, "),  # pyright: ignore
+        (lambda: tb.compare("fixed", [3]), "3 is no engine; there are: reference, "),  # pyright: ignore
+        (lambda: tb.model(["fixed", "rolling"]), "2 models are given; one is needed"),  # pyright: ignore
+        (lambda: tb.check("mujoco", "absent.json"), "absent.json"),
+        (lambda: tb.explain("fixed", "mujoco", "t"), "no preset 't'; there are: "),
+        (lambda: tb.converge("fixed", "mujoco", knobs="k"), "'k'"),
+        (
+            lambda: tb.compare("fixed", tb.engine("mujoco"), "stock"),
+            "presets = stock, but the engines given have tuned",
+        ),
+        (
+            lambda: tb.explain("fixed", timestep=1e-3, options={"timestep": 2e-3}),
+            "timestep = 0.001 s and options = .* differ",
+        ),
+        (lambda: tb.matrix([]), "no file"),
+        (lambda: tb.judge("absent.csv"), "absent.csv"),
+    ],
+)
+def test_what_is_not_valid_is_said_in_one_sentence(
+    call: Callable[[], object], sentence: str
+) -> None:
+    with pytest.raises(tb.InputError, match=sentence):
+        call()
 
 
 def test_every_public_name_is_there() -> None:

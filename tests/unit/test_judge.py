@@ -18,13 +18,13 @@ from pydantic import BaseModel
 from trebucheck.cli.app import main
 from trebucheck.comparisons.data.certified import content
 from trebucheck.comparisons.judge import study as judge_study
-from trebucheck.comparisons.judge.report import document, headline
 from trebucheck.comparisons.judge.study import NOT_GIVEN, Judgement, judge_file
 from trebucheck.comparisons.report import markdown
+from trebucheck.comparisons.report.pages.judge import document, headline
 from trebucheck.comparisons.runs.results import Metric, Outcome
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.conformance.verdicts import Conformance
-from trebucheck.models.machines.registry import library_problem
+from trebucheck.models.library.registry import library_problem
 from trebucheck.models.spec import schema_text
 from trebucheck.models.trajectory import save
 from trebucheck.reference.solver import solve

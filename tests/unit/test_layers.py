@@ -30,7 +30,7 @@ FRONT = [ROOT / "__init__.py", ROOT / "__main__.py", ROOT / "version.py"]
 RANKS: tuple[tuple[str, ...], ...] = (
     ("models",),
     ("models/problems",),
-    ("models/machines", "models/drawing"),
+    ("models/machines",),
     ("models/mjcf",),
     ("models/zoo",),
     ("reference", "engines"),
@@ -38,6 +38,7 @@ RANKS: tuple[tuple[str, ...], ...] = (
     ("reference/certification",),
     ("engines/reference",),
     ("comparisons/runs",),
+    ("comparisons/report/drawing",),
     ("comparisons/report",),
     ("comparisons/diagnosis", "comparisons"),
     (

@@ -18,7 +18,6 @@ from trebucheck.comparisons.converge.results import (
     Studies,
     Study,
 )
-from trebucheck.comparisons.matrix.report import document
 from trebucheck.comparisons.matrix.study import (
     Error,
     Matrix,
@@ -26,10 +25,11 @@ from trebucheck.comparisons.matrix.study import (
     MatrixRun,
     MeasuredOrder,
     distilled,
-    read,
+    matrix,
     spreads,
 )
 from trebucheck.comparisons.report import html, markdown
+from trebucheck.comparisons.report.pages.matrix import document
 from trebucheck.comparisons.runs.results import Outcome, Results
 from trebucheck.engines.study import SCHEME_NAMES
 from trebucheck.models.errors import InputError
@@ -266,7 +266,7 @@ def test_files_are_put_together_once_and_read_again(results: Results, tmp_path: 
     whole.write_text(results.to_json())
     assert main(["matrix", str(whole), "--quiet", "--out", str(first)]) == 0
     second.write_text(_matrix(_run("a", 1e-9)).to_json())
-    assert {run.engine for run in read([first, second]).runs} == {"a", "pymunk"}
+    assert {run.engine for run in matrix([first, second]).runs} == {"a", "pymunk"}
     for suffix in ("html", "md"):
         assert (
             main(
@@ -283,7 +283,7 @@ def test_files_are_put_together_once_and_read_again(results: Results, tmp_path: 
         )
     assert (tmp_path / "m.html").read_text() == html.page(
         document(
-            read([first, second]).made_by(
+            matrix([first, second]).made_by(
                 f"trebucheck matrix {first} {second} --out {tmp_path / 'm.html'}"
             )
         )
@@ -292,7 +292,7 @@ def test_files_are_put_together_once_and_read_again(results: Results, tmp_path: 
         InputError,
         match=r"the run pymunk tuned on pendulum is in .*results.json and in .*first.json",
     ):
-        read([whole, first])
+        matrix([whole, first])
 
 
 def _sweep(engine: str, knob: str, law: PowerLaw | None, position: float | None = 1e-6) -> Study:
@@ -317,7 +317,7 @@ def test_orders_are_those_of_sweeps_of_the_time_step_that_moved(tmp_path: Path) 
     converge, runs = tmp_path / "converge.json", tmp_path / "runs.json"
     converge.write_text(Studies.made_here(machines=(machine,)).to_json())
     runs.write_text(_matrix(_run("a", 1e-9)).to_json())
-    found = {order.engine: order.exponent for order in read([runs, converge]).orders}
+    found = {order.engine: order.exponent for order in matrix([runs, converge]).orders}
     assert found == {"a": 3.99, "b": None}
 
 

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 import trebucheck as tb
+from trebucheck.comparisons import certify as certifying
 from trebucheck.comparisons.compare.study import Comparison
-from trebucheck.comparisons.front import studies
-from trebucheck.models.machines.registry import library_problem
+from trebucheck.models.library.registry import library_problem
 from trebucheck.models.shown import Reported, Shown
 from trebucheck.reference.certification.certificate import load_certificate
 from trebucheck.reference.solver import solve
@@ -166,7 +166,7 @@ def test_nothing_asked_is_refused() -> None:
 
 def test_certify_takes_a_problems_own_duration_and_law(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[dict[str, Any]] = []
-    monkeypatch.setattr(studies.certification, "certify", lambda *_, **how: asked.append(how))
+    monkeypatch.setattr(certifying.certification, "certify", lambda *_, **how: asked.append(how))
     tb.certify(tb.Problem(tb.fixed(), duration=0.1, stop_law=tb.StopLaw.UNILATERAL))
     tb.certify("squeezer")
     tb.certify("fixed", duration=1.5)
@@ -176,7 +176,15 @@ def test_certify_takes_a_problems_own_duration_and_law(monkeypatch: pytest.Monke
     assert [how["stop_law"] for how in asked] == ["unilateral", squeezer.stop_law, "release-once"]
 
 
-@pytest.mark.parametrize("module", ["comparisons.front.studies", "comparisons.diff.study"])
+@pytest.mark.parametrize(
+    "module",
+    [
+        "comparisons.converge.study",
+        "comparisons.explain.study",
+        "comparisons.certify",
+        "comparisons.diff.study",
+    ],
+)
 def test_examples_in_docstrings_are_python(module: str) -> None:
     found = doctest.DocTestFinder().find(importlib.import_module(f"trebucheck.{module}"))
     assert any(test.examples for test in found)

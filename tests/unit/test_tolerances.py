@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from formulas import END, Formula, times, trolley
-from trebucheck.comparisons.runs.record import machine_row
 from trebucheck.comparisons.runs import runner as running
 from trebucheck.comparisons.runs import tolerances as module
 from trebucheck.comparisons.runs.metrics import measure
 from trebucheck.comparisons.runs.quantities import QUANTITIES
+from trebucheck.comparisons.runs.record import machine_row
 from trebucheck.comparisons.runs.results import Machine, Metric, Run
 from trebucheck.comparisons.runs.runner import Runner, reference_uncertainties
 from trebucheck.comparisons.runs.scales import Scales, scales_until

@@ -15,7 +15,6 @@ import numpy as np
 
 from ....engines.supplied import sentence as supplied_sentence
 from ....models.arrays import FloatArray
-from ....models.drawing.scene import Scene
 from ....models.machines.trebuchet import parameters_of
 from ....models.problem import StopLaw
 from ....models.trajectory import Trajectory
@@ -67,9 +66,9 @@ from ..document import (
     without_empty_columns,
     words,
 )
-from ..motion import motion_scene
+from ..drawing.scene import Scene
 from ..numbers import format_number, format_settings, format_step, sentence
-from ..plots import REFERENCE, Axis, Panels, Plot, Rule, Series, Style, run_style
+from ..plots import REFERENCE, Axis, Panels, Plot, Rule, Series, Style, motion_scene, run_style
 from ..tables import certified_figures, partings, predictable, provenance
 
 if TYPE_CHECKING:
@@ -87,17 +86,9 @@ MARKS: dict[Outcome, Mark] = {
     Outcome.ABSENT: "warning",
     Outcome.UNSUPPORTED: "warning",
 }
-
-
 """Marks of verdicts."""
-
-
 _PLURALS = {Outcome.AGREES: "agree", Outcome.DISAGREES: "disagree"}
-
-
 _MOST = 3
-
-
 """Sentences on broken tolerances for one run; the table of all metrics has the rest."""
 
 
@@ -241,20 +232,10 @@ def _capital(text: str) -> str:
 
 
 _POINTS = 300  # drawn per line: more than a plot has columns of pixels for, and the page stays below two megabytes
-
-
 _COLUMNS = 4
-
-
 _SEEN = 5e-3
-
-
 """Share of a plot's range: a run nearer to the reference than that is covered by its line."""
-
-
 Sampled = Callable[[Trajectory], FloatArray]
-
-
 """A quantity over time; ValueError where the engine cannot observe it."""
 
 
@@ -374,8 +355,6 @@ DISTANCES, TORQUES, FORCES, JOINT_FORCES = (
     "stop forces",
     "joint forces",
 )
-
-
 COORDINATES, ENERGY = "coordinates", "energy"
 
 
@@ -665,8 +644,6 @@ def largest(values: Iterable[float | None]) -> float | None:
 
 
 _POSITION = ErrorColumn("position", "m", "position_max", short="position", plot=DISTANCES)
-
-
 _QUANTITIES = (
     ErrorColumn("release", "s", "release_time", short="release", rank=2, plot=DISTANCES),
     ErrorColumn("launch time", "s", "launch_time", plot=DISTANCES),
@@ -690,11 +667,7 @@ _QUANTITIES = (
         plot=ENERGY,
     ),
 )
-
-
 OVERVIEW = (_POSITION, *_QUANTITIES)
-
-
 """One value of each quantity, whatever markers the mechanism has."""
 
 
@@ -815,11 +788,7 @@ def ranking(results: Results) -> list[tuple[Run, float]]:
 
 
 _ROWS, _CAUSES, _COMPLAINTS = 16, 6, 10
-
-
 """Runs and causes that are shown at once, and sentences on broken tolerances of a run behind a fold."""
-
-
 _SIGNS = (
     "Largest differences to the reference. ✓ holds its tolerance, ✗ breaks it, ○ is not judged."
 )
@@ -919,8 +888,6 @@ def _folds(results: Results, rest: Sequence[Run], broken: Sequence[Text]) -> Ite
 
 
 _QUESTION = "How far can you trust a multibody engine, and why does it differ?"
-
-
 _CERTIFIED = (
     "release_time",
     "launch_time",
@@ -930,8 +897,6 @@ _CERTIFIED = (
     "stop_torque",
     "total_energy",
 )
-
-
 _KNOWN = (
     "position_max",
     "velocity_max",
@@ -941,16 +906,10 @@ _KNOWN = (
     "stop_torque_max",
     "energy_balance",
 )
-
-
 _CHECKS = (
     "total mass", "start", "centre of mass", "stop position", "mass matrix", "force", "acceleration", "stop torque",
 )  # fmt: skip
-
-
 """Kinds of checks of model equivalence, in the order of the table."""
-
-
 _INTRODUCTION = (
     "Each engine builds the same mechanism from its own primitives. Differences are the largest up to the end of the "
     "compared motion, the reference taken at the engine's own sample times. Values marked ✓ hold a tolerance, values "
@@ -959,8 +918,6 @@ _INTRODUCTION = (
     "does not (a launch, a release, an impact) is a disagreement. “Stock” is what an engine's documentation leads a "
     "newcomer to, “tuned” the most accurate settings found."
 )
-
-
 _EQUIVALENCE = (
     "Before any motion, each engine's built model is compared with the reference's equations in random states under "
     "every set of closed stops. Each value is the largest relative difference of its kind; a dash stands for what the "
@@ -1169,8 +1126,6 @@ def _equal(equality: Equality) -> Cell:
 _EQUIVALENCE_CAPTION = (
     "Largest relative differences of the built models to the reference's equations"
 )
-
-
 _EQUIVALENCE_COLUMNS = (
     Column("engine", of=lambda run: run.label),
     *(Column(kind, of=partial(_check, kind=kind)) for kind in _CHECKS),

@@ -144,22 +144,16 @@ _INTRODUCTION = (
     "parameter by one step there. “Stock” is what an engine's documentation leads a newcomer to, “tuned” the most "
     "accurate settings found."
 )
-
-
 _LIMITS = (
     "Largest distance between the same markers of two runs over the compared time, with the time step extrapolated "
     "away [m]. The "
     "limits are chosen without the reference: of all three neighbouring steps whose successive differences show a "
     "whole order, those whose limits from two and three levels lie nearest to each other."
 )
-
-
 _WORK = (
     "Error against wall time of the whole simulation, warm: median of the repeats, bars from the quickest to the "
     "slowest."
 )
-
-
 _OTHERS = (
     "Where the error of the swept parameter itself can be isolated, exponents are of that part: the distance from the "
     "run without it. “What is left” is then the error of that run."

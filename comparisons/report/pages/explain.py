@@ -43,7 +43,6 @@ _FIELDS = ("position", "torque", "release", "wall_time")
 """Values of a setting, in the order of their columns."""
 _COLOUR = Style("#3d7ab5")
 _ROW, _FRAME = 26, 60  # [pixels] of height
-
 _INTRODUCTION = (
     "Each engine's distance from the reference, split among its causes. Nothing is assigned by guess: a cause's share "
     "is what changes when that cause is taken out of the run, or made larger by a known factor."

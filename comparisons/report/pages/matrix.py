@@ -49,8 +49,6 @@ READING = (
     "“dynamics”: its mass matrix, forces, energies and points, in trebucheck's steps. Agreement speaks for an engine's "
     "own parts alone."
 )
-
-
 _UNSTATED = "not stated"
 
 
@@ -92,8 +90,6 @@ def table_of_parts(matrix: Matrix) -> Iterator[Block]:
 
 
 _SCHEME_UNSTATED = "scheme not stated"
-
-
 _WORDS: dict[Outcome, str] = {
     Outcome.NOT_EQUIVALENT: "another model",
     Outcome.FAILED: "failed",
@@ -101,19 +97,13 @@ _WORDS: dict[Outcome, str] = {
     Outcome.ABSENT: "not installed",
     Outcome.UNSUPPORTED: "refused",
 }
-
-
 _READING = (
     "✓ every judged quantity holds its tolerance, ✗ at least one breaks it, ○ not judged (never counted as "
     "agreement), refused: the engine cannot, in its own words below, not finished: a run had so much time and no "
     "more. The number is the largest error of a marker's position in parts of the mechanism's size, which is the same "
     "for all engines; tolerances are not: an engine's own claims, or a thousandth of each scale."
 )
-
-
 _QUANTITY = "Largest error in parts of the quantity's scale; ✓ and ✗ by the tolerances, ○ not judged, – not told."
-
-
 _KINDS: tuple[tuple[str, Callable[[MatrixProblem], bool]], ...] = (
     ("Without stops and loops", lambda problem: not problem.stops and not problem.loops),
     ("With loops", lambda problem: problem.loops and not problem.stops),
@@ -158,14 +148,8 @@ def _blocks(matrix: Matrix, line: str) -> Iterator[Block]:
 
 
 _Show = Callable[[MatrixRun], Cell]
-
-
 _Leading = Callable[[str, Sequence[MatrixProblem]], Sequence[object]]
-
-
 _LEADING = (words("own"), words("order", wrap=False), words("agrees"))
-
-
 _WIDEST = 6  # problems in a table, with which it fits a screen of 1280 pixels
 
 

@@ -8,19 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from ....models.arrays import FloatArray
-from ....models.drawing.scene import scene
 from ....models.trajectory import Trajectory
 from ....reference.certification.certificate import Certificate
 from ...runs.balance import sampled_balance
 from ...runs.runner import Farthest
 from ..document import Animation, Document, Figure, Fold, Listing, Note, Text, page_only, table
+from ..drawing.scene import scene
 from ..numbers import format_number, format_settings, sentence
 from ..plots import Axis, Panels, Plot, Series, Style
 from ..tables import certified_figures
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-
-
 _POINTS = 1000  # drawn per line, at most
 
 

@@ -24,7 +24,7 @@ from ..figures import figures_of, picture
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ....models.drawing.animation import Animation
+    from ..drawing.animation import Animation
 
 _HEIGHT = 640  # of a report's frame [px]
 
@@ -71,7 +71,7 @@ def animation(reference: Trajectory, others: Sequence[Trajectory]) -> Animation:
     Raises:
         InputError: another one is of another mechanism.
     """
-    from ....models.drawing.animation import animation_of
+    from ..drawing.animation import animation_of
 
     return animation_of(reference, others)
 

@@ -10,7 +10,6 @@ from itertools import chain, cycle
 import numpy as np
 
 from ....models.arrays import FloatArray
-from ....models.drawing.scene import Scene, scene
 from ....models.elements import PinJoint
 from ....models.machines.trebuchet import FULCRUM
 from ....models.mechanism import Mechanism
@@ -50,16 +49,13 @@ from ..document import (
     row,
     table,
 )
+from ..drawing.scene import Scene, scene
 from ..numbers import sentence
 from ..plots import Axis, Band, Panels, Plot, Rule, Series, Style
 from ..tables import mechanism_as_data
 
 _POINTS = 600
-
-
 _PROJECTILE, _BEST, _SOFT = "#D55E00", "#009E73", "#8a97a5"
-
-
 _COLOURS = (_PROJECTILE, "#0072B2", _BEST, "#CC79A7", "#8C6BB1", "#56B4E9", "#E69F00")
 
 
@@ -160,8 +156,6 @@ def _panels(performance: Performance) -> Iterator[tuple[str, str, dict[str, Quan
 
 
 _Row = tuple[str, str]
-
-
 _FORCES = "Up to the release; shaded where a member is in compression (a rope would be slack) or wheels would lift off."
 
 
@@ -367,8 +361,6 @@ _DERIVATIVES = (
     "release is held, its angle or its time; with a number the start changes by the least that keeps loops and rests "
     "closed"
 )
-
-
 _RANKS = {
     "range": 1,
     "speed": 2,

@@ -1,6 +1,6 @@
 """An animation as HTML: the data of its scenes beside one script and one style sheet, which ask for nothing else.
 
-The script moves the points by the same rows as :class:`..kinematics.Kinematics`: position = offset
+The script moves the points by the same rows as :class:`....models.kinematics.Kinematics`: position = offset
 + sum of coefficients times exp(-i q) (a slide: q, along a line that turns: q exp(-i q_c)).
 """
 
@@ -20,15 +20,13 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
-from ..arrays import FloatArray
-from ..errors import InputError
-from ..files import refuse_unwritable, write_text
-from ..joints import FreeJoint
-from ..trajectory import Trajectory
-from .events import Event
-from .scene import RunLook, RunMotion, Scene, scene
-from .shapes import MOVING, Drawing, Shape
-from .video import WRITERS, refuse_missing, save
+from ....models.arrays import FloatArray
+from ....models.errors import InputError
+from ....models.files import refuse_unwritable, write_text
+from ....models.trajectory import Trajectory
+from .files import WRITERS, refuse_missing, save
+from .scene import Event, RunLook, RunMotion, Scene, scene
+from .sketch import MOVING, Drawing, Shape
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe and Ito's
 _NARROWEST, _WIDEST = 100, 4000  # [px]
@@ -173,7 +171,7 @@ def scene_data(shown: Scene) -> dict[str, Any]:
     joints = [
         j.name
         for j in drawing.mechanism.joints
-        if _shows_force(shown, j.name) and not isinstance(j, FreeJoint)
+        if j.held_directions and _shows_force(shown, j.name)
     ]
     torques = [reference.stop_torque(name)[:, None] for name in stops]
     return {

@@ -1,26 +1,111 @@
-"""The data of an animation: a reference motion on a grid of frames, and what runs deviate from it by.
-
-A run's deviation is taken at the run's own samples, against the reference at the same instants, and
-is then interpolated linearly to the frames: of a deviation of 1e-12 m its digits are left, and no
-sample of an engine is mistaken for an error of interpolation.
-"""
+"""Events of a motion by solver: releases, impacts and the launch."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import Literal
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from ..arrays import FloatArray
-from ..errors import InputError
-from ..trajectory import PointMotion, Trajectory
-from .draw import draw
-from .events import Event, events_of
-from .shapes import MOVING, Box, Drawing
+from ....models.arrays import FloatArray
+from ....models.errors import InputError
+from ....models.trajectory import PointMotion, Trajectory
+from .sketch import MOVING, Box, Drawing
+from .symbols import draw
+
+_MOST_IMPACTS = 12
+"""Of each stop; a bouncing body has any number of them."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """What happens once in a motion, and when in each solver's."""
+
+    kind: Literal["release", "impact", "launch"]
+    name: str
+    """In words."""
+    time: float
+    """In the reference, or in the first run that has it [s]."""
+    reference: float | None
+    """[s]; None: it does not happen there."""
+    runs: Mapping[str, float | None]
+    """[s], by run."""
+    stop: str = ""
+
+
+def events_of(
+    reference: Trajectory,
+    runs: Mapping[str, Trajectory],
+    end: float,
+    thrown: str | None = None,
+    launch: float | None = None,
+) -> tuple[Event, ...]:
+    """All events up to the end of the compared motion [s], in their order.
+
+    Args:
+        thrown: marker whose launch is one; None: none is thrown.
+        launch: the reference's [s]; found on the trajectory's samples where left out.
+    """
+    found = [*_releases(reference, runs), *_impacts(reference, runs)]
+    if thrown is not None:
+        own = launch if launch is not None else _launch(reference, thrown)
+        found.append(
+            (
+                "launch",
+                "launch",
+                "",
+                own,
+                {name: _launch(run, thrown) for name, run in runs.items()},
+            )
+        )
+    events: list[Event] = []
+    for kind, name, stop, own, others in found:
+        first, *rest = (
+            time if time is not None and time <= end else None for time in (own, *others.values())
+        )
+        times = [time for time in (first, *rest) if time is not None]
+        if times:
+            events.append(
+                Event(kind, name, times[0], first, dict(zip(others, rest, strict=True)), stop)
+            )
+    return tuple(sorted(events, key=lambda event: event.time))
+
+
+_Found = tuple[
+    Literal["release", "impact", "launch"], str, str, float | None, dict[str, float | None]
+]
+"""Kind, name, stop, and times in the reference and the runs."""
+
+
+def _releases(reference: Trajectory, runs: Mapping[str, Trajectory]) -> Iterator[_Found]:
+    for stop in reference.release_times:
+        times = {name: run.release_times.get(stop) for name, run in runs.items()}
+        yield "release", f"{stop} opens", stop, reference.release_times[stop], times
+
+
+def _impacts(reference: Trajectory, runs: Mapping[str, Trajectory]) -> Iterator[_Found]:
+    for stop in reference.mechanism.stops:
+        own = _of_stop(reference, stop.name)
+        theirs = {name: _of_stop(run, stop.name) for name, run in runs.items()}
+        count = min(max(map(len, (own, *theirs.values()))), _MOST_IMPACTS)
+        for k in range(count):
+            times = {name: times[k] if k < len(times) else None for name, times in theirs.items()}
+            name = f"{stop.name} is hit" + (f" ({k + 1})" if count > 1 else "")
+            yield "impact", name, stop.name, own[k] if k < len(own) else None, times
+
+
+def _of_stop(trajectory: Trajectory, stop: str) -> list[float]:
+    return [time for time, impulses in trajectory.impacts if impulses.get(stop, 0.0) > 0]
+
+
+def _launch(trajectory: Trajectory, marker: str) -> float | None:
+    launch = trajectory.launch(marker=marker) if marker in trajectory.markers else None
+    return None if launch is None else launch.time
+
 
 _FRAMES, _FEWEST = 180, 60
 _NUMBERS = 8_000  # of all frames together; a mechanism of many bodies has fewer frames
@@ -36,7 +121,6 @@ _WIDER, _MARGIN = (
     0.03,
 )  # of the size: by how much runs widen the view at most, and what is left beside them
 _ROUNDING = 1e-14  # of the size, below which a deviation is rounding
-
 _SECONDS = 6.0  # of a motion, as files show it
 _SLOWED, _CLOSE = (
     3.0,
@@ -45,7 +129,6 @@ _SLOWED, _CLOSE = (
 HOLD = 1.2
 """How long files show the last picture [s]."""
 _MOST = 1e8  # times that a deviation is magnified
-
 States = Callable[[FloatArray], Trajectory]
 """A motion at any times [s] up to its end."""
 

@@ -1,0 +1,115 @@
+"""The public names for type checkers; `__init__.py` loads them when they are first asked for."""
+
+from .comparisons.certify import certify
+from .comparisons.compare.study import compare
+from .comparisons.converge.study import converge
+from .comparisons.diff.study import diff
+from .comparisons.explain.study import explain
+from .comparisons.judge.study import judge
+from .comparisons.matrix.study import matrix
+from .comparisons.mjcf import mjcf
+from .comparisons.recommend.study import recommend
+from .conformance.check import check
+from .engines.protocol import Capabilities, Engine
+from .engines.registry import engine, engines
+from .models.elements import (
+    ConstantForce,
+    ConstantTorque,
+    CubicTorsionSpring,
+    FreeJoint,
+    PinJoint,
+    PointStop,
+    PrismaticJoint,
+    RotationalSpringDamper,
+    SlotJoint,
+    SpringDamper,
+    Stop,
+    WeldJoint,
+)
+from .models.errors import (
+    EngineNotInstalledError,
+    InputError,
+    SimulationError,
+    TrebucheckError,
+    UnsupportedProblemError,
+)
+from .models.given import model, problem, problems
+from .models.launch import Launch
+from .models.library.catapult import CatapultParameters, catapult
+from .models.library.floating_arm import FloatingArmParameters, floating_arm
+from .models.library.trebuchet import (
+    HingedParameters,
+    TrebuchetParameters,
+    fixed,
+    hinged,
+    rolling,
+)
+from .models.mechanism import Body, Marker, Mechanism
+from .models.mjcf.paths import mjcf_path
+from .models.mjcf.writer import mjcf_names
+from .models.problem import Problem, StopLaw
+from .models.trajectory import Trajectory
+from .reference.throw.throw import throw
+from .version import __version__
+
+__all__ = [
+    "Body",
+    "Capabilities",
+    "CatapultParameters",
+    "ConstantForce",
+    "ConstantTorque",
+    "CubicTorsionSpring",
+    "Engine",
+    "EngineNotInstalledError",
+    "FloatingArmParameters",
+    "FreeJoint",
+    "HingedParameters",
+    "InputError",
+    "Launch",
+    "Marker",
+    "Mechanism",
+    "PinJoint",
+    "PointStop",
+    "PrismaticJoint",
+    "Problem",
+    "RotationalSpringDamper",
+    "SimulationError",
+    "SlotJoint",
+    "SpringDamper",
+    "Stop",
+    "StopLaw",
+    "Trajectory",
+    "TrebucheckError",
+    "TrebuchetParameters",
+    "UnsupportedProblemError",
+    "WeldJoint",
+    "__version__",
+    "catapult",
+    "certify",
+    "check",
+    "compare",
+    "converge",
+    "diff",
+    "engine",
+    "engines",
+    "explain",
+    "fixed",
+    "floating_arm",
+    "hinged",
+    "judge",
+    "matrix",
+    "mjcf",
+    "mjcf_names",
+    "mjcf_path",
+    "model",
+    "paper",
+    "problem",
+    "problems",
+    "recommend",
+    "rolling",
+    "throw",
+]
+
+def paper(*args: object, **options: object) -> object:
+    """Audit of the paper, from the distribution trebucheck-paper."""
+    ...

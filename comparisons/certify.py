@@ -1,0 +1,61 @@
+"""Certificates of models: every figure with an uncertainty, computed in a process of its own."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from ..models.given import Model, model_of
+from ..models.library.trebuchet import TrebuchetParameters
+from ..models.problem import Problem, StopLaw
+from ..reference.certification import certify as certification
+from ..reference.certification.certificate import Certificate
+from .runs.process import Worker
+from .runs.study import Progress, Study
+
+
+def certify(
+    model: Model = "fixed",
+    parameters: TrebuchetParameters | None = None,
+    *,
+    duration: float | None = None,
+    stop_law: StopLaw | str | None = None,
+    timeout: float = 600.0,
+    progress: Progress | None = None,
+    command: str = "",
+) -> Certificate:
+    """Compute a machine's figures in every independent way there is: values and uncertainties.
+
+        >>> import trebucheck as tb
+        >>> certificate = tb.certify("fixed")  # doctest: +SKIP
+        >>> certificate.figure("launch_time").texts  # doctest: +SKIP
+        ('2.74281775577146', '4.0e-13')
+
+    Args:
+        model: name of a machine or of a problem of the library, path of a mechanism's .json file, a
+            mechanism, or a problem.
+        parameters: of the paper's machines ('fixed' and 'rolling'); Table I if left out.
+        duration: of the certified motion [s]; a problem's own, else up to the launch, if left out.
+        stop_law: a problem's own, else 'release-once', if left out.
+        timeout: longest wait for one computation [s].
+        progress: called before each computation.
+        command: line that makes the same certificate, to be written into it.
+
+    Raises:
+        InputError: a name or value is not valid.
+        SimulationError: the motion could not be computed.
+    """
+    given = model_of(model, parameters)
+    study = Study([given], [], stop_law=stop_law)
+    (mechanism,) = study.mechanisms
+    if duration is None and isinstance(given, Problem):
+        duration = given.duration
+    with Worker(timeout) as worker:
+        make = partial(
+            certification.certify,
+            mechanism,
+            parameters,
+            duration=duration,
+            stop_law=study.law_of(mechanism),
+            command=command,
+        )
+        return make(progress=progress, call=worker.compute)

@@ -1,1 +1,0 @@
-"""The commands as functions of machines and keywords."""

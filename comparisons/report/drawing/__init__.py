@@ -1,0 +1,1 @@
+"""Drawing of mechanisms in motion: for pages (a script) and for files (Matplotlib)."""

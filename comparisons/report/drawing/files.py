@@ -1,0 +1,579 @@
+"""Animations as files by Matplotlib: GIF, MP4 and SVG, of the same scene and shapes as in pages."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+import tempfile
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ....models.arrays import ComplexArray
+from ....models.errors import InputError
+from ....models.files import write_bytes
+from .scene import HOLD, RunMotion, Scene, play_times
+from .sketch import MOVING, Role, Shape, polylines
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+
+PALETTE = {
+    "ink": "#1d2733",
+    "soft": "#5d6b7a",
+    "line": "#dde3ea",
+    "surface": "#ffffff",
+    "body": "#c9a46a",
+    "edge": "#7b5c2e",
+    "mass": "#4b5967",
+    "rope": "#7b6a4c",
+    "ground": "#8593a1",
+    "stop": "#a3542c",
+    "force": "#b3261e",
+}
+"""The colours in which the script of pages prints."""
+_FILLS: dict[Role, str] = {
+    "mass": "mass",
+    "body": "body",
+    "joint": "surface",
+    "ground": "line",
+    "stop": "stop",
+    "marker": "ink",
+}
+_LINES: dict[Role, str] = {
+    "rope": "rope",
+    "mass": "surface",
+    "body": "edge",
+    "joint": "edge",
+    "ground": "ground",
+    "guide": "ground",
+    "stop": "stop",
+    "centre": "edge",
+}
+_DPI = 96  # pixels of CSS in an inch, so that an SVG is as wide as asked for
+_FONT = 9.0  # points
+_HALO = {"facecolor": PALETTE["surface"], "alpha": 0.7, "linewidth": 0, "pad": 0.5}
+_POINT = 72 / _DPI  # points in a pixel
+_LOWEST, _HIGHEST = 0.5, 1.0  # height of the picture in parts of its width
+_LEFT, _ROW = 110, 20  # of the legend: its left edge and the height of a row [px]
+_GIF_RATE, _MP4_RATE, _SVG_RATE = 18, 30, 10  # frames a second
+_COLOURS = 96  # of a GIF
+_SVG_NAMESPACE = "http://www.w3.org/2000/svg"
+
+
+def refuse_missing(ending: str) -> None:
+    """Raise InputError if what writes files of an ending is not installed."""
+    if ending == ".mp4":
+        _ffmpeg()
+
+
+def save(scene: Scene, path: Path, width: int, at: Sequence[float] = ()) -> None:
+    """Write an animation by the ending of the file's name, with deviations as the scene says.
+
+    Args:
+        scene: what is shown.
+        path: ends in one of :data:`WRITERS`.
+        width: of the picture [px].
+        at: instants [s] of a still picture (SVG); none: the motion.
+
+    Raises:
+        UnwritableError: the folder cannot be written to.
+    """
+    stage = Stage(scene, width)
+    write_bytes(path, still(stage, at) if at else WRITERS[path.suffix.lower()](stage))
+
+
+class Stage:
+    """A scene on a Matplotlib figure: axes in metres, and a band below them with the legend."""
+
+    def __init__(self, scene: Scene, width: int = 640) -> None:
+        from matplotlib.figure import Figure  # without pyplot: no window, no global state
+
+        self.scene = scene
+        self.width = 2 * (width // 2)  # videos need even numbers
+        x0, y0, x1, y1 = scene.box
+        share = min(max((y1 - y0) / (x1 - x0), _LOWEST), _HIGHEST)
+        self.stage_height = 2 * round(self.width * share / 2)
+        entries = [*_legend_places(scene, self.width)]
+        rows = 1 + max((row for *_, row in entries), default=0) + (scene.magnification != 1)
+        band = 2 * math.ceil((rows * _ROW + 12) / 2)
+        self.height = self.stage_height + band
+        self.scale = min(self.width / (x1 - x0), self.stage_height / (y1 - y0))
+        """Pixels in a metre."""
+        size = (self.width / _DPI, self.height / _DPI)
+        self.figure = Figure(size, dpi=_DPI, facecolor=PALETTE["surface"])
+        place = (0, band / self.height, 1, self.stage_height / self.height)
+        self.traces, self.stage = (self._axes(place, name) for name in ("traces", "stage"))
+        for axes in (self.traces, self.stage):
+            half_width, half_height = (
+                side / 2 / self.scale for side in (self.width, self.stage_height)
+            )
+            axes.set_xlim((x0 + x1) / 2 - half_width, (x0 + x1) / 2 + half_width)
+            axes.set_ylim((y0 + y1) / 2 - half_height, (y0 + y1) / 2 + half_height)
+        self.legend = self._axes((0, 0, 1, band / self.height), "legend")
+        self.legend.set_xlim(0, self.width)
+        self.legend.set_ylim(band, 0)
+        self._draw_legend(entries, rows)
+        self._marked = list(scene.drawing.compared)
+        self._paths = {name: self._path(run) for name, run in self._runs()}
+        self._zorder = 0
+
+    def _axes(self, place: tuple[float, float, float, float], name: str) -> Any:
+        axes = self.figure.add_axes(place)
+        axes.set_axis_off()
+        axes.set_gid(name)
+        return axes
+
+    def _runs(self) -> Iterator[tuple[str, RunMotion | None]]:
+        """The reference, then the runs."""
+        yield "reference", None
+        for run in self.scene.runs:
+            yield run.name, run
+
+    # --- Frames
+
+    def show(self, time: float, *, traces: bool = True) -> None:
+        """Draw an instant [s] in place of what is on the stage."""
+        self.clear()
+        self.draw_reference(time)
+        self.draw_runs(time)
+        self.draw_names(time)
+        self.set_clock(self.clock(time))
+        if traces:
+            self.draw_traces(0.0, time)
+
+    def clear(self) -> None:
+        """Take everything off the stage."""
+        for axes in (self.stage, self.traces):
+            for artist in (*axes.patches, *axes.texts):
+                artist.remove()
+        self._zorder = 0
+
+    def clock(self, time: float) -> str:
+        """An instant [s], in words."""
+        places = min(max(3 - math.floor(math.log10(self.scene.t[-1])), 0), 6)
+        return f"t = {time:.{places}f} s"
+
+    def set_clock(self, text: str) -> None:
+        """Write the time on the stage, at its lower edge."""
+        self.stage.text(10 / self.width, -20 / self.stage_height, text, color=PALETTE["ink"],
+                        fontsize=_FONT, va="baseline", transform=self.stage.transAxes)  # fmt: skip
+
+    def points(self, time: float, run: RunMotion | None = None) -> ComplexArray:
+        """Positions of all points [m], of a run with its deviations magnified."""
+        xy = self.scene.at(np.array([time]), run, self.scene.magnification)[0]
+        return xy[:, 0] + 1j * xy[:, 1]
+
+    def pixels(self, z: ComplexArray) -> ComplexArray:
+        """Points of the world [m] in the picture: x + i y [px], y down."""
+        left, top = self.stage.get_xlim()[0], self.stage.get_ylim()[1]
+        return np.asarray(self.scale * np.conj(z - complex(left, top)))
+
+    def draw_reference(self, time: float, opacity: float = 1.0) -> None:
+        """Draw the mechanism; stops that have opened are faint."""
+        z = self.points(time)
+        opened = {
+            event.stop
+            for event in self.scene.events
+            if event.kind == "release" and event.stop and event.time < time
+        }
+        for shape in self.scene.drawing.shapes:
+            faint = 0.3 if shape.stop in opened else 1.0
+            self._draw_shape(shape, z[list(shape.points)], opacity * faint)
+
+    def draw_runs(self, time: float) -> None:
+        """Draw what moves of each run over the reference; nothing after the run's end."""
+        for k, run in enumerate(self.scene.runs):
+            z = self.points(time, run)
+            if not np.isfinite(z).all():
+                continue
+            # Lines of later runs are thinner, so that of lines that coincide each is seen.
+            width = 1.6 + 1.1 * min(len(self.scene.runs) - 1 - k, 7)
+            for shape in self.scene.drawing.shapes:
+                if shape.role in MOVING:
+                    self._draw_shape_of_run(shape, z[list(shape.points)], run, width)
+
+    def _draw_shape_of_run(
+        self, shape: Shape, z: ComplexArray, run: RunMotion, width: float
+    ) -> None:
+        fine = 0.6 * width if shape.kind in ("between", "spiral") else width
+        self._lines(polylines(shape, z), run.colour, fine, dashed=run.dashed, name=run.name)
+        if shape.kind != "disc":
+            return
+        if shape.role == "marker":
+            self._disc(z[0], shape.size, fill=run.colour, name=run.name)
+        else:
+            self._disc(z[0], shape.size, run.colour, width, dashed=run.dashed, name=run.name)
+
+    def draw_names(self, time: float) -> None:
+        """Write the markers' names beside them; below each other where they would overlap."""
+        pixels = self.pixels(self.points(time))
+        taken: list[complex] = []
+        for name, index in self.scene.drawing.markers.items():
+            pixel = complex(pixels[index])
+            at = complex(min(pixel.real + 9, self.width - 7.0 * len(name)), pixel.imag - 8)
+            while any(
+                abs((at - other).real) < 90 and abs((at - other).imag) < 13 for other in taken
+            ):
+                at += 14j
+            taken.append(at)
+            place = (at.real / self.width, 1 - at.imag / self.stage_height)
+            self.stage.text(*place, name, color=PALETTE["soft"], fontsize=_FONT, zorder=10_000,
+                            bbox=_HALO, transform=self.stage.transAxes)  # fmt: skip
+
+    def _path(self, run: RunMotion | None) -> ComplexArray:
+        """Positions of the compared points at the scene's fine instants [m]."""
+        xy = self.scene.at(self.scene.fine, run, self.scene.magnification)[:, self._marked]
+        return xy[..., 0] + 1j * xy[..., 1]
+
+    def draw_traces(self, start: float, end: float) -> None:
+        """Draw the paths of the compared points between two instants [s]."""
+        inner = (self.scene.fine > start) & (self.scene.fine < end)
+        for name, run in self._runs():
+            ends = (self.points(time, run)[self._marked][None] for time in (start, end))
+            first, last = ends
+            for path in np.concatenate([first, self._paths[name][inner], last]).T:
+                known = path[np.isfinite(path)]
+                if len(known) > 1 and np.ptp(known.real) + np.ptp(known.imag) > 0:
+                    colour, width = (run.colour, 1.2) if run else (PALETTE["soft"], 1.6)
+                    dashed = bool(run and run.dashed)
+                    self._lines([known], colour, width, 0.8, dashed=dashed, on=self.traces)
+
+    # --- Legend
+
+    def _draw_legend(
+        self, entries: Sequence[tuple[RunMotion | None, float, int]], rows: int
+    ) -> None:
+        """Draw the runs' lines and names, and by what deviations are magnified."""
+        for run, x, row in entries:
+            y = 20 + _ROW * row
+            colour, width = (run.colour, 2.5) if run else (PALETTE["body"], 7.0)
+            style = (0, (2.8, 2)) if run and run.dashed else "-"
+            self.legend.plot([x, x + 28], [y - 4, y - 4], color=colour, linestyle=style,
+                             linewidth=width * _POINT, solid_capstyle="butt")  # fmt: skip
+            name = run.name if run else "reference"
+            self.legend.text(x + 34, y, name, color=PALETTE["soft"], fontsize=_FONT)
+        factor = self.scene.magnification
+        if factor != 1:
+            times = f"{factor:,.0f}" if factor < 1e6 else f"{factor:.0e}"
+            text = f"deviations from the reference magnified {times} times"
+            self.legend.text(_LEFT, _ROW * rows, text, color=PALETTE["soft"], fontsize=_FONT)
+
+    # --- Shapes
+
+    def _draw_shape(self, shape: Shape, z: ComplexArray, opacity: float) -> None:
+        """Draw a shape of the reference, from the positions of its points [m]."""
+        size = shape.size * self.scale
+        if shape.kind == "arrow":
+            self._arrow(z[0], z[1], max(size, 7) / self.scale, opacity)
+        elif shape.kind == "turn":
+            self._turn(z[0], shape.path[0][0], max(size, 10) / self.scale, opacity)
+        elif shape.role == "body" and shape.kind != "disc":
+            lines, width = polylines(shape, z), max(size, 2)
+            self._lines(lines, PALETTE["edge"], width + 2, opacity)
+            if shape.kind == "area":
+                self._area(lines[0], PALETTE["body"], opacity)
+            self._lines(lines, PALETTE["body"], width, opacity)
+        elif shape.role == "centre" and shape.kind == "disc":
+            self._centre(z[0], max(size, 3) / self.scale, opacity)
+        else:
+            self._draw_plain(shape, z, size, opacity)
+
+    def _draw_plain(self, shape: Shape, z: ComplexArray, size: float, opacity: float) -> None:
+        filled = shape.kind in ("disc", "area")
+        fill = PALETTE[_FILLS[shape.role]] if filled and shape.role in _FILLS else ""
+        colour = "" if shape.role == "marker" else PALETTE[_LINES.get(shape.role, "soft")]
+        width = 1.2 if shape.kind in ("hatch", "wheel") else max(size, 1.5)
+        if filled:
+            width = 1.3
+        if shape.kind == "area":
+            self._area(z, fill, opacity, colour, width)
+        else:
+            self._lines(polylines(shape, z), colour, width, opacity)
+        if shape.kind in ("disc", "wheel"):
+            rim = 2.2 if shape.kind == "wheel" else width
+            self._disc(z[0], shape.size, colour, rim, fill, opacity, name=shape.role)
+
+    def _centre(self, at: complex, radius: float, opacity: float) -> None:
+        """Draw the sign of a centre of mass: a disc of which two quarters are filled."""
+        self._disc(at, radius, fill=PALETTE["surface"], opacity=opacity)
+        for start in (0.0, math.pi):
+            arc = radius * np.exp(1j * np.linspace(start, start + math.pi / 2, 9))
+            self._area(at + np.append(arc, 0.0), PALETTE["ink"], opacity)
+        self._disc(at, radius, PALETTE["ink"], 1.0, opacity=opacity)
+
+    def _arrow(self, tail: complex, tip: complex, head: float, opacity: float) -> None:
+        length = abs(tip - tail)
+        if length * self.scale > 1:
+            back = (tip - tail) / length * min(head, 0.6 * length)
+            self._lines([np.array([tail, tip - 0.8 * back])], PALETTE["force"], 2.0, opacity)
+            corners = np.array([tip, tip - back * (1 + 0.4j), tip - back * (1 - 0.4j)])
+            self._area(corners, PALETTE["force"], opacity)
+
+    def _turn(self, centre: complex, sweep: float, radius: float, opacity: float) -> None:
+        """Draw an arc with a head, from the top; a positive sweep [rad] is clockwise."""
+        pixel, sign = 1 / self.scale, math.copysign(1.0, sweep)
+        end = math.pi / 2 - sweep
+        back = end + sign * min(9.0 * pixel, 0.6 * radius) / radius
+        arc = centre + radius * np.exp(1j * np.linspace(math.pi / 2, back, 33))
+        self._lines([np.asarray(arc)], PALETTE["force"], 2.0, opacity)
+        corners = [(radius, end), (radius - 4 * pixel, back), (radius + 4 * pixel, back)]
+        head = np.array([centre + r * np.exp(1j * angle) for r, angle in corners])
+        self._area(head, PALETTE["force"], opacity)
+
+    # --- Artists
+
+    def _add(self, artist: Artist, name: str) -> None:
+        """Put an artist on the stage, above those before it."""
+        self._zorder += 1
+        artist.set_zorder(self._zorder)
+        if name:
+            artist.set_gid(name)
+        self.stage.add_artist(artist)
+
+    def _lines(
+        self,
+        lines: Sequence[ComplexArray],
+        colour: str,
+        width: float,
+        opacity: float = 1.0,
+        *,
+        dashed: bool = False,
+        name: str = "",
+        on: Any = None,
+    ) -> None:
+        """Draw polylines [m] of one look as one path, `width` in pixels."""
+        from matplotlib.patches import PathPatch
+        from matplotlib.path import Path as Curve
+
+        if not lines or not colour:
+            return
+        curves = [Curve(np.column_stack([line.real, line.imag])) for line in lines]
+        artist = PathPatch(
+            Curve.make_compound_path(*curves), fill=False, edgecolor=colour,
+            linewidth=width * _POINT, linestyle=_dashes(width) if dashed else "-", alpha=opacity,
+            capstyle="butt" if dashed else "round", joinstyle="round",
+        )  # fmt: skip
+        if on is not None:
+            on.add_artist(artist)
+        else:
+            self._add(artist, name)
+
+    def _area(
+        self,
+        corners: ComplexArray,
+        fill: str,
+        opacity: float,
+        line: str = "none",
+        width: float = 0.0,
+    ) -> None:
+        from matplotlib.patches import Polygon
+
+        xy = np.column_stack([corners.real, corners.imag])
+        self._add(
+            Polygon(xy, facecolor=fill or "none", edgecolor=line, linewidth=width * _POINT,
+                    alpha=opacity, joinstyle="round"), "",
+        )  # fmt: skip
+
+    def _disc(
+        self,
+        centre: complex,
+        radius: float,
+        line: str = "",
+        width: float = 0.0,
+        fill: str = "",
+        opacity: float = 1.0,
+        *,
+        dashed: bool = False,
+        name: str = "",
+    ) -> None:
+        """Draw a circle, of a radius [m] of 1.5 pixels at least."""
+        from matplotlib.patches import Circle
+
+        artist = Circle(
+            (centre.real, centre.imag), max(radius, 1.5 / self.scale), facecolor=fill or "none",
+            edgecolor=line or "none", linewidth=width * _POINT,
+            linestyle=_dashes(width) if dashed else "-", alpha=opacity,
+        )  # fmt: skip
+        self._add(artist, name)
+
+
+def _dashes(width: float) -> tuple[float, tuple[float, float]]:
+    """Dashes of 7 pixels with 5 between them, in multiples of a line's width [px]."""
+    return (0.0, (7 / width, 5 / width))
+
+
+def _legend_places(scene: Scene, width: int) -> Iterator[tuple[RunMotion | None, float, int]]:
+    """Where each entry of the legend begins: x [px] and row; rows are as wide as the picture."""
+    x, row = float(_LEFT), 0
+    for run in (None, *scene.runs) if scene.runs else ():
+        room = 52 + 7.2 * len(run.name if run else "reference")
+        if x + room > width and x > _LEFT:
+            x, row = float(_LEFT), row + 1
+        yield run, x, row
+        x += room
+
+
+# --- Files
+
+
+def still(stage: Stage, times: Sequence[float]) -> bytes:
+    """Write instants [s] as one SVG: of several all are drawn, the earlier the fainter."""
+    *before, last = sorted(times)
+    if not before:
+        stage.show(last)
+        return _svg_of(stage)
+    stage.clear()
+    stage.draw_traces(0.0, last)
+    for k, time in enumerate(before):
+        stage.draw_reference(time, 0.25 + 0.2 * k / len(before))
+    stage.draw_reference(last)
+    stage.draw_runs(last)
+    stage.draw_names(last)
+    stage.set_clock(f"{before[0]:.4g} to {last:.4g} s")
+    return _svg_of(stage)
+
+
+_SVG_STYLE = {
+    "svg.hashsalt": "trebucheck",
+    "svg.fonttype": "none",
+    "font.sans-serif": ["DejaVu Sans"],
+}
+
+
+def _svg_of(stage: Stage) -> bytes:
+    """The figure as SVG; the same scene gives the same bytes."""
+    import matplotlib as mpl
+
+    out = io.BytesIO()
+    with mpl.rc_context(_SVG_STYLE):
+        stage.figure.savefig(out, format="svg", dpi=_DPI, metadata={"Date": None})
+    return out.getvalue()
+
+
+def _svg(stage: Stage) -> bytes:
+    """All frames in one SVG, of which one is seen at a time (SMIL); the traces' pieces stay.
+
+    A program that plays no SMIL shows one instant with its traces.
+    """
+    ET.register_namespace("", _SVG_NAMESPACE)
+    ET.register_namespace("xlink", "http://www.w3.org/1999/xlink")
+    scene, times = stage.scene, play_times(stage.scene, _SVG_RATE)
+    end = times[-1]
+    late = [event.time for event in scene.events if event.time > 0.4 * end]
+    shown_still = min(
+        range(len(times)), key=lambda k: abs(times[k] - max(late, default=0.75 * end))
+    )
+    duration = len(times) / _SVG_RATE + HOLD
+    root: ET.Element | None = None
+    frames: list[ET.Element] = []
+    for k, time in enumerate(times):
+        stage.show(time, traces=False)
+        if k:
+            stage.draw_traces(times[k - 1], time)
+        tree = ET.fromstring(_svg_of(stage))
+        parents = {child: parent for parent in tree.iter() for child in parent}
+        layers = {name: _layer(tree, name) for name in ("traces", "stage")}
+        begin, finish = k / _SVG_RATE / duration, (k + 1) / _SVG_RATE / duration
+        last = 1.0 if k == len(times) - 1 else finish
+        _play(layers["traces"], f"path-{k}", k <= shown_still, begin, 1.0, duration)
+        _play(layers["stage"], f"frame-{k}", k == shown_still, begin, last, duration)
+        for layer in layers.values():
+            parents[layer].remove(layer)
+            frames.append(layer)
+        root = tree if root is None else root
+    assert root is not None
+    # Of what does not change (background, legend, clip paths) the first frame's is kept.
+    group = next(each for each in root.iter() if each.get("id") == "figure_1")
+    group.extend(sorted(frames, key=lambda each: (each.get("id") or "").startswith("frame")))
+    text = ET.tostring(root, encoding="unicode")
+    # Layout between elements says nothing, and hundredths of a point are enough of a path.
+    text = re.sub(r">\s+<", "><", text)
+    return re.sub(r' d="[^"]+"', lambda d: _DIGITS.sub(r"\1", d.group()), text).encode()
+
+
+_DIGITS = re.compile(r"(\.\d\d)\d+")
+
+
+def _layer(tree: ET.Element, name: str) -> ET.Element:
+    return next(each for each in tree.iter() if each.get("id") == name)
+
+
+def _play(
+    layer: ET.Element, name: str, seen: bool, begin: float, end: float, duration: float
+) -> None:
+    """Make a layer visible from `begin` to `end`, in parts of the duration [s]."""
+    layer.set("id", name)
+    layer.set("visibility", "visible" if seen else "hidden")
+    changes = [(0.0, "hidden"), (begin, "visible"), (end, "hidden")]
+    if begin == 0.0:
+        del changes[0]
+    if end >= 1.0:
+        del changes[-1]
+    ET.SubElement(
+        layer, f"{{{_SVG_NAMESPACE}}}animate", attributeName="visibility", calcMode="discrete",
+        dur=f"{duration:.4g}s", repeatCount="indefinite",
+        keyTimes=";".join(f"{time:.5f}" for time, _ in changes),
+        values=";".join(value for _, value in changes),
+    )  # fmt: skip
+
+
+def _gif(stage: Stage) -> bytes:
+    """All frames in the colours of the last one, which stays for a while."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
+
+    canvas = FigureCanvasAgg(stage.figure)
+    frames: list[Image.Image] = []
+    for time in play_times(stage.scene, _GIF_RATE):
+        stage.show(time)
+        canvas.draw()
+        frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
+    palette = frames[-1].quantize(_COLOURS, Image.Quantize.MAXCOVERAGE)
+    images = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    durations = [round(1e3 / _GIF_RATE)] * (len(images) - 1) + [round(1e3 * HOLD)]
+    out = io.BytesIO()
+    images[0].save(out, "gif", save_all=True, append_images=images[1:], duration=durations, loop=0,
+                   optimize=True)  # fmt: skip
+    return out.getvalue()
+
+
+def _mp4(stage: Stage) -> bytes:
+    """All frames as a film; the last one stays for a while."""
+    import matplotlib as mpl
+    from matplotlib.animation import FFMpegWriter
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "motion.mp4")
+        with mpl.rc_context({"animation.ffmpeg_path": _ffmpeg()}):
+            writer = FFMpegWriter(fps=_MP4_RATE, codec="libx264")
+            with writer.saving(stage.figure, str(path), _DPI):
+                for time in play_times(stage.scene, _MP4_RATE):
+                    stage.show(time)
+                    writer.grab_frame()
+                for _ in range(round(HOLD * _MP4_RATE)):
+                    writer.grab_frame()
+        return path.read_bytes()
+
+
+def _ffmpeg() -> str:
+    """Path of ffmpeg.
+
+    Raises:
+        InputError: the package that brings it is not installed.
+    """
+    try:
+        import imageio_ffmpeg
+    except ImportError:
+        raise InputError(
+            "an .mp4 needs imageio-ffmpeg; `pip install trebucheck[video]` brings it."
+        ) from None
+    return str(imageio_ffmpeg.get_ffmpeg_exe())
+
+
+WRITERS: dict[str, Callable[[Stage], bytes]] = {".gif": _gif, ".mp4": _mp4, ".svg": _svg}
+"""By the ending of a file's name."""

@@ -1,1 +1,0 @@
-"""Drawings of any mechanism from its description, still and moving."""
