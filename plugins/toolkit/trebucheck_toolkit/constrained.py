@@ -18,10 +18,9 @@ import numpy as np
 from trebucheck.engines.impact import Contacts, Inertia, inverse
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.joints import GROUND
+from trebucheck.models.elements import GROUND, PointStop
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.stops import PointStop
 
 from .schemes import SCHEMES, State
 

@@ -9,10 +9,9 @@ from functools import cached_property
 
 import numpy as np
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.joints import GROUND, AnyJoint
+from trebucheck.models.elements import GROUND, AnyJoint, AnyStop, Stop
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Body, Mechanism
-from trebucheck.models.stops import AnyStop, Stop
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,8 @@ import numpy as np
 from trebucheck.engines.protocol import Recording
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.joints import GROUND, AnyJoint, FreeJoint
+from trebucheck.models.elements import GROUND, AnyJoint, FreeJoint, Stop
 from trebucheck.models.spec import Vector
-from trebucheck.models.stops import Stop
 from trebucheck.models.trajectory import PointMotion
 
 from .node_scene import MIRROR, NodeScene, turned

@@ -13,19 +13,25 @@ from typing import Any
 
 import numpy as np
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.errors import UnsupportedProblemError
-from trebucheck.models.force_elements import (
+from trebucheck.models.elements import (
+    GROUND,
     AnyForceElement,
+    AnyJoint,
+    AnyStop,
     ConstantForce,
     ConstantTorque,
+    FreeJoint,
+    PinJoint,
+    SlotJoint,
     SpringDamper,
+    Stop,
+    WeldJoint,
 )
-from trebucheck.models.joints import GROUND, AnyJoint, FreeJoint, PinJoint, SlotJoint, WeldJoint
+from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Vector
-from trebucheck.models.stops import AnyStop, Stop
 
 Json = dict[str, Any]
 MIRROR = np.array([1.0, -1.0])
