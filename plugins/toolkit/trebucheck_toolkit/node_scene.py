@@ -1,4 +1,4 @@
-"""The scene of a mechanism for engines of bodies in Cartesian coordinates that Node.js moves (`node_scene.cjs`).
+"""Scene of a mechanism for engines in Node.js, in Cartesian coordinates (`node_scene.cjs`).
 
 Bodies stand about their centres of mass, and joints between them. Such engines' angles are
 anticlockwise: the scene is the mirror image with y downwards, where clockwise ones are so. Every
@@ -13,19 +13,25 @@ from typing import Any
 
 import numpy as np
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.errors import UnsupportedProblemError
-from trebucheck.models.force_elements import (
+from trebucheck.models.elements import (
+    GROUND,
     AnyForceElement,
+    AnyJoint,
+    AnyStop,
     ConstantForce,
     ConstantTorque,
+    FreeJoint,
+    PinJoint,
+    SlotJoint,
     SpringDamper,
+    Stop,
+    WeldJoint,
 )
-from trebucheck.models.joints import GROUND, AnyJoint, FreeJoint, PinJoint, SlotJoint, WeldJoint
+from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Vector
-from trebucheck.models.stops import AnyStop, Stop
 
 Json = dict[str, Any]
 MIRROR = np.array([1.0, -1.0])
@@ -62,7 +68,7 @@ class NodeScene:
                 self._join(joint, self._ends(joint))
 
     def description(self, problem: Problem, timestep: float, steps: int) -> Json:
-        """All that node_scene.cjs reads; under release-once stops that are open at the start are left out."""
+        """Input of node_scene.cjs; under release-once without stops open at the start."""
         return {
             "bodies": self.bodies,
             "joints": self.joints,
@@ -86,7 +92,7 @@ class NodeScene:
         return turned(self.angles[body], np.subtract(point, centre) * MIRROR)
 
     def axis(self, joint: AnyJoint) -> FloatArray:
-        """Of a slide, at the start."""
+        """A slide's coordinate at the start."""
         direction = complex(joint.free_directions[0])
         return turned(
             self.angles[joint.parent], np.array([direction.real, direction.imag]) * MIRROR
@@ -129,7 +135,7 @@ class NodeScene:
         self.joints.append(ends | {"kind": "slot", "axis": self.axis(joint).tolist()})
 
     def _stop(self, stop: AnyStop) -> Json:
-        """The limit of a pin: side 1 is the least of the child's angle less the parent's, from the start."""
+        """Limit of a pin on the child's angle less the parent's; side 1 is the least."""
         for (parent, child), joint in self.pins.items():
             if isinstance(stop, Stop) and {parent, child} == {stop.body, stop.relative_to}:
                 side = stop.sense if child == stop.body else -stop.sense
