@@ -136,8 +136,7 @@ class SteppedSegment:
         passes = self._passes(
             self._convergence(*initial_state(self.assembly.mechanism)) if closed else None
         )
-        # Stops that meet the joints as well as those of a trebuchet do start with the passes that the
-        # option says.
+        # Stops that meet the joints as well as a trebuchet's do start with the option's passes.
         settle = closed and (
             bool(self.assembly.mechanism.loop_joints) or passes > self.options.iterations
         )
