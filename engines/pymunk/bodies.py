@@ -365,9 +365,8 @@ class Assembly:
             body.velocity, body.angular_velocity = (x, y), spin
 
 
-_LEAST_PIVOT_MASS = (
-    2.0  # of a point mass on a rod that is pinned to the ground, in multiples of its own
-)
+# Mass of a point mass on a rod that is pinned to the ground, in multiples of its own.
+_LEAST_PIVOT_MASS = 2.0
 
 
 def parts_of(mechanism: Mechanism, pivot_mass: float) -> list[BodyPart]:
@@ -497,11 +496,9 @@ class _PartMaker:
 
     def _turning(self, body: Body, body_mass: MassProperties, joint: AnyJoint) -> MassProperties:
         if joint.parent == GROUND and is_pin(joint):
-            factor = (
-                self.pivot_mass
-                if body_mass.inertia > 0
-                else max(self.pivot_mass, _LEAST_PIVOT_MASS)
-            )
+            factor = self.pivot_mass
+            if body_mass.inertia <= 0:
+                factor = max(factor, _LEAST_PIVOT_MASS)
             body_mass = body_mass.with_pivot_mass(complex(*joint.child_point), factor)
         if body_mass.inertia <= 0:
             raise UnsupportedProblemError(

@@ -210,9 +210,9 @@ class _Builder:
         A GrooveJoint on a body that turns about another point is of first order only, however many
         passes it gets; a rod whose anchor moves along the line keeps the second order.
         """
-        apart = self._position(body, point) - self._position(line, (origin.real, origin.imag))
-        apart *= cmath.exp(1j * float(self.kinematics.angle(line).value(self.q)))
-        along = (apart * axis.conjugate()).real
+        offset = self._position(body, point) - self._position(line, (origin.real, origin.imag))
+        offset *= cmath.exp(1j * float(self.kinematics.angle(line).value(self.q)))
+        along = (offset * axis.conjugate()).real
         anchor = origin + axis * (along - 1j * _SLIDING_LENGTH)
         rod = self._rod(line, anchor, body, complex(*point), _SLIDING_LENGTH)
         rod.axis = axis

@@ -78,11 +78,8 @@ def _violated(
         for name, torque in forces_of(reading, tuple(assembly.stops)).torques.items()
     }
     least = -_ROUNDING * max(map(abs, torques.values()), default=0.0)
-    kinematics, (q, u), a = (
-        Kinematics(mechanism),
-        initial_state(mechanism),
-        reading.accelerations()[0],
-    )
+    kinematics, (q, u) = Kinematics(mechanism), initial_state(mechanism)
+    a = reading.accelerations()[0]
     rounding = least * _compliance(kinematics, q, touching)
 
     def is_wrong(name: str) -> bool:
@@ -139,7 +136,7 @@ class SteppedSegment:
         passes = self._passes(
             self._convergence(*initial_state(self.assembly.mechanism)) if closed else None
         )
-        # Stops that meet the joints as well as those of a machine do start with the passes that the
+        # Stops that meet the joints as well as those of a trebuchet do start with the passes that the
         # option says.
         settle = closed and (
             bool(self.assembly.mechanism.loop_joints) or passes > self.options.iterations
@@ -553,11 +550,9 @@ class _EventFinder:
             return float(self.kinematics.gap(name, q + after * (u + after / 2 * a)))
 
         h = self.segment.h
-        after = (
-            float(brentq(gap, 0.0, h, xtol=1e-16))
-            if gap(0.0) > 0 > gap(h)
-            else (h if gap(0.0) > 0 else 0.0)
-        )
+        after = h if gap(0.0) > 0 else 0.0
+        if gap(0.0) > 0 > gap(h):
+            after = float(brentq(gap, 0.0, h, xtol=1e-16))
         time, q_event = float(self.segment.times()[k]) + after, q + after * (u + after / 2 * a)
         active = tuple(
             other
@@ -706,18 +701,19 @@ def _impact_of(
 
 
 def _set_target(joint: constraints.Constraint, restitution: float) -> None:
-    """Displace the target of a stop's joint by the way it is to part in the step."""
-    if isinstance(joint, constraints.GearJoint):
-        spin = joint.b.angular_velocity - joint.a.angular_velocity
-        joint.phase += -restitution * spin * STEP
-    elif isinstance(joint, constraints.PinJoint):
-        a = joint.a.position + joint.anchor_a.rotated(joint.a.angle)
-        b = joint.b.position + joint.anchor_b.rotated(joint.b.angle)
-        ends = (
-            joint.a.velocity_at_local_point(joint.anchor_a),
-            joint.b.velocity_at_local_point(joint.anchor_b),
-        )
-        joint.distance += -restitution * (ends[1] - ends[0]).dot((b - a).normalized()) * STEP
+    """Displace the target of a stop's joint (gear or rod) by the way it is to part in the step."""
+    match joint:
+        case constraints.GearJoint():
+            spin = joint.b.angular_velocity - joint.a.angular_velocity
+            joint.phase += -restitution * spin * STEP
+        case constraints.PinJoint():
+            a = joint.a.position + joint.anchor_a.rotated(joint.a.angle)
+            b = joint.b.position + joint.anchor_b.rotated(joint.b.angle)
+            speed_a = joint.a.velocity_at_local_point(joint.anchor_a)
+            speed_b = joint.b.velocity_at_local_point(joint.anchor_b)
+            joint.distance += -restitution * (speed_b - speed_a).dot((b - a).normalized()) * STEP
+        case _:
+            raise TypeError(f"no stop is a {type(joint).__name__}")
 
 
 def _impulses(assembly: Assembly, increment: FloatArray, active: Contacts) -> dict[str, float]:

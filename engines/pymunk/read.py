@@ -280,11 +280,8 @@ def _points(states: FloatArray) -> ComplexArray:
 
 def reading_of(assembly: Assembly, accelerations: FloatArray | None = None) -> MotionReading:
     """The bodies' present state as one sample; accelerations as its rates, zero if left out."""
-    places, rates = (
-        np.array([[*body.position, body.angle] for body in assembly.bodies]),
-        assembly.rates,
-    )
-    x, y, angles = np.stack(
-        [places, rates, np.zeros_like(rates) if accelerations is None else accelerations]
-    ).T
+    places = np.array([[*body.position, body.angle] for body in assembly.bodies])
+    rates = assembly.rates
+    second = np.zeros_like(rates) if accelerations is None else accelerations
+    x, y, angles = np.stack([places, rates, second]).T
     return MotionReading(assembly, BodySamples((x + 1j * y).T[:, None], angles.T[:, None]))
