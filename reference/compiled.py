@@ -1,4 +1,4 @@
-"""Accelerations and multipliers in machine code, where Numba is installed: the same equations, without NumPy's calls.
+"""Accelerations and multipliers in machine code, where Numba is installed.
 
 A mechanism of a few bodies spends its time in the calls of NumPy's functions and not in their
 arithmetic: Numba's code takes a tenth of it. It is compiled once for all mechanisms and kept on
@@ -24,7 +24,7 @@ MOST_UNKNOWNS = 24
 """Accelerations and multipliers up to which this is faster than NumPy's assembly and LAPACK."""
 
 _LARGEST = 1e100
-"""Mass, mass moment or weight in SI up to which this is used: beyond it LAPACK scales, and finds what overflows."""
+"""Mass, moment or weight in SI beyond which LAPACK is used: it scales, and finds overflow."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Added:
 
     @cached_property
     def arrays(self) -> tuple[Any, ...]:
-        """As the kernel takes them."""
+        """Arrays in the order in which the kernel takes them."""
         constant = self.constant + self.stiffness @ self.relaxed
         return constant, self.stiffness, self.damping, float(self.rate), self.centrifugal
 
@@ -105,15 +105,15 @@ class CompiledEquations:
         return solution[..., : self.n_q], solution[..., self.n_q :]
 
     def rates(self, t: float, y: FloatArray) -> FloatArray:
-        """Of the state (q, u), shape (2 n_q,)."""
+        """Time derivative of the state (q, u), shape (2 n_q,)."""
         return np.concatenate([y[self.n_q :], self.solve(y[: self.n_q], y[self.n_q :])[0]])
 
 
 def not_unique(name: str) -> SimulationError:
     """The error of a mechanism without unique accelerations."""
     return SimulationError(
-        f"{name!r} has no unique accelerations in a state it comes to: a body without inertia about its joint, or a "
-        "singular position, in which its constraints are dependent."
+        f"{name!r} has no unique accelerations in a state it comes to: a body without inertia "
+        "about its joint, or a singular position, in which its constraints are dependent."
     )
 
 
@@ -137,7 +137,7 @@ def compiled_equations(
     added: Added,
     functions: Sequence[ScalarFunction],
 ) -> CompiledEquations | None:
-    """The compiled equations; None where Numba is absent, the mechanism is too large or a constraint of another kind.
+    """The compiled equations; None without Numba, or if the mechanism is too large or unusual.
 
     Args:
         matrices: K, W and the inertias of :mod:`.equations`.

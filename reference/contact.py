@@ -1,4 +1,4 @@
-r"""Contacts of the stops: which of them are active, what an impact does, and what follows from every event.
+r"""Contacts of the stops: the active set, impacts, and what follows from every event.
 
 At one state both are the linear complementarity problem of unilateral constraints. With A = G
 M^{-1} G^T, the Delassus matrix (symmetric, positive semidefinite), and b = G (what the gaps do
@@ -97,7 +97,7 @@ def solve_lcp(matrix: FloatArray, offset: FloatArray) -> FloatArray | None:
 
 
 def _least_distance(root: FloatArray, b: FloatArray) -> NDArray[np.bool_] | None:
-    """Which constraints of root^T y + b >= 0 are active at its y of least norm, shape (m,); None if no y fulfils them.
+    """Active constraints of root^T y + b >= 0 at its y of least norm; None if none fulfils them.
 
     They are independent of each other.
     """
@@ -205,7 +205,7 @@ def _delassus(
 
 
 def starts_at_rest(kinematics: Kinematics, closed: Sequence[str]) -> BoolArray:
-    """Whether loops close at the start and closed stops rest there, in position and speed; of stacked mechanisms (n,).
+    """Whether loops close and closed stops rest at the start; of stacked mechanisms (n,).
 
     Then the start is what :meth:`ActiveSet.begin` begins with.
     """
@@ -221,7 +221,7 @@ def starts_at_rest(kinematics: Kinematics, closed: Sequence[str]) -> BoolArray:
 
 @dataclass(frozen=True)
 class EventFunction:
-    """A closed stop's torque (release) or an open stop's gap (impact): the event is its downward zero crossing."""
+    """A closed stop's torque (release) or an open stop's gap (impact) falls through zero."""
 
     stop: str
     closes: bool
@@ -229,7 +229,7 @@ class EventFunction:
 
 @dataclass(frozen=True)
 class PostEventState:
-    """A state just after an event (or at the start), and the stops that are active from there on."""
+    """A state just after an event, or at the start, and the active stops from there on."""
 
     t: float
     q: FloatArray
@@ -253,11 +253,11 @@ class ActiveSet:
 
     @property
     def rest_times(self) -> dict[str, tuple[float, ...]]:
-        """By stop, when it ceased to bounce, or was met without rebound, and stayed closed [s]."""
+        """Times by stop at which it ceased to bounce, or was met without rebound [s]."""
         return {name: tuple(times) for name, times in self._bouncing.rest_times.items()}
 
     def begin(self) -> PostEventState:
-        """The start: an impact if the start speeds drive into a closed stop, and no stop that would have to pull.
+        """The start, behind an impact if the start speeds drive into a closed stop.
 
         Raises:
             InputError: a loop of joints does not close at the start, in position or speed.
@@ -287,7 +287,7 @@ class ActiveSet:
         closed: Sequence[str],
         events: Sequence[EventFunction],
     ) -> PostEventState:
-        """What follows from events at one instant.
+        """The state after events at one instant.
 
         Args:
             t: when [s].
@@ -314,7 +314,7 @@ class ActiveSet:
     def _with_active_contacts(
         self, t: float, q: FloatArray, u: FloatArray, touching: Sequence[str]
     ) -> PostEventState:
-        """The state with those of the touching stops active that neither open nor would have to pull."""
+        """The state with the active contacts of the touching stops; the others have opened."""
         resting = tuple(
             name
             for name, speed in self._gap_speeds(touching, q, u).items()
@@ -329,9 +329,13 @@ class ActiveSet:
     def _resolve_impact(
         self, t: float, q: FloatArray, u: FloatArray, touching: tuple[str, ...]
     ) -> FloatArray:
-        restitution = self._bouncing.restitution(q, u, self._gap_speeds(touching, q, u))
+        speeds = self._gap_speeds(touching, q, u)
+        restitution = self._bouncing.restitution(q, u, speeds)
         after, impulses = resolve_impact(self.equations, q, u, touching, restitution)
-        self.impacts.append((t, impulses))
+        # A stop that was left at rest without a force is met again at the speed of rounding: that
+        # speed is taken away, and is no impact.
+        if any(speed < -_AT_REST for speed in speeds.values()):
+            self.impacts.append((t, impulses))
         self._last_impact |= {name: t for name, impulse in impulses.items() if impulse > 0}
         return after
 
@@ -356,15 +360,14 @@ class ActiveSet:
             self.releases[name] = t
 
     def _refuse_open_loops(self, q: FloatArray, u: FloatArray) -> None:
-        residual, speeds = (
-            self.equations.loop_residual(q),
-            self.equations.constraint_jacobian(q, ()) @ u,
-        )
+        residual = self.equations.loop_residual(q)
+        speeds = self.equations.constraint_jacobian(q, ()) @ u
         if np.any(np.abs(residual) > _FITS) or np.any(np.abs(speeds) > _FITS):
             worst = f"{np.abs(residual).max():.3g} m and {np.abs(speeds).max():.3g} m/s"
             names = ", ".join(joint.name for joint in self.problem.mechanism.loop_joints)
             raise InputError(
-                f"start does not fit the joints that close a loop ({names}): their points stand apart by up to {worst}."
+                f"start does not fit the joints that close a loop ({names}): their points stand "
+                f"apart by up to {worst}."
             )
 
 
@@ -393,7 +396,7 @@ class Bouncing:
         self._summed: dict[str, float] = {}
 
     def restitution(self, q: FloatArray, u: FloatArray, speeds: Mapping[str, float]) -> FloatArray:
-        """What each touching stop's gap speed is multiplied with, 0 where it is met too slowly to rebound.
+        """Restitution of each touching stop, 0 where it is met too slowly to rebound.
 
         Args:
             q, u: state before the impact, shape (n_q,).
@@ -415,7 +418,7 @@ class Bouncing:
         closed: Sequence[str],
         speeds: Mapping[str, float],
     ) -> None:
-        """Note which of the stops that were met are at rest now, and when those that bounce will be.
+        """Note which of the stops that were met rest now, and when those that bounce will.
 
         Args:
             t: when [s].
@@ -448,7 +451,7 @@ class Bouncing:
     def _remaining(
         self, name: str, q: FloatArray, u: FloatArray, closed: Sequence[str], e: float, speed: float
     ) -> float:
-        """Time that the remaining rebounds take of a stop met with a gap speed [s]; 0 if nothing pulls back."""
+        """Time of the remaining rebounds of a stop [s]; 0 if nothing pulls back."""
         others = tuple(other for other in closed if other != name)
         row = self._row(name, q)
         response = self.equations.response(q, row)

@@ -49,7 +49,7 @@ _DEPENDENT = 1e-6
 
 
 class Equations:
-    """M a + b = Q + G^T lam and G a + gamma = 0; all functions take states of shape (n_q,) or (n, n_q)."""
+    """M a + b = Q + G^T lam and G a + gamma = 0, for states of shape (n_q,) or (n, n_q)."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
@@ -73,7 +73,7 @@ class Equations:
 
     @cached_property
     def _loops(self) -> ComplexArray | None:
-        """Complex rows L whose Re(L . w) is each loop constraint's rate; None if some are of other kinds."""
+        """Rows L with Re(L . w) the loop constraints' rates; None if some are of other kinds."""
         closures = self.kinematics.loop_closures
         rows = [closure.coefficients for closure in closures if isinstance(closure, PointFunction)]
         if self.kinematics.carried or len(rows) < len(closures):
@@ -81,7 +81,7 @@ class Equations:
         return np.array(rows, dtype=np.complex128).reshape(len(rows), len(self._angles))
 
     def loop_residual(self, q: FloatArray) -> FloatArray:
-        """Loop-closure residual: of each constraint of the loop joints [m or rad], shape (..., n_loops)."""
+        """Loop-closure residuals [m or rad], shape (..., n_loops)."""
         return self.kinematics.loop_residual(q)
 
     def mass_matrix(self, q: FloatArray) -> FloatArray:
@@ -101,18 +101,18 @@ class Equations:
         return self.kinematics.gradient(self._weights.conj(), q, rates).real
 
     def applied_on_bodies(self, q: FloatArray, u: FloatArray) -> dict[str, FloatArray]:
-        """Resultant force of the force elements on each body that one acts on, world frame [N], shape (..., 2)."""
+        """Resultant force of the force elements on each body [N], world frame, shape (..., 2)."""
         return {} if self._applied is None else self._applied.on_bodies(q, u)
 
     def potential_energy(self, q: FloatArray) -> FloatArray:
-        """Potential energy of gravity, zero at the world's origin, and of the springs [J], shape (...,)."""
+        """Energy of gravity, zero at the world's origin, and of springs [J], shape (...,)."""
         of_gravity = self.kinematics.potential_energy(q)
         return (
             of_gravity if self._applied is None else of_gravity + self._applied.potential_energy(q)
         )
 
     def forces(self, q: FloatArray, u: FloatArray) -> FloatArray:
-        """Q(q) - b(q, u), and what a fault adds to them: all generalized forces but the constraints', (..., n_q)."""
+        """Q(q) - b(q, u): all generalized forces but the constraints', shape (..., n_q)."""
         rates = self._rates(q)
         return self._forces(q, u, rates, self._quadratic(q, rates))
 
@@ -146,7 +146,7 @@ class Equations:
         return self.kinematics.gradient(forces.conj(), q, rates).real
 
     def constraint_jacobian(self, q: FloatArray, closed: Sequence[str]) -> FloatArray:
-        """G(q): loop joints first, then the gaps of the closed stops, shape (..., n_constraints, n_q)."""
+        """G(q): loop joints, then gaps of the closed stops, shape (..., n_constraints, n_q)."""
         rates = self._rates(q)
         jacobian = np.empty((*q.shape[:-1], self.n_loops + len(closed), len(self._angles)))
         if self._loops is not None:
@@ -156,7 +156,7 @@ class Equations:
         return jacobian
 
     def constraint_bias(self, q: FloatArray, u: FloatArray, closed: Sequence[str]) -> FloatArray:
-        """gamma(q, u) = dG/dt u; 0 for gaps of angles, which are linear in q; shape (..., n_constraints)."""
+        """gamma(q, u) = dG/dt u, which is 0 for gaps of angles; shape (..., n_constraints)."""
         curvature = self.kinematics.curvature(q, u, self._rates(q))
         bias = np.empty((*q.shape[:-1], self.n_loops + len(closed)))
         if self._loops is not None:
@@ -166,7 +166,7 @@ class Equations:
         return bias
 
     def _functions(self, closed: Sequence[str]) -> Iterator[tuple[int, ScalarFunction]]:
-        """Constraints that are taken one by one, with their row: the stops', and loops' that do not stand in L."""
+        """Constraints that are no rows of L, each with its index: stops', and some of loops."""
         if self._loops is None:
             yield from enumerate(self.kinematics.loop_closures)
         yield from enumerate((self._gaps[name] for name in closed), start=self.n_loops)
@@ -197,7 +197,7 @@ class Equations:
         return self._constrained(mass, jacobian, forces, right)
 
     def compiled(self, q: FloatArray, closed: Sequence[str]) -> CompiledEquations | None:
-        """The compiled equations, where Numba has them; None for those of another form or with force elements."""
+        """The compiled equations; None where there are none, as with force elements."""
         names = tuple(closed)
         if names not in self._compilations:
             compiled, added = None, self._added()
@@ -209,11 +209,11 @@ class Equations:
         return self._compilations[names]
 
     def _added(self) -> Added | None:
-        """What these equations have beside a mechanism's own; None where they are of another form."""
+        """Forces beside the mechanism's own; None where the equations are of another form."""
         return Added.none(len(self._angles)) if type(self) is Equations else None
 
     def response(self, q: FloatArray, force: FloatArray) -> FloatArray:
-        """Accelerations (or speed jumps) that a generalized force (or impulse) alone causes, with the loop joints.
+        """Accelerations (speed jumps) by a generalized force (impulse) alone, with the loop joints.
 
         Args:
             q, force: of one state, shape (n_q,).
@@ -223,7 +223,7 @@ class Equations:
         return self._constrained(self.mass_matrix(q), rows, force, np.zeros(len(rows)))[0]
 
     def basis(self, q: FloatArray, closed: Sequence[str]) -> Basis | None:
-        """Independent combinations of the constraints in states (..., n_q); None where all are independent.
+        """Independent combinations of the constraints in states (..., n_q); None if all are.
 
         Raises:
             SimulationError: the first state is in a singular position (a four-bar with all its pins
@@ -258,7 +258,7 @@ class Equations:
         return self._scales(closed).rank(self.constraint_jacobian(q, closed))
 
     def independence(self, q: FloatArray, closed: Sequence[str], length: float) -> FloatArray:
-        """Least singular value of the independent constraints in positions (..., n_q), shape (...,); inf without any.
+        """Least singular value of the independent constraints in positions (..., n_q), (...,).
 
         Of their Jacobian, with lengths in parts of a given one [m]: rounding errors of positions
         show in the coordinates, speeds and forces that constraints determine divided by it.
@@ -359,7 +359,7 @@ def _nearest(
 def consistent_speeds(
     equations: Equations, q: FloatArray, u: FloatArray, closed: Sequence[str]
 ) -> FloatArray:
-    """The speeds nearest to u that keep loops closed and the closed stops touching, shape (n_q,)."""
+    """The nearest speeds that keep loops closed and closed stops touching, shape (n_q,)."""
     jacobian = equations.constraint_jacobian(q, closed)
     return (
         u - least_step(jacobian, jacobian @ u, equations.rank_at_start(closed))
@@ -384,7 +384,8 @@ def _rank_near(equations: Equations, q: FloatArray, closed: Sequence[str]) -> in
         if _nearest(equations, guess, closed, np.zeros(len(closed)), rank) is None:
             names = (*(joint.name for joint in equations.mechanism.loop_joints), *closed)
             raise SimulationError(
-                f"{equations.mechanism.name!r} is in a singular position: the constraints of {', '.join(names)} depend "
+                f"{equations.mechanism.name!r} is in a singular position: the constraints of "
+                f"{', '.join(names)} depend "
                 "on each other there and not beside it, so accelerations are not unique."
             )
     return rank
@@ -426,12 +427,12 @@ class Scales:
 
 @dataclass(frozen=True)
 class Basis:
-    """Independent combinations of dependent constraints, and combinations of multipliers that exert no force."""
+    """Independent combinations of constraints, and multipliers that exert no force."""
 
     rows: FloatArray
     """U_r^T D_r, shape (..., rank, n_constraints)."""
     null: FloatArray
-    """Multipliers that exert no generalized force, shape (..., n_constraints - rank, n_constraints)."""
+    """Multipliers without a generalized force, (..., n_constraints - rank, n_constraints)."""
 
 
 def scales_of(inertia: FloatArray, amplitudes: FloatArray) -> Scales:

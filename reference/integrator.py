@@ -59,9 +59,9 @@ class StepLimit:
         left = (self.end - t) / pace if pace > 0 else np.inf
         if self._taken >= self.most or left > _HOPELESS * self.most:
             raise SimulationError(
-                f"the reference gave up at t = {t:.9g} s of {self.end:.6g} s after {self._taken} steps, the last of "
-                f"{pace:.2g} s: the motion is near a singular position of its joints, or a part moves too fast; a "
-                "shorter duration may be within reach."
+                f"the reference gave up at t = {t:.9g} s of {self.end:.6g} s after {self._taken} "
+                f"steps, the last of {pace:.2g} s: the motion is near a singular position of its "
+                "joints, or a part moves too fast; a shorter duration may be within reach."
             )
         self._marked = t
 
@@ -153,7 +153,7 @@ def one_thread() -> Generator[None]:
 
 @contextmanager
 def numerical(when: str) -> Generator[None, None, None]:
-    """Computing of the reference that may leave the finite numbers: no warnings, and one error for what fails.
+    """Context of computations that may leave the finite numbers: one error for what fails.
 
     Whoever uses this checks that the result is finite.
 
@@ -167,8 +167,8 @@ def numerical(when: str) -> Generator[None, None, None]:
         raise
     except np.linalg.LinAlgError as error:
         raise SimulationError(
-            f"the reference cannot go on {when}: its equations are singular ({error}); a body without inertia, or "
-            "joints and stops that depend on each other, may be the cause."
+            f"the reference cannot go on {when}: its equations are singular ({error}); a body "
+            "without inertia, or joints and stops that depend on each other, may be the cause."
         ) from error
     except (ArithmeticError, ValueError, RuntimeError) as error:
         raise SimulationError(f"the reference cannot go on {when}: {error}.") from error
@@ -183,7 +183,8 @@ def refuse_infinite(what: str, *values: FloatArray) -> None:
     """
     if not all(np.isfinite(value).all() for value in values):
         raise SimulationError(
-            f"the reference's {what} are not finite: the machine's numbers are too large or too small."
+            f"the reference's {what} are not finite: the machine's numbers are too large or too "
+            "small."
         )
 
 

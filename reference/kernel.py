@@ -1,4 +1,4 @@
-"""The kernel of :mod:`.compiled`, to be compiled by Numba: imported where that is installed, when first needed.
+"""Kernel of :mod:`.compiled`, compiled by Numba: imported when first needed.
 
 It is written in loops over numbers, which take machine code no longer than operations on whole
 arrays and Numba a third of the time to compile. Its arguments are the fields of
@@ -20,7 +20,7 @@ def _compiled(function: Any) -> Any:
 
 
 def _inlined(function: Any) -> Any:
-    """Compiled as a part of those that call it, which takes half the time of compiling it by itself, too."""
+    """Inlined where it is called: half the time of compiling it by itself, too."""
     return numba.njit(inline="always")(function)
 
 
@@ -162,7 +162,7 @@ def _eliminate(matrix: Any, right: Any) -> bool:
 
 @_compiled
 def solve(positions: Any, speeds: Any, arrays: Any) -> Any:
-    """Accelerations and multipliers of states, shape (n, n_q + n_constraints), and whether they are unique."""
+    """Accelerations and multipliers, shape (n, n_q + n_constraints), and if they are unique."""
     angles, carried, products, weights, inertias, added, point_rows, angle_rows = arrays
     constant, stiffness, damping, rate, centrifugal = added
     (n_states, n), m = positions.shape, len(point_rows)
@@ -182,7 +182,7 @@ def solve(positions: Any, speeds: Any, arrays: Any) -> Any:
 
 @_inlined
 def _fill_stages(stages: Any, y: Any, h: float, coefficients: Any, arrays: Any) -> bool:
-    """Rates of the last stages of a Runge-Kutta step, a row of coefficients each, from those before them."""
+    """Rates of the last stages of a Runge-Kutta step, a row of coefficients each."""
     n, regular, first = len(y) // 2, True, len(stages) - len(coefficients)
     positions, speeds = np.empty((1, n)), np.empty((1, n))
     for s in range(first, first + len(coefficients)):
@@ -216,7 +216,7 @@ def _weighted(weights: Any, stages: Any, i: int) -> float:
 
 @_compiled
 def step(y: Any, f: Any, h: float, tableau: Any, tolerance: Any, arrays: Any) -> Any:
-    """One step of DOP853: its end, its stages, its error over the tolerance, and whether accelerations are unique."""
+    """One step of DOP853: end, stages, error over tolerance, and if accelerations are unique."""
     matrix, error_5, error_3 = tableau
     stages, end = np.empty((len(matrix), len(y))), np.empty(len(y))
     for i in range(len(y)):

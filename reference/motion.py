@@ -62,7 +62,7 @@ def solve(
 def problem_of(
     mechanism: Described, duration: float | None = None, stop_law: StopLaw | str | None = None
 ) -> Problem:
-    """The problem that a mechanism, problem, name or path stands for; arguments as in :func:`solve`.
+    """The problem that a mechanism, problem, name or path stands for; see :func:`solve`.
 
     Raises:
         InputError: nothing has that name, the file cannot be read, or a value is not valid.
@@ -117,12 +117,12 @@ class ReferenceMotion(Shown):
 
     @property
     def problem(self) -> Problem:
-        """What was solved."""
+        """The problem that was solved."""
         return self.solution.problem
 
     @property
     def mechanism(self) -> Mechanism:
-        """What moves."""
+        """The mechanism that moves."""
         return self.problem.mechanism
 
     @property

@@ -25,7 +25,7 @@ from .solution import Segment, Solution
 from .solver import integrate_segment
 
 TOLERANCE = 1e-12
-"""Relative and absolute local error: a scheduled motion is compared with deviations that are far larger."""
+"""Local error bound: scheduled motions are compared with far larger deviations."""
 
 
 class _With(Equations):
@@ -54,7 +54,7 @@ class _With(Equations):
         return super()._forces(q, u, rates, quadratic) + linear - added.rate * momenta[..., 0]
 
     def potential_energy(self, q: FloatArray) -> FloatArray:
-        """With the energy of springs [J]."""
+        """Energy with that of the added springs [J]."""
         stretched = q - self._beside.relaxed
         return super().potential_energy(q) + 0.5 * np.sum(
             stretched @ self._beside.stiffness * stretched, axis=-1
@@ -101,7 +101,7 @@ class WithJoint(_With):
 
 
 class WithRubbing(_With):
-    """The equations with the same viscous friction against several rates of change, each a row of a matrix on u.
+    """The equations with viscous friction against rates of change, each a row on u.
 
     Args:
         mechanism: without it.
@@ -121,7 +121,7 @@ class WithDamping(_With):
 
 
 class WithTiltedGravity(_With):
-    """The equations with gravity turned anticlockwise by an angle [rad], and with it weights, reactions and energy."""
+    """The equations with gravity turned anticlockwise by an angle [rad]."""
 
     def __init__(self, mechanism: Mechanism, angle: float) -> None:
         direction = as_complex(mechanism.gravity_direction) * np.exp(1j * angle)

@@ -1,4 +1,4 @@
-"""Forces of the joints: by Newton's law from accelerations and multipliers, and which of them are not unique."""
+"""Forces of the joints by Newton's law, and which of them are not unique."""
 
 from __future__ import annotations
 
@@ -125,6 +125,6 @@ def refuse_dependent(equations: Equations, q: FloatArray, closed: Sequence[str],
         return
     joints, stops = undetermined_forces(equations, q, closed)
     raise UnsupportedProblemError(
-        f"{what} needs constraints that are independent of each other; here the forces of {', '.join(joints + stops)} "
-        "are not unique."
+        f"{what} needs constraints that are independent of each other; here the forces of "
+        f"{', '.join(joints + stops)} are not unique."
     )

@@ -1,4 +1,4 @@
-r"""Motion through singular positions, in which loop constraints that are independent beside them lose rank.
+r"""Motion through singular positions, in which loop constraints lose rank.
 
 In such a position (a parallelogram with all its pins on one line) branches of the configuration
 space meet, the equations of motion read 0/0, and rounding decides on which branch an integrator
@@ -30,15 +30,19 @@ from ..models.arrays import FloatArray
 from ..models.errors import SimulationError
 from .equations import Equations, least_step, scales_of
 
-_NEAR = 0.15  # singular value below which a window is tried; of a crank and a coupler alike, about their angle [rad]
-_CLOSE = 0.05  # a window is kept if it comes this close, though it turns before: rounding grows as 1/square of that
+# Singular value below which a window is tried; of a crank and a coupler about their angle [rad].
+_NEAR = 0.15
+# A window is kept if it comes this close, though it turns before: rounding grows as 1/square of it.
+_CLOSE = 0.05
 _DEGREES = (10, 14, 18, 24, 32)  # numbers of Gauss's points
 _FIRST = 8  # of the points with which the window is placed
 _AGREE = 3e-13  # of the largest arm: two polynomials this near each other need no higher degree
 _WORST = 1e-9  # of the largest arm: beyond this the passage is not known
-_VANISHES = 1e-7  # a singular value this small at its minimum is zero within what the coordinates are known to
-_CLOSES = 2e-13  # of the largest arm: how well loops that have a singular position close between the points
-_DRIFT = 3e-12  # of the largest arm: loops that close no better are integrated as ones without a singular position
+_VANISHES = 1e-7  # a singular value this small at its minimum is zero within the coordinates' error
+# Of the largest arm: how well loops with a singular position close between the points; loops that
+# close no better than the second are integrated as ones without a singular position.
+_CLOSES = 2e-13
+_DRIFT = 3e-12
 _SAMPLES = 200  # of a window, in search of singular positions
 _ITERATIONS, _PLACINGS = 20, 8
 _EPSILON = 4 * float(np.finfo(np.float64).eps)
@@ -72,7 +76,7 @@ class Watch:
     def window(
         self, dense: DenseOutput, start: float, end: float, speeds: FloatArray
     ) -> Window | None:
-        """The motion across a singular position which a step comes near, from some time in the step on.
+        """The motion across a singular position near a step, from some time in it on.
 
         Args:
             dense: output of the step from `start` to `end` [s].
@@ -97,7 +101,7 @@ class Watch:
         return self.window_from(float(times[k]), *np.split(states[k], 2), least=float(values.min()))
 
     def _is_far(self, time: float, speeds: FloatArray) -> bool:
-        """Whether no singular value can have come near zero: each changes by no more than its matrix does."""
+        """Whether no singular value can be near zero: each changes at most as its matrix does."""
         fastest = np.maximum(np.abs(self._speeds), np.abs(speeds))
         self._speeds = speeds
         self._slack -= _SAFETY * time * float(fastest @ self._slopes)
@@ -115,7 +119,7 @@ class Watch:
     def window_from(
         self, start: float, q: FloatArray, u: FloatArray, least: float = np.inf
     ) -> Window | None:
-        """The motion across the singular position ahead of a state at `start` [s], as :meth:`window`.
+        """The motion across the singular position ahead of a state, as :meth:`window`.
 
         Args:
             start: [s].
@@ -128,13 +132,13 @@ class Watch:
             self.level = 0.5 * min(least, self.level, self._least(q))
             if self.level < _VANISHES:
                 raise SimulationError(
-                    f"the reference gave up at t = {start:.6g} s near a singular position: no smooth motion through "
-                    "it was found."
+                    f"the reference gave up at t = {start:.6g} s near a singular position: no "
+                    "smooth motion through it was found."
                 )
         return window
 
     def begin(self, start: float, q: FloatArray, u: FloatArray) -> Window | None:
-        """The motion out of a singular position in which a segment starts; None if it starts in another.
+        """The motion out of a singular position at a segment's start; None in another one.
 
         Raises:
             SimulationError: the speed does not tell the branch.
@@ -159,8 +163,9 @@ class Watch:
                 )
                 return replace(window, start=start, passages=passages)
         raise SimulationError(
-            f"the reference cannot start at t = {start:.6g} s in a singular position, in which constraints that are "
-            "independent beside it depend on each other, at rest or with a speed that tells no branch of its motion."
+            f"the reference cannot start at t = {start:.6g} s in a singular position, in which "
+            "constraints that are independent beside it depend on each other, at rest or with a "
+            "speed that tells no branch of its motion."
         )
 
     def projected(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -173,7 +178,7 @@ class Watch:
         return q, u - least_step(jacobian, jacobian @ u, self.rank)
 
     def _values(self, q: FloatArray) -> FloatArray:
-        """Singular values of the independent constraints, without units, the least last; shape (..., rank)."""
+        """Singular values of the independent constraints, the least last; shape (..., rank)."""
         values = np.linalg.svd(self._scaled(q), compute_uv=False)
         return np.asarray(values[..., : self.rank], dtype=np.float64)
 
@@ -195,7 +200,7 @@ class Watch:
         return None if placed is None else self._refined(placed, given)
 
     def _nearest_ahead(self, given: Given) -> float | None:
-        """How long until the motion is nearest to a singular position, by its speeds and accelerations [s]."""
+        """Time until the motion is nearest to a singular position, as it looks now [s]."""
         q, u, a = given.q, given.u, self._accelerations(given.q, given.u)
         value, step = self._least(q), 1e-4 / max(float(np.abs(u).max()), 1e-300)
         rate = (self._least(q + u * step) - value) / step
@@ -207,7 +212,7 @@ class Watch:
         return float(t[k]) if k > 0 else None
 
     def _placed(self, given: Given, half: float) -> Polynomial | None:
-        """A first polynomial on a window in whose middle, or nearly so, the motion is nearest to the position."""
+        """A first polynomial on a window with the singular position about its middle."""
         motion = None
         for _ in range(_PLACINGS):
             if (motion := self._collocated(given, given.time, half, _FIRST, motion)) is None:
@@ -255,7 +260,7 @@ class Watch:
         difference: float,
         t: FloatArray,
     ) -> bool:
-        """Whether a polynomial closes the loops between its points, too, and is worth more than an integrator's steps.
+        """Whether a polynomial closes the loops between its points, and beats the integrator.
 
         Raises:
             SimulationError: it does so within the drift of an integration, but not within rounding.
@@ -268,9 +273,10 @@ class Watch:
             )
         if _CLOSES < open_by < _DRIFT:
             raise SimulationError(
-                f"the reference gave up at t = {passages[0].time:.6g} s near a singular position: the loops fail to "
-                f"have one there by {open_by:.1g} of their size, so that rounding decides on the branch; lengths that "
-                "are meant to be equal need all their digits."
+                f"the reference gave up at t = {passages[0].time:.6g} s near a singular position: "
+                f"the loops fail to have one there by {open_by:.1g} of their size, so that "
+                "rounding decides on the branch; lengths that are meant to be equal need all their "
+                "digits."
             )
         return open_by < _CLOSES
 
@@ -292,13 +298,13 @@ class Watch:
             yield SingularPassage(time, uncertain, difference, lost)
 
     def _minima(self, motion: Polynomial, t: FloatArray) -> Iterator[FloatArray]:
-        """Times around each local minimum of the least singular value at times t [s]: `_SAMPLES` of them."""
+        """Times around each minimum of the least singular value at times t [s]: `_SAMPLES`."""
         values = self._values(motion.values(motion.q, t))[:, -1]
         for i in np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] < values[2:])) + 1:
             yield np.linspace(t[i - 1], t[i + 1], _SAMPLES)
 
     def _zero(self, motion: Polynomial, t: FloatArray) -> tuple[float, float, float]:
-        """Newton's iteration for a zero of the least singular value in t [s]; its value there, and its rate [1/s]."""
+        """Newton's zero of the least singular value in t [s]; its value and rate [1/s] there."""
         time, step, rate, value = float(t[len(t) // 2]), 0.1 * float(t[-1] - t[0]), 0.0, np.inf
         for _ in range(_ITERATIONS):
             before, here, after = self._scaled(
@@ -326,9 +332,10 @@ class Watch:
         if np.all(values[[0, 3]].sum(axis=0) < 3 * values[[1, 2]].sum(axis=0)):
             return
         raise SimulationError(
-            f"the reference gave up at t = {time:.6g} s in a singular position: constraints that are independent "
-            "beside it depend on each other there, and the mechanism comes to it at rest or where branches of its "
-            "motion touch, so its speed does not tell how it moves on."
+            f"the reference gave up at t = {time:.6g} s in a singular position: constraints that "
+            "are independent beside it depend on each other there, and the mechanism comes to it "
+            "at rest or where branches of its motion touch, so its speed does not tell how it "
+            "moves on."
         )
 
     def _collocated(
@@ -352,7 +359,7 @@ class Watch:
 
 
 def note_singular_start(equations: Equations, q: FloatArray, u: FloatArray) -> None:
-    """Let a motion start in a singular position if it has speeds: they may tell the branch (:meth:`Watch.begin`)."""
+    """Let a motion with speeds start in a singular position (:meth:`Watch.begin`)."""
     if not equations.n_loops or not u.any() or equations.rank(q, ()) == equations.n_loops:
         return
     beside = q + 1e-2 * u / np.abs(u).max()
@@ -388,7 +395,7 @@ class SingularPassage:
     time_uncertainty: float
     """[s]"""
     uncertainty: float
-    """By which the coordinates behind it differ between two polynomials [rad, m of the largest arm's part]."""
+    """Difference of two polynomials behind it [rad, m of the largest arm's part]."""
     lost: int
     """How many of the independent constraints depend on the others there."""
 
@@ -402,7 +409,7 @@ class Window:
     passages: tuple[SingularPassage, ...]
     motion: Polynomial
     forces: FloatArray
-    """Legendre series of the multipliers, times the distances from all poles in halves of the window."""
+    """Legendre series of the multipliers times the distances from all poles."""
     poles: FloatArray
     """Times of all passages, also of those after `end` [s]."""
 
@@ -414,8 +421,8 @@ class Window:
         """
         if releases and np.any(np.abs(self.poles - end) < BESIDE * self.motion.half):
             raise SimulationError(
-                f"the reference gave up at t = {end:.6g} s: a stop opens in a singular position, in which its torque "
-                "grows beyond all bounds."
+                f"the reference gave up at t = {end:.6g} s: a stop opens in a singular position, "
+                "in which its torque grows beyond all bounds."
             )
         return replace(
             self,
@@ -424,15 +431,15 @@ class Window:
         )
 
     def dense_output(self) -> DenseOutput:
-        """As that of an integrator's step."""
+        """Dense output, as that of an integrator's step."""
         return _WindowOutput(self)
 
     def accelerations(self, t: FloatArray) -> FloatArray:
-        """Of the branch at times t [s], shape (n, n_q)."""
+        """Accelerations of the branch at times t [s], shape (n, n_q)."""
         return self.motion.values(self.motion.a, t)
 
     def multipliers(self, t: FloatArray) -> FloatArray:
-        """Shape (n, n_constraints); as 1/(t - time) beside a passage unless the branch needs no such force.
+        """Multipliers, shape (n, n_constraints), which grow as 1/(t - time) beside a passage.
 
         Within a hundred-thousandth of the window the mean of both sides is given: the finite part.
         """
@@ -480,7 +487,7 @@ class Given:
 
 @dataclass(frozen=True)
 class Polynomial:
-    """A motion over a window from `start` [s], twice `half` long: Legendre series on -1 to 1, each (n, ...)."""
+    """A motion over a window, twice `half` [s] long: Legendre series on -1 to 1, (n, ...)."""
 
     start: float
     half: float
@@ -524,10 +531,8 @@ def collocated(
     base = (given.time - start) / half - 1.0
     x, to_series, once, twice = gauss(n, base)
     once, twice = half * once, half**2 * twice
-    start_q, start_u = (
-        given.q + half * np.outer(x - base, given.u),
-        np.broadcast_to(given.u, (n, len(given.u))),
-    )
+    start_q = given.q + half * np.outer(x - base, given.u)
+    start_u = np.broadcast_to(given.u, (n, len(given.u)))
     a = (
         _first(accelerations, given, base, n)
         if guess is None
@@ -553,7 +558,7 @@ def collocated(
 
 
 def _first(accelerations: Accelerations, given: Given, base: float, n: int) -> FloatArray:
-    """Constant accelerations; none where the given state is in the middle, and so a singular position."""
+    """Constant accelerations; zero where the given state is in the middle, so singular."""
     a = accelerations(given.q, given.u) if base < 0 else np.zeros_like(given.u)
     return np.broadcast_to(a, (n, len(a)))
 
@@ -588,7 +593,7 @@ def _newton(
 
 @lru_cache(16)
 def gauss(n: int, base: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Gauss's n points, what makes Legendre series of values there, and their integrals from `base`, once and twice."""
+    """Gauss's n points, the matrix to Legendre series, and the integrals from `base`, both."""
     points, weights = legendre.leggauss(n)
     x = np.asarray(points, dtype=np.float64)
     to_series = (np.arange(n) + 0.5)[:, None] * legendre.legvander(x, n - 1).T * weights

@@ -37,7 +37,7 @@ class Segment:
     def forces(
         self, equations: Equations, t: FloatArray, q: FloatArray, u: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Accelerations and multipliers of the segment's own states, shape (n, n_q), at times t [s].
+        """Accelerations and multipliers of the segment's states (n, n_q) at times t [s].
 
         Across singular positions, in which the equations of motion are 0/0, they are read from the
         window.
@@ -46,10 +46,8 @@ class Segment:
         regular = np.ones(len(t), dtype=bool)
         for window in self.windows:
             inside = (t >= window.start) & (t <= window.end)
-            a[inside], multipliers[inside] = (
-                window.accelerations(t[inside]),
-                window.multipliers(t[inside]),
-            )
+            a[inside] = window.accelerations(t[inside])
+            multipliers[inside] = window.multipliers(t[inside])
             regular &= ~inside
         if regular.any():
             a[regular], multipliers[regular] = equations.solve(q[regular], u[regular], self.closed)
@@ -92,9 +90,12 @@ class Solution(Shown):
     """By stop, when it ceased to bounce, or was met without rebound, and stayed closed [s]."""
 
     def headline(self) -> str:
-        """Whose motion, how far, and through how many events."""
+        """The mechanism, the end of the motion and the number of segments."""
         name, end = self.problem.mechanism.name, self.segments[-1].end
-        return f"Solution of {name!r}: continuous from 0 to {end:.6g} s in {len(self.segments)} segments"
+        return (
+            f"Solution of {name!r}: continuous from 0 to {end:.6g} s in {len(self.segments)} "
+            "segments"
+        )
 
     def facts(self) -> Iterator[tuple[str, str]]:
         """Its events."""
@@ -113,7 +114,8 @@ class Solution(Shown):
         end = self.segments[-1].end
         if len(t) and (t.min() < 0 or t.max() > end):
             raise InputError(
-                f"the reference covers 0 to {end:.6g} s; {t.min():.6g} to {t.max():.6g} s was asked for."
+                f"the reference covers 0 to {end:.6g} s; {t.min():.6g} to {t.max():.6g} s was "
+                "asked for."
             )
         n_q = len(self.problem.mechanism.coordinates)
         q, u = (np.empty((len(t), n_q)) for _ in range(2))
@@ -130,7 +132,7 @@ class Solution(Shown):
                 yield segment, indices
 
     def motion_of(self, t: FloatArray, q: FloatArray, u: FloatArray) -> Motion:
-        """Accelerations and multipliers of other states, under the stops that are closed at the times t [s].
+        """Accelerations and multipliers of other states, under the active stops at times t [s].
 
         Args:
             t: shape (n,).
@@ -158,16 +160,12 @@ class Solution(Shown):
         return Motion(q, u, a, loops, torques)
 
     def joint_reactions(self, motion: Motion) -> dict[str, FloatArray]:
-        """Force on each joint's child, world frame [N], shape (n, 2), by Newton's law for its subtree."""
+        """Force on each joint's child [N], world frame, shape (n, 2), by Newton's law."""
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
-        gravity, applied = (
-            np.array(mechanism.gravity_vector),
-            self.equations.applied_on_bodies(motion.q, motion.u),
-        )
-        second, needed = (
-            kinematics.second_flow(motion.q, motion.u, motion.a),
-            dict[str, FloatArray](),
-        )
+        gravity = np.array(mechanism.gravity_vector)
+        applied = self.equations.applied_on_bodies(motion.q, motion.u)
+        second = kinematics.second_flow(motion.q, motion.u, motion.a)
+        needed = dict[str, FloatArray]()
         for body in mechanism.bodies:
             acceleration = as_vectors(
                 weighted(second, kinematics.point(body.name, body.centre).coefficients)
@@ -179,7 +177,7 @@ class Solution(Shown):
 
     @property
     def singular_passages(self) -> tuple[SingularPassage, ...]:
-        """Singular positions that the motion goes through, in order of time; joint forces have poles there."""
+        """Singular positions on the way, in order of time; joint forces have poles there."""
         return tuple(
             passage
             for segment in self.segments
@@ -189,7 +187,7 @@ class Solution(Shown):
 
     @property
     def undetermined_joints(self) -> tuple[str, ...]:
-        """Joints whose forces are not unique, because constraints are redundant; those given have least norm."""
+        """Joints whose forces are not unique; those given have least norm."""
         return self._undetermined[0]
 
     @property
@@ -213,11 +211,11 @@ class Solution(Shown):
 
     @cached_property
     def launch(self) -> Launch | None:
-        """Velocity of the projectile at 45 degrees, after its own rest has opened; None if it never is."""
+        """The projectile's launch at 45 degrees, after its stop has opened; None if never."""
         return self.launch_at(LAUNCH_ANGLE)
 
     def launch_at(self, angle: float, marker: str = "projectile") -> Launch | None:
-        """First time the marker's velocity comes down to `angle` [rad] after its body's stops have opened.
+        """First fall of a marker's velocity to `angle` [rad] after its body's stops have opened.
 
         Found on the integrator's own steps (:func:`...models.launch.first_launch`), and so the same
         in every solution that is long enough. At an impact that turns the velocity through the
@@ -241,7 +239,7 @@ class Solution(Shown):
     def _free_pieces(
         self, row: PointCoefficients, after: float, rests: set[str]
     ) -> Iterator[SmoothVelocity | None]:
-        """A point's velocity from `after` [s] on, by segment; None where one of these stops pushes or strikes."""
+        """A point's velocity after a time [s], by segment; None where one of these stops acts."""
         strikes = {
             t for t, impulses in self.impacts if any(impulses.get(name, 0.0) > 0 for name in rests)
         }
@@ -275,16 +273,12 @@ class Solution(Shown):
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
         markers: dict[str, PointMotion] = {}
         with numerical("with the figures of its motion"):
-            phasors, flow = (
-                kinematics.phasors(motion.q),
-                kinematics.flow(motion.q, motion.u, kinematics.rates(motion.q)),
-            )
+            phasors = kinematics.phasors(motion.q)
+            flow = kinematics.flow(motion.q, motion.u, kinematics.rates(motion.q))
             for marker in mechanism.markers:
                 row = kinematics.point(marker.body, marker.point)
-                position, velocity = (
-                    weighted(phasors, row.coefficients),
-                    weighted(flow, row.coefficients),
-                )
+                position = weighted(phasors, row.coefficients)
+                velocity = weighted(flow, row.coefficients)
                 markers[marker.name] = PointMotion(
                     as_vectors(row.offset + position), as_vectors(velocity)
                 )

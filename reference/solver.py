@@ -1,4 +1,4 @@
-"""The reference motion: DOP853 between events, every event found by root finding on the dense output of a step.
+"""The reference motion: DOP853 between events, which are roots on its dense output.
 
 Releases and closings are both downward zero crossings of a function that starts at or above zero: a
 torque, or a gap. Inside each step the function is sampled at a few points. A gap that has just
@@ -47,7 +47,7 @@ _SAME_TIME = 1e-13  # [s] events closer than this are one instant
 _TIME_CONSTANTS = 3.0  # length of a step where a damper decides
 _ROUNDING = 1e-12  # [rad] a gap this little below zero has just been at zero
 TOLERANCE = 3e-14
-"""Just above the least that SciPy takes (100 machine epsilons): energy then varies by some 1e-13."""
+"""Just above the least of SciPy (100 machine epsilons): energy then varies by some 1e-13."""
 
 
 def solve(
@@ -107,7 +107,7 @@ def solve_until(
     done: Callable[[Solution], bool],
     stop_law: StopLaw = StopLaw.RELEASE_ONCE,
 ) -> Solution:
-    """Solve for each duration [s] in turn until `done` says that the solution is long enough; else the last one.
+    """Solve for each duration [s] in turn until `done` is true; else the last solution.
 
     None is longer than :data:`..models.problem.LONGEST`.
     """
@@ -122,7 +122,7 @@ def solve_until(
 
 
 def solve_to_launch(mechanism: Mechanism, stop_law: StopLaw = StopLaw.RELEASE_ONCE) -> Solution:
-    """Solve for as long as the launch takes, and a little longer; at most some five characteristic times.
+    """Solve for as long as the launch takes, at most some five characteristic times.
 
     `Solution.launch` is None if it does not come by then.
     """
@@ -180,10 +180,8 @@ class _Integration:
     def _segment(self, initial: PostEventState) -> tuple[Segment, list[Event]]:
         """Integrate under one active set, to its first events or to the end."""
         finder = EventFinder(self.equations, initial, self.active_set.event_functions(initial))
-        y, tolerance = (
-            np.concatenate([initial.q, initial.u]),
-            (self.tolerances["rtol"], self.tolerances["atol"]),
-        )
+        y = np.concatenate([initial.q, initial.u])
+        tolerance = (self.tolerances["rtol"], self.tolerances["atol"])
         segment, events, stepper = integrate_segment(
             self.equations,
             initial.closed,
@@ -273,7 +271,7 @@ class _Path:
             self._pieces.append(piece)
 
     def cross(self, window: Window) -> FloatArray:
-        """Go on across a singular position; the coordinates and the speeds behind it, shape (2, n_q)."""
+        """Go on across a singular position; coordinates and speeds behind it, (2, n_q)."""
         piece = window.dense_output()
         end, self.events = first_events(
             self._locate, piece, window.start, min(window.end, self._end)
@@ -300,7 +298,7 @@ def first_events(
     start: float,
     end: float,
 ) -> tuple[float, list[Event]]:
-    """The first events in a window, part by part as it is longer than a step, and their time; else none and the end."""
+    """The first events in a window, probed part by part, and their time; else none and the end."""
     for t0, t1 in pairwise(np.linspace(start, end, _PARTS + 1).tolist()):
         if events := locate(piece, t0, t1):
             return events[0].t, events
@@ -333,7 +331,7 @@ class EventFinder:
         self.n_q = len(equations.mechanism.coordinates)
 
     def first(self, piece: DenseOutput, t0: float, t1: float) -> list[Event]:
-        """The earliest events between t0 and t1 [s], all of one instant; empty if there are none."""
+        """The earliest events between t0 and t1 [s], all of one instant; or none."""
         if not self.functions:
             return []
         times = t0 + _PROBES * (t1 - t0)
@@ -405,7 +403,7 @@ def _downward_zero_crossing(
     gaps: FloatArray,
     speeds: FloatArray,
 ) -> float | None:
-    """Where a gap falls through zero inside an interval, from its values and speeds at the two ends."""
+    """Where a gap falls through zero in an interval, by its values and speeds at the ends."""
     start, end = interval
     if speeds[0] >= 0 and speeds[1] >= 0:
         return None
@@ -423,7 +421,7 @@ def _downward_zero_crossing(
 
 
 def _root(function: Callable[[float], float], start: float, end: float) -> float:
-    """Where a function changes its sign; the end nearer to zero if rounding hides the change, as of a constant gap."""
+    """Root of a function; the end nearer to zero if rounding hides the change of sign."""
     first, last = function(start), function(end)
     if first * last >= 0:
         return start if abs(first) <= abs(last) else end

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import sys
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,9 @@ settings.register_profile("search", max_examples=200, **_COMMON)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 
 
+BUILT_IN = ("mujoco", "pymunk", "exudyn")
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--engines", default="", help="comma-separated engines to test; all known ones by default"
@@ -55,66 +58,23 @@ def _param(name: str) -> object:
     )
 
 
-ABSENT = tuple(
-    name for name in ("mujoco", "pymunk", "exudyn") if not engine_class(name).is_installed()
-)
-"""Engines of this package whose library is not here."""
-_ASKED_FOR: set[str] = set()
-"""Those of them that the test, or the fixture, of the moment has asked for."""
-_NEEDED_BY: dict[object, set[str]] = {}
-"""Those that each fixture has asked for when it was made; it may be used by many tests after that."""
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", "needs(*names): engines without which the test is skipped")
 
 
-def _asked(name: str) -> Callable[..., bool]:
-    """What an absent engine answers when it is asked whether it is installed."""
-    return lambda *_: bool(_ASKED_FOR.add(name))
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Skip tests whose engine is absent, before they run; a test that fails is always a failure.
 
-
-_NOT_HERE = "engine '%s' is not installed here"
-for absent in ABSENT:
-    engine_class(absent).is_installed = _asked(absent)  # type: ignore[method-assign]
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_fixture_setup(fixturedef: pytest.FixtureDef[Any]) -> Generator[None, Any, Any]:
-    """Note what a fixture has asked for."""
-    before = set(_ASKED_FOR)
-    _ASKED_FOR.clear()
-    try:
-        return (yield)
-    finally:
-        _NEEDED_BY.setdefault(fixturedef, set()).update(_ASKED_FOR)
-        _ASKED_FOR.update(before)
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(
-    item: pytest.Function, call: pytest.CallInfo[None]
-) -> Generator[None, Any, Any]:
-    """A test that fails without an engine that it has asked for is skipped, with that reason; no other one is."""
-    report = yield
-    error = call.excinfo.value if call.excinfo else None
-    lacking = (
-        str(getattr(error, "name", "")).partition(".")[0] if isinstance(error, ImportError) else ""
-    )
-    needed = {
-        *_ASKED_FOR,
-        *(name for name in ABSENT if name == lacking or _NOT_HERE % name in str(error)),
-    }
-    for definitions in item._fixtureinfo.name2fixturedefs.values():
-        needed.update(*(_NEEDED_BY.get(definition, ()) for definition in definitions))
-    if report.failed and needed:
-        report.outcome, reason = (
-            "skipped",
-            f"it needs {', '.join(sorted(needed))}, which is not installed here",
-        )
-        report.longrepr = str(item.path), (item.location[1] or 0) + 1, f"Skipped: {reason}"
-    return report
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_runtest_setup() -> None:
-    _ASKED_FOR.clear()
+    A test needs the engines that its mark `needs` names, and those that are its parameters.
+    """
+    for item in items:
+        marked = {name for mark in item.iter_markers("needs") for name in mark.args}
+        parameters = getattr(item, "callspec", None)
+        values = parameters.params.values() if parameters else ()
+        marked |= {value for value in values if isinstance(value, str) and value in BUILT_IN}
+        for name in sorted(marked):
+            if not engine_class(name).is_installed():
+                item.add_marker(pytest.mark.skip(reason=f"{name} is not installed here"))
 
 
 @pytest.fixture(params=[tb.fixed, tb.rolling], ids=["fixed", "rolling"])

@@ -15,6 +15,22 @@ from ...engines.inspection import Dynamics, Inspectable, Inspection, State
 from ...engines.protocol import Engine
 from ...engines.units import units_of
 from ...models.arrays import FloatArray
+from ...models.elements import (
+    ELEMENTS,
+    ConstantForce,
+    ConstantTorque,
+    CubicTorsionSpring,
+    ElementTable,
+    FreeJoint,
+    PinJoint,
+    PointStop,
+    PrismaticJoint,
+    RotationalSpringDamper,
+    SlotJoint,
+    SpringDamper,
+    Stop,
+    WeldJoint,
+)
 from ...models.errors import EngineNotInstalledError, SimulationError, UnsupportedProblemError
 from ...models.kinematics import immovable_stops, without_stops
 from ...models.mechanism import Mechanism
@@ -143,12 +159,40 @@ of joint angles. Of single precision that is 6e-5: below the smallest fault that
 _EXACT_REASON = "the engine's own quantities, to rounding"
 
 
+_SHOWN: ElementTable[str] = ElementTable(
+    "The model-equivalence check",
+    ELEMENTS,
+    {
+        PinJoint: "acceleration",
+        WeldJoint: "acceleration",
+        SlotJoint: "acceleration",
+        PrismaticJoint: "acceleration",
+        FreeJoint: "acceleration",
+        Stop: "stop torque",
+        PointStop: "stop torque",
+        SpringDamper: "acceleration",
+        RotationalSpringDamper: "acceleration",
+        CubicTorsionSpring: "acceleration",
+        ConstantForce: "acceleration",
+        ConstantTorque: "acceleration",
+    },
+)
+"""The check in which an element shows that is built wrongly, of those that every engine has."""
+
+
 def check_model(engine: Engine, mechanism: Mechanism) -> Equality:
     """Compare an engine's built model with the reference's equations.
 
     An engine that cannot be inspected passes with `exposed` false: then only its motion can tell.
     States in which its solver finds no accelerations are left out, but for the start.
+
+    Raises:
+        UnsupportedProblemError: the check does not know a class of elements, or the engine cannot
+            build the mechanism.
+        TrebucheckError: the engine is not installed, or its solver finds no accelerations.
     """
+    for element in (*mechanism.joints, *mechanism.stops, *mechanism.force_elements):
+        _SHOWN[element]
     if not isinstance(engine, Inspectable):
         return Equality(
             exposed=False,
@@ -409,8 +453,9 @@ def _checks(
     yield from _torques(reference, inspection.dynamics)
     errors = gap_errors(reference, inspection.dynamics)
     if errors:
-        worst = max(errors, key=lambda name: abs(errors[name]))
-        yield _exactly("stop position", worst, abs(errors[worst]), mechanism.stop(worst).gap_unit)
+        worst = max(errors, key=lambda name: _magnitude(errors[name]))
+        error = abs(errors[worst]) if math.isfinite(errors[worst]) else None
+        yield _exactly("stop position", worst, error, mechanism.stop(worst).gap_unit)
 
 
 def gap_errors(reference: Expected, dynamics: Sequence[Dynamics]) -> dict[str, float]:
@@ -418,8 +463,13 @@ def gap_errors(reference: Expected, dynamics: Sequence[Dynamics]) -> dict[str, f
     errors: dict[str, float] = {}
     for engine_values, reference_gaps in zip(dynamics, reference.gaps, strict=True):
         for name, gap in engine_values.stop_gaps.items():
-            errors[name] = max(errors.get(name, 0.0), gap - reference_gaps[name], key=abs)
+            errors[name] = max(errors.get(name, 0.0), gap - reference_gaps[name], key=_magnitude)
     return errors
+
+
+def _magnitude(error: float) -> float:
+    """The absolute value; infinite of what is not a number, so that it is the largest."""
+    return abs(error) if math.isfinite(error) else math.inf
 
 
 def _start_and_mass(mechanism: Mechanism, inspection: Inspection) -> Iterator[Check]:
@@ -473,7 +523,7 @@ def _torques(reference: Expected, dynamics: Sequence[Dynamics]) -> Iterator[Chec
             if name in t
         ]
         size = reference.torque_scales[name]
-        missing = any(torque is None for torque, _ in pairs)
+        missing = any(torque is None or not math.isfinite(torque) for torque, _ in pairs)
         worst = (
             max((abs(torque - right) for torque, right in pairs if torque is not None), default=0.0)
             / size

@@ -14,18 +14,27 @@ from pydantic import TypeAdapter
 
 from ...models.arrays import FloatArray
 from ...models.elements import (
+    FORCE_ELEMENTS,
     GROUND,
+    JOINTS,
     AnyForceElement,
     AnyJoint,
     AnyStop,
     ConstantForce,
+    ConstantTorque,
+    CubicTorsionSpring,
+    ElementTable,
     FreeJoint,
+    PinJoint,
     PointStop,
     PrismaticJoint,
+    RotationalSpringDamper,
     SlotJoint,
+    SpringDamper,
     Stop,
+    WeldJoint,
 )
-from ...models.errors import InputError
+from ...models.errors import InputError, SimulationError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.library.registry import model
 from ...models.library.trebuchet import TrebuchetParameters, parameters_of
@@ -127,7 +136,10 @@ def _consistent_start(
     closed = [(own, real) for own, real in zip(mechanism.stops, stops, strict=True) if own.closed]
     gaps = np.array([real.position - own.position for own, real in closed])
     names = [own.name for own, _ in closed]
-    start = consistent_coordinates(Equations(mechanism), np.array(mechanism.start), names, gaps)
+    try:
+        start = consistent_coordinates(Equations(mechanism), np.array(mechanism.start), names, gaps)
+    except SimulationError:  # a fault may lead to a singular position
+        return None
     return None if start is None else tuple(start.tolist())
 
 
@@ -349,17 +361,24 @@ def _shifted(mechanism: Mechanism, joint: AnyJoint) -> Iterator[Suspect]:
     """A loop joint's points, moved a little along each axis of their frames: more than a change of length."""
     for end in ("parent", "child"):
         for point, axis in zip(_aside(getattr(joint, f"{end}_point")), "xy", strict=True):
-            if (
-                end == "parent"
-                and isinstance(joint, SlotJoint | PrismaticJoint)
-                and abs(np.dot(_AXES[axis], joint.axis)) == 1.0
-            ):
+            if end == "parent" and _HAS_AXIS[joint] and abs(np.dot(_AXES[axis], joint.axis)) == 1.0:
                 continue  # a slot moved along its own line is the same slot
             wrong = _with_part(mechanism, "joints", joint.name, {f"{end}_point": point})
             group = f"place of the {joint.name} on the {getattr(joint, end)}"
             yield from _suspect(f"{group}, {axis}", "machine", wrong, unit="m", group=group)
 
 
+_HAS_AXIS: ElementTable[bool] = ElementTable(
+    "The diagnosis",
+    JOINTS,
+    {PinJoint: False, WeldJoint: False, SlotJoint: True, PrismaticJoint: True, FreeJoint: False},
+)
+_TURNS: ElementTable[bool] = ElementTable(
+    "The diagnosis",
+    JOINTS,
+    {PinJoint: True, WeldJoint: False, SlotJoint: True, PrismaticJoint: False, FreeJoint: False},
+)
+"""Whether two bodies turn against each other in a joint: a free body turns against none."""
 _AXES = {"x": (1.0, 0.0), "y": (0.0, 1.0)}
 
 
@@ -380,7 +399,7 @@ def _turned(direction: tuple[float, float]) -> tuple[float, float]:
 def _slots(mechanism: Mechanism) -> Iterator[Suspect]:
     """Wrong directions of slots."""
     for joint in mechanism.joints:
-        if isinstance(joint, SlotJoint | PrismaticJoint):
+        if _HAS_AXIS[joint]:
             wrong = _with_part(mechanism, "joints", joint.name, {"axis": _turned(joint.axis)})
             yield from _suspect(f"direction of the {joint.name}", "machine", wrong, unit="rad")
 
@@ -404,27 +423,53 @@ def wall_suspects(mechanism: Mechanism) -> Iterator[Suspect]:
             )
 
 
+@dataclass(frozen=True)
+class _Fields:
+    """Fields of a force element that may be wrong."""
+
+    numbers: tuple[str, ...] = ()
+    vector: str = ""
+    points: tuple[str, ...] = ()
+    """On its first and its last body."""
+
+
+_FORCE_FIELDS: ElementTable[_Fields] = ElementTable(
+    "The diagnosis",
+    FORCE_ELEMENTS,
+    {
+        SpringDamper: _Fields(
+            ("stiffness", "damping", "rest_length"), points=("point", "relative_point")
+        ),
+        RotationalSpringDamper: _Fields(("stiffness", "damping", "rest_angle")),
+        CubicTorsionSpring: _Fields(("stiffness", "cubic_stiffness", "rest_angle")),
+        ConstantForce: _Fields(vector="force", points=("point",)),
+        ConstantTorque: _Fields(("torque",)),
+    },
+)
+
+
 def _force_elements(mechanism: Mechanism) -> Iterator[Suspect]:
     """Springs, dampers, forces and torques: a wrong number, a wrong point, a missing element."""
     for element in mechanism.force_elements:
-        name = element.name
-        for field in ("stiffness", "damping", "rest_length", "rest_angle", "torque"):
-            if value := getattr(element, field, 0.0):
-                wrong = _with_part(mechanism, "force_elements", name, {field: value * (1 + _SMALL)})
+        name, fields = element.name, _FORCE_FIELDS[element]
+
+        def changed(field: str, value: Any, name: str = name) -> Mechanism | None:
+            return _with_part(mechanism, "force_elements", name, {field: value})
+
+        for field in fields.numbers:
+            if value := getattr(element, field):
+                wrong = changed(field, value * (1 + _SMALL))
                 yield from _suspect(f"{field.replace('_', ' ')} of the {name}", "machine", wrong)
-        if isinstance(element, ConstantForce):
-            wrong = _with_part(mechanism, "force_elements", name, {"force": _longer(element.force)})
+        if fields.vector:
+            wrong = changed(fields.vector, _longer(getattr(element, fields.vector)))
             yield from _suspect(f"size of the {name}", "machine", wrong)
-        for field, body in (("point", element.body), ("relative_point", element.bodies[-1])):
-            for moved in (
-                _moves(mechanism, getattr(element, field)) if hasattr(element, field) else ()
-            ):
-                wrong = _with_part(mechanism, "force_elements", name, {field: moved.point})
+        for field, body in zip(fields.points, (element.body, element.bodies[-1]), strict=False):
+            for moved in _moves(mechanism, getattr(element, field)):
+                wrong = changed(field, moved.point)
                 yield from moved.suspect(f"place of the {name} on the {body}", wrong)
         left = [other.model_dump() for other in mechanism.force_elements if other.name != name]
-        yield from _suspect(
-            f"{name} missing", "law", _changed(mechanism, force_elements=left), scale=0.0
-        )
+        without = _changed(mechanism, force_elements=left)
+        yield from _suspect(f"{name} missing", "law", without, scale=0.0)
 
 
 def _gravity(mechanism: Mechanism) -> Iterator[Suspect]:
@@ -612,8 +657,8 @@ _BODIES: dict[str, Callable[[Mechanism, Body], dict[str, Any]]] = {
 """By name."""
 
 
-def _zero(field: str) -> Callable[[AnyForceElement], dict[str, Any]]:
-    return lambda _: {field: 0.0}
+def _zero(*fields: str) -> Callable[[AnyForceElement], dict[str, Any]]:
+    return lambda _: dict.fromkeys(fields, 0.0)
 
 
 def _times(factor: float, *fields: str) -> Callable[[AnyForceElement], dict[str, Any]]:
@@ -623,8 +668,10 @@ def _times(factor: float, *fields: str) -> Callable[[AnyForceElement], dict[str,
 _ELEMENTS: dict[str, Callable[[AnyForceElement], dict[str, Any]]] = {
     "damping of all elements missing": _zero("damping"),
     "damping of all elements doubled": _times(2.0, "damping"),
-    "stiffness of all elements missing": _zero("stiffness"),
-    "stiffness and damping of all elements doubled": _times(2.0, "stiffness", "damping"),
+    "stiffness of all elements missing": _zero("stiffness", "cubic_stiffness"),
+    "stiffness and damping of all elements doubled": _times(
+        2.0, "stiffness", "cubic_stiffness", "damping"
+    ),
     "rest lengths ignored": _zero("rest_length"),
     "rest angles ignored": _zero("rest_angle"),
     "rest angles with the wrong sign": _times(-1.0, "rest_angle"),
@@ -808,13 +855,8 @@ def _rubbed(
     return WithRubbing(mechanism, rows, factors[0] * size)
 
 
-def _turning(mechanism: Mechanism) -> Iterator[AnyJoint]:
-    """Joints in which two bodies turn against each other: a free body turns in none."""
-    return (
-        joint
-        for joint in mechanism.joints
-        if not (joint.holds_angle or isinstance(joint, FreeJoint))
-    )
+def _turning(mechanism: Mechanism) -> list[AnyJoint]:
+    return [joint for joint in mechanism.joints if _TURNS[joint]]
 
 
 def armatures(mechanism: Mechanism) -> Iterator[Hypothesis]:

@@ -1,4 +1,4 @@
-"""The uncertainty of each of the reference's quantities: the published certificates, and what follows from them.
+"""Uncertainty of the reference's quantities: published certificates, and what follows from them.
 
 A certificate is committed for each named machine (`certificates/`, made by `trebucheck certify`);
 for any other an estimate costs one more, coarser, integration. Both decide which tolerances can be
@@ -29,19 +29,16 @@ from ..solver import solve
 FORMAT = "trebucheck-certificate-1"
 SCHEMA = "certificate.schema.json"
 REFUSED_BELOW = 10.0
-"""A tolerance finer than this many times the reference's uncertainty is refused: the verdict would be a tenth, or
-more, the reference's own error."""
+"""Least tolerance, in uncertainties of the reference, of which a tenth would be its own error."""
 
-_COARSE = (
-    1e-12  # tolerance of the estimate's second integration: some thirty times the reference's own
-)
+# Tolerance of the estimate's second integration: some thirty times the reference's own.
+_COARSE = 1e-12
 _SAMPLES = 60
 _BEYOND = 1.02  # times the compared motion: so that the coarser one's events lie inside, too
 _SAFETY = 4.0
 _PROJECTILE = "projectile"
-_ROUNDING = 64 * float(
-    np.finfo(np.float64).eps
-)  # of the sums behind a value, relative to the largest of its kind
+# Of the sums behind a value, relative to the largest of its kind.
+_ROUNDING = 64 * float(np.finfo(np.float64).eps)
 
 
 class Computation(Spec):
@@ -78,7 +75,7 @@ class Figure(Spec):
 
     @property
     def texts(self) -> tuple[str, str]:
-        """Value and uncertainty as printed: two digits of the uncertainty, and the value to the same decimal place."""
+        """Value and uncertainty as printed: two digits of the uncertainty, as many of the value."""
         if self.uncertainty == 0:
             return repr(self.value), "0"
         decimals = 1 - math.floor(math.log10(self.uncertainty))
@@ -103,7 +100,10 @@ class Certificate(Reported, Spec):
     def headline(self) -> str:
         """How many figures, from how many computations."""
         number = sum(computation.independent for computation in self.computations)
-        return f"Certificate of {self.model!r}: {len(self.figures)} figures from {number} independent computations"
+        return (
+            f"Certificate of {self.model!r}: {len(self.figures)} figures from {number} independent "
+            "computations"
+        )
 
     def rows(self) -> Iterator[dict[str, object]]:
         """A figure a row."""
@@ -132,7 +132,7 @@ class Uncertainties(Spec):
     values: dict[str, NonNegative]
 
     def of(self, metric: str, subject: str | None = None) -> float | None:
-        """In the metric's unit; None where nothing is known."""
+        """Uncertainty in the metric's unit; None where nothing is known."""
         return self.values.get(f"{metric} ({subject})", self.values.get(metric))
 
 
@@ -149,7 +149,7 @@ def committed_certificates() -> dict[str, Certificate]:
 
 
 def load_certificate(mechanism: Mechanism) -> Certificate | None:
-    """The committed certificate of exactly this mechanism, by its content; None if there is none."""
+    """The committed certificate of exactly this mechanism, by its content; None without one."""
     return committed_certificates().get(mechanism.content_hash)
 
 
@@ -164,7 +164,7 @@ def reference_uncertainty(solution: Solution, end: float | None = None) -> Uncer
 
 
 def covering_certificate(solution: Solution, end: float | None = None) -> Certificate | None:
-    """The mechanism's committed certificate, if it covers the motion up to `end` [s]: none goes past the launch."""
+    """The mechanism's committed certificate, if it covers the motion up to `end` [s]."""
     launch = solution.launch
     if launch is None or (end is not None and end > launch.time * (1 + 1e-9)):
         return None
@@ -224,14 +224,10 @@ def estimate_uncertainty(solution: Solution, end: float | None = None) -> Uncert
     fine, coarse = solution.trajectory(t), other.trajectory(t)
     uncertainties = _along(fine, coarse) | _events(solution, other, end)
     if launch is not None and other.launch is not None:
-        speed = np.linalg.norm(fine.marker(_PROJECTILE).velocity, axis=1)
-        _enter(
-            uncertainties,
-            "launch_speed",
-            None,
-            speed,
-            np.linalg.norm(coarse.marker(_PROJECTILE).velocity, axis=1),
+        speed, other_speed = (
+            np.linalg.norm(motion.marker(_PROJECTILE).velocity, axis=1) for motion in (fine, coarse)
         )
+        _enter(uncertainties, "launch_speed", None, speed, other_speed)
     elif launch is not None:
         uncertainties["launch_speed"] = launch.speed
     return Uncertainties(source="estimate", values=uncertainties)
@@ -266,25 +262,30 @@ def _enter(
 
 
 def _events(fine: Solution, coarse: Solution, end: float) -> dict[str, float]:
-    """Releases and the launch: one uncertainty for all that both have; all of the motion for one that only one has."""
-    pairs = {
-        f"release_time ({name})": (t, coarse.release_times[name])
-        for name, t in fine.release_times.items()
+    """Uncertainty [s] of each release and of the launch."""
+    pairs: dict[str, tuple[float | None, float | None]] = {
+        f"release_time ({name})": (time, coarse.release_times[name])
+        for name, time in fine.release_times.items()
     }
-    if fine.launch is not None or coarse.launch is not None:
-        pairs["launch_time"] = (
-            fine.launch and fine.launch.time,
-            coarse.launch and coarse.launch.time,
-        )
-    happen = {
-        key: pair for key, pair in pairs.items() if any(t is not None and t <= end for t in pair)
-    }
-    known = {key: abs(a - b) for key, (a, b) in happen.items() if a is not None and b is not None}
-    values = dict.fromkeys(happen, end) | dict.fromkeys(
-        known, _SAFETY * max(known.values(), default=0.0) + _ROUNDING * end
-    )
-    releases = [value for key, value in values.items() if key != "launch_time"]
-    return values | ({"release_time": max(releases)} if releases else {})
+    pairs["launch_time"] = (_launch_time(fine), _launch_time(coarse))
+    happen: list[str] = []
+    known: dict[str, float] = {}
+    for event, (first, second) in pairs.items():
+        if any(time is not None and time <= end for time in (first, second)):
+            happen.append(event)
+            if first is not None and second is not None:
+                known[event] = abs(first - second)
+    shared = _SAFETY * max(known.values(), default=0.0) + _ROUNDING * end
+    # An event that only one solution has is as uncertain as the motion is long.
+    values = {event: shared if event in known else end for event in happen}
+    releases = [value for event, value in values.items() if event != "launch_time"]
+    if releases:
+        values["release_time"] = max(releases)
+    return values
+
+
+def _launch_time(solution: Solution) -> float | None:
+    return None if solution.launch is None else solution.launch.time
 
 
 def refusal(
@@ -299,6 +300,6 @@ def refusal(
         return None
     label = metric if subject is None else f"{metric} ({subject})"
     return (
-        f"the tolerance {tolerance:.2g} of {label} is finer than {REFUSED_BELOW:g} times the reference's own "
-        f"uncertainty, {uncertainty:.2g}: it cannot be judged"
+        f"the tolerance {tolerance:.2g} of {label} is finer than {REFUSED_BELOW:g} times the "
+        f"reference's own uncertainty, {uncertainty:.2g}: it cannot be judged"
     )

@@ -1,4 +1,4 @@
-"""Certification: the same quantities from independent computations, and the uncertainty from their scatter.
+"""Certification: quantities from independent computations, and the uncertainty from their scatter.
 
 The uncertainty of a figure is
 
@@ -53,8 +53,9 @@ if TYPE_CHECKING:
 LADDER = (1e-10, 1e-11, 1e-12, 1e-13, 3e-14)
 BEST = "taylor, extended"
 RULE = (
-    "3 max_i |v_i - v| + 3 max_k |v_k - v| (tol / tol_k)^(7/8) + 16 eps max |v|; v: extended Taylor, else the median "
-    "of the independent v_i; v_k: coarser rungs; the last two terms the largest over all figures of the kind"
+    "3 max_i |v_i - v| + 3 max_k |v_k - v| (tol / tol_k)^(7/8) + 16 eps max |v|; v: extended "
+    "Taylor, else the median of the independent v_i; v_k: coarser rungs; the last two terms the "
+    "largest over all figures of the kind"
 )
 PAPER_MACHINES = ("fixed", "rolling")
 _SEARCH = (2.2, 5.5)  # characteristic times up to which the launch is searched
@@ -62,9 +63,8 @@ _NO_LAUNCH = 40  # steps of the grid: of a machine that does not launch, this mu
 _MARGINS = 5  # in a step: one of them lies past the last instant that is read
 _AT_REST = 4.0  # [s] the time scale of what nothing moves
 _SAFETY = 3.0
-_ORDER = (
-    7 / 8
-)  # DOP853: error per step ~ h^8 held at the tolerance, so the whole ~ h^7 goes with tolerance^(7/8)
+# DOP853: error per step ~ h^8 held at the tolerance, so the whole ~ h^7 goes with tolerance^(7/8).
+_ORDER = 7 / 8
 _ROUNDINGS = 16  # a random walk over some 250 steps
 _EPS = float(np.finfo(np.float64).eps)
 Values = dict[Key, float]
@@ -193,7 +193,7 @@ def _make(
 def judge(
     values_by_key: Mapping[Key, Mapping[str, float]], computations: Sequence[Computation]
 ) -> dict[Key, tuple[float, float]]:
-    """The module's rule: value and uncertainty of every figure that all computations have, two or more independently.
+    """The module's rule: value and uncertainty of the figures that all computations have.
 
     Args:
         values_by_key: values of each figure, by name of computation.
@@ -211,10 +211,8 @@ def judge(
         if len(independent) > 1 and names <= values.keys()
     }
     best = {key: _best(values, independent) for key, values in kept.items()}
-    moved, scale = (
-        defaultdict[tuple[str, str], float](float),
-        defaultdict[tuple[str, str], float](float),
-    )
+    moved = defaultdict[tuple[str, str], float](float)
+    scale = defaultdict[tuple[str, str], float](float)
     for key, values in kept.items():
         kind = _kind(key)
         scale[kind] = max(scale[kind], abs(best[key]))
@@ -253,12 +251,10 @@ def _judged(results: Mapping[str, Values], computations: Sequence[Computation]) 
 def _problem(
     mechanism: Mechanism, duration: float | None, stop_law: StopLaw
 ) -> tuple[Problem, Plan]:
-    """To just past the launch; or the given duration or some steps, for a machine that does not launch."""
+    """Problem to just past the launch, or for the given duration, and what is read of it."""
     if duration is not None:
-        problem, step = (
-            Problem(mechanism, duration=duration, stop_law=stop_law),
-            grid_step(duration / 2),
-        )
+        problem = Problem(mechanism, duration=duration, stop_law=stop_law)
+        step = grid_step(duration / 2)
         motion = MinimalMotion(solve(problem))
         return problem, replace(plan(mechanism, motion, duration, step), launches=False)
     scale = _time_scale(mechanism)
@@ -278,7 +274,7 @@ def _problem(
 
 
 def _time_scale(mechanism: Mechanism) -> float:
-    """The characteristic time; without gravity, the time in which the fastest coordinate moves by 1 rad or 1 m."""
+    """The characteristic time; without gravity that in which a coordinate moves by 1 rad or 1 m."""
     if mechanism.gravity > 0:
         return characteristic_time(mechanism)
     q, u = initial_state(mechanism)

@@ -1,4 +1,4 @@
-"""Integration under active contacts, for the independent formulations: a stop is active until its torque is zero.
+"""Integration under active contacts, for the independent formulations; stops open at zero torque.
 
 Independent of :mod:`..solver`, its event location and its contact problem, on purpose; the system
 that is integrated gives only its rates and the torques of its stops (:class:`ConstrainedSystem`).
@@ -27,9 +27,8 @@ from ..integrator import Integrator
 # Where inside a step torques are sampled: Chebyshev's points crowd at the ends, where a fall is
 # missed most easily.
 _SAMPLES = 0.5 * (1.0 - np.cos(np.pi * np.arange(1, 8) / 7))
-_LEAST_STEPS = (
-    150  # DOP853's interpolant is one order short of its steps: inside long ones it is what limits
-)
+# DOP853's interpolant is one order short of its steps: inside long ones it is what limits.
+_LEAST_STEPS = 150
 _FIT = 14  # degree of the polynomial on which the launch is looked for, step by step
 _AT_REST = 1e-8  # of the speed at a step's end: a start from rest is no launch
 _MOST_STOPS = 10  # all subsets are tried: 1024 of them
@@ -103,7 +102,7 @@ class ConstrainedMotion:
     def first_launch(
         self, velocity: Callable[[FloatArray], FloatArray], after: float | None
     ) -> Launch | None:
-        """The launch at 45 degrees of a point whose velocity(y) [m/s] is given, later than `after` [s] (None: never).
+        """The launch at 45 degrees of a point with velocity(y) [m/s], later than `after` [s].
 
         Its candidates are the real roots of a polynomial through Chebyshev's points of each step.
         """
@@ -139,7 +138,8 @@ def integrate(system: ConstrainedSystem, duration: float, tolerance: float) -> C
     """
     if len(system.stops) > _MOST_STOPS:
         raise SimulationError(
-            f"{len(system.stops)} stops touch at the start; at most {_MOST_STOPS} are followed here."
+            f"{len(system.stops)} stops touch at the start; at most {_MOST_STOPS} are followed "
+            "here."
         )
     t, y = 0.0, system.start
     releases: dict[str, float | None] = dict.fromkeys(system.stops)
@@ -237,7 +237,7 @@ def _downward_zero_crossing(
 def _active_contacts(
     system: ConstrainedSystem, y: FloatArray, touching: tuple[str, ...]
 ) -> tuple[str, ...]:
-    """The subset that is active while the rest opens, found by trying all of them, the largest first.
+    """The subset that is active while the rest opens, found by trying all, the largest first.
 
     Torques of the active and gap accelerations of the others must not be negative; by uniqueness of
     the complementarity problem's accelerations at most one motion fulfils that. Where rounding

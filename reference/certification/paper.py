@@ -1,4 +1,4 @@
-"""The paper's own Lagrangian, Eqs. (1) to (10): derived once more, and integrated as a third formulation.
+"""The paper's own Lagrangian, Eqs. (1) to (10), derived once more: a third formulation.
 
 Nothing here knows of `Mechanism`. SymPy (a test dependency) differentiates the Lagrangian as
 printed; the result must agree with :mod:`..equations` at any state. The paper's angles are ours;
@@ -100,7 +100,7 @@ class PaperEquations:
         sling_active: bool,
         hanger_active: bool,
     ) -> tuple[FloatArray, FloatArray]:
-        """Accelerations (n_q,), and the multipliers of the active constraints, G1 (sling) before G2 (hanger)."""
+        """Accelerations (n_q,), and multipliers of the active constraints, G1 (sling) first."""
         values = [getattr(parameters, name) for name in _PARAMETERS]
         mass, forces = (
             np.array(function(values, q, u), dtype=np.float64) for function in self._functions
@@ -155,7 +155,7 @@ class PaperSystem:
         )
 
     def projected(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
-        """The state itself: its constraints are linear, and the integrator keeps them to rounding."""
+        """The state itself: its linear constraints are kept to rounding."""
         return y
 
     def _solve(self, y: FloatArray, active: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
@@ -216,7 +216,7 @@ class PaperMotion:
         return self.motion.first_launch(velocity, self.release_times[SLING_REST])
 
     def _point(self, name: str, y: FloatArray, a: FloatArray) -> PointState:
-        """Eq. (4), (10): a length along the arm, and one along sling or hanger, differentiated twice."""
+        """Eq. (4), (10): lengths along the arm and along sling or hanger, differentiated twice."""
         p, (q, u) = self.system.parameters, np.split(y, 2)
         lengths = {
             PROJECTILE: (p.l1, p.r, 0.0),

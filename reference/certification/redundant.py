@@ -138,7 +138,7 @@ class RedundantSystem:
         return np.array([row[0] @ a - inward[0] for row, inward in gaps])
 
     def projected(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
-        """The nearest state, in the mass metric, that fulfils constraints and their rates to rounding."""
+        """The nearest state, in the mass metric, that fulfils constraints and their rates."""
         x, v = y[: self.n].copy(), y[self.n :]
         nothing = np.zeros(self.n)
         for _ in range(_PROJECTIONS):
@@ -152,7 +152,7 @@ class RedundantSystem:
         )
 
     def joint_errors(self, x: FloatArray) -> FloatArray:
-        """By how much each joint's rows are broken [m, rad]."""
+        """Errors of the joints' constraints [m, rad]."""
         return np.concatenate([self._held.values(x), self._rigid @ x - self._turned_by])
 
     def gap(self, x: FloatArray, name: str) -> float:
@@ -273,7 +273,7 @@ class RedundantSystem:
 
 
 def _components(mechanism: Mechanism, of: list[tuple[AnyJoint, complex]]) -> Components:
-    """Of the vectors from the parents' points to the children's; where all are held, in the world's directions."""
+    """Components of the vectors from the parents' points to the children's."""
     ends = [
         ((joint.child, joint.child_point), (joint.parent, joint.parent_point)) for joint, _ in of
     ]
@@ -330,7 +330,7 @@ _GAPS: ElementTable[Callable[[Mechanism, Any], _AngleGap | Components]] = Elemen
 
 @dataclass(frozen=True)
 class RedundantMotion:
-    """A motion in redundant coordinates, read in the mechanism's own; times are single floats [s]."""
+    """A redundant motion, read in the mechanism's own coordinates at single times [s]."""
 
     system: RedundantSystem
     motion: ConstrainedMotion
@@ -351,7 +351,7 @@ class RedundantMotion:
         return self.system.coordinates(y[: self.system.n]), self.system.speeds(y)
 
     def accelerations(self, t: float) -> FloatArray:
-        """Of the redundant coordinates, shape (3 n_bodies,)."""
+        """Accelerations of the redundant coordinates, shape (3 n_bodies,)."""
         return self.system.rates(self.motion.state(t), self.motion.active(t))[self.system.n :]
 
     def marker(self, name: str, t: float) -> PointState:
@@ -372,18 +372,14 @@ class RedundantMotion:
         return self.system.reactions(self.motion.state(t), self.motion.active(t))
 
     def drift(self, t: float) -> float:
-        """Largest error of a joint [m] or active gap [rad] on the dense output, before any projection."""
+        """Largest error of a joint [m] or active gap [rad] before any projection."""
         x = self.motion.raw_state(t)[: self.system.n]
         gaps = [abs(self.system.gap(x, name)) for name in self.motion.active(t)]
         return max([float(np.abs(self.system.joint_errors(x)).max()), *gaps])
 
-    @property
-    def launch(self) -> Launch | None:
-        """First fall of the projectile's velocity to 45 degrees after its body's stops have opened."""
-        return self._launch
-
     @cached_property
-    def _launch(self) -> Launch | None:
+    def launch(self) -> Launch | None:
+        """The launch at 45 degrees after the projectile's stops have opened."""
         mechanism = self.system.mechanism
         projectile = mechanism.marker("projectile")
         if projectile is None:
@@ -447,7 +443,7 @@ def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Ends:
-    """Both ends of m vectors, the one they lead to first: arrays (m, 2, 2), angular speeds (m, 2)."""
+    """Both ends of m vectors, the leading one first: arrays (m, 2, 2), spins (m, 2)."""
 
     centres: FloatArray
     arms: FloatArray
@@ -457,7 +453,7 @@ class _Ends:
 
     @property
     def places(self) -> FloatArray:
-        """Of the points, shape (m, 2, 2) [m]."""
+        """Places of the points, shape (m, 2, 2) [m]."""
         return self.centres + self.arms
 
     @property
@@ -468,7 +464,7 @@ class _Ends:
 
     @property
     def rates(self) -> FloatArray:
-        """Of the vectors, shape (m, 2) [m/s]."""
+        """Rates of the vectors, shape (m, 2) [m/s]."""
         speeds = self.speeds + self.spins[..., None] * right_angle(self.arms)
         return speeds[:, 0] - speeds[:, 1]
 
@@ -522,10 +518,8 @@ class Vectors:
             turning: which of the directions turn with the second body, shape (m,); none if left
                 out.
         """
-        rows, moments = (
-            np.zeros((len(self), self._n + 3)),
-            _dot(along[:, None], right_angle(ends.arms)),
-        )
+        rows = np.zeros((len(self), self._n + 3))
+        moments = _dot(along[:, None], right_angle(ends.arms))
         rows[self._number, self._columns[:, 0, :2]] = along
         rows[self._number[:, 0], self._columns[:, 0, 2]] = moments[:, 0]
         rows[self._number, self._columns[:, 1, :2]] -= along
@@ -568,7 +562,7 @@ class Components(Vectors):
         return self.rows(self.ends(x, x), self.along(x), self._turning)
 
     def derivatives(self, x: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The Jacobian, and minus the second derivatives without accelerations, shape (m,) [m/s^2]."""
+        """Jacobian, and minus the second derivatives without accelerations, (m,) [m/s^2]."""
         ends, along = self.ends(x, v), self.along(x)
         centripetal = _dot(along[:, None], ends.arms) * ends.spins**2
         inward = centripetal[:, 0] - centripetal[:, 1]
@@ -670,7 +664,7 @@ class AppliedCartesian:
         return -tension @ self._springs.rows(ends, along)
 
     def potential_energy(self, x: FloatArray) -> float:
-        """Of gravity, zero at the world's origin, and of the springs [J]."""
+        """Energy of gravity, zero at the world's origin, and of springs [J]."""
         energy = -float(self._weight @ x)
         if self._any:
             stiffness, _, rest = self._spring_data

@@ -1,4 +1,4 @@
-"""Arrays that carry their derivatives along several directions: forward differentiation without formulas of one's own.
+"""Arrays that carry their derivatives along several directions: forward differentiation.
 
 NumPy's functions, applied to such arrays, apply the chain rule (Griewank and Walther, Evaluating
 Derivatives, 2008, Chapter 3), so that what is written once for numbers gives derivatives as well,
@@ -28,7 +28,7 @@ class Dual(NDArrayOperatorsMixin):
         self.tangents: Any = tangents
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *operands: Any, **_: Any) -> Any:
-        """A result of its own: one that is to be written into an array of numbers takes that array's place."""
+        """A new array; one that is to be written into an array of numbers replaces that."""
         rule = _RULES.get(ufunc) if method == "__call__" else None
         return NotImplemented if rule is None else rule(*operands)
 
@@ -44,7 +44,7 @@ class Dual(NDArrayOperatorsMixin):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of the value."""
+        """Shape of the value."""
         return self.value.shape
 
     @property

@@ -24,9 +24,8 @@ from .dual import Dual
 from .variational import VariationalEquations, movable
 
 _TOUCHES = 1e-9  # [m], [rad] and their rates: of gaps and gap speeds at the start that are zero
-_MOVES = (
-    1e-9  # of the largest derivative: gaps, gap speeds and forces that change by less do not change
-)
+# Of the largest derivative: gaps, gap speeds and forces that change by less do not change.
+_MOVES = 1e-9
 _NO_FORCE = 1e-12  # of what the stop would carry if it took all forces on the mechanism
 
 
@@ -38,7 +37,7 @@ class Kink:
     t: float
     """[s]."""
     sides: FloatArray
-    """By direction: 1 where derivatives hold for steps along it, -1 for steps against it, 0 for both, shape (m,)."""
+    """Sides on which derivatives hold: 1 along a direction, -1 against it, 0 both; (m,)."""
     otherwise: str
     """What steps to the other side do, such as "strikes floor, which ..."."""
 
@@ -46,7 +45,7 @@ class Kink:
 def kinks_at_start(
     equations: VariationalEquations, q: Dual, u: Dual, taking_part: Sequence[str]
 ) -> list[Kink]:
-    """Of the stops that touch at the start and are left there.
+    """Kinks of the stops that touch at the start and are left there.
 
     Args:
         equations: of the motion.
@@ -78,7 +77,7 @@ def kinks_at_start(
 def kinks_of_kicks(
     equations: VariationalEquations, q: Dual, u: Dual, active: Sequence[str]
 ) -> list[Kink]:
-    """Of active stops that throw back all that strikes them: a step towards them never comes to rest.
+    """Kinks of active stops with restitution 1: a step towards them never comes to rest.
 
     Args:
         equations: of the motion.
@@ -100,7 +99,7 @@ def kinks_of_kicks(
 def kinks_along(
     equations: VariationalEquations, segment: Segment, ends: Sequence[tuple[Dual, Dual]]
 ) -> list[Kink]:
-    """Of the stops that are active without force over a whole segment.
+    """Kinks of the stops that are active without force over a whole segment.
 
     Args:
         segment: of the motion.
@@ -128,11 +127,9 @@ def _is_idle(equations: VariationalEquations, segment: Segment, name: str) -> bo
     k, angles = equations.n_loops + segment.closed.index(name), equations.kinematics.is_angle > 0
     for t in np.linspace(segment.start, segment.end, 3):
         q, u = np.asarray(segment.interpolant(t), dtype=np.float64).reshape(2, -1)
-        row, mass, forces = (
-            gap_jacobian(equations, q, (name,))[0],
-            equations.mass_matrix(q),
-            equations.forces(q, u),
-        )
+        row = gap_jacobian(equations, q, (name,))[0]
+        mass = equations.mass_matrix(q)
+        forces = equations.forces(q, u)
         mobility = float(row @ np.linalg.solve(mass, row))
         turning = float(u @ mass @ u) * np.abs(u[angles]).max(initial=0.0) ** 2
         size = np.sqrt((float(forces @ np.linalg.solve(mass, forces)) + turning) / mobility)
@@ -142,13 +139,13 @@ def _is_idle(equations: VariationalEquations, segment: Segment, name: str) -> bo
 
 
 def _signs(values: FloatArray, state: FloatArray) -> FloatArray:
-    """Of derivatives, 0 of those that are rounding of the state's, shape (m,)."""
+    """Signs of derivatives, 0 of those that are rounding of the state's, shape (m,)."""
     size = np.maximum(1.0, np.abs(state).max(axis=0))
     return np.where(np.abs(values) > _MOVES * size, np.sign(values), 0.0)
 
 
 def sides(kinks: Sequence[Kink], m: int) -> FloatArray:
-    """On which side of each direction derivatives hold: 1, -1, 0 for both, NaN for neither; shape (m,)."""
+    """Sides on which derivatives hold: 1, -1, 0 for both, NaN for neither; shape (m,)."""
     each = np.array([kink.sides for kink in kinks]).reshape(-1, m)
     both = (each > 0).any(axis=0) & (each < 0).any(axis=0)
     return np.where(both, np.nan, np.sign(each.sum(axis=0)))  # NaN stays
@@ -161,36 +158,29 @@ def one_sided(kinks: Sequence[Kink], names: Sequence[str]) -> list[str]:
         kinks: of a motion.
         names: of the directions, shape (m,).
     """
-    held, met = sides(kinks, len(names)), dict[str, list[int]]()
+    held = sides(kinks, len(names))
+    # Directions on which the same happens to the other side, by what that is.
+    alike: dict[str, list[int]] = {}
     for j in np.flatnonzero(held).tolist():
-        met.setdefault(
-            " and ".join(dict.fromkeys(kink.otherwise for kink in kinks if kink.sides[j])), []
-        ).append(j)
-    found: list[str] = []
-    for stops, these in met.items():
-        up, down, none = (
-            [names[j] for j in these if test(held[j])] for test in (_rises, _falls, np.isnan)
-        )
-        ways = [
-            f"{way} of {_listed(of)}"
-            for way, of in (("an increase", up), ("a decrease", down))
-            if of
-        ]
+        events = dict.fromkeys(kink.otherwise for kink in kinks if kink.sides[j])
+        alike.setdefault(" and ".join(events), []).append(j)
+    sentences: list[str] = []
+    for event, directions in alike.items():
+        up = [names[j] for j in directions if held[j] > 0]
+        down = [names[j] for j in directions if held[j] < 0]
+        neither = [names[j] for j in directions if np.isnan(held[j])]
+        ways: list[str] = []
+        if up:
+            ways.append(f"an increase of {_listed(up)}")
+        if down:
+            ways.append(f"a decrease of {_listed(down)}")
         if ways:
-            found.append(
-                f"derivatives hold one way only for {' and '.join(ways)}: the other way {stops}"
+            sentences.append(
+                f"derivatives hold one way only for {' and '.join(ways)}: the other way {event}"
             )
-        if none:
-            found.append(f"there is no derivative by {_listed(none)}: either way {stops}")
-    return found
-
-
-def _rises(side: float) -> bool:
-    return side > 0
-
-
-def _falls(side: float) -> bool:
-    return side < 0
+        if neither:
+            sentences.append(f"there is no derivative by {_listed(neither)}: either way {event}")
+    return sentences
 
 
 def _listed(names: Sequence[str]) -> str:

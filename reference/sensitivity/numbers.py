@@ -192,7 +192,7 @@ def _called(item: Spec) -> dict[str, str]:
 
 
 def _starts(mechanism: Mechanism) -> Iterator[PhysicalNumber]:
-    """Of the coordinates that loops let choose; the loops' others follow, and closed stops stay where they touch."""
+    """The coordinates that loops let choose; closed stops stay where they touch."""
     equations, q = Equations(mechanism), initial_state(mechanism)[0]
     closed = [stop for stop in mechanism.stops if stop.closed]
     jacobian = equations.constraint_jacobian(q, [stop.name for stop in closed])
@@ -228,16 +228,15 @@ def _possible(
     mechanism: Mechanism, found: list[PhysicalNumber]
 ) -> tuple[list[PhysicalNumber], list[str]]:
     """Without those that tear loops apart, whatever the start does."""
-    equations, q = (
-        VariationalEquations(mechanism, [number.direction for number in found]),
-        mechanism.start,
-    )
+    equations = VariationalEquations(mechanism, [number.direction for number in found])
+    q = mechanism.start
     start = Dual(np.array(q), equations.along_each("start", len(q)))
     torn = equations.misfits(
         start, movable(equations, [stop.name for stop in mechanism.stops if stop.closed])
     )
     sentences = [
-        f"there is no derivative by the {found[j].name}: a change of it alone would lock the mechanism or open a loop"
+        f"there is no derivative by the {found[j].name}: a change of it alone would lock the "
+        "mechanism or open a loop"
         for j in torn
     ]
     return [number for j, number in enumerate(found) if j not in torn], sentences

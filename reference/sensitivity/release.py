@@ -36,10 +36,10 @@ from .numbers import physical_numbers
 from .tangent import PointTangent, StateTangent, marker_tangent, state_tangent
 from .variational import Direction, VariationalEquations, moved, numbers
 
-_STEP = 1e-200  # of the complex step: its square is far below the smallest float, so nothing is truncated
+_STEP = 1e-200  # of the complex step: its square underflows, so nothing is truncated
 _SAME = 1e-14  # relative: the two formulas may round differently, by a few units in the last place
 _ORIGIN = "where ranges are measured from"
-_GRAZES = 1e-9  # relative: a release whose condition changes more slowly than this has no time that can be followed
+_GRAZES = 1e-9  # relative: the time of a release whose condition changes more slowly is lost
 
 
 @dataclass(frozen=True)
@@ -55,19 +55,20 @@ class Moment:
 
 @dataclass(frozen=True)
 class Sensitivities:
-    """Derivatives of a release with respect to parameters and start values, in SI units per SI unit."""
+    """Derivatives of a release by parameters and start values, in SI units per SI unit."""
 
     names: tuple[str, ...]
-    """Fields of `TrebuchetParameters`, then start speeds ("u_theta", ...), then start slides ("x_p0")."""
+    """`TrebuchetParameters`, start speeds ("u_theta", ...), start slides ("x_p0")."""
     values: FloatArray
     """Of each, shape (n,)."""
     launch_time: float
-    """When the projectile is let go: where nothing else is asked, its velocity coming down to 45 degrees [s]."""
+    """Time of the release, by default of the velocity's fall to 45 degrees [s]."""
     launch_speed: float
     """[m/s]."""
     range: float
-    """Where the projectile let go at the launch comes back to y = 0, or to the ground asked for, in vacuum: its x in
-    the world [m]; NaN where it never does (let go below it, too slow to rise to it) or gravity is
+    """Landing x in the world, in vacuum at y = 0 or the ground asked for [m].
+
+    NaN where it never lands (let go below the ground, too slow to rise to it) or gravity is
     not downwards."""
     d_launch_time: FloatArray
     d_launch_speed: FloatArray
@@ -76,9 +77,9 @@ class Sensitivities:
     d_range: FloatArray
     """Shape (n,)."""
     d_release_times: dict[str, FloatArray]
-    """Of every stop, shape (n,); NaN where it did not open between the start and the launch (or opened at t = 0)."""
+    """By stop, shape (n,); NaN where it did not open between the start and the launch."""
     one_sided: tuple[str, ...] = ()
-    """Sentences on those that hold for an increase or a decrease only, and on those that do not exist (NaN)."""
+    """Sentences on derivatives that hold one way only, or do not exist (NaN)."""
 
 
 def whipper_sensitivities(
@@ -115,8 +116,9 @@ def whipper_sensitivities(
     if solution.launch is None:
         spent = solution.problem.duration
         raise InputError(
-            f"the {mechanism.name!r} machine does not launch within duration = {spent:g} s: its projectile's "
-            "velocity never comes down to 45 degrees; another machine or a longer duration is needed."
+            f"the {mechanism.name!r} machine does not launch within duration = {spent:g} s: its "
+            "projectile's velocity never comes down to 45 degrees; another machine or a longer "
+            "duration is needed."
         )
     values = np.array([_value(mechanism, p, name) for name in directions])
     return _of_the_release(
@@ -216,7 +218,7 @@ def _of_the_release(
 def _with_origin(
     mechanism: Mechanism, joint: AnyJoint, directions: Sequence[Direction]
 ) -> tuple[Mechanism, list[dict[str, float]]]:
-    """The mechanism with a marker where a joint holds its child, which moves with the joint's numbers."""
+    """The mechanism with a marker where a joint holds its child, moving with its numbers."""
     marker, known = f"markers.{_ORIGIN}.point", f"joints.{joint.name}.child_point"
     moving = [
         dict(d) | {f"{marker}.{i}": d.get(f"{known}.{i}", 0.0) for i in (0, 1)} for d in directions
@@ -258,7 +260,7 @@ def release_time_tangent(
 def _sling(
     projectile: Projectile, equations: VariationalEquations, state: StateTangent
 ) -> tuple[float, FloatArray]:
-    """The sling angle's rate [rad/s], and its derivatives at a fixed time, shape (m,); it is linear in all numbers."""
+    """The sling angle's rate [rad/s], and its derivatives at a fixed time, shape (m,)."""
     names = projectile.body.name, projectile.arm or projectile.body.name
     angle = equations.kinematics.angle(*names)
     turned = [
@@ -283,7 +285,7 @@ def _landing(
     d_gravity: FloatArray,
     ground: float,
 ) -> tuple[float, FloatArray]:
-    """Where a thrown point comes down through y = ground in vacuum: x [m], and its derivatives, shape (m,)."""
+    """Landing x of a thrown point in vacuum [m], and its derivatives, shape (m,)."""
     (x, y), (vx, vy) = point.position, point.velocity
     squared = vy * vy + 2 * gravity * (y - ground)  # of the vertical speed at the ground
     if gravity == 0 or squared <= 0:
@@ -350,7 +352,7 @@ def parameter_directions(
 def _refuse_another_machine(
     build: Callable[[TrebuchetParameters], Mechanism], parameters: TrebuchetParameters
 ) -> None:
-    """Compare all numbers at these and at a second set of parameters, which shows what depends on them."""
+    """Compare all numbers at two sets of parameters, which shows what depends on them."""
     values = {name: float(getattr(parameters, name)) for name in TrebuchetParameters.model_fields}
     other = {name: value * 1.01 + 0.001 * (i + 1) for i, (name, value) in enumerate(values.items())}
     first = numbers(build(parameters))
@@ -361,7 +363,8 @@ def _refuse_another_machine(
             a, b = actual.get(name), expected.get(name)
             if a is None or b is None or abs(a - b) > _SAME * max(1.0, abs(a), abs(b)):
                 raise InputError(
-                    f"build makes {name} = {a!r} where the whipper trebuchet has {b!r}; sensitivities to its "
+                    f"build makes {name} = {a!r} where the whipper trebuchet has {b!r}; "
+                    "sensitivities to its "
                     "parameters are known for the fixed and the rolling machine."
                 )
 
@@ -369,7 +372,7 @@ def _refuse_another_machine(
 def sensitivities_of(
     performance: Performance, name: str | None = None, parameters: TrebuchetParameters | None = None
 ) -> tuple[tuple[Sensitivity, ...], tuple[str, ...]]:
-    """Derivatives of a throw's release, flying through vacuum: of a whipper by its parameters and start values.
+    """Derivatives of a throw's release in vacuum: of a whipper by parameters and start values.
 
     Of any other mechanism by all its physical numbers, those first of which one per cent moves the
     landing most.
@@ -391,10 +394,8 @@ def sensitivities_of(
         joint = origin(mechanism)
         known, sentences = physical_numbers(mechanism, performance.projectile.name)
         units = {each.name: each.unit for each in known}
-        values, directions = (
-            np.array([each.value for each in known]),
-            {each.name: each.direction for each in known},
-        )
+        values = np.array([each.value for each in known])
+        directions = {each.name: each.direction for each in known}
     else:
         p = parameters or TrebuchetParameters()
         directions = parameter_directions(lambda p: model(name, p), p) | _start_directions(
@@ -431,13 +432,13 @@ def _listed(found: Sensitivities, units: Mapping[str, str]) -> tuple[Sensitivity
 
 
 def _effect(each: Sensitivity) -> tuple[float, float]:
-    """To sort by: less what one per cent does to the range (to the speed where nothing lands), then one unit."""
+    """Sort key: the effect of one per cent on the range (or speed), then of one unit."""
     slope = abs(each.launch_speed if each.range is None else each.range)
     return -abs(each.value) * slope, -slope
 
 
 def _unit(name: str) -> str:
-    """Of a parameter, from its own description; of a start speed or start slide, by its name."""
+    """Unit of a parameter, from its description; of a start value, by its name."""
     if name in TrebuchetParameters.model_fields:
         unit = re.search(r"\[(.+)\]", TrebuchetParameters.model_fields[name].description or "")
         return unit.group(1) if unit else ""

@@ -1,4 +1,4 @@
-"""Derivatives of a motion's state and events along directions of the mechanism's numbers, through releases and impacts.
+"""Derivatives of a motion's state and events along directions, through releases and impacts.
 
 Forward variational equations (Hairer, Norsett and Wanner, Solving ODEs I, Sec. I.14) are integrated
 with the motion, from one event to the next. Nothing is differenced: see :mod:`.variational`. At an
@@ -30,7 +30,7 @@ from .kinks import Kink, kinks_along, kinks_at_start, kinks_of_kicks
 from .variational import VariationalEquations, movable
 
 TOLERANCE = 1e-13
-"""Local error bound of the tangents: identities are then exact to some 1e-10, at half the cost of the solver's own."""
+"""Local error bound: identities are then exact to some 1e-10, at half the solver's cost."""
 
 _SAME = 1e-6  # relative: speeds after an impact, and times of stops met at one instant, that agree
 
@@ -77,7 +77,7 @@ class PointTangent:
 def state_tangent(
     solution: Solution, equations: VariationalEquations, t: float, tol: float = TOLERANCE
 ) -> StateTangent:
-    """Derivatives of the state at a fixed time t [s], and of the events before it, for any mechanism.
+    """Derivatives of the state at a fixed time t [s], and of the events before it.
 
     Args:
         solution: the motion.
@@ -94,7 +94,8 @@ def state_tangent(
     """
     if not 0 <= t <= solution.segments[-1].end:
         raise InputError(
-            f"t = {t:g} s lies outside the solution, which covers 0 to {solution.segments[-1].end:.6g} s."
+            f"t = {t:g} s lies outside the solution, which covers 0 to "
+            f"{solution.segments[-1].end:.6g} s."
         )
     _refuse_singular(solution, t)
     with one_thread():
@@ -105,8 +106,8 @@ def _refuse_singular(solution: Solution, t: float) -> None:
     for passage in solution.singular_passages:
         if passage.time <= t:
             raise UnsupportedProblemError(
-                f"the motion passes a singular position at t = {passage.time:.6g} s; its derivative is known before it "
-                "only."
+                f"the motion passes a singular position at t = {passage.time:.6g} s; its "
+                "derivative is known before it only."
             )
 
 
@@ -173,7 +174,7 @@ class _Along:
         return q, u
 
     def _impulses(self, t: float) -> dict[str, float]:
-        """Of the impact at t [s], by stop that acts on the motion; none if there is none.
+        """Impulses of the impact at t [s], by stop that acts on the motion; none without one.
 
         Raises:
             UnsupportedProblemError: there are several.
@@ -290,8 +291,8 @@ class _Along:
 
 def _not_smooth(t: float, why: str) -> UnsupportedProblemError:
     return UnsupportedProblemError(
-        f"the motion does not depend smoothly on its numbers after t = {t:.6g} s: {why}; derivatives are known before "
-        "it only."
+        f"the motion does not depend smoothly on its numbers after t = {t:.6g} s: {why}; "
+        "derivatives are known before it only."
     )
 
 

@@ -1,4 +1,4 @@
-r"""Variational equations: how accelerations, multipliers and impacts change with the state and the mechanism's data.
+r"""Variational equations: derivatives of accelerations, multipliers and impacts.
 
 With the state (q, u) and the data p along a direction as dual numbers (:mod:`.dual`), the
 functions of :mod:`..equations` give mass matrix, forces and constraints with their derivatives,
@@ -40,7 +40,7 @@ from ..equations import Equations, kkt_matrix, least_step
 from .dual import Dual, value_of
 
 Direction = Mapping[str, float]
-_FITS = 1e-9  # how well a direction must move closed stops and loops along, per unit of the direction's own size
+_FITS = 1e-9  # per unit of a direction: how well it must move closed stops and loops along
 _STEPS = (-2.0, -1.0, 1.0, 2.0)
 # Of the odd parts at one and two steps h = 1: exact for x and for sin x, and 0 for x^2 and cos x.
 _WEIGHTS = np.linalg.solve([[2.0, 4.0], [2 * np.sin(1.0), 2 * np.sin(2.0)]], [1.0, 1.0])[
@@ -69,7 +69,7 @@ def moved(mechanism: Mechanism, direction: Direction, step: float = 1.0) -> Mech
 
 
 def consistent_direction(mechanism: Mechanism, direction: Direction) -> dict[str, float]:
-    """The direction with the nearest change of the start that keeps loops closed and closed stops touching.
+    """The direction with the least change of the start that keeps its constraints.
 
     Of a stop whose gap the loops alone fix, the gap changes with the direction, whatever the start.
     Speeds need no
@@ -91,10 +91,8 @@ def consistent_directions(
     dq = equations.along_each("start", len(q))
     jacobian = equations.constraint_jacobian(q, closed)
     if len(jacobian):
-        residuals, rank = (
-            equations.residual_tangents(Dual(q, dq), closed),
-            equations.rank(q, closed),
-        )
+        residuals = equations.residual_tangents(Dual(q, dq), closed)
+        rank = equations.rank(q, closed)
         dq = dq - np.stack(
             [least_step(jacobian, residual, rank) for residual in residuals.T], axis=1
         )
@@ -145,7 +143,7 @@ def _moved(value: object, path: str, direction: Direction, step: float) -> objec
 
 @dataclass(frozen=True)
 class Data:
-    """What the equations of motion are made of; numbers and arrays, or Duals of them. Symbols as in `Equations`."""
+    """Data of the equations of motion: numbers and arrays, or Duals; symbols as in `Equations`."""
 
     products: Any
     weights: Any
@@ -159,7 +157,7 @@ class Data:
 
     @classmethod
     def of(cls, mechanism: Mechanism) -> Data:
-        """As numbers."""
+        """Data of a mechanism as numbers."""
         equations = _Open(mechanism)
         kinematics = equations.kinematics
         applied = AppliedForces(kinematics)
@@ -177,7 +175,7 @@ class Data:
 
     @classmethod
     def along(cls, mechanism: Mechanism, directions: Sequence[Direction]) -> Data:
-        """With the derivatives along directions, where there are any."""
+        """Data with the derivatives along directions, where there are any."""
         names = sorted(
             {name for direction in directions for name, value in direction.items() if value}
         )
@@ -255,7 +253,7 @@ class DualEquations(Equations):
             vars(self._applied).update(lifted)
 
     def constraint_jacobian(self, q: Any, closed: Sequence[str]) -> Any:
-        """As that of `Equations`."""
+        """Constraint Jacobian, as that of `Equations`."""
         return self._jacobian_of(q, self._rates(q), closed)
 
     def _jacobian_of(self, q: Any, rates: Any, closed: Sequence[str]) -> Any:
@@ -309,7 +307,7 @@ class VariationalEquations(Equations):
 
     @property
     def data(self) -> Data:
-        """With the derivatives along the directions."""
+        """Data with the derivatives along the directions."""
         return self._dual.data
 
     def along(self, path: str) -> FloatArray:
@@ -321,11 +319,11 @@ class VariationalEquations(Equations):
         return np.array([self.along(f"{path}.{i}") for i in range(n)])
 
     def residual_tangents(self, q: Dual, closed: Sequence[str]) -> FloatArray:
-        """Derivatives of the loop closures and of the gaps of closed stops, shape (n_constraints, m)."""
+        """Derivatives of loop closures and gaps of closed stops, shape (n_constraints, m)."""
         return _tangents(self._dual.residual(q, closed), len(self.directions))
 
     def gap_tangents(self, q: Dual, u: Dual, stop: str) -> tuple[FloatArray, FloatArray, float]:
-        """Derivatives of a stop's gap and of its gap speed, shape (m,) each, and that speed [its speed_unit]."""
+        """Derivatives of a stop's gap and gap speed, shape (m,) each, and that speed."""
         speed = (self._dual.constraint_jacobian(q, (stop,)) @ u)[-1]
         return (
             self.residual_tangents(q, (stop,))[-1],
@@ -365,8 +363,9 @@ class VariationalEquations(Equations):
         misfits = np.abs(self.residual_tangents(q, closed)).max(axis=0, initial=0.0)
         for j in self.misfits(q, closed, fits):
             raise InputError(
-                f"{self._names[j]} moves {what} off its closed stops {tuple(closed)} or loops by {misfits[j]:.3g} per "
-                "unit; a motion is not differentiable there: move the stop's limit (or the joint) along."
+                f"{self._names[j]} moves {what} off its closed stops {tuple(closed)} or loops by "
+                f"{misfits[j]:.3g} per unit; a motion is not differentiable there: move the stop's "
+                "limit (or the joint) along."
             )
 
     def misfits(self, q: Dual, closed: Sequence[str], fits: float = _FITS) -> list[int]:
@@ -377,13 +376,13 @@ class VariationalEquations(Equations):
         ).tolist()
 
     def accelerations(self, q: Dual, u: Dual, closed: Sequence[str]) -> tuple[Dual, Dual]:
-        """Accelerations and multipliers of a state, with their derivatives; of multipliers where they are unique."""
+        """Accelerations and multipliers of a state, with their derivatives (where unique)."""
         return self._accelerations(self._dual, q, u, closed)
 
     def rates(
         self, q: FloatArray, u: FloatArray, closed: Sequence[str]
     ) -> tuple[FloatArray, FloatArray]:
-        """Time derivatives of accelerations and multipliers along the motion, shapes (n_q,) and (n_constraints,)."""
+        """Time derivatives of accelerations (n_q,) and multipliers (n_constraints,)."""
         a = self.solve(q, u, closed)[0]
         da, rate = self._accelerations(
             self._still, Dual(q, u[:, None]), Dual(u, a[:, None]), closed
@@ -398,7 +397,7 @@ class VariationalEquations(Equations):
     def impact(
         self, q: Any, u: Any, taking_part: Sequence[str], restitution: Mapping[str, Any]
     ) -> tuple[Dual, Dual]:
-        """Speeds after an impact, and impulses of the loops and of the stops that take part, with their derivatives.
+        """Speeds after an impact, and the impulses, with their derivatives.
 
         Args:
             q, u: the state before, Duals; its derivatives are those on the impact's side.
@@ -430,7 +429,7 @@ class VariationalEquations(Equations):
         return Dual(x, tangents[:n_q]), Dual(multipliers, rows.T @ tangents[n_q:])
 
     def _independent(self, q: FloatArray, closed: Sequence[str]) -> FloatArray:
-        """Combinations of the constraints that are independent; they may be taken as constant at one state."""
+        """Independent combinations of the constraints, constant at one state."""
         basis = self.basis(q, closed)
         return np.eye(self.n_loops + len(closed)) if basis is None else basis.rows
 

@@ -1,1 +1,1 @@
-"""The reference motion by an adaptive Taylor integrator (heyoka, optional): an independent integrator."""
+"""The reference motion by heyoka's adaptive Taylor integrator (optional)."""

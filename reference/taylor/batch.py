@@ -44,7 +44,7 @@ _CHUNK = 4096  # machines whose numbers are held at a time
 
 @dataclass(frozen=True)
 class BatchLaunches:
-    """Launches of n machines; NaN where a stop did not open before the launch, or a machine did not launch."""
+    """Launches of n machines; NaN where a stop did not open, or a machine did not launch."""
 
     release_times: Mapping[str, FloatArray]
     """[s], each of shape (n,)."""
@@ -59,14 +59,14 @@ class BatchLaunches:
     u: FloatArray
     """At the launch, shape (n, n_q) [rad/s or m/s]."""
     failures: Mapping[int, str] = field(default_factory=dict[int, str])
-    """Of the machines whose motion is not known up to a launch or the duration: index, and one sentence that says why.
+    """Index of machines whose motion is not known so far, and a sentence that says why.
 
     They are not among those launched.
     """
 
     @property
     def speed(self) -> FloatArray:
-        """Of the projectile at the launch [m/s], shape (n,)."""
+        """Speed of the projectile at the launch [m/s], shape (n,)."""
         return np.hypot(self.velocity[:, 0], self.velocity[:, 1])
 
 
@@ -121,7 +121,7 @@ def _joined(parts: Sequence[BatchLaunches]) -> BatchLaunches:
 
 
 class _Kind:
-    """What all machines of a batch have in common with the first one."""
+    """Properties that all machines of a batch share with the first one."""
 
     def __init__(self, first: Mechanism, duration: float) -> None:
         self.name, self.problem, self._what = first.name, Problem(first, duration), self._of(first)
@@ -131,7 +131,7 @@ class _Kind:
             )
 
     def problem_of(self, mechanism: Mechanism) -> Problem:
-        """Of a valid mechanism, or of stacked ones: not validated again, which takes as long as to integrate it."""
+        """Problem of a valid mechanism: not validated again, which takes as long as its motion."""
         return self.problem.model_copy(update={"mechanism": mechanism})
 
     def refuse_other(self, mechanism: Mechanism, index: int) -> None:
@@ -142,7 +142,8 @@ class _Kind:
     def refusal(self, mechanism: Mechanism, index: int) -> InputError:
         """One sentence for a machine of another kind."""
         return InputError(
-            f"mechanisms[{index}] ({mechanism.name!r}) differs from the first ({self.name!r}) in its coordinates, "
+            f"mechanisms[{index}] ({mechanism.name!r}) differs from the first ({self.name!r}) in "
+            "its coordinates, "
             "stops, loops, force elements or projectile; a batch needs machines of one kind."
         )
 
@@ -177,10 +178,8 @@ class _Machines:
         self.parameters = np.zeros((self.structure.n_parameters, n))
         self.parameters[: self.structure.n_numbers] = numbers[:, np.array(self.structure.present)].T
         self.states, self.speed_scales = np.empty((2 * n_q, n)), np.empty(n)
-        self.projectiles, self.plain = (
-            np.empty((n, n_q), dtype=np.complex128),
-            np.empty(n, dtype=bool),
-        )
+        self.projectiles = np.empty((n, n_q), dtype=np.complex128)
+        self.plain = np.empty(n, dtype=bool)
         for indices, problem, kinematics in groups:
             projectile = projectile_row(problem.mechanism, kinematics)
             self.states[:, indices] = np.concatenate(initial_state(problem.mechanism), axis=-1).T
@@ -197,7 +196,7 @@ class _Machines:
         first: int,
         before: Structure | None,
     ) -> FloatArray:
-        """All numbers, shape (n, n_numbers); the structure has those that any machine has, or had before."""
+        """All numbers, shape (n, n_numbers); the structure has those that any machine has."""
         none = np.zeros(0, dtype=bool)
         structures = [structure_of(problem, kinematics, none) for _, problem, kinematics in groups]
         if before is not None:
@@ -220,7 +219,7 @@ class _Machines:
         return numbers
 
     def _begin(self) -> None:
-        """All touching stops active but one that would have to pull; other starts are taken one by one."""
+        """All touching stops active but one that would have to pull; other starts one by one."""
         active = self.structure.active
         self.parameters[active] = 1.0
         if self.stops:
@@ -249,11 +248,11 @@ class _Machines:
         return np.asarray(torque_function(self.structure, np.float64)(self.states, pars=parameters))
 
     def problem(self, i: int) -> Problem:
-        """Of one machine."""
+        """Problem of one machine."""
         return self.kind.problem_of(self.mechanisms[i])
 
     def velocity(self, i: int, state: FloatArray) -> FloatArray:
-        """Of the projectile of machine i [m/s], shape (2,)."""
+        """Velocity of the projectile of machine i [m/s], shape (2,)."""
         n_q, row = self.structure.n_q, PointCoefficients(0j, self.projectiles[i])
         return self.kinematics.velocity(row, state[:n_q], state[n_q:])
 
@@ -316,7 +315,7 @@ class _Lanes:
         return BatchLaunches(releases, launched, self.time, self.velocity, q, u, self.failures)
 
     def _solve_alone(self, i: int) -> None:
-        """A machine that the lanes cannot take on: through singular positions, or to a sentence why not."""
+        """Solve a machine that the lanes cannot take, or note why it cannot be solved."""
         self.releases[i] = np.nan
         try:
             found = taylor_quantities(self.machines.problem(i), "double", self.tolerance)
@@ -330,7 +329,7 @@ class _Lanes:
             self.at_launch[i] = np.concatenate([found.launch_q, found.launch_u])
 
     def _load(self, lane: int) -> None:
-        """Give a lane the next machine; without one it takes the last again, and its results are ignored."""
+        """Give a lane the next machine; without one, the last again, whose results are ignored."""
         self.machine[lane] = next(self.waiting, -1)
         i = self.last if self.machine[lane] < 0 else self.machine[lane]
         self.state[:-1, lane] = self.machines.states[:, i]
@@ -373,11 +372,9 @@ class _Lanes:
 
     def _is_launch(self, lane: int) -> bool:
         """Record a launch, if it is one: not the opposite direction, nor a start from rest."""
-        i, time, state = (
-            self.machine[lane],
-            float(self.integrator.time[lane]),
-            self.state[:-1, lane].copy(),
-        )
+        i = self.machine[lane]
+        time = float(self.integrator.time[lane])
+        state = self.state[:-1, lane].copy()
         velocity = self.machines.velocity(i, state)
         if not is_launch(velocity, scale=self.machines.speed_scales[i]):
             return False
@@ -450,7 +447,7 @@ class RankGuard:
         return values.T.reshape(q.shape[1], -1, self._structure.n_q)
 
     def _least(self, q: FloatArray, parameters: FloatArray, machines: Any) -> FloatArray:
-        """Least singular value of the active constraints, without units, at q (n_q, samples, n): (samples, n)."""
+        """Least singular value of the active constraints at q (n_q, samples, n): (samples, n)."""
         jacobian = self._jacobian(q.reshape(len(q), -1), np.tile(parameters, q.shape[1]))
         stops = parameters[self._structure.active].T > 0
         active = np.concatenate(
@@ -468,7 +465,7 @@ _PARTS = ("bodies", "joints", "stops", "markers", "force_elements")
 
 
 def stacked(mechanisms: Sequence[Mechanism]) -> Iterator[tuple[IndexArray, Mechanism]]:
-    """Indices of the mechanisms of each kind, and these mechanisms as one; in the order of the first of each kind.
+    """Indices of the mechanisms of each kind, and these mechanisms as one.
 
     Mechanisms are of one kind if they differ in their numbers and in their own name alone. A
     stacked mechanism is for :class:`...models.kinematics.Kinematics` alone, whose arrays then have
@@ -503,7 +500,7 @@ def _stacked(parts: Sequence[Spec]) -> Spec:
 
 
 def _columns(specs: Sequence[Spec]) -> dict[str, Any]:
-    """Each number of objects of a class as an array over them, NaN where there is none; of vectors each component."""
+    """Numbers of objects of a class as arrays over them; of vectors each component."""
     columns: dict[str, Any] = {}
     for name in _numbers(type(specs[0])):
         column = np.array([getattr(spec, name) for spec in specs], dtype=np.float64)

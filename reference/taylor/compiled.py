@@ -14,9 +14,8 @@ from .expressions import TaylorSystem, heyoka
 from .numbers import RealType, Structure
 
 _KEPT = 32  # compiled systems; one takes about a megabyte and a second
-_UNROLLED = (
-    90  # products of one evaluation: to compile more without loops takes longer than it saves
-)
+# Products of one evaluation: to compile more without loops takes longer than it saves.
+_UNROLLED = 90
 
 
 def _is_compact(system: TaylorSystem) -> bool:
@@ -24,7 +23,7 @@ def _is_compact(system: TaylorSystem) -> bool:
 
 
 class _Pool:
-    """Integrators of one kind that are not in use: lending is re-entrant and safe between threads."""
+    """Idle integrators of one kind; lending is re-entrant and safe between threads."""
 
     def __init__(self, make: Callable[[], Any]) -> None:
         self._prototype = make()
@@ -73,10 +72,8 @@ def batch_pool(structure: Structure, tolerance: float, lanes: int) -> _Pool:
         hy, system = heyoka(), TaylorSystem(structure)
         falls = hy.event_direction.negative
         events = [hy.t_event_batch(function, direction=falls) for function in system.events]
-        state, pars = (
-            np.zeros((structure.n_states, lanes)),
-            np.ones((structure.n_parameters, lanes)),
-        )
+        state = np.zeros((structure.n_states, lanes))
+        pars = np.ones((structure.n_parameters, lanes))
         compact = _is_compact(system)
         return hy.taylor_adaptive_batch(
             system.rates, state, pars=pars, t_events=events, tol=tolerance, compact_mode=compact
@@ -87,14 +84,14 @@ def batch_pool(structure: Structure, tolerance: float, lanes: int) -> _Pool:
 
 @lru_cache(_KEPT)
 def jacobian_function(structure: Structure) -> Any:
-    """Jacobian of all constraints, row by row: f(q, pars=...), shapes (n_q, n) -> (n_constraints * n_q, n)."""
+    """Jacobian of all constraints: f(q, pars=...), (n_q, n) -> (n_constraints * n_q, n)."""
     system = TaylorSystem(structure)
     return heyoka().cfunc(system.jacobian, system.q, compact_mode=_is_compact(system))
 
 
 @lru_cache(_KEPT)
 def torque_function(structure: Structure, real: RealType) -> Any:
-    """Stop torques: f(state, pars=...), shapes (2 n_q,) or (2 n_q, n); the parameters end with the active switches."""
+    """Stop torques: f(state, pars=...), (2 n_q,) or (2 n_q, n); active switches end pars."""
     hy, system = heyoka(), TaylorSystem(structure)
     return hy.cfunc(
         system.torques, [*system.q, *system.u], fp_type=real, compact_mode=_is_compact(system)

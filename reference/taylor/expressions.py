@@ -42,12 +42,13 @@ def heyoka() -> Any:
         return importlib.import_module("heyoka")
     except ImportError:
         raise EngineNotInstalledError(
-            "the Taylor integrator needs heyoka, which is not installed here; on Linux `pip install heyoka` brings it."
+            "the Taylor integrator needs heyoka, which is not installed here; on Linux `pip "
+            "install heyoka` brings it."
         ) from None
 
 
 class TaylorSystem:
-    """Expressions of a structure: accelerations, stop torques, and functions that fall through zero at events."""
+    """Expressions of a structure: accelerations, stop torques and event functions."""
 
     def __init__(self, structure: Structure) -> None:
         self.structure = structure
@@ -83,7 +84,7 @@ class TaylorSystem:
 
     @cached_property
     def events(self) -> list[Any]:
-        """Falls through zero at an event: one for each stop (1 where it has no event), then the launch."""
+        """Event functions, falling through zero: one a stop (1 without event), then the launch."""
         functions: list[Any] = []
         for k, torque in enumerate(self.torques):
             active = self._par(self.structure.active.start + k)
@@ -116,7 +117,7 @@ class TaylorSystem:
         return sections
 
     def _wave(self, section: str, at: tuple[int, ...], i: int, j: int | None = None) -> Pair:
-        """Re and Im of z e^{i(p_i - p_j)}, the phases p of an angle itself, of a slide that of its line (if any)."""
+        """Re and Im of z e^{i(p_i - p_j)}, the phase p an angle itself, of a slide its line's."""
         real, imaginary = (self._numbers[section][(part, *at)] for part in (0, 1))
         if real is None and imaginary is None:
             return None, None
@@ -161,7 +162,7 @@ class TaylorSystem:
         return found
 
     def _component(self, section: str, *at: int) -> tuple[list[Any], Any]:
-        """Gradient of a row of waves, and minus what its second derivative is without accelerations."""
+        """Gradient of a row of waves, and minus its second derivative without accelerations."""
         waves = [self._wave(section, (*at, j), j) for j in range(self.structure.n_q)]
         gradient = [wave[0] for wave in waves]
         for k, c in self.structure.carried:
@@ -173,7 +174,7 @@ class TaylorSystem:
         return gradient, total(inward)
 
     def _vector(self, section: str, offsets: str, at: int) -> Vector:
-        """A vector between points, from the waves z of its parts: i Im(z) + Re(z) conjugated is d/dq of an angle's."""
+        """A vector between points from its parts' waves z; Re z - i Im z is an angle's d/dq."""
         s = self.structure
         waves = [self._wave(section, (at, j), j) for j in range(s.n_q)]
         gradient: list[Pair] = [(real, minus(imaginary)) for real, imaginary in waves]
@@ -203,7 +204,7 @@ class TaylorSystem:
         return total([*turned, limit])
 
     def _gap_term(self, point: int, j: int) -> Any:
-        """The term of one coordinate in a point stop's gap: Im of its gradient's wave; of a slide, itself times Re."""
+        """Coordinate's term in a point stop's gap: Im of its wave; a slide's is itself times Re."""
         real, imaginary = self._wave("points", (point, j), j)
         return times(real, self.q[j]) if j >= self.structure.n_angles else imaginary
 
@@ -225,7 +226,7 @@ class TaylorSystem:
         )
 
     def _line(self, number: int, body: int) -> tuple[list[Any], Any, Any]:
-        """Gradient of a component in a direction that turns, minus its second derivative, and the component itself."""
+        """Component in a direction that turns: gradient, minus second derivative, value."""
         vector = self._vector("lines", "line_offsets", number)
         real, imaginary = (self._numbers["directions"][part, number] for part in (0, 1))
         along = multiplied((real, minus(imaginary)), self._phase(body, None))
@@ -275,7 +276,7 @@ class TaylorSystem:
 
     @cached_property
     def operations(self) -> int:
-        """About how many products one evaluation takes: of the elimination, and three of each wave."""
+        """Estimated products of one evaluation: of the elimination, and three of each wave."""
         return self._order[1] + 3 * len(self._cosines)
 
     @cached_property
@@ -321,7 +322,7 @@ class TaylorSystem:
         return matrix, [total(terms) for terms in forces]
 
     def _mass_terms(self, i: int, j: int, wave: Pair) -> Iterator[tuple[int, int, Any]]:
-        """Entries of the mass matrix that an entry of H makes, i <= j: its own, and slides' on turning lines."""
+        """Entries of the mass matrix that an entry of H makes, i <= j, with slides on lines."""
         real, imaginary = wave
         yield i, j, real
         turning = dict(self.structure.carried)
@@ -532,18 +533,18 @@ def solve_ldl(matrix: Matrix, right: Sequence[Any], order: Sequence[int]) -> lis
 
 
 MOST_PRODUCTS = 3000
-"""Of one evaluation. Compilation and steps take time in proportion to them, which grow with the cube of the length of
-a chain; DOP853's evaluations are one call of LAPACK. A chain of 20 rods has 2550."""
+"""Limit of one evaluation's products, to which compilation and steps take time in proportion.
+
+They grow with the cube of the length of a chain (20 rods have 2550), while an evaluation of DOP853
+is one call of LAPACK."""
 
 
 def why_not_taylor(problem: Problem) -> str | None:
-    """Why "auto" integrates a problem with DOP853, half a sentence; None where it takes Taylor series."""
+    """Reason for "auto" to take DOP853, half a sentence; None where it takes Taylor series."""
     if importlib.util.find_spec("heyoka") is None:
         return "heyoka is not installed"
-    mechanism, closed = (
-        problem.mechanism,
-        [stop.name for stop in problem.mechanism.stops if stop.closed],
-    )
+    mechanism = problem.mechanism
+    closed = [stop.name for stop in problem.mechanism.stops if stop.closed]
     if Equations(mechanism).basis(np.array(mechanism.start), closed) is not None:
         return "its constraints depend on each other"
     kinematics = Kinematics(mechanism)

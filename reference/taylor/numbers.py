@@ -1,4 +1,4 @@
-r"""A machine for the Taylor integrator: a vector of numbers, and the structure that says which of them are zero.
+r"""A machine for the Taylor integrator: a vector of numbers, and which of them are zero.
 
 All that :mod:`..equations` computes with complex rates is a sum of real waves Re(z e^{i phase})
 with constant z:
@@ -50,15 +50,15 @@ Real = NDArray[np.floating[Any]]
 Complex = NDArray[np.complexfloating[Any, Any]]
 RealType = type[np.float64] | type[np.longdouble]
 Row = tuple[int, ...] | int | None
-"""Gradient of a constraint: constant, on angles; of a point's component along a line that turns with the angle of that
-number; or None, of a component in a direction that does not turn: a row of waves."""
+"""Gradient of a constraint: constant, on angles; the number of the angle with which the line of a
+point's component turns; or None, of a direction that does not turn: a row of waves."""
 
 PROJECTILE = "projectile"
 
 
 @dataclass(frozen=True)
 class Structure:
-    """What a compiled integrator depends on: sizes, stops, and which numbers are zero."""
+    """Structure that a compiled integrator depends on: sizes, stops, and which numbers are zero."""
 
     n_angles: int
     n_slides: int
@@ -101,7 +101,7 @@ class Structure:
 
     @property
     def sections(self) -> dict[str, tuple[int, ...]]:
-        """Names and shapes of what the numbers are, in their order; the first axis is real, imaginary."""
+        """Names and shapes of the sections of numbers; the first axis is real, imaginary."""
         n_q, lines = self.n_q, sum(isinstance(row, int) for row in self.loop_rows + self.gap_rows)
         waves: dict[str, tuple[int, ...]] = {"products": (n_q, n_q), "weights": (n_q,)}
         waves |= {
@@ -242,7 +242,7 @@ def _senses(angle: AngleFunction) -> tuple[int, ...]:
 
 
 def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real:
-    """All numbers of a machine as one vector, computed in the precision asked for; order as in `Structure.sections`.
+    """All numbers of a machine as one vector, in this precision, ordered as `sections`.
 
     Of stacked machines (:func:`.batch.stacked`) one vector for each, shape (n, n_numbers).
     """
@@ -331,7 +331,7 @@ def _wide(values: NDArray[np.complex128], real: RealType) -> Complex:
 
 
 def _waves(rows: Complex, kinematics: Kinematics, vectors: bool = False) -> Complex:
-    """Waves z with Re(row w') = Re(z e^{iq}) for an angle, w' = -i e^{-iq}, and Re(z) for a slide, w' = 1.
+    """Waves z with Re(row w') = Re(z e^{iq}) of an angle, w' = -i e^{-iq}; of a slide Re(z).
 
     Args:
         vectors: whether both parts of row w' are needed; of a slide on a line that turns they

@@ -1,4 +1,4 @@
-"""The reference motion by an adaptive Taylor integrator: an integrator and an event finder of their own.
+"""The reference motion by an adaptive Taylor integrator with event finding of its own.
 
 heyoka (Biscani and Izzo, MNRAS 504 (2021) 2614) expands the motion into its Taylor series at every
 step and finds releases, closings and the launch as roots of polynomials. What happens *at* an event
@@ -43,7 +43,7 @@ _MAX_EVENTS = 10_000
 _ROUNDING = 1e-12  # [rad] a gap this little off zero may be zero
 _STANDING = 1e-9  # [rad/s] a gap speed below this is rounding
 _CLEAR = 1e-13  # [rad] a gap this wide is clearly open
-_DRIFT = 1e-10  # [rad] how far below zero a gap may be: an active stop, or a rebound too small to be followed
+_DRIFT = 1e-10  # [rad] how far below zero a gap may be: active, or a rebound too small to follow
 _OPENING = 1e-4  # [s] by then a gap that opens with the cube of time is some 1e-12 rad wide
 
 
@@ -89,7 +89,7 @@ def solve_taylor(
 
 @dataclass(frozen=True)
 class TaylorQuantities:
-    """A throw's figures in the precision they were computed in (`numpy.longdouble` for "extended")."""
+    """A throw's figures in the precision of their computation."""
 
     precision: Precision
     release_times: Mapping[str, np.floating[Any] | None]
@@ -185,7 +185,7 @@ class _Integration:
         self.segments: list[Segment] = []
         self.launched: _State | None = None
         self.steps = self.order = 0
-        self.crossings = Crossings(self.equations, self.active_set)
+        self.last_crossing: tuple[PostEventState, Crossing] | None = None
         self.begun = self.active_set.begin()
         refuse_dependent(self.equations, self.begun.q, self.begun.closed, "the Taylor integrator")
 
@@ -205,7 +205,8 @@ class _Integration:
                 n_events += 1
                 if n_events > _MAX_EVENTS:
                     raise SimulationError(
-                        f"the reference met more than {_MAX_EVENTS} events by t = {initial.t:.6g} s."
+                        f"the reference met more than {_MAX_EVENTS} events by t = {initial.t:.6g} "
+                        "s."
                     )
 
     def start_torques(self) -> dict[str, np.floating[Any]]:
@@ -277,9 +278,9 @@ class _Integration:
     def _step_to_event(
         self, integrator: Any, initial: PostEventState, until: float, record: bool
     ) -> int | None:
-        """Integrate to the first stop's event or the launch, and say which; None if there is none until then."""
+        """Integrate to the first stop's event or the launch, and say which; None without one."""
         while True:
-            start, crossing = float(integrator.time), self.crossings.of(initial)
+            start, crossing = float(integrator.time), self._crossing(initial)
             result = integrator.propagate_until(
                 self.real(until), c_output=record, callback=crossing
             )
@@ -296,6 +297,16 @@ class _Integration:
             if index != len(self.stops) or self._is_launch(integrator):
                 return index
 
+    def _crossing(self, initial: PostEventState) -> Crossing | None:
+        """Crossing of the active set after a state; None without loops, which may lose rank."""
+        if not self.equations.n_loops:
+            return None
+        if self.last_crossing is None or self.last_crossing[0] is not initial:
+            functions = self.active_set.event_functions(initial)
+            finder = EventFinder(self.equations, initial, functions)
+            self.last_crossing = initial, Crossing(self.equations, initial, finder)
+        return self.last_crossing[1]
+
     def _cross(
         self,
         integrator: Any,
@@ -304,7 +315,7 @@ class _Integration:
         until: float,
         record: bool,
     ) -> int | None:
-        """Cross a singular position, to a stop's event there, and say which; None if there is none."""
+        """Cross a singular position, to a stop's event there, and say which; None without one."""
         launches = self.structure.throws and integrator.pars[self.structure.launch]
         crossed = crossing.cross(integrator, until, self.projectile if launches else None)
         if crossed is None:
@@ -357,7 +368,7 @@ class _Integration:
         return None
 
     def _opening(self, initial: PostEventState) -> dict[int, float]:
-        """Open stops whose gap is zero within rounding, and how long each takes to be clearly open, or shut [s]."""
+        """Open stops whose gap is zero within rounding, and the time until each is clear [s]."""
         state = np.concatenate([initial.q, initial.u])
         gaps = {
             w.stop: self._gap(w.stop, state)
@@ -397,7 +408,7 @@ class _Integration:
         return EventFunction(self.stops[index], closes=self.stops[index] not in initial.closed)
 
     def _closes_at_once(self, initial: PostEventState) -> EventFunction | None:
-        """A gap that is zero, or a rounding below, on its way down: it never falls through zero from above."""
+        """A gap that is zero within rounding and closing, which never falls through zero."""
         state = np.concatenate([initial.q, initial.u])
         for function in self.active_set.event_functions(initial):
             gap, speed = self._gap(function.stop, state)
@@ -406,7 +417,7 @@ class _Integration:
         return None
 
     def _is_launch(self, integrator: Any) -> bool:
-        """Whether the velocity passes the launch direction itself, not its opposite, and not from rest."""
+        """Whether the velocity passes the launch direction itself, and not from rest."""
         state = integrator.state.copy()
         return self._launches(integrator, state[: self.n_q], state[self.n_q : 2 * self.n_q])
 
@@ -422,7 +433,7 @@ class _Integration:
     def _after(
         self, integrator: Any, before: PostEventState, function: EventFunction
     ) -> PostEventState:
-        """Let the active set decide, in doubles; the integrator keeps its own precision but for an impact's jump."""
+        """Let the active set decide, in doubles; only an impact's jump changes the state."""
         state = np.array(integrator.state, dtype=np.float64)
         q, u = state[: self.n_q], state[self.n_q : 2 * self.n_q]
         initial = self.active_set.after(float(integrator.time), q, u, before.closed, [function])
@@ -433,7 +444,7 @@ class _Integration:
         return initial
 
     def _jump(self, integrator: Any, jump: FloatArray) -> None:
-        """Note a launch where an impact, not of the projectile's own rest, turns its velocity through the direction."""
+        """Note a launch where an impact turns the velocity through the launch direction."""
         state = integrator.state.copy()
         q, u = state[: self.n_q], state[self.n_q : 2 * self.n_q]
         before, after = (
@@ -451,7 +462,7 @@ class _Integration:
 
 
 def _time_to_clear(height: float, speed: float, acceleration: float) -> float:
-    """How long a gap takes to `height` [rad]; or to shut again, if the rebound does not get as high [s]."""
+    """Time that a gap takes to `height` [rad], or to shut again before [s]."""
     if speed <= _STANDING:
         return _OPENING
     if (
@@ -487,7 +498,7 @@ class Crossing:
     def cross(
         self, integrator: Any, until: float, launched: PointCoefficients | None
     ) -> tuple[Window, list[Event]] | None:
-        """Move the integrator across, to its first events there or to `until` [s]; None if it may go on by itself.
+        """Move the integrator across, to its first events or `until` [s]; None if it needs no help.
 
         Args:
             integrator: heyoka's, beside a singular position.
@@ -508,8 +519,8 @@ class Crossing:
         window = window.until(end, releases(events))
         if launched is not None and self._passes_launch(window, launched):
             raise SimulationError(
-                f"the Taylor integrator looks for no launch beside a singular position, from t = {window.start:.6g} s "
-                f"to {window.end:.6g} s; DOP853 does."
+                "the Taylor integrator looks for no launch beside a singular position, from t = "
+                f"{window.start:.6g} s to {window.end:.6g} s; DOP853 does."
             )
         q, u = self._watch.projected(*window.dense_output()(end).reshape(2, -1))
         integrator.time = type(integrator.time)(end)
@@ -527,27 +538,8 @@ class Crossing:
         return np.array(integrator.state[: 2 * self.n_q], dtype=np.float64).reshape(2, -1)
 
 
-class Crossings:
-    """The crossing of each active set of a motion; None without loops of joints, whose constraints may lose rank."""
-
-    def __init__(self, equations: Equations, active_set: ActiveSet) -> None:
-        self._equations, self._active_set = equations, active_set
-        self._last: tuple[PostEventState, Crossing] | None = None
-
-    def of(self, initial: PostEventState) -> Crossing | None:
-        """Of the steps after a state."""
-        if not self._equations.n_loops:
-            return None
-        if self._last is None or self._last[0] is not initial:
-            finder = EventFinder(
-                self._equations, initial, self._active_set.event_functions(initial)
-            )
-            self._last = initial, Crossing(self._equations, initial, finder)
-        return self._last[1]
-
-
 class WindowOutput:
-    """A window read as heyoka's continuous output: states with the observer's column, which nobody reads."""
+    """A window read as heyoka's continuous output, with the observer's unused column."""
 
     def __init__(self, window: Window) -> None:
         self._dense = window.dense_output()
@@ -628,6 +620,7 @@ def checked_tolerance(tolerance: float | None, real: RealType) -> float:
         return least
     if not least <= tolerance <= _COARSEST:
         raise InputError(
-            f"tolerance = {tolerance!r} is not between {least:.3g} (the precision's) and {_COARSEST}."
+            f"tolerance = {tolerance!r} is not between {least:.3g} (the precision's) and "
+            f"{_COARSEST}."
         )
     return float(tolerance)

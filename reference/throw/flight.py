@@ -83,7 +83,7 @@ def world(name: str) -> World:
 
 
 class Surroundings(Spec):
-    """What acts on a projectile in flight, and where it lands.
+    """Forces on a projectile in flight, and where it lands.
 
     Raises:
         InputError: a value is not finite or outside its range.
@@ -117,13 +117,13 @@ class Release:
 
     @property
     def angle(self) -> float:
-        """Of the velocity above the horizontal, in (-pi, pi] [rad]."""
+        """Angle of the velocity above the horizontal, in (-pi, pi] [rad]."""
         return math.atan2(self.velocity[1], self.velocity[0])
 
 
 @dataclass(frozen=True)
 class Flight:
-    """From the release to the landing: the point where the projectile comes down to the ground's height."""
+    """Flight from the release to where the projectile comes down to the ground's height."""
 
     release: Release
     range: float
@@ -135,7 +135,7 @@ class Flight:
     impact_velocity: tuple[float, float]
     """[m/s]."""
     state: Callable[[FloatArray], FloatArray]
-    """Position and velocity (x, y, vx, vy), shape (n, 4), at times since the release [s], shape (n,)."""
+    """States (x, y, vx, vy), shape (n, 4), at times since the release [s], shape (n,)."""
 
     @property
     def impact_speed(self) -> float:
@@ -144,23 +144,24 @@ class Flight:
 
     @property
     def impact_angle(self) -> float:
-        """Of the velocity at the landing below the horizontal, in [0, pi/2] [rad]."""
+        """Angle of the velocity at the landing below the horizontal, in [0, pi/2] [rad]."""
         return math.atan2(-self.impact_velocity[1], abs(self.impact_velocity[0]))
 
     def path(self, n: int = 200) -> FloatArray:
-        """World positions [m] at n equal intervals of time from release to landing, shape (n, 2)."""
+        """World positions [m] at n equal intervals from release to landing, shape (n, 2)."""
         return self.state(np.linspace(0.0, self.time, n))[:, :2]
 
 
 def downwards(mechanism: Mechanism) -> float:
-    """Magnitude of a mechanism's gravity [m/s^2], which a flight over level ground needs to be downwards.
+    """Size of a mechanism's gravity [m/s^2], which must be downwards for a flight.
 
     Raises:
         InputError: its direction is another one.
     """
     if math.dist(mechanism.gravity_direction, (0.0, -1.0)) > LEVEL:
         raise InputError(
-            f"gravity_direction = {mechanism.gravity_direction!r} of {mechanism.name!r} must be (0, -1) for a throw: "
+            f"gravity_direction = {mechanism.gravity_direction!r} of {mechanism.name!r} must be "
+            "(0, -1) for a throw: "
             "range and height are measured along x and y; turn the mechanism's points instead."
         )
     return mechanism.gravity
@@ -179,14 +180,15 @@ def fly(release: Release, surroundings: Surroundings) -> Flight:
     )
     if flight is None:
         raise InputError(
-            f"a projectile released at y = {release.position[1]:.6g} m with {release.velocity[1]:.6g} m/s upwards "
-            f"never comes up to the landing height y = {surroundings.ground:.6g} m; a lower one is needed."
+            f"a projectile released at y = {release.position[1]:.6g} m with "
+            f"{release.velocity[1]:.6g} m/s upwards never comes up to the landing height y = "
+            f"{surroundings.ground:.6g} m; a lower one is needed."
         )
     return flight
 
 
 def fall_time(y: FloatArray, vy: FloatArray, surroundings: Surroundings) -> FloatArray:
-    """Later root of y + vy t - g t^2/2 = ground [s], without cancellation; NaN where there is none ahead."""
+    """Later root of y + vy t - g t^2/2 = ground [s], without cancellation; NaN without one."""
     g, above = surroundings.gravity, y - surroundings.ground
     with np.errstate(invalid="ignore", divide="ignore"):
         root = np.sqrt(vy * vy + 2 * g * above)
@@ -213,7 +215,7 @@ def _vacuum_flight(release: Release, surroundings: Surroundings) -> Flight | Non
 
 @dataclass(frozen=True)
 class _Fall:
-    """Flight through air, with or without the variation of its start: y is (x, y, vx, vy) or that and d of it."""
+    """Flight through air: y is (x, y, vx, vy), or that and its variation."""
 
     surroundings: Surroundings
     tolerance: float
@@ -242,7 +244,7 @@ class _Fall:
         )  # fmt: skip
 
     def legs(self, start: FloatArray) -> list[Any] | None:
-        """Up to the apex, then down to the ground: y is monotone in each, so no landing is stepped over."""
+        """Integrate up to the apex, then down: y is monotone in each, so no landing is missed."""
         rise = [self.leg(start, lambda _, y: y[3])] if start[3] > 0 else []
         top = rise[0].y[:, -1] if rise else start
         if top[1] < self.surroundings.ground:
@@ -253,7 +255,7 @@ class _Fall:
 def drag_flight(
     release: Release, surroundings: Surroundings, tolerance: float = FINE
 ) -> Flight | None:
-    """The flight through air, to a relative local error; None where it never comes up to the ground's height."""
+    """The flight through air to a relative local error; None where it never lands."""
     legs = _Fall(surroundings, tolerance).legs(np.array([*release.position, *release.velocity]))
     if legs is None:
         return None

@@ -48,7 +48,8 @@ class MemberForce(Spec):
         description="the joint whose force is taken along the line from it to the centre of mass"
     )
     two_force: bool = Field(
-        description="a massless rod with nothing hung on it but at its ends; otherwise the force is its end's only"
+        description="a massless rod with nothing hung on it but at its ends; otherwise the force "
+        "is its end's only"
     )
     peak_tension: Real = Field(description="largest [N]; negative if it is always in compression")
     peak_tension_time: Real = Field(description="[s]")
@@ -68,8 +69,8 @@ class SupportForce(Spec):
     peak_time: Real = Field(description="[s]")
     peak_direction: Real = Field(description="of the largest, from +x, above the horizontal [rad]")
     least: Real | None = Field(
-        description="least upward part (a slot: normal to it) [N]; negative pulls the machine down; None: an upright "
-        "slot, which guides and carries nothing"
+        description="least upward part (a slot: normal to it) [N]; negative pulls the machine "
+        "down; None: an upright slot, which guides and carries nothing"
     )
     least_time: Real | None = Field(description="[s]")
     pulls_down: tuple[Interval, ...] = Field(
@@ -87,7 +88,7 @@ class Member:
 
 
 def members(mechanism: Mechanism) -> tuple[Member, ...]:
-    """Massless rods and other bodies whose parent is not the ground; a centre on its joint defines no axis."""
+    """Massless rods and other bodies whose parent is not the ground."""
     selected: list[Member] = []
     for body, joint in zip(mechanism.bodies, mechanism.tree_joints, strict=True):
         rod = body.inertia == 0 or joint.parent != GROUND
@@ -110,7 +111,7 @@ def _is_two_force(mechanism: Mechanism, body: Body, own: AnyJoint) -> bool:
 
 
 def axial_force(solution: Solution, member: Member, t: FloatArray) -> FloatArray:
-    """Tension (positive) or compression of a member [N], shape (n,): the pin pulls the rod back to itself."""
+    """Tension (positive) or compression of a member [N], shape (n,)."""
     kinematics, motion = solution.equations.kinematics, solution.motion(t)
     pin = kinematics.point(member.body.name, member.joint.child_point)
     centre = kinematics.point(member.body.name, member.body.centre)
@@ -157,12 +158,12 @@ def supports(mechanism: Mechanism) -> tuple[AnyJoint, ...]:
 
 
 def carries(joint: AnyJoint) -> bool:
-    """Whether a joint on the ground can bear weight: an upright slot only guides, by whichever of its sides."""
+    """Whether a joint on the ground can bear weight; an upright slot only guides."""
     return any(abs(direction.imag) > _UPRIGHT for direction in joint.held_directions)
 
 
 def upward_force(solution: Solution, joint: AnyJoint, t: FloatArray) -> FloatArray:
-    """Of the ground on the machine [N], shape (n,): vertical at a pin, normal to a slot and away from the ground.
+    """Upward force of the ground [N], shape (n,): of a slot normal to it, away from the ground.
 
     Args:
         joint: one that :func:`carries`.
@@ -258,7 +259,7 @@ def _largest(value: Callable[[FloatArray], FloatArray], times: FloatArray) -> tu
 def negative_intervals(
     value: Callable[[FloatArray], FloatArray], times: FloatArray, size: float = 0.0
 ) -> tuple[Interval, ...]:
-    """Intervals in which a value is negative, their ends roots of it [s] (or the first or last time).
+    """Intervals in which a value is negative, between its roots, or the first or last time [s].
 
     Args:
         value: continuous but for jumps at impacts, which are located as well.

@@ -20,12 +20,9 @@ from ..solution import Solution
 from ..solver import characteristic_time, solve_until
 from .flight import COARSE, Release, Surroundings, drag_flight, fall_time, fly, range_rate
 
-_SPANS = (
-    3.0,
-    6.0,
-    12.0,
-)  # durations of the motions, in characteristic times; Table I's sweep ends at 2.5
-_SCAN = 400  # releases tried over a sweep: some 3 ms apart on Table I, where the range's peak is tens of ms wide
+# Durations of the motions, in characteristic times; Table I's sweep ends at 2.5.
+_SPANS = (3.0, 6.0, 12.0)
+_SCAN = 400  # releases tried over a sweep: some 3 ms apart, where the peak is tens of ms wide
 _CANDIDATES = 3  # highest peaks of the scan that are refined
 _DOWN = -math.pi / 2
 
@@ -65,7 +62,7 @@ class Projectile:
 
     @property
     def mass(self) -> float | None:
-        """What is thrown [kg] (:meth:`...models.mechanism.Mechanism.thrown_mass`); None where it is not known."""
+        """Mass of what is thrown [kg]; None where it is not known."""
         return self.mechanism.thrown_mass(self.marker)
 
     @property
@@ -79,11 +76,11 @@ class Projectile:
 
     @property
     def end(self) -> float:
-        """Of the motion [s]."""
+        """End of the motion [s]."""
         return self.solution.segments[-1].end
 
     def sweep(self) -> tuple[float, float]:
-        """From the opening of its rest to where its velocity, having turned over, first points straight down [s].
+        """First sweep [s]: from the opening of its stop to where its velocity points straight down.
 
         The motion after the first sweep is chaotic, so no result relies on it.
         """
@@ -99,7 +96,7 @@ class Projectile:
 
     @property
     def arm(self) -> str | None:
-        """The body that its own one hangs on, as a sling on an arm; None where that hangs on the ground."""
+        """Body that its own one hangs on, as a sling on an arm; None on the ground."""
         parent = self.mechanism.joint_of(self.body.name).parent
         return None if parent == GROUND else parent
 
@@ -111,8 +108,8 @@ class Projectile:
         """
         if self.arm is None:
             raise InputError(
-                f"there is no sling angle: the {self.name} is part of the {self.body.name!r}, which hangs on no other "
-                "body; a release angle or a release time is needed."
+                f"there is no sling angle: the {self.name} is part of the {self.body.name!r}, "
+                "which hangs on no other body; a release angle or a release time is needed."
             )
         return self.solution.equations.kinematics.angle(self.body.name, self.arm).value(
             self.solution.motion(t).q
@@ -133,7 +130,7 @@ class Projectile:
         return Release(float(time), *pairs)
 
     def release_at_angle(self, angle: float = LAUNCH_ANGLE) -> Release:
-        """Release when the velocity first comes down to an angle above the horizontal [rad], its rest having opened.
+        """Release when the velocity first falls to an angle above the horizontal [rad].
 
         Raises:
             InputError: it never does.
@@ -141,7 +138,8 @@ class Projectile:
         launch = self.solution.launch_at(angle, self.name)
         if launch is None:
             raise InputError(
-                f"the {self.name}'s velocity never comes down to {math.degrees(angle):.6g} deg above the horizontal "
+                f"the {self.name}'s velocity never comes down to {math.degrees(angle):.6g} deg "
+                "above the horizontal "
                 f"within {self.end:.6g} s; another release angle, or a release time, is needed."
             )
         return self.release_at(launch.time)
@@ -160,7 +158,8 @@ class Projectile:
         if not len(beyond):
             low, high = math.degrees(reached.min()), math.degrees(reached.max())
             raise InputError(
-                f"sling angle = {math.degrees(angle):.6g} deg is never reached: once free, the {self.body.name} takes "
+                f"sling angle = {math.degrees(angle):.6g} deg is never reached: once free, the "
+                f"{self.body.name} takes "
                 f"{low:.6g} to {high:.6g} deg from its arm in the first sweep."
             )
         near = times[beyond[0] : beyond[0] + 2]
@@ -175,7 +174,7 @@ class Projectile:
     def best_release(
         self, surroundings: Surroundings, until: float | None = None
     ) -> Release | None:
-        """The release of the first sweep whose range is largest; None where no release reaches the ground's height.
+        """Release of the first sweep with the largest range; None where none lands.
 
         All the sweep is scanned, and the highest peaks are refined by the root of
         :func:`range_rate`.
@@ -198,7 +197,7 @@ class Projectile:
         return max(candidates, key=lambda release: fly(release, surroundings).range, default=None)
 
     def _scan(self, times: FloatArray, surroundings: Surroundings) -> FloatArray:
-        """Ranges [m], shape (n,); -inf where nothing lands, or where drag cannot but leave less than the best.
+        """Ranges [m], shape (n,); -inf where nothing lands, or drag rules the best out.
 
         Drag turns no velocity, so y'' = -g / vx^2 along x: with drag vx falls and the path lies
         below the parabola (above none of it), so the range in vacuum bounds it, as the release's
@@ -253,7 +252,7 @@ def swing(
     stop_law: StopLaw = StopLaw.RELEASE_ONCE,
     spans: tuple[float, ...] = _SPANS,
 ) -> Projectile:
-    """The motion until the first sweep is over and the release time is past, or the longest one that is solved.
+    """The motion until the first sweep and the release are over, or the longest one solved.
 
     Args:
         mechanism: with a projectile.

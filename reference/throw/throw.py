@@ -46,7 +46,7 @@ def throw(
     body: str | None = None,
     height: float = 0.0,
 ) -> Throw:
-    """Throw with a machine and collect its figures; the velocity at 45 degrees releases if no other release is given.
+    """Throw with a machine and collect its figures; by default it lets go at 45 degrees.
 
         >>> import trebucheck as tb
         >>> from trebucheck.reference.throw.throw import throw
@@ -99,7 +99,7 @@ def perform(
     body: str | None = None,
     height: float = 0.0,
 ) -> Performance:
-    """As :func:`throw`, with the motion and the flights kept; `release` has its three kinds by name."""
+    """Throw, with the motion and flights kept; `release` has its three kinds by name."""
     chosen = _one_release(release, best)
     placed, air = _placed(mechanism, density, drag_area, body)
     projectile = swing(placed, chosen.get("release_time"))
@@ -112,20 +112,16 @@ def perform(
             )
         released, description = farthest, "for the longest range"
     elif "release_time" in chosen:
-        released, description = (
-            projectile.release_at(chosen["release_time"]),
-            f"at {chosen['release_time']:.9g} s",
-        )
+        released = projectile.release_at(chosen["release_time"])
+        description = f"at {chosen['release_time']:.9g} s"
     elif "sling_angle" in chosen:
         angle = chosen["sling_angle"]
         description = f"sling at {math.degrees(angle):.6g} deg to arm"
         released = projectile.release_at_sling_angle(angle)
     else:
         angle = chosen.get("release_angle", LAUNCH_ANGLE)
-        released, description = (
-            projectile.release_at_angle(angle),
-            f"velocity at {math.degrees(angle):.6g} deg",
-        )
+        released = projectile.release_at_angle(angle)
+        description = f"velocity at {math.degrees(angle):.6g} deg"
     flight = fly(released, surroundings)
     best_flight = None if farthest is None else fly(farthest, surroundings)
     figures = _figures(projectile, air, height, description, flight, best_flight)
@@ -133,7 +129,7 @@ def perform(
 
 
 def _held(chosen: dict[str, float]) -> Held:
-    """The release for the longest range by its time: to first order that range does not change with the time."""
+    """What the release holds; the best one its time, which to first order leaves its range."""
     if "sling_angle" in chosen:
         return "sling"
     return "time" if {"release_time", "best"} & chosen.keys() else "velocity"
@@ -160,7 +156,8 @@ def _placed(
     if body is not None:
         if density is not None:
             raise InputError(
-                f"body = {body!r} brings its own density; leave out density = {density!r}, or the body."
+                f"body = {body!r} brings its own density; leave out density = {density!r}, or the "
+                "body."
             )
         location = world(body)
         adapted = mechanism.model_copy(update={"gravity": location.gravity})
@@ -180,7 +177,7 @@ def _placed(
 
 
 def surroundings_of(projectile: Projectile, air: Air, height: float) -> Surroundings:
-    """What acts on it in flight, and where it lands, `height` [m] above the machine's :func:`origin` at the start.
+    """Forces in flight, and the landing `height` [m] above the machine's :func:`origin`.
 
     Raises:
         InputError: the height is not finite, gravity is not downwards, or drag lacks the
@@ -192,8 +189,9 @@ def surroundings_of(projectile: Projectile, air: Air, height: float) -> Surround
     if air.density * air.drag_area > 0:
         if projectile.mass is None:
             raise InputError(
-                f"drag needs the projectile's own mass, but the marker {projectile.name!r} has none and is not the "
-                f"centre of a point mass {projectile.body.name!r}; leave out the drag area, or give the marker a mass."
+                f"drag needs the projectile's own mass, but the marker {projectile.name!r} has "
+                f"none and is not the centre of a point mass {projectile.body.name!r}; leave out "
+                "the drag area, or give the marker a mass."
             )
         drag = air.drag(projectile.mass)
     x, y = _fulcrum(projectile.solution)
@@ -202,7 +200,7 @@ def surroundings_of(projectile: Projectile, air: Air, height: float) -> Surround
 
 
 def origin(mechanism: Mechanism) -> AnyJoint:
-    """The joint that places are measured from: the fulcrum, what else on the ground carries it, or a free body's."""
+    """Joint that places are measured from: the fulcrum, another support, or a free body's."""
     on_ground = supports(mechanism) or mechanism.tree_joints
     return next((joint for joint in on_ground if carries(joint)), on_ground[0])
 
@@ -210,10 +208,8 @@ def origin(mechanism: Mechanism) -> AnyJoint:
 def _fulcrum(solution: Solution) -> tuple[float, float]:
     """Where the machine's :func:`origin` stands at the start [m]."""
     joint, kinematics = origin(solution.problem.mechanism), solution.equations.kinematics
-    row, start = (
-        kinematics.point(joint.child, joint.child_point),
-        np.array(solution.problem.mechanism.start),
-    )
+    row = kinematics.point(joint.child, joint.child_point)
+    start = np.array(solution.problem.mechanism.start)
     x, y = kinematics.position(row, start)
     return float(x), float(y)
 
@@ -288,14 +284,15 @@ def _rest(solution: Solution, name: str, torque: float, until: float) -> RestFig
 
 def _warnings(of_members: Iterable[MemberForce], of_supports: Iterable[SupportForce]) -> list[str]:
     slack_warnings = [
-        f"the {m.name} is in compression {spoken(m.compressed)} (down to {m.peak_compression / 1e3:.4g} kN at "
+        f"the {m.name} is in compression {spoken(m.compressed)} (down to "
+        f"{m.peak_compression / 1e3:.4g} kN at "
         f"{m.peak_compression_time:.4g} s): a rope would be slack there"
         for m in of_members
         if m.two_force and m.compressed
     ]
     return slack_warnings + [
-        f"the ground would have to pull the wheels of {s.joint!r} down {spoken(s.pulls_down)} (with up to "
-        f"{-s.least / 1e3:.4g} kN at {s.least_time:.4g} s): they would lift off"
+        f"the ground would have to pull the wheels of {s.joint!r} down {spoken(s.pulls_down)} "
+        f"(with up to {-s.least / 1e3:.4g} kN at {s.least_time:.4g} s): they would lift off"
         for s in of_supports
         if s.rolls and s.pulls_down and s.least is not None
     ]
@@ -315,19 +312,19 @@ def _passed_stops(solution: Solution, until: float) -> list[str]:
         through = np.flatnonzero(solution.equations.kinematics.gap(stop.name, q) < _THROUGH)
         if len(through):
             warnings.append(
-                f"the motion goes through the {stop.name!r} at {times[through[0]]:.4g} s, before the release: "
-                "a real machine would hit it there"
+                f"the motion goes through the {stop.name!r} at {times[through[0]]:.4g} s, before "
+                "the release: a real machine would hit it there"
             )
     return warnings
 
 
 FORMAT = "trebucheck-throw-1"
 Held = Literal["velocity", "sling", "time"]
-"""What a release keeps when the machine changes: the angle of its velocity, or of its sling, or its time."""
+"""Quantity that a release holds when the machine changes."""
 
 
 class LaunchFigures(Spec):
-    """The projectile as it is let go; places are measured from where the fulcrum stands at the start."""
+    """Figures of the release; places are measured from the fulcrum at the start."""
 
     time: Real = Field(description="[s]")
     speed: Real = Field(description="[m/s]")
@@ -346,7 +343,7 @@ class LaunchFigures(Spec):
 
 
 class FlightFigures(Spec):
-    """From the release to the landing; places are measured from where the fulcrum stands at the start."""
+    """Figures of the flight; places are measured from the fulcrum at the start."""
 
     range: Real = Field(description="x of the landing [m]")
     apex_height: Real = Field(description="highest y [m]")
@@ -426,7 +423,10 @@ class Throw(Reported, Spec):
 
     def headline(self) -> str:
         """The range, and how it was let go."""
-        return f"Throw of {self.mechanism.name!r}: range {self.flight.range:.6g} m, released {self.released}"
+        return (
+            f"Throw of {self.mechanism.name!r}: range {self.flight.range:.6g} m, released "
+            f"{self.released}"
+        )
 
     def rows(self) -> Iterator[dict[str, object]]:
         """The release chosen, and the best one: figures of launch and flight."""
@@ -443,13 +443,13 @@ class Throw(Reported, Spec):
 
     @property
     def gain(self) -> float | None:
-        """What the best release would add to the range [m]."""
+        """Range that the best release would add [m]."""
         return None if self.best_flight is None else self.best_flight.range - self.flight.range
 
 
 @dataclass(frozen=True, eq=False)
 class Performance:
-    """A throw with the continuous motion and flights behind its figures; its figures are what is compared."""
+    """A throw's figures with the continuous motion and the flights behind them."""
 
     throw: Throw
     projectile: Projectile

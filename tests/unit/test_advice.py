@@ -316,6 +316,7 @@ def test_the_command_gives_the_same_engine(
         assert made[-1] == configured(name, options, 5e-4)
 
 
+@pytest.mark.needs("mujoco")
 def test_what_mjcf_cannot_say_is_said() -> None:
     sets = {options.name: options for options in option_sets("mujoco")}
     alone, tuned = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import plugins
@@ -21,6 +21,7 @@ from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model, ran
 from trebucheck.comparisons.diagnosis.faults import combined, machine_suspects
 from trebucheck.comparisons.diagnosis.rerun import Rerun, _other_settings
 from trebucheck.comparisons.runs.results import Cause, Diagnosis, Outcome, Run
+from trebucheck.engines.inspection import Dynamics, Inspection, State
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.registry import causes_of
 from trebucheck.models.machines.trebuchet import parameters_of
@@ -195,3 +196,66 @@ def test_two_settings_that_make_a_deviation_together_are_named_together() -> Non
     # What sin^2 leaves of the sum of 2 and 1: alone 1 and 2 of their root of 5.
     assert explained["integrator"] == pytest.approx(1 - 1 / math.sqrt(5), abs=0.02)
     assert explained["integrator, solver tolerance"] == pytest.approx(1.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Shown(Faulty):
+    """An engine that shows something else of its built model."""
+
+    change: Callable[[Dynamics], Dynamics] = lambda dynamics: dynamics
+
+    def inspect(self, mechanism: tb.Mechanism, states: Sequence[State]) -> Inspection:
+        inspection = super().inspect(mechanism, states)
+        return dataclasses.replace(
+            inspection, dynamics=tuple(self.change(dynamics) for dynamics in inspection.dynamics)
+        )
+
+
+@pytest.mark.parametrize("error", [0.01, -0.01, math.nan])
+def test_a_stop_off_on_either_side_does_not_pass_the_model_check(error: float) -> None:
+    mechanism = tb.fixed()
+    right = Equations(mechanism).kinematics
+
+    def off(dynamics: Dynamics, q: np.ndarray) -> Dynamics:
+        gaps = {stop.name: float(right.gap(stop.name, q)) for stop in mechanism.stops}
+        return dataclasses.replace(
+            dynamics, stop_gaps=gaps | {"sling rest": gaps["sling rest"] + error}
+        )
+
+    @dataclasses.dataclass(frozen=True)
+    class OffStop(Faulty):
+        def inspect(self, mechanism: tb.Mechanism, states: Sequence[State]) -> Inspection:
+            inspection = super().inspect(mechanism, states)
+            pairs = zip(inspection.dynamics, states, strict=True)
+            return dataclasses.replace(
+                inspection, dynamics=tuple(off(dynamics, state.q) for dynamics, state in pairs)
+            )
+
+    found = check_model(OffStop(tb.engine("reference")), mechanism)
+    assert [check.label for check in found.broken] == ["stop position (sling rest)"]
+    (check,) = found.broken
+    assert check.value is None if math.isnan(error) else check.value == pytest.approx(0.01)
+
+
+def test_a_torque_that_is_no_number_does_not_pass_the_model_check() -> None:
+    asked = iter(range(1000))
+
+    def one_nan(dynamics: Dynamics) -> Dynamics:
+        if next(asked) != 3:
+            return dynamics
+        torques = dict.fromkeys(dynamics.stop_torques, math.nan)
+        return dataclasses.replace(dynamics, stop_torques=torques)
+
+    found = check_model(_Shown(tb.engine("reference"), change=one_nan), tb.fixed())
+    assert "stop torque" in {check.name for check in found.broken}, found
+
+
+def test_the_model_check_sees_each_number_of_a_force_element() -> None:
+    spring = {"kind": "cubic-torsion-spring", "name": "spring", "body": "arm", "stiffness": 1e4,
+              "cubic_stiffness": 1e4, "rest_angle": 0.1}  # fmt: skip
+    right = tb.Mechanism(**{**tb.fixed().model_dump(), "force_elements": [spring]})
+    for field in ("stiffness", "cubic_stiffness", "rest_angle"):
+        elements = [spring | {field: 1.001 * spring[field]}]
+        wrong = tb.Mechanism(**{**right.model_dump(), "force_elements": elements})
+        found = check_model(Faulty(tb.engine("reference"), machine=lambda _, m=wrong: m), right)
+        assert "acceleration" in {check.name for check in found.broken}, field

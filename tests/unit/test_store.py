@@ -20,6 +20,7 @@ from trebucheck.comparisons.compare.study import (
     stored,
 )
 from trebucheck.comparisons.report.html import page
+from trebucheck.comparisons.runs import runner as running
 from trebucheck.comparisons.runs import store as store_module
 from trebucheck.comparisons.runs.process import Worker
 from trebucheck.comparisons.runs.record import EngineRuns
@@ -153,20 +154,95 @@ def test_trials_with_and_without_curves_are_not_mixed_up(tmp_path: Path) -> None
     assert record.curves is not None and len(record.curves.energy) > 1
 
 
+def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+
+
+def _forget() -> None:
+    for cached in (store_module.code_digest, store_module.engine_digest):
+        cached.cache_clear()
+
+
+SOURCES = {
+    # file: whether it decides a run, and whether it decides what compare keeps of it
+    "models/mechanism.py": (True, True),
+    "reference/certification/certificates/fixed.json": (True, True),
+    "engines/impact.py": (True, True),
+    "engines/reference/engine.py": (True, True),
+    "engines/pymunk/engine.py": (False, False),
+    "comparisons/runs/metrics.py": (True, True),
+    "comparisons/diagnosis/fit.py": (False, True),
+    "comparisons/report/html.py": (False, False),
+    "cli/app.py": (False, False),
+}
+
+
+@pytest.mark.parametrize("changed", SOURCES)
+def test_a_run_is_made_anew_if_a_file_changes_that_it_depends_on(
+    changed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A comment in a report's module discards nothing."""
+    monkeypatch.setattr(store_module, "_ROOT", tmp_path)
+    for file in SOURCES:
+        _write(tmp_path / file, "1")
+
+    def both() -> tuple[str, str]:
+        _forget()
+        engine = tb.engine("reference")
+        return conditions(engine=engine), conditions(engine=engine, code="comparisons/diagnosis")
+
+    before = both()
+    assert both() == before
+    _write(tmp_path / changed, "2")
+    after = both()
+    _forget()
+    assert tuple(old != new for old, new in zip(before, after, strict=True)) == SOURCES[changed]
+
+
+@pytest.mark.parametrize("changed", ["written_today/deeper/engine.py", "trebucheck_tools/kit.py"])
 def test_a_plug_in_that_is_being_written_is_run_again(
+    changed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where a package of the family changes that it imports."""
+    _write(tmp_path / "written_today" / "__init__.py", "")
+    _write(tmp_path / "written_today" / "deeper" / "engine.py", "import trebucheck_tools.kit\n")
+    _write(tmp_path / "trebucheck_tools" / "__init__.py", "")
+    _write(tmp_path / "trebucheck_tools" / "kit.py", "STEP = 1\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in ("written_today", "trebucheck_tools"):
+        importlib.import_module(name)
+    before = engine_digest("written_today.deeper.engine")
+    _write(tmp_path / changed, "import trebucheck_tools.kit\nSTEP = 2\n")
+    _forget()
+    assert engine_digest("written_today.deeper.engine") != before
+    _forget()
+    for name in ("written_today", "trebucheck_tools"):
+        del sys.modules[name]
+
+
+def test_other_tolerances_judge_the_kept_runs_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    package = tmp_path / "written_today"
-    (package / "deeper").mkdir(parents=True)
-    (package / "__init__.py").write_text("")
-    (package / "deeper" / "engine.py").write_text("STEP = 1\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    importlib.import_module("written_today")
-    before = engine_digest("written_today.deeper.engine")
-    (package / "deeper" / "engine.py").write_text("STEP = 2\n")
-    engine_digest.cache_clear()
-    assert engine_digest("written_today.deeper.engine") != before
-    del sys.modules["written_today"]
+    """No engine runs and nothing is measured again; what is broken now is diagnosed now."""
+    engine, options = ["pymunk"], {"timestep": 5e-3}
+    study = replace(
+        _study(tmp_path), engines=engine, options=options, tolerances={"default": "90%"}
+    )
+    first = compare_study(study)
+    assert first.passed and first.results.runs[0].diagnosis is None
+    store = _study(tmp_path).store
+    fine = replace(study, tolerances={"default": "0.0001%"}, store=store)
+    fresh = compare_study(replace(fine, store=None)).results
+    monkeypatch.setattr(running, "measure", None)
+    again = compare_study(fine)
+    assert store is not None and (len(store.taken), len(store.made)) == (1, 0)
+    assert not again.repeated and not again.passed
+    (run,), (expected,) = again.results.runs, fresh.runs
+    assert run.metrics == expected.metrics
+    assert run.diagnosis == expected.diagnosis and run.diagnosis is not None
+    assert again.results.machines == fresh.machines
+    assert compare_study(replace(fine, store=_study(tmp_path).store)).repeated
 
 
 def test_a_comparison_read_again_has_the_reference_that_it_was_made_with(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from trebucheck.comparisons.diagnosis.faults import (
     machine_suspects,
 )
 from trebucheck.comparisons.diagnosis.fit import first_order
-from trebucheck.comparisons.diagnosis.rank import ranked
+from trebucheck.comparisons.diagnosis.rank import Estimate, measured, ranked
 from trebucheck.comparisons.diagnosis.rerun import Rerun
 from trebucheck.comparisons.runs.results import Cause, Diagnosis, Metric
 from trebucheck.models.trajectory import PointMotion
@@ -202,3 +203,103 @@ def test_a_start_speed_has_the_size_asked_for_where_the_mechanism_starts_at_rest
     wrong = combined(mechanism, [speed], [1e4])
     assert mechanism.start_speeds == ()
     assert wrong is not None and wrong.start_speeds == pytest.approx((1e4 * speed.scale,))
+
+
+def _sprung(**changes: object) -> tb.Mechanism:
+    """The pendulum with a motor and a torsion spring with a cubic term."""
+    elements = [
+        {"kind": "cubic-torsion-spring", "name": "spring", "body": "rod", "stiffness": 4.0,
+         "cubic_stiffness": 3.0, "rest_angle": 0.2},
+        {"kind": "constant-torque", "name": "motor", "body": "rod", "torque": 5.0},
+    ]  # fmt: skip
+    fields = {"stops": (), "force_elements": elements, **changes}
+    return tb.Mechanism(**{**_pendulum().model_dump(), **fields})
+
+
+def _named(right: tb.Mechanism, wrong: tb.Mechanism) -> Diagnosis:
+    """Diagnosis of an engine that moves a wrong mechanism."""
+    t = np.linspace(0.0, 1.2, 300)
+    solution = solve(tb.Problem(right, duration=1.2))
+    moved = solve(tb.Problem(wrong, duration=1.2)).trajectory(t)
+    return _said(replace(moved, mechanism=right), solution, 1.1)
+
+
+def test_a_builder_that_leaves_out_all_force_elements_is_named() -> None:
+    found = _named(_sprung(), _sprung(force_elements=()))
+    assert [cause.name for cause in found.named] == ["all force elements missing"], found
+
+
+@pytest.mark.parametrize(
+    ("field", "factor", "cause", "amount"),
+    [
+        ("cubic_stiffness", 1.001, "cubic stiffness of the spring", "+0.1 %"),
+        ("stiffness", 1.001, "stiffness of the spring", "+0.1 %"),
+        ("rest_angle", 1.001, "rest angle of the spring", "+0.1 %"),
+    ],
+)
+def test_each_number_of_a_cubic_spring_is_a_suspect(
+    field: str, factor: float, cause: str, amount: str
+) -> None:
+    elements = [element.model_dump() for element in _sprung().force_elements]
+    elements[0][field] *= factor
+    found = _named(_sprung(), _sprung(force_elements=elements))
+    first = found.causes[0]
+    assert (first.name, first.amount) == (cause, amount) and found.likeliest, found
+
+
+def test_a_marker_taken_for_the_centre_of_mass_is_named() -> None:
+    right = _sprung()
+    solution = solve(tb.Problem(right, duration=1.2))
+    t = np.linspace(0.0, 1.2, 300)
+    trajectory = solution.trajectory(t)
+    row = trajectory.kinematics.point("rod", (1.0, 0.0))
+    centre = PointMotion(
+        trajectory.kinematics.position(row, trajectory.q),
+        trajectory.kinematics.velocity(row, trajectory.q, trajectory.u),
+    )
+    found = _said(replace(trajectory, markers={"tip": centre}), solution, 1.1)
+    assert "tip taken for the rod's centre of mass" in {cause.name for cause in found.named}, found
+    assert found.motion_agrees
+
+
+@pytest.mark.parametrize(("axis", "signs"), [("x", (-1.0, 1.0)), ("y", (1.0, -1.0))])
+def test_mirrored_markers_are_named(axis: str, signs: tuple[float, float]) -> None:
+    solution = solve(tb.Problem(_sprung(), duration=1.2))
+    right = solution.trajectory(np.linspace(0.0, 1.2, 300))
+    mirrored = {
+        name: PointMotion(motion.position * signs, motion.velocity * signs)
+        for name, motion in right.markers.items()
+    }
+    found = _said(replace(right, markers=mirrored), solution, 1.1)
+    assert [cause.name for cause in found.named] == [f"markers mirrored, {axis}"], found
+
+
+def _estimates(*shares: tuple[str, float, float]) -> tuple[list[Cause | Estimate], list[str]]:
+    """Estimates of name, rough and accurate share; and the names of those that get measured."""
+    asked: list[str] = []
+
+    def cause(name: str, share: float) -> Cause:
+        return Cause(name=name, kind="law", explained=share)
+
+    def measure(name: str, share: float) -> Cause:
+        asked.append(name)
+        return cause(name, share)
+
+    return [
+        Estimate(cause(name, rough), 1e-3, partial(measure, name, share))
+        for name, rough, share in shares
+    ], asked
+
+
+def test_only_what_may_be_listed_is_measured() -> None:
+    rough = [(f"cause {k}", 0.9 - 0.1 * k, 0.9 - 0.1 * k) for k in range(8)]
+    estimates, asked = _estimates(*rough, ("close", 0.3995, 0.4004), ("none", 0.01, 0.01))
+    listed, named = ranked(measured(estimates))
+    assert [cause.name for cause in listed][-1] == "close" and len(listed) == 6 and named == 0
+    assert asked == [f"cause {k}" for k in range(6)] + ["close"]
+
+
+def test_what_decides_how_many_are_named_is_measured() -> None:
+    """Eight suspects of the same effect: the list has room for six, and the named ones depend on all."""
+    estimates, asked = _estimates(*((f"cause {k}", 0.97, 0.97) for k in range(8)))
+    assert ranked(measured(estimates))[1] == 0 and len(asked) == 8

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import math
+import multiprocessing.util
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -147,3 +150,19 @@ def test_where_nothing_can_be_forked_each_call_has_a_process_that_is_started_for
         worker.call(_corrupt, _Engine(), None)
         place, variable, *_ = worker.call(_state, _Engine(), None)
         assert (place, variable) == (Path.cwd(), None) and not worker._started
+
+
+def test_a_closed_worker_leaves_no_semaphores_and_no_threads() -> None:
+    """What is left to other threads may stay: a script that ended then was told of leaked semaphores."""
+
+    def left() -> tuple[int, set[str]]:
+        finalizers = multiprocessing.util._finalizer_registry.values()  # type: ignore[attr-defined]
+        semaphores = sum("loky" in str(f._args) for f in finalizers)  # type: ignore[attr-defined]
+        return semaphores, {thread.name for thread in threading.enumerate()}
+
+    gc.collect()
+    before = left()
+    with Worker(60.0, jobs=2) as worker:
+        assert worker.compute(float) == 0.0
+        assert left()[0] > before[0]
+    assert left() == before

@@ -4,10 +4,8 @@ from conftest import (
     _idle_processes,
     build,
     kept_processes,
-    pytest_fixture_setup,
+    pytest_collection_modifyitems,
     pytest_generate_tests,
-    pytest_runtest_makereport,
-    pytest_runtest_setup,
     refused,
     third_party,
 )
@@ -16,10 +14,8 @@ __all__ = [
     "_idle_processes",
     "build",
     "kept_processes",
-    "pytest_fixture_setup",
+    "pytest_collection_modifyitems",
     "pytest_generate_tests",
-    "pytest_runtest_makereport",
-    "pytest_runtest_setup",
     "refused",
     "third_party",
 ]
