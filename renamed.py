@@ -83,6 +83,7 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "comparisons.report.notebook": ("comparisons.report.pages.session",),
     "comparisons.report.run": ("comparisons.report.pages.run",),
     "comparisons.report.sections": ("comparisons.report.pages.tables", "comparisons.report.pages.run"),
+    "comparisons.report.tables": ("comparisons.report.pages.tables",),
     "comparisons.runs.comparison": ("comparisons.runs.metrics",),
     "comparisons.runs.distance": ("comparisons.runs.runner",),
     "comparisons.runs.forked": ("comparisons.runs.process",),
