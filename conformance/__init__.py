@@ -1,1 +1,1 @@
-"""Conformance: what an engine that anybody has written keeps of what it declares, with pytest and without."""
+"""Conformance of engines that anybody has written, with pytest and without."""

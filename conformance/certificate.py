@@ -56,7 +56,8 @@ def headline(results: Conformance) -> str:
     ]
     rest = f"; {', '.join(said)}" if said else ""
     verdict = "conforms" if results.passed else "does not conform"
-    return f"{who} {verdict} ({results.tier} tier): {counts[State.KEPT]} of {judged} checks kept{rest}."
+    kept = f"{counts[State.KEPT]} of {judged} checks kept"
+    return f"{who} {verdict} ({results.tier} tier): {kept}{rest}."
 
 
 def _judged(results: Conformance) -> int:
@@ -90,7 +91,7 @@ def certificate(results: Conformance) -> Document:
 
 
 def _own(results: Conformance) -> Iterator[Text]:
-    """What each engine does itself: what it conforms with."""
+    """Sentences on the parts of a run that each engine does itself."""
     for label in results.engines:
         given = results.supplied.get(label)
         said = (
@@ -110,7 +111,8 @@ def _next(results: Conformance) -> Iterator[Block]:
     if unexplained:
         where, name = unexplained[0].problem, unexplained[0].id.split("/", 1)[0]
         yield Text(
-            f"No cause was looked for where none is named, to save time: {_COMPARE.format(name, where)} does so."
+            f"No cause was looked for where none is named, to save time: "
+            f"{_COMPARE.format(name, where)} does so."
         )
     more = [text for label in results.engines for text in optional_steps(label)]
     if more:
@@ -119,7 +121,7 @@ def _next(results: Conformance) -> Iterator[Block]:
 
 
 def next_steps(results: Conformance) -> Iterator[str]:
-    """Sentences on what fails: the interface first, then the problems from the simplest on, each in one sentence."""
+    """One sentence for each failing part: the interface first, then problems, simplest first."""
     failing = [verdict for verdict in results.verdicts if verdict.failed]
     if not _judged(results):  # as where the engine is not installed
         yield from sorted(
@@ -134,12 +136,13 @@ def next_steps(results: Conformance) -> Iterator[str]:
             continue
         first, others = found[0], [verdict.check for verdict in found[1:]]
         also = f" (also {', '.join(others)})" if others else ""
-        said = f"{where.split('/', 1)[0]}, {problem}, {first.check}{also}: {first.text.removesuffix('.')}."
+        engine, text = where.split("/", 1)[0], first.text.removesuffix(".")
+        said = f"{engine}, {problem}, {first.check}{also}: {text}."
         yield f"{said} It {first.cause}" if first.cause else said
 
 
 def optional_steps(label: str) -> Iterator[str]:
-    """What an engine does not declare or offer, what opens most problems first.
+    """Sentences on what an engine does not declare or offer, most problems first.
 
     Args:
         label: engine/preset.
@@ -169,7 +172,10 @@ def _not_offered(name: str, preset: str, capabilities: Capabilities) -> Iterator
     if not capabilities.located_releases:
         yield "releases are not located inside a step"
     if not hasattr(engine_class(name), "study"):
-        yield "no `study`: its tolerances are the default's, and `explain` and `converge` know its time step only"
+        yield (
+            "no `study`: its tolerances are the default's, and `explain` and `converge` know its "
+            "time step only"
+        )
 
 
 def _tables(results: Conformance) -> Iterator[Block]:
@@ -247,11 +253,14 @@ def badge(results: Conformance) -> str:
     widths = [7 * len(text) + 12 for text in (left, right)]
     label = escape(f"{left}: {right}; {headline(results)}")
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{sum(widths)}" height="20" role="img" aria-label="{label}">'
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{sum(widths)}" height="20" role="img" '
+        f'aria-label="{label}">'
         f'<title>{label}</title><rect width="{sum(widths)}" height="20" rx="3" fill="#555"/>'
-        f'<path d="M{widths[0]} 0h{widths[1] - 3}a3 3 0 0 1 3 3v14a3 3 0 0 1 -3 3h-{widths[1] - 3}z" '
+        f'<path d="M{widths[0]} 0h{widths[1] - 3}a3 3 0 0 1 3 3v14a3 3 0 0 1 -3 3h'
+        f'-{widths[1] - 3}z" '
         f'fill="{_COLOURS[results.passed]}"/>'
-        '<g fill="#fff" font-family="Verdana,DejaVu Sans,sans-serif" font-size="11" text-anchor="middle">'
+        '<g fill="#fff" font-family="Verdana,DejaVu Sans,sans-serif" font-size="11" '
+        'text-anchor="middle">'
         f'<text x="{widths[0] / 2:g}" y="14">{left}</text>'
         f'<text x="{widths[0] + widths[1] / 2:g}" y="14">{escape(right)}</text></g></svg>\n'
     )

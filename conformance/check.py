@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..comparisons.compare.sentences import complaints, diagnosis
 from ..comparisons.compare.study import Case, MachineRuns
+from ..comparisons.report.pages.compare import complaints, diagnosis
 from ..comparisons.runs.quantities import QUANTITIES, judged_quantity
 from ..comparisons.runs.results import COMPARED, Run
 from ..comparisons.runs.study import Study
@@ -31,7 +31,9 @@ def check(
     isolate: bool = True,
     **tolerances: float | str,
 ) -> Run:
-    """Assert that an engine agrees with the reference: `tb.check("mujoco", "fixed", position=1e-6, energy="0.1%")`.
+    """Assert that an engine agrees with the reference.
+
+    For example `tb.check("mujoco", "fixed", position=1e-6, energy="0.1%")`.
 
     Args:
         engine: NAME, NAME/PRESET, or the same with 'package.module:Class' for the name; or an
@@ -89,7 +91,7 @@ def check(
 
 
 def _title(name: str) -> str:
-    """Of a quantity, as needs have it; 'launch_time' and 'stop-torque:sling rest' are both ways of naming one."""
+    """Title of a quantity: 'launch_time' and 'stop-torque:sling rest' both name one."""
     title, colon, subject = name.partition(":")
     plain = title if title in QUANTITIES else title.replace("_", "-")
     if plain == "default":

@@ -30,10 +30,15 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """The options."""
     group = parser.getgroup("trebucheck", "conformance of multibody engines")
     group.addoption(
-        "--trebucheck", action="append", default=[], metavar="ENGINE",
-        help="run trebucheck's suite on this engine and collect nothing else: NAME, NAME/PRESET, or "
-        "package.module:Class; repeatable. Tests are collected as well only from paths that are named.",
-    )  # fmt: skip
+        "--trebucheck",
+        action="append",
+        default=[],
+        metavar="ENGINE",
+        help="run trebucheck's suite on this engine and collect nothing else: NAME, "
+        "NAME/PRESET, or "
+        "package.module:Class; repeatable. Tests are collected as well only from paths that are "
+        "named.",
+    )
     group.addoption(
         "--trebucheck-problem",
         action="append",
@@ -61,9 +66,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
     group.addoption("--trebucheck-json", metavar="FILE", help="write the verdicts as JSON")
     group.addoption(
-        "--require-engine", action="append", default=[], metavar="NAME",
+        "--require-engine",
+        action="append",
+        default=[],
+        metavar="NAME",
         help="fail if this engine is absent, or if every test of it is skipped; repeatable",
-    )  # fmt: skip
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -94,7 +102,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _reports(config: pytest.Config) -> bool:
-    """Whether it is this process that reports, and not one that pytest-xdist has started for tests."""
+    """Whether this process reports, and is not one that pytest-xdist has started for tests."""
     return not hasattr(config, "workerinput")
 
 
@@ -108,7 +116,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 
 def _scheduler(config: pytest.Config, log: Any) -> Any:
-    """Scheduler that gives all checks of a problem to one process, and other tests as `--dist` says."""
+    """Scheduler that keeps the checks of a problem in one process; other tests as `--dist`."""
     from xdist.scheduler import LoadFileScheduling, LoadGroupScheduling, LoadScopeScheduling
 
     dist = str(config.getoption("dist"))
@@ -195,13 +203,13 @@ def pytest_collection_modifyitems(
             if item.name in config.stash[_KEY].rows and isinstance(item, ConformanceItem)
         ]
         items[:] = [item for item in items if item not in rows]
-        config.workeroutput[ROWS] = [item.name for item in rows]  # type: ignore[attr-defined] - of pytest-xdist
+        config.workeroutput[ROWS] = [item.name for item in rows]  # type: ignore
     return None
 
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
-    """Note on a test's report which engines it has asked for; reports come back from other processes, too."""
+    """Note on a report which engines its test asked for; other processes send reports, too."""
     outcome: Any = yield
     checker = getattr(item, "funcargs", {}).get("trebucheck")
     asked: list[str] = [item.name.partition("/")[0]] if isinstance(item, ConformanceItem) else []
@@ -246,13 +254,13 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
 
 
 class _Checker:
-    """What the fixture gives."""
+    """Value of the fixture `trebucheck`."""
 
     def __init__(self, required: Container[str]) -> None:
         self._required, self.asked = required, set[str]()
 
     def check(self, engine: str, model: Any = "fixed", **given: Any) -> Any:
-        """As `trebucheck.check`; an engine that is not installed skips the test, unless it is required."""
+        """Call `trebucheck.check`; an absent engine skips the test, unless it is required."""
         __tracebackhide__ = True
         from ..models.errors import EngineNotInstalledError
         from .check import check
@@ -270,12 +278,12 @@ class _Checker:
 
 @pytest.fixture
 def trebucheck(request: pytest.FixtureRequest) -> _Checker:
-    """`trebucheck.check("mujoco", "fixed", position=1e-6)`: an assertion that says why it does not hold."""
+    """Fixture: `trebucheck.check("mujoco", "fixed", position=1e-6)` asserts with reasons."""
     return _Checker(request.config.stash[_REQUIRED])
 
 
 class Reports:
-    """The plug-in of the process that reports: verdicts from any process, JUnit, rows of deviations."""
+    """Plug-in of the process that reports: verdicts of any process, JUnit, deviations."""
 
     def __init__(self, config: pytest.Config, session: Session) -> None:
         self._config, self._session = config, session

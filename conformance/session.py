@@ -36,7 +36,7 @@ class Deviation(Spec):
         return id == self.id or fnmatchcase(id, self.id)
 
     def of_another_engine(self, labels: Collection[str]) -> str:
-        """Why it is not about these engines (engine/preset), if it is about another one that there is."""
+        """Reason for not being about these engines (engine/preset), if it is about another one."""
         engine, _, rest = self.id.partition("/")
         preset = rest.partition("/")[0]
         if (
@@ -229,7 +229,7 @@ class Session:
 
     @property
     def results(self) -> Conformance:
-        """What has been judged so far."""
+        """The verdicts so far."""
         versions = {suite.target.label: suite.version for suite in self._suites}
         supplied = {suite.target.label: suite.supplied for suite in self._suites}
         verdicts = tuple(self._found[id] for id in self.ids if id in self._found)
@@ -238,7 +238,7 @@ class Session:
         )
 
     def write(self) -> None:
-        """The verdicts, where a file was named and there are any; raises InputError if it cannot be written."""
+        """Write the verdicts, if a file was named and there are any; may raise InputError."""
         if self._path is not None and self._found:
             write_text(self._path, self.results.to_json())
 
@@ -249,5 +249,5 @@ class Session:
 
 
 def _every_id(suite: Suite) -> tuple[str, ...]:
-    """Of the engine's checks on all problems."""
+    """Ids of the engine's checks on all problems."""
     return Suite(suite.target, problems_of("full")).ids

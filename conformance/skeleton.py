@@ -29,7 +29,8 @@ def write_skeleton(name: str, folder: Path) -> tuple[Path, ...]:
     """
     if not _NAME.fullmatch(name) or keyword.iskeyword(name):
         raise InputError(
-            f"engine {name!r}: a name of small letters, digits and hyphens is needed, e.g. my-engine."
+            f"engine {name!r}: a name of small letters, digits and hyphens is needed, e.g. "
+            f"my-engine."
         )
     if name.startswith("trebucheck-"):
         raise InputError(

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from ..comparisons.compare.sentences import diagnosis
 from ..comparisons.compare.study import Case, MachineRuns
 from ..comparisons.report.numbers import format_number
+from ..comparisons.report.pages.compare import diagnosis
 from ..comparisons.runs.balance import keeps_horizontal_momentum
 from ..comparisons.runs.metrics import THROWN
 from ..comparisons.runs.process import Worker, simulate
@@ -36,19 +36,19 @@ from ..engines.registry import (
 )
 from ..models.errors import InputError, SimulationError, TrebucheckError, UnsupportedProblemError
 from ..models.features import missing_elements
-from ..models.machines.registry import library_problem, model, models
+from ..models.library.registry import benchmarks, library_problem, model, models
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem, StopLaw
-from ..models.problems.registry import benchmarks
 from ..models.trajectory import Trajectory
 from .verdicts import State, Verdict
 
 QUICK = ("catapult", "double-pendulum", "fixed", "stopped-pendulum")
 STANDARD = (
-    *QUICK, "pendulum", "rolling", "hinged", "floating-arm", "hanging-chain", "slider-crank", "bouncing", "bead",
-    "incline", "welded-rods", "oscillator", "motor", "falling-rod", "thrown-plate", "spring-pendulum", "quick-return",
+    *QUICK, "pendulum", "rolling", "hinged", "floating-arm", "hanging-chain", "slider-crank",
+    "bouncing", "bead", "incline", "welded-rods", "oscillator", "motor", "falling-rod",
+    "thrown-plate", "spring-pendulum", "quick-return",
 )  # fmt: skip
-"""From the simplest on, so that what is wrong everywhere is found first and at little cost; every feature is in one."""
+"""From the simplest on, so that errors are found early; every feature is in one."""
 TIERS = ("quick", "standard", "full")
 
 
@@ -96,7 +96,7 @@ def missing(mechanism: Mechanism, law: StopLaw, capabilities: Capabilities) -> t
 
 
 def check_name(metric: str) -> str:
-    """Of the check that judges a metric: 'release-time' of release_time, 'position' of position_max."""
+    """Name of the check that judges a metric, such as 'position' for position_max."""
     return metric.removesuffix("_max").replace("_", "-")
 
 
@@ -129,7 +129,7 @@ class _BrokenError(TrebucheckError):
 
 @dataclass(frozen=True)
 class _Subject:
-    """What the checks look at."""
+    """An engine with the problems on which its interface is checked."""
 
     name: str
     preset: str
@@ -166,7 +166,7 @@ def _shortened(problem: str, made: Engine) -> Problem:
 
 
 def _first_and_last(made: Engine, problems: Sequence[Problem]) -> tuple[Trajectory, Trajectory]:
-    """Runs of several problems in one process; what those between come to is said by checks of their own."""
+    """First and last of several runs in one process; the others have checks of their own."""
     first = made.simulate(problems[0])
     for problem in problems[1:-1]:
         with suppress(Exception):
@@ -202,7 +202,7 @@ def is_installed(cls: EngineClass) -> bool:
 
 
 def absence(cls: EngineClass) -> str:
-    """What is missing of an engine that is not installed, in its own words where it has any."""
+    """A sentence for an engine that is not installed, in its own words where it has any."""
     own = getattr(cls, "absence", None)
     return str(own() if own is not None else f"engine {cls.name!r} is not installed here.")
 
@@ -216,7 +216,7 @@ def check_interface(
 
 
 def _found(check: Callable[[_Subject], str], subject: _Subject) -> Found:
-    """What a check finds; its text is why it is skipped, if it has one."""
+    """Result of a check; the text that it returns is the reason for which it is skipped."""
     try:
         skipped = check(subject)
     except TrebucheckError as error:
@@ -253,7 +253,8 @@ def _is_made_again(s: _Subject) -> str:
     if again.settings != first.settings:
         changed = next(k for k in first.settings if again.settings.get(k) != first.settings[k])
         raise _BrokenError(
-            f"made again from its settings, its {changed} is {again.settings.get(changed)!r} instead of "
+            f"made again from its settings, its {changed} is {again.settings.get(changed)!r} "
+            f"instead of "
             f"{first.settings[changed]!r}"
         )
     if (first.name, first.preset) != (s.name, s.preset):
@@ -275,7 +276,7 @@ def _moves_a_little(s: _Subject) -> str:
 
 
 def _is_the_same_again(s: _Subject) -> str:
-    """The second run comes after one of another problem, so that what is kept from run to run shows."""
+    """Compare with a second run after one of another problem: state must not be kept."""
     fit, made = s.fitting, s.made()
     if not fit:
         return _NONE_FITS
@@ -287,12 +288,14 @@ def _is_the_same_again(s: _Subject) -> str:
     for label, one, other in _sampled(*(s.valid(run, asked[0]) for run in runs)):
         if one.shape != other.shape:
             raise _BrokenError(
-                f"{fit[0]}: {label} has the shape {other.shape} in a second run, {one.shape} in the first"
+                f"{fit[0]}: {label} has the shape {other.shape} in a second run, {one.shape} in "
+                f"the first"
             )
         if not np.array_equal(one, other):
             apart = float(np.abs(one - other).max())
             raise _BrokenError(
-                f"{fit[0]}: {label} differs by up to {apart:.3g} between two runs of the same problem"
+                f"{fit[0]}: {label} differs by up to {apart:.3g} between two runs of the same "
+                f"problem"
             )
     return ""
 
@@ -308,7 +311,7 @@ def _sampled(one: Trajectory, other: Trajectory) -> Iterator[tuple[str, np.ndarr
 
 
 def _refuses_the_rest(s: _Subject) -> str:
-    """What it does not declare it must refuse, by UnsupportedProblemError, rather than move something else."""
+    """Require UnsupportedProblemError for what it does not declare."""
     capabilities, made, seen = capabilities_of(s.name, s.preset), s.made(), set[str]()
     for problem in STANDARD:
         lacking = missing(*given(problem), capabilities)
@@ -438,17 +441,17 @@ class Suite:
 
     @cached_property
     def capabilities(self) -> Capabilities:
-        """That the engine declares with the options of its preset."""
+        """Capabilities with the options of its preset."""
         return capabilities_of(self.target.engine, self.target.preset)
 
     @cached_property
     def supplied(self) -> dict[str, str] | None:
-        """What trebucheck does in the engine's place, as it says; None if it does not."""
+        """Parts of a run that trebucheck does, as the engine states; None if it does not."""
         return supplied_in(self.target.engine, self.target.preset)
 
     @cached_property
     def version(self) -> str:
-        """Of the engine."""
+        """Version of the engine."""
         return str(engine_class(self.target.engine).version())
 
     @cached_property
@@ -465,14 +468,14 @@ class Suite:
         return f"{self.target.label}/{problem}/{check}"
 
     def verdict(self, id: str) -> Verdict:
-        """On a check; its problem is run now if it is the first one of it."""
+        """Verdict on a check; its problem is run now if this is its first one."""
         _, problem, check = id.rsplit("/", 2)
         if problem not in self._known:
             self._known[problem] = self._judged(problem)
         return self._known[problem][check]
 
     def verdicts(self) -> Iterable[Verdict]:
-        """On all checks, each when it is asked for."""
+        """Verdicts on all checks, each when it is asked for."""
         return map(self.verdict, self.ids)
 
     def _judged(self, problem: str) -> dict[str, Verdict]:
@@ -537,7 +540,7 @@ class Suite:
         return self._of_run(problem, run, f" at steps of {own.timestep:g} s" if scaled else "")
 
     def _of_run(self, problem: str, run: Run, steps: str) -> dict[str, Verdict]:
-        """Verdicts; those that speak against the engine say at which steps, where those are not the preset's."""
+        """Verdicts; failed ones name the steps where these are not the preset's."""
         verdicts = {
             check: self._of_quantity(problem, check, run) for check in self._checks[problem][2:]
         }
@@ -553,7 +556,7 @@ class Suite:
         return found | broken
 
     def _of_rest(self, problem: str, run: Run) -> Verdict:
-        """That it ran; and whatever is judged of a run and is no check of its own."""
+        """Verdict on the run itself, and on metrics that have no check of their own."""
         rest = [m for m in run.metrics if check_name(m.name) not in self._checks[problem]]
         found = judgement(rest, run)
         kept = found.state is State.SKIPPED
@@ -576,7 +579,7 @@ class Suite:
 
 
 def judgement(metrics: Iterable[Metric], run: Run) -> Verdict:
-    """On the metrics of one quantity, by the worst of them."""
+    """Verdict on the metrics of one quantity, by the worst of them."""
     own = [m for m in metrics if m.follows is None]
     judged = sorted((m for m in own if m.share is not None), key=lambda m: m.share or 0.0)
     if not judged:
@@ -597,10 +600,16 @@ def judgement(metrics: Iterable[Metric], run: Run) -> Verdict:
         ]
     )
     return Verdict(
-        id="", state=state, text=text, subject=worst.subject, error=None if worst.value is None else abs(worst.value),
-        unit=worst.unit, tolerance=worst.tolerance, source=f"{worst.source}: {worst.reason}",
+        id="",
+        state=state,
+        text=text,
+        subject=worst.subject,
+        error=None if worst.value is None else abs(worst.value),
+        unit=worst.unit,
+        tolerance=worst.tolerance,
+        source=f"{worst.source}: {worst.reason}",
         cause=" ".join(diagnosis(run)) if broken else "",
-    )  # fmt: skip
+    )
 
 
 def _complaint(m: Metric) -> str:

@@ -1,4 +1,4 @@
-"""What a conformance run finds, as data: a verdict for each check, and the file that holds them."""
+"""Results of a conformance run: a verdict for each check, and the file that holds them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FORMAT = "trebucheck-conformance-1"
 
 
 class State(StrEnum):
-    """Of a check; the text is what reports show."""
+    """State of a check; its text is shown in reports."""
 
     KEPT = "kept"
     BROKEN = "broken"
@@ -30,7 +30,7 @@ _PROPERTIES = ("subject", "error", "unit", "tolerance", "source", "cause", "wall
 
 
 class Verdict(Spec):
-    """On one check of one engine."""
+    """Verdict on one check of one engine."""
 
     id: str = Field(description="engine/preset/problem/check")
     state: State
@@ -49,17 +49,17 @@ class Verdict(Spec):
 
     @property
     def share(self) -> float | None:
-        """Of its tolerance, that its error is; as of a metric."""
+        """Error / tolerance, as of a metric."""
         return share_of(self.error, self.tolerance)
 
     @property
     def problem(self) -> str:
-        """Of the id."""
+        """Its problem, from the id."""
         return self.id.rsplit("/", 2)[1]
 
     @property
     def check(self) -> str:
-        """Of the id."""
+        """Its check, from the id."""
         return self.id.rsplit("/", 1)[1]
 
     @property
@@ -69,13 +69,13 @@ class Verdict(Spec):
 
     @property
     def complaint(self) -> str:
-        """What is wrong, by which tolerance, and why."""
+        """Sentence on the fault, the tolerance and the cause."""
         source = f"tolerance by {self.source}" if self.source else ""
         return "\n".join(filter(None, (self.text, source, self.cause)))
 
     @property
     def properties(self) -> list[tuple[str, object]]:
-        """As a JUnit file has them."""
+        """Properties for a JUnit file."""
         given = {name: getattr(self, name) for name in _PROPERTIES}
         return [(name, value) for name, value in given.items() if value not in (None, "")]
 
@@ -87,7 +87,8 @@ class Conformance(ResultFile):
     engines: dict[str, str] = Field(description="version by engine/preset")
     supplied: dict[str, dict[str, str] | None] = Field(
         default_factory=dict,
-        description="by engine/preset, what trebucheck does in the engine's place; null: it does not say",
+        description="by engine/preset, what trebucheck does in the engine's place; null: it "
+        "does not say",
     )
     tier: str
     verdicts: tuple[Verdict, ...]

@@ -24,36 +24,35 @@ import trebucheck as tb
 import typer
 from mjcf_readme import readme
 from trebucheck.cli.app import app
-from trebucheck.comparisons.compare import plots as figures
-from trebucheck.comparisons.compare.agreement import differences
 from trebucheck.comparisons.compare.study import Comparison
 from trebucheck.comparisons.converge.results import Studies
 from trebucheck.comparisons.data.certified import names, publish
 from trebucheck.comparisons.diff.study import DifferenceData
 from trebucheck.comparisons.explain.results import Explanation
 from trebucheck.comparisons.judge.study import Judgement
-from trebucheck.comparisons.matrix.report import document as matrix_document
 from trebucheck.comparisons.matrix.study import distilled, orders_of
 from trebucheck.comparisons.matrix.study import matrix as read_matrix
 from trebucheck.comparisons.mjcf import record_motion
-from trebucheck.comparisons.problems.report import library
 from trebucheck.comparisons.problems.study import check
 from trebucheck.comparisons.recommend import Advice
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.document import Document, table, without_empty_columns
 from trebucheck.comparisons.report.figures import picture, write_picture
+from trebucheck.comparisons.report.pages import compare as figures
+from trebucheck.comparisons.report.pages.compare import differences
+from trebucheck.comparisons.report.pages.matrix import document as matrix_document
+from trebucheck.comparisons.report.pages.problems import library
 from trebucheck.comparisons.report.plots import Axis, Panels, Plot
+from trebucheck.comparisons.runs.process import Worker, simulate
 from trebucheck.comparisons.runs.results import Results
 from trebucheck.comparisons.runs.scales import scales_until
 from trebucheck.comparisons.runs.stretching import stretching_until
-from trebucheck.comparisons.runs.worker import Worker, simulate
 from trebucheck.conformance.verdicts import Conformance
-from trebucheck.models.machines.registry import models
+from trebucheck.models.library.benchmark import Benchmark
+from trebucheck.models.library.registry import benchmarks, models
 from trebucheck.models.mechanism import mechanism_schema
 from trebucheck.models.mjcf.recorded import RECORDED_FILE
 from trebucheck.models.mjcf.writer import write_model_folder
-from trebucheck.models.problems.benchmark import Benchmark
-from trebucheck.models.problems.registry import benchmarks
 from trebucheck.models.spec import schema_text
 from trebucheck.reference.solver import solve
 from trebucheck_importers.files import publish as publish_zoo

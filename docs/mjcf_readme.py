@@ -11,12 +11,12 @@ import trebucheck as tb
 from mujoco import rollout
 from trebucheck.engines.mujoco.read import absolute_from_relative
 from trebucheck.models.arrays import FloatArray
+from trebucheck.models.elements import PointStop, Stop
 from trebucheck.models.kinematics import Kinematics
-from trebucheck.models.machines.registry import models, parameters_type
+from trebucheck.models.library.registry import models, parameters_type
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.mjcf.recorded import RecordedMotion
 from trebucheck.models.mjcf.variants import POINT_INERTIA
-from trebucheck.models.stops import PointStop, Stop
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 

@@ -456,17 +456,17 @@ class SteppedMotion(ABC, Generic[S]):
 
     @abstractmethod
     def hold(self, rest: Contacts, time: float) -> Contacts:
-        """As :meth:`Motion.hold`."""
+        """See :meth:`Motion.hold`."""
 
     @abstractmethod
     def impact(
         self, touching: Contacts, rule: RestitutionRule, kept: frozenset[str]
     ) -> tuple[Mapping[str, float], Contacts]:
-        """As :meth:`Motion.impact`; `kept` is empty."""
+        """See :meth:`Motion.impact`; `kept` is empty."""
 
     @abstractmethod
     def recording(self, events: ContactEvents) -> Recording:
-        """As :meth:`Motion.recording`."""
+        """See :meth:`Motion.recording`."""
 
     def ahead(self, first: int, n: int, watch: Watch) -> int:
         """Take up to n whole steps at once after the first ones, and record those without an event.
@@ -491,12 +491,12 @@ class SteppedMotion(ABC, Generic[S]):
         return np.asarray(self.kinematics.gap(stop, q)), np.asarray(speed)
 
     def gap(self, stop: str) -> tuple[float, float]:
-        """As :meth:`Motion.gap`."""
+        """See :meth:`Motion.gap`."""
         gap, speed = self.gaps(stop, self.state())
         return float(gap), float(speed)
 
     def proceed(self, start: float, end: float, watch: Watch) -> Halt:
-        """As :meth:`Motion.proceed`."""
+        """See :meth:`Motion.proceed`."""
         while start < end:
             if start >= self._step_end:  # a new whole step
                 n = min(self.at_once, self._whole - self._taken)

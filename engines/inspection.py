@@ -1,4 +1,4 @@
-"""What an engine exposes of the model it has built, before any motion: input of the model-equivalence check."""
+"""The model that an engine has built, read before any motion for the equivalence check."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class State:
 
 @dataclass(frozen=True)
 class Dynamics:
-    """What the built model says at a state, in the mechanism's coordinates; None (or absent) is not exposed.
+    """The built model at one state, in the mechanism's coordinates; None: not exposed.
 
     With M a = f + G^T torques (and the loop joints' own forces): M the mass matrix, f all applied
     and centrifugal forces, f = Q - b.
@@ -45,12 +45,12 @@ class Dynamics:
     centres: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
     """Centre of mass of each body in the world [m], shape (2,)."""
     stop_gaps: Mapping[str, float] = field(default_factory=dict[str, float])
-    """The engine's own measure of its stops' gaps [rad]: zero for a closed one, if it stands where it should."""
+    """The engine's own measure of its stops' gaps [rad, m]: zero for a closed one in its place."""
 
 
 @dataclass(frozen=True)
 class Inspection:
-    """What an engine's built model says of itself."""
+    """The model that an engine has built, at the start and in each state asked for."""
 
     start: FloatArray
     """q as the built model starts, shape (n_q,)."""
@@ -66,10 +66,10 @@ class Inspection:
 
 @runtime_checkable
 class Inspectable(Protocol):
-    """An engine that shows its built model. Engines that do not are compared all the same, and the report says so."""
+    """An engine that shows its built model; others are compared as well, and reports say so."""
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
-        """Build the mechanism as `simulate` would, with the same options, and look at it in each state.
+        """Build the mechanism as `simulate` would, and read it in each state.
 
         Softness, start-up and step size are numerical options and not the model's: a soft stop is
         asked for its torque at rest.

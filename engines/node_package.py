@@ -1,4 +1,4 @@
-"""An engine that is a package of npm: where it is, what brings it, and the process of Node.js that moves a scene by it.
+"""An engine that is a package of npm: its place, and the process of Node.js that runs it.
 
 The plug-in has a folder with `package.json`, which names the package and its version, and
 `move.cjs`, a program that reads a scene as JSON from standard input and writes its samples,
@@ -48,7 +48,7 @@ class NodePackage:
         return shutil.which("node") is not None and self._manifest.exists()
 
     def absence(self) -> str:
-        """What is missing, and what brings it, in one sentence."""
+        """A sentence for a package that is not here, with the command that installs it."""
         if shutil.which("node") is None:
             return (
                 f"{self.title} runs in Node.js (18 or later), and no program `node` is on the path."
@@ -56,7 +56,7 @@ class NodePackage:
         return f"{self.title} is not installed here; `python -m {self.module}` brings it by npm."
 
     def version(self) -> str:
-        """Of the package; 'not installed' if it or Node.js is not here."""
+        """Version of the package; 'not installed' if it or Node.js is not here."""
         if not self.is_installed():
             return _ABSENT
         return str(json.loads(self._manifest.read_text(encoding="utf-8"))["version"])
@@ -70,7 +70,8 @@ class NodePackage:
         npm = shutil.which("npm")
         if npm is None:
             raise SystemExit(
-                f"{self.title} is installed by npm, of Node.js 18 or later, and no program `npm` is on the path."
+                f"{self.title} is installed by npm, of Node.js 18 or later, and no program "
+                f"`npm` is on the path."
             )
         command = [npm, "install", "--no-package-lock", "--no-audit", "--no-fund"]
         raise SystemExit(subprocess.run(command, cwd=self.folder, check=False).returncode)

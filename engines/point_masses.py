@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from ..models.arrays import FloatArray
-from ..models.joints import GROUND, AnyJoint, PinJoint
+from ..models.elements import GROUND, AnyJoint, PinJoint
 from ..models.mechanism import Body, Mechanism
 from ..models.spec import Vector
 
@@ -26,14 +26,15 @@ LeastInertia = Annotated[
     float,
     Field(
         gt=0.0, le=0.1,
-        description="of a body about its centre of mass, as a part of m d^2, d the distance of its pin: what is "
+        description="of a body about its centre of mass, as a part of m d^2, d the distance of "
+                    "its pin: what is "
         "missing is made up by mass moved along the pin, which changes no motion",
     ),
 ]  # fmt: skip
 """An engine's option."""
 
 _ADDED = 1e-5
-"""Least inertia in all cases, of m d^2; what a body without a pin is given of it changes its motion."""
+"""Least inertia in all cases, of m d^2; for a body without a pin it changes the motion."""
 _LENT = 0.5
 """Most that a body gives of its mass and of its inertia for one pin."""
 
@@ -59,7 +60,7 @@ class NoPointMasses:
     """By the pin's name: the mass that its child has gained, and its parent lost [kg]."""
 
     def __post_init__(self) -> None:
-        """Move the masses, from the ground outwards: each body has its inertia before it lends any."""
+        """Move the masses outwards from the ground: a body has its inertia before it lends any."""
         self._bodies = {body.name: body for body in self.original.bodies}
         self.moved = {}
         for body in self.original.bodies:
@@ -70,7 +71,7 @@ class NoPointMasses:
 
     @property
     def extra_potential_energy(self) -> float:
-        """What its potential energy has more than the original's [J], a constant: mass that came from the ground."""
+        """Potential energy beyond the original's [J], a constant of mass from the ground."""
         weights = [
             self.moved.get(j.name, 0.0) * np.array(j.parent_point)
             for j in self._joints

@@ -1,4 +1,4 @@
-"""What every engine is: frozen numerical options, and `simulate`."""
+"""The protocol of engines: frozen numerical options, capabilities, and `simulate`."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ _ABSENT = "not installed"
 
 @dataclass(frozen=True)
 class Capabilities:
-    """What an engine can observe and do."""
+    """Observations that an engine makes, and mechanisms that it can move."""
 
     joint_reactions: bool
     """Forces of the joints, as vectors in the world frame."""
@@ -67,7 +67,7 @@ class Capabilities:
     features: frozenset[Feature] = frozenset()
     """Elements that it can build beside pins, slots in the ground and stops against it."""
     lacking: frozenset[Basic] = frozenset()
-    """What it cannot build of these: slots, stops, loops of joints, bodies without inertia, restitution."""
+    """Elements of every mechanism that it cannot build."""
     elements: frozenset[type] = COVERED_BY_FEATURES
     """Classes of elements that it builds; those of later releases must be stated here."""
 
@@ -97,7 +97,7 @@ def built_features(classes: Collection[type]) -> frozenset[Feature]:
 
 
 class Simulator(Protocol):
-    """The least that a plug-in's engine must have; the registry adds what :class:`Engine` has beyond it."""
+    """Least interface of a plug-in's engine; the registry adds the rest of :class:`Engine`."""
 
     @property
     def name(self) -> str:
@@ -106,7 +106,7 @@ class Simulator(Protocol):
 
     @property
     def capabilities(self) -> Capabilities:
-        """What it can observe."""
+        """Its capabilities."""
         ...
 
     def simulate(self, problem: Problem) -> Trajectory:
@@ -116,7 +116,7 @@ class Simulator(Protocol):
 
 @runtime_checkable
 class Engine(Simulator, Protocol):
-    """The extension point: an engine with its numerical options, compared like the built-in engines.
+    """Extension point: an engine with its numerical options.
 
     It is determined by its name, its preset and its settings: `engine(name, preset, **settings)`
     makes it again.
@@ -129,7 +129,7 @@ class Engine(Simulator, Protocol):
 
     @property
     def settings(self) -> dict[str, JsonValue]:
-        """Every numerical option by name, as JSON values, the time step included; without the preset's name."""
+        """Every numerical option by name, as JSON values; without the preset's name."""
         ...
 
     @property
@@ -140,7 +140,7 @@ class Engine(Simulator, Protocol):
 
 @dataclass(frozen=True)
 class Recording:
-    """What an engine's run yields; fields as in :class:`..models.trajectory.Trajectory`."""
+    """Result of an engine's run; fields as in :class:`..models.trajectory.Trajectory`."""
 
     t: FloatArray
     q: FloatArray
@@ -195,7 +195,7 @@ class EngineOptions(Spec):
 
 
 class BuiltinEngine(EngineOptions, ABC):
-    """Base class of engines, also of plug-ins: fields are numerical options, their defaults are the tuned preset.
+    """Base class of engines; fields are numerical options, their defaults the tuned preset.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -214,7 +214,7 @@ class BuiltinEngine(EngineOptions, ABC):
 
     @classmethod
     def stock(cls, /, **options: Any) -> Self:
-        """What the engine's documentation leads a newcomer to."""
+        """Settings that the engine's documentation leads a newcomer to."""
         fields: dict[str, Any] = {**cls.stock_options, "preset": "stock", **options}
         return cls(**fields)
 
@@ -231,12 +231,12 @@ class BuiltinEngine(EngineOptions, ABC):
 
     @classmethod
     def study(cls) -> EngineStudy:
-        """What studies know of this engine."""
+        """The tables that studies use of this engine."""
         return cls.tables
 
     @classmethod
     def is_installed(cls) -> bool:
-        """Whether the engine's package is here: installed, and not only a folder left by another one."""
+        """Whether the engine's package is installed; a folder left by another one is not enough."""
         return (
             cls.version() != _ABSENT
             and importlib.util.find_spec(cls.module or cls.package) is not None
@@ -276,7 +276,7 @@ class BuiltinEngine(EngineOptions, ABC):
         )
 
     def _run_with_movable_stops(self, problem: Problem) -> Recording:
-        """Run without the stops whose gap nothing can change: an engine would find no unique force for them."""
+        """Run without stops whose gap nothing can change: they have no unique force."""
         idle = immovable_stops(problem.mechanism)
         if not idle:
             return self._recorded(problem)
@@ -291,7 +291,7 @@ class BuiltinEngine(EngineOptions, ABC):
         )
 
     def _recorded(self, problem: Problem) -> Recording:
-        """What `_run` returns, which is a recording."""
+        """The result of `_run`, which must be a recording."""
         recording = cast("object", self._run(problem))
         if not isinstance(recording, Recording):
             raise SimulationError(
@@ -301,21 +301,21 @@ class BuiltinEngine(EngineOptions, ABC):
 
     @property
     def lacking(self) -> frozenset[Basic | Feature]:
-        """Elements that it cannot build with these options, beside those that its capabilities lack."""
+        """Elements that these options take away from its capabilities."""
         return frozenset()
 
     @property
     def supplied(self) -> Supplied | None:
-        """What trebucheck does of a run in the engine's place, with these options; None: it is not stated."""
+        """Parts of a run that trebucheck does with these options; None: not stated."""
         return None
 
     @abstractmethod
     def _run(self, problem: Problem) -> Recording:
-        """Build, run and read out; a :class:`Recording`, whose fields, units, signs and frames docs/plugins.md has."""
+        """Build, run and read out; docs/plugins.md has units, signs and frames of the recording."""
 
     @classmethod
     def absence(cls) -> str:
-        """What is missing where the engine is not installed, and what brings it, in one sentence."""
+        """A sentence for an engine that is not installed, with the command that installs it."""
         return f"engine {cls.name!r} is not installed here; `pip install {cls.package}` brings it."
 
     def refuse_absence(self) -> None:
@@ -336,33 +336,39 @@ class BuiltinEngine(EngineOptions, ABC):
         if problem.mechanism.stops and problem.stop_law not in self.capabilities.stop_laws:
             laws = ", ".join(sorted(self.capabilities.stop_laws))
             raise UnsupportedProblemError(
-                f"{self.name} cannot follow the {problem.stop_law.value} law of a stop; it can follow: {laws}."
+                f"{self.name} cannot follow the {problem.stop_law.value} law of a stop; it can "
+                f"follow: {laws}."
             )
         if self.timestep > problem.duration:
             raise InputError(
-                f"timestep = {self.timestep!r} s must not be longer than the duration of {problem.duration!r} s."
+                f"timestep = {self.timestep!r} s must not be longer than the duration of "
+                f"{problem.duration!r} s."
             )
         steps, most = problem.duration / self.timestep, _MOST_STEPS
         if steps > most:
             raise InputError(
-                f"timestep = {self.timestep!r} s makes more than {most} steps of {problem.duration!r} s; "
+                f"timestep = {self.timestep!r} s makes more than {most} steps of "
+                f"{problem.duration!r} s; "
                 f"at least {problem.duration / most:.3g} s is needed."
             )
         need, available = steps * _sample_size(problem.mechanism), available_memory()
         if need > available:
             raise InputError(
-                f"timestep = {self.timestep!r} s makes {steps:.3g} steps of {problem.duration!r} s, for which some "
-                f"{need / 1e9:.3g} GB of memory are needed and {available / 1e9:.3g} GB are available; at least "
+                f"timestep = {self.timestep!r} s makes {steps:.3g} steps of "
+                f"{problem.duration!r} s, for which some "
+                f"{need / 1e9:.3g} GB of memory are needed and {available / 1e9:.3g} GB are "
+                f"available; at least "
                 f"{self.timestep * need / available:.3g} s is needed."
             )
 
     def _refuse_wrong_shapes(self, problem: Problem, recording: Recording) -> None:
-        """Coordinates and speeds, which are read here; everything else is judged with the trajectory."""
+        """Check coordinates and speeds; everything else is judged with the trajectory."""
         needed = (*np.shape(recording.t), len(problem.mechanism.coordinates))
         for name in ("q", "u"):
             if (shape := np.shape(getattr(recording, name))) != needed:
                 raise SimulationError(
-                    f"{self.name}: {name} has shape {shape}; {needed}, (samples, coordinates), is needed."
+                    f"{self.name}: {name} has shape {shape}; {needed}, (samples, coordinates), "
+                    f"is needed."
                 )
 
     def _refuse_divergence(self, recording: Recording) -> None:
@@ -388,7 +394,7 @@ class BuiltinEngine(EngineOptions, ABC):
 
 
 def refuse_no_problem(given: object) -> None:
-    """Say what is missing where a mechanism is given for a problem.
+    """Refuse a mechanism, or anything else, that is given for a problem.
 
     Raises:
         InputError: what is given is no problem.
@@ -396,7 +402,8 @@ def refuse_no_problem(given: object) -> None:
     if not isinstance(given, Problem):
         what = "a Mechanism" if isinstance(given, Mechanism) else type(given).__name__
         raise InputError(
-            f"simulate({what}) does not say for how long: simulate(tb.Problem(mechanism, duration=2.6)) does, in s."
+            f"simulate({what}) does not say for how long: simulate(tb.Problem(mechanism, "
+            f"duration=2.6)) does, in s."
         )
 
 

@@ -1,4 +1,4 @@
-"""Engines by name: the built-in ones and those of plug-ins, none imported before it is asked for."""
+"""Engines by name, built-in ones and plug-ins; none is imported before it is asked for."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ _BUILTIN = {
 
 
 class EngineClass(Protocol):
-    """What a plug-in's entry point leads to."""
+    """An engine's class, to which a plug-in's entry point leads."""
 
     name: str
     capabilities: Capabilities
@@ -77,7 +77,7 @@ def engine_names() -> tuple[str, ...]:
 
 
 def _installed() -> tuple[importlib.metadata.EntryPoint, ...]:
-    """Engines of installed distributions, looked for again only where a folder of `sys.path` has changed."""
+    """Engines of installed distributions; read again when a folder of `sys.path` has changed."""
     return _points_in(
         tuple((path, _changed(path)) for path in (Path(name).absolute() for name in sys.path))
     )
@@ -97,7 +97,7 @@ def _points_in(_: tuple[tuple[Path, int | None], ...]) -> tuple[importlib.metada
 
 
 def _announced() -> dict[str, importlib.metadata.EntryPoint]:
-    """What the environment announces, by name."""
+    """Entry points that the environment variable announces, by name."""
     pairs = (part.partition("=") for part in os.environ.get(ANNOUNCED, "").split())
     return {
         name: importlib.metadata.EntryPoint(name, path, PLUGIN_GROUP) for name, _, path in pairs
@@ -105,7 +105,7 @@ def _announced() -> dict[str, importlib.metadata.EntryPoint]:
 
 
 def announce(path: str) -> str:
-    """Make an engine class known by its own name, here and in processes that are started from now on.
+    """Make an engine's class known by its name, here and in processes started from now on.
 
     Args:
         path: of the class, as 'package.module:Class'.
@@ -125,7 +125,8 @@ def announce(path: str) -> str:
         )
     if name in _BUILTIN:
         raise InputError(
-            f"engine {path}: its name {name!r} is that of an engine of trebucheck; another one is needed."
+            f"engine {path}: its name {name!r} is that of an engine of trebucheck; another one "
+            f"is needed."
         )
     known = {known: point.value for known, point in _announced().items()} | {name: path}
     os.environ[ANNOUNCED] = " ".join(f"{known}={value}" for known, value in known.items())
@@ -144,7 +145,7 @@ def _loaded(point: importlib.metadata.EntryPoint) -> EngineClass:
 
 
 def _refuse_incomplete(name: str, cls: object) -> None:
-    """Say what the class of a plug-in lacks, before it is missed somewhere else."""
+    """Refuse a plug-in's class that lacks a part, before it is missed somewhere else."""
     declared = getattr(cls, "capabilities", None)
     if not isinstance(declared, Capabilities):
         given = (
@@ -157,7 +158,8 @@ def _refuse_incomplete(name: str, cls: object) -> None:
         )
     if not callable(getattr(cls, "presets", None)):
         raise InputError(
-            f"engine {name!r}: its class has no `presets()`; makers by name, 'tuned' and 'stock', are needed."
+            f"engine {name!r}: its class has no `presets()`; makers by name, 'tuned' and "
+            f"'stock', are needed."
         )
     own_version = (
         getattr(getattr(cls, "version", None), "__func__", None)
@@ -170,7 +172,8 @@ def _refuse_incomplete(name: str, cls: object) -> None:
         and not hasattr(cls, "package")
     ):
         raise InputError(
-            f"engine {name!r}: its class has no `package`, the distribution whose version is reported; "
+            f"engine {name!r}: its class has no `package`, the distribution whose version is "
+            f"reported; "
             "an engine that is none has is_installed() and version() of its own."
         )
 
@@ -194,12 +197,15 @@ def engine_class(name: str) -> EngineClass:
     close = get_close_matches(name, known, n=1)
     hint = f" (did you mean {close[0]!r}?)" if close else ""
     if ":" in name:
-        hint = " (a class that is not installed is taken by `conform` and `pytest --trebucheck`; else install it)"
+        hint = (
+            " (a class that is not installed is taken by `conform` and `pytest --trebucheck`; "
+            "else install it)"
+        )
     raise InputError(f"there is no engine {name!r}{hint}; there are: {', '.join(known)}.")
 
 
 def engine_study(name: str) -> EngineStudy:
-    """What studies know of an engine; the default where its class has no method `study`, or is not known here."""
+    """Tables that studies use of an engine; the default if its class has none or is unknown."""
     try:
         study = getattr(engine_class(name), "study", EngineStudy)
     except InputError:
@@ -208,7 +214,7 @@ def engine_study(name: str) -> EngineStudy:
 
 
 def causes_of(engine: Engine, mechanism: Mechanism | None = None) -> tuple[Cause, ...]:
-    """Causes that an engine with these options may have, in the order in which they are best taken out.
+    """Causes of error that an engine with these options may have, in the order of removal.
 
     Nothing is run. A cause whose options are already set as its removal would set them is left out.
     Of an engine without a table (a plug-in) only the time step is known, if it has one.
@@ -234,7 +240,7 @@ def causes_of(engine: Engine, mechanism: Mechanism | None = None) -> tuple[Cause
 
 @dataclass(frozen=True)
 class EngineStatus:
-    """What is known of an engine here."""
+    """Availability of an engine: version, presets and capabilities."""
 
     name: str
     installed: bool
@@ -367,7 +373,7 @@ def with_options(base: Engine, changes: Mapping[str, JsonValue]) -> Engine:
 
 
 def capabilities_of(name: str, preset: str) -> Capabilities:
-    """What an engine declares, less what the options of a preset take away.
+    """Capabilities of an engine with the options of a preset.
 
     Raises:
         InputError: there is no engine of that name, or it cannot be loaded.
@@ -379,7 +385,7 @@ def capabilities_of(name: str, preset: str) -> Capabilities:
 
 
 def supplied_in(name: str, preset: str) -> dict[str, str] | None:
-    """What an engine says that trebucheck supplies with a preset; None if it does not say, or cannot be made."""
+    """Parts of a run that trebucheck does with a preset; None if not stated, or not makeable."""
     try:
         return stated(engine(name, preset))
     except Exception:  # which is said where it is to move something
@@ -390,13 +396,13 @@ def supplied_in(name: str, preset: str) -> dict[str, str] | None:
 
 
 def able(engine: Simulator) -> Capabilities:
-    """What an engine declares, less what its options take away."""
+    """Capabilities of an engine with its present options."""
     return engine.capabilities.without(getattr(engine, "lacking", ()))
 
 
 @dataclass(frozen=True)
 class CompletedEngine:
-    """A plug-in's engine that does not tell its preset, its settings or its time step, completed by the registry."""
+    """A plug-in's engine without preset, settings or time step, completed by the registry."""
 
     simulator: Simulator
     preset: str
@@ -405,26 +411,26 @@ class CompletedEngine:
 
     @property
     def name(self) -> str:
-        """Of the plug-in's engine."""
+        """Name of the plug-in's engine."""
         return self.simulator.name
 
     @property
     def capabilities(self) -> Capabilities:
-        """Of the plug-in's engine."""
+        """Capabilities of the plug-in's engine."""
         return self.simulator.capabilities
 
     @property
     def lacking(self) -> frozenset[Basic | Feature]:
-        """Of the plug-in's engine, if it tells."""
+        """Its `lacking`, if it has it."""
         return getattr(self.simulator, "lacking", frozenset())
 
     @property
     def supplied(self) -> Supplied | None:
-        """Of the plug-in's engine, if it tells; else None."""
+        """Its `supplied`, if it has it; else None."""
         return getattr(self.simulator, "supplied", None)
 
     def simulate(self, problem: Problem) -> Trajectory:
-        """As the plug-in's engine does."""
+        """Move the mechanism by the plug-in's engine."""
         refuse_no_problem(problem)
         left = able(self)
         refuse_features(
@@ -443,7 +449,7 @@ class CompletedInspectable(CompletedEngine):
     """The same for an engine that shows its built model."""
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
-        """As the plug-in's engine does."""
+        """Inspect by the plug-in's engine."""
         return cast("Inspectable", self.simulator).inspect(mechanism, states)
 
 
@@ -494,7 +500,8 @@ def view(engine: Engine, mechanism: Mechanism) -> None:
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     ):
         raise InputError(
-            "a viewer needs a display, and there is none here (neither DISPLAY nor WAYLAND_DISPLAY is set); "
+            "a viewer needs a display, and there is none here (neither DISPLAY nor "
+            "WAYLAND_DISPLAY is set); "
             "`trebucheck animate` writes a file instead."
         )
     engine.view(mechanism)

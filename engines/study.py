@@ -1,4 +1,4 @@
-"""What studies need to know of an engine: causes of its error, parameters worth sweeping, option sets, tolerances.
+"""Tables of an engine for studies: causes of error, swept parameters, option sets, tolerances.
 
 Each engine gives an :class:`EngineStudy` by the class method `study`; every field has a default,
 which holds for an engine that supplies nothing. The tables hold data and functions of options only:
@@ -20,12 +20,12 @@ from ..models.mechanism import Mechanism
 Options = Mapping[str, Any]
 
 REFINEMENT = 8
-"""Steps to one of the base: leaves 1/64 of an error of second order, so that no order need be assumed."""
+"""Steps in one of the base: 1/64 of a second-order error is left, whatever the order is."""
 
 
 @dataclass(frozen=True)
 class ConstraintKinds:
-    """What the constraints of a mechanism hold, where options of engines act on one kind only."""
+    """Kinds of constraints in a mechanism, for options of engines that act on one kind only."""
 
     angles: bool = True
     """Stops on angles."""
@@ -34,7 +34,7 @@ class ConstraintKinds:
 
     @classmethod
     def of(cls, mechanism: Mechanism | None) -> ConstraintKinds:
-        """Of a mechanism; with none given, of the paper's, whose stops are on angles."""
+        """Those of a mechanism; with none, those of the paper's, whose stops are on angles."""
         if mechanism is None:
             return cls()
         return cls(
@@ -44,14 +44,14 @@ class ConstraintKinds:
 
 @dataclass(frozen=True)
 class Intervention:
-    """What is done to a run."""
+    """A change of a run that removes or scales a cause of error."""
 
     options: Mapping[str, JsonValue] = field(default_factory=dict[str, JsonValue])
     """Options of the engine that are set otherwise."""
     point_inertia: float | None = None
     """Inertia given to bodies that have none [kg m^2]."""
     own_kinematics: bool = False
-    """Positions, speeds and energies are computed from the engine's coordinates by the mechanism's kinematics."""
+    """Whether positions, speeds and energies are computed from the engine's coordinates."""
     filtered_torques: bool = False
     """Torques are rid of what changes sign with every step."""
     leaves: float = 0.0
@@ -65,7 +65,7 @@ class Intervention:
         )
 
     def described(self, settings: Options) -> str:
-        """What is done to a run with these settings, in one line."""
+        """The change of a run with these settings, in one line."""
         parts = [
             f"{name} {_format_option(settings.get(name))} → {_format_option(value)}"
             for name, value in self.options.items()
@@ -98,7 +98,7 @@ class Cause:
     scaling: Intervention | None = None
     """Makes it larger by itself: the only measure of it, or a second one."""
     after: tuple[str, ...] = ()
-    """Causes that must have been taken out first: with them, this removal would bring in an error of its own."""
+    """Causes to be taken out first: with them, this removal would add an error of its own."""
 
     @property
     def options(self) -> Mapping[str, JsonValue]:
@@ -110,7 +110,7 @@ class Cause:
 def time_step_cause(
     finer: Mapping[str, JsonValue], leaves: float = 0.0, after: tuple[str, ...] = ()
 ) -> Cause:
-    """The time step as a cause, taken out by the `finer` options, which leave that share of its error."""
+    """The time step as a cause; the `finer` options leave that share of its error."""
     text = "what a step leaves out; taken out by shorter steps, all else as it is"
     return Cause("time step", text, Intervention(finer, leaves=leaves), after=after)
 
@@ -121,7 +121,10 @@ def with_readout(*causes: Cause) -> tuple[Cause, ...]:
     Last in every order: where joints have drifted, coordinates stand for another mechanism than the
     markers show.
     """
-    text = "the engine's markers and energies, against its own coordinates through the machine's kinematics"
+    text = (
+        "the engine's markers and energies, against its own coordinates through the machine's "
+        "kinematics"
+    )
     removed_before = tuple(cause.name for cause in causes if cause.removal is not None)
     return (
         *causes,
@@ -183,24 +186,27 @@ SCHEME_NAMES = (
     "semi-implicit Euler, joint coordinates",
     "semi-implicit Euler, impulses",
 )
-"""Schemes by which engines are grouped: the rule of a step, and what it is applied to (joint coordinates, the equations
-of bodies with constraints of an index, or impulses between bodies)."""
+"""Schemes by which engines are grouped: the rule of a step, and what it is applied to.
+
+It is applied to joint coordinates, to the equations of bodies with constraints of an index, or to
+impulses between bodies.
+"""
 
 
 @dataclass(frozen=True)
 class StepOrder:
-    """With what power of the time step an engine's error is expected to fall."""
+    """Power of the time step with which an engine's error is expected to fall."""
 
     order: float | None
     """None: with no power."""
     reason: str
     scheme: str = ""
-    """Name of the scheme, the same for all engines that integrate by it: :data:`SCHEME_NAMES` where one fits."""
+    """Name of the scheme, common to all engines with it: of :data:`SCHEME_NAMES` where one fits."""
 
 
 @dataclass(frozen=True)
 class Refinement:
-    """One option set a little finer: whether that lowers an error tells what the error comes from."""
+    """One option set a little finer, to see whether an error falls with it."""
 
     cause: str
     description: str
@@ -211,7 +217,7 @@ class Refinement:
 def multiplied(
     option: str, factor: float
 ) -> Callable[[Options, ConstraintKinds], dict[str, Any] | None]:
-    """The change of a :class:`Refinement` that multiplies an option, where it is set and not zero."""
+    """A :class:`Refinement`'s change that multiplies an option which is set and not zero."""
 
     def change(settings: Options, _: ConstraintKinds) -> dict[str, Any] | None:
         value = settings.get(option)
@@ -241,7 +247,7 @@ class OptionSet:
     """Options that follow from the step [s]."""
 
     def all_options(self, step: float) -> dict[str, Any]:
-        """What to set over the preset at a step [s]."""
+        """Options over the preset at a step [s]."""
         return {"timestep": step, **self.options, **self.scaled(step)}
 
 
@@ -251,7 +257,7 @@ TUNED_SET = OptionSet("tuned", "every measure trebucheck knows", "tuned")
 
 @dataclass(frozen=True)
 class Tolerance:
-    """One stated need: what agreement with the reference is asked of a preset, and why just that much."""
+    """Agreement with the reference that a preset claims, with the reason for its amount."""
 
     preset: str
     metric: str
@@ -263,7 +269,7 @@ class Tolerance:
     reason: str
     """Why just that much."""
     per: str = ""
-    """'' for the metric's own unit, 'start' or 'peak' for a multiple of the stop's torque at the start, or at most."""
+    """'': in the metric's unit; 'start' or 'peak': times the stop's torque there."""
     subject: str | None = None
     """Marker, stop or joint; None: any."""
     model: str | None = None
@@ -283,16 +289,16 @@ class Tolerance:
 
 
 def no_snippets(*_: Any) -> dict[str, str]:
-    """Of an engine that has nothing to paste but trebucheck's own lines."""
+    """No snippet beside trebucheck's own lines."""
     return {}
 
 
 @dataclass(frozen=True)
 class EngineStudy:
-    """All that studies know of an engine; each default is what holds for an engine that does not say."""
+    """All tables of one engine; each default holds for an engine that states nothing."""
 
     causes: Callable[[Any, ConstraintKinds], tuple[Cause, ...]] = time_step_only
-    """Causes of its error from its settings and what a mechanism's constraints hold, in the order of removal."""
+    """Causes of its error, from settings and kinds of constraints, in the order of removal."""
     swept_parameters: tuple[SweptParameter, ...] = ()
     """Beside the time step, which is swept for every engine."""
     step_orders: Mapping[str, StepOrder] = field(default_factory=dict[str, StepOrder])
@@ -302,7 +308,7 @@ class EngineStudy:
     """From plain to tuned; none: one a preset."""
     tolerances: tuple[Tolerance, ...] = ()
     snippets: Callable[[Any, Mechanism, float], Mapping[str, str]] = no_snippets
-    """Texts to paste by title, from the engine, the mechanism, and a duration [s] within which most launches come."""
+    """Texts to paste by title, from engine, mechanism and a duration [s] that has most launches."""
     single_precision: bool = False
     """Whether its state, or what moves it, is rounded to single precision, whatever its options."""
     colour: str | None = None
@@ -310,7 +316,7 @@ class EngineStudy:
 
 
 def same_value(a: JsonValue, b: JsonValue) -> bool:
-    """Whether two values of an option are equal; JSON makes no difference between tuples and lists."""
+    """Whether two values of an option are equal; in JSON a tuple is a list."""
     return a == b or (
         isinstance(a, list | tuple) and isinstance(b, list | tuple) and list(a) == list(b)
     )

@@ -1,4 +1,4 @@
-"""What of a run is the engine's own, and what trebucheck does in its place.
+"""Parts of a run that trebucheck does in the engine's place.
 
 An engine that has no stops can be moved by trebucheck's multipliers on its mass matrix, and one
 without an integrator by trebucheck's. That such a run agrees speaks for the engine's dynamics, not
@@ -33,7 +33,7 @@ class Own(StrEnum):
     ALL = "all"
     """Every part of it."""
     MOST = "most"
-    """Trebucheck decides when stops open and are met, computes impulses, or adds or reads forces."""
+    """Trebucheck finds when stops open and are met, computes impulses, or adds or reads forces."""
     STEPS = "steps"
     """Its dynamics and its integrator; what stops, loops or springs do is trebucheck's."""
     DYNAMICS = "dynamics"
@@ -41,22 +41,22 @@ class Own(StrEnum):
 
 
 Supplied = Mapping[Part, str]
-"""What trebucheck does in the engine's place, and of what or in which case; '' for always and all of it."""
+"""Parts that trebucheck does, each with its case; '': always and all of it."""
 
 NOTHING: Supplied = MappingProxyType({})
 HELD: Supplied = MappingProxyType(
     dict.fromkeys((Part.STOPS, Part.LOOPS, Part.ELEMENTS, Part.EVENTS, Part.IMPACTS), "")
 )
-"""By :mod:`.event_driver` and :mod:`.constrained`: all but the steps of what nothing but the joints of a tree hold."""
+"""With the toolkit's event driver and multipliers: all but the steps of a free tree."""
 MOVED: Supplied = MappingProxyType({Part.STEPS: "", **HELD})
-"""The same of an engine that is moved by one of :mod:`.schemes`."""
+"""The same of an engine that is moved by one of the toolkit's schemes."""
 
 LIMITED: Supplied = MappingProxyType({Part.ELEMENTS: "", Part.TORQUES: ""})
 """By :class:`.joint_tree.LimitedMotion`, of an engine that steps and holds limits itself."""
 
 
 def stated(engine: object) -> dict[str, str] | None:
-    """What an engine says that trebucheck supplies, by part; None of one that does not say."""
+    """The parts that an engine states; None of one that states nothing."""
     given = getattr(engine, "supplied", None)
     if not isinstance(given, Mapping):
         return None
@@ -72,9 +72,15 @@ def concerned(*, stops: bool, impacts: bool, loops: bool, elements: bool) -> fro
         loops: whether joints close any.
         elements: whether there are springs, dampers or motors.
     """
-    of = {Part.STOPS: stops, Part.TORQUES: stops, Part.EVENTS: stops, Part.IMPACTS: stops and impacts,
-          Part.LOOPS: loops, Part.ELEMENTS: elements}  # fmt: skip
-    return frozenset(part for part in Part if of.get(part, True))
+    present = {
+        Part.STOPS: stops,
+        Part.TORQUES: stops,
+        Part.EVENTS: stops,
+        Part.IMPACTS: stops and impacts,
+        Part.LOOPS: loops,
+        Part.ELEMENTS: elements,
+    }
+    return frozenset(part for part in Part if present.get(part, True))
 
 
 def own(supplied: Mapping[str, str], concerned: Collection[Part] = tuple(Part)) -> Own:
@@ -97,12 +103,12 @@ def own(supplied: Mapping[str, str], concerned: Collection[Part] = tuple(Part)) 
 
 
 def parts(supplied: Mapping[str, str]) -> str:
-    """What trebucheck supplies, in a row; '' for nothing."""
+    """The parts in one line; '' for none."""
     return "; ".join(f"{part} ({of})" if of else str(part) for part, of in supplied.items())
 
 
 def sentence(supplied: Mapping[str, str]) -> str:
-    """What trebucheck supplies, as a sentence or two."""
+    """The parts as a sentence or two."""
     if not supplied:
         return "All of a run is the engine's own."
     return f"Trebucheck supplies: {parts(supplied)}. The rest is the engine's own."

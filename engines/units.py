@@ -104,27 +104,27 @@ class Units:
 
     @property
     def inverse(self) -> Self:
-        """What carries back."""
+        """The units that convert back."""
         return type(self)(1 / self.length, 1 / self.mass, 1 / self.time)
 
     @property
     def force(self) -> float:
-        """Of forces [N]."""
+        """Unit of force [N]."""
         return self.mass * self.length / self.time**2
 
     @property
     def energy(self) -> float:
-        """Of energies [J] and moments [N m]."""
+        """Unit of energy [J] and moment [N m]."""
         return self.force * self.length
 
     def effort(self, stop: AnyStop) -> float:
-        """Unit of what a stop pushes with [N m or N]."""
+        """Unit of a stop's torque or force [N m or N]."""
         return self.force if stop.effort == "force" else self.energy
 
     def run(
         self, run: Callable[[Problem, _O], Recording], problem: Problem, options: _O
     ) -> Recording:
-        """What an engine's `run` of the problem in these units records, in SI."""
+        """Run an engine in these units; return its recording in SI."""
         if self == SI:
             return run(problem, options)
         with self._in_messages():
@@ -138,7 +138,7 @@ class Units:
         states: Sequence[State],
         options: _O,
     ) -> Inspection:
-        """What an engine's `inspect` shows of the mechanism in these units, in SI."""
+        """Inspect an engine's model in these units; return the inspection in SI."""
         if self == SI:
             return inspect(mechanism, states, options)
         with self._in_messages():
@@ -156,7 +156,7 @@ class Units:
             raise type(error)(f"{str(error).removesuffix('.')} ({units}).") from error
 
     def coordinates(self, mechanism: Mechanism) -> FloatArray:
-        """Of each coordinate, shape (n_q,): 1 of an angle, the length of a slide."""
+        """Unit of each coordinate, shape (n_q,): 1 of an angle, the length of a slide."""
         angles, slides = len(mechanism.angles), len(mechanism.slides)
         return np.array([1.0] * angles + [self.length] * slides)
 
@@ -209,7 +209,7 @@ class Units:
         )
 
     def recording(self, recording: Recording, problem: Problem) -> Recording:
-        """What was recorded in these units, in SI."""
+        """A recording in these units, converted to SI."""
         mechanism = problem.mechanism
         q, efforts = (
             self.coordinates(mechanism),
@@ -257,7 +257,7 @@ class Units:
         return [replace(state, q=state.q / q, u=state.u * self.time / q) for state in states]
 
     def inspection(self, inspection: Inspection, mechanism: Mechanism) -> Inspection:
-        """What was inspected in these units, in SI."""
+        """An inspection in these units, converted to SI."""
         q = self.coordinates(mechanism)
         return Inspection(
             start=inspection.start * q,

@@ -17,7 +17,6 @@ A stop or a loop joint constrains a scalar function: an angle, or a component of
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -38,18 +37,18 @@ class PointCoefficients:
     coefficients: ComplexArray
 
 
-class Phasors(ABC):
+class Phasors:
     """w(q) of a mechanism and its derivatives; arrays of states are shaped (n, n_q)."""
 
-    @property
-    @abstractmethod
+    @cached_property
     def is_angle(self) -> FloatArray:
         """1.0 for an angle, 0.0 for a slide; shape (n_q,)."""
+        raise NotImplementedError
 
-    @property
-    @abstractmethod
+    @cached_property
     def carried(self) -> tuple[tuple[int, int], ...]:
         """Index of each slide along a line that turns, and of the angle that it turns with."""
+        raise NotImplementedError
 
     def phasors(self, q: FloatArray) -> ComplexArray:
         """w(q), shape like q."""

@@ -1,4 +1,4 @@
-"""Machines x engines x presets: each run made or taken from a store, measured, judged; none lost."""
+"""Comparisons: machines x engines x presets, each run made or taken from a store, and judged."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Case:
 
 
 class _KeptMachine(Spec):
-    """What a store keeps of a machine: its row, and its pairs by what their files hold."""
+    """Record of a machine: its row, and its pairs by the contents of their files."""
 
     machine: Machine
     pairs: dict[str, Pair]
@@ -72,13 +72,13 @@ class FinishedRun(NamedTuple):
     run: Run
     motion: Callable[[], Trajectory] | None = None
     errors: RunErrors | None = None
-    """For its pairs with other runs, if they are known already."""
+    """Errors for its pairs with other runs, if they are known already."""
     taken: bool = False
     """Whether all of it was taken from the store."""
 
 
 class MachineRuns:
-    """One machine of a comparison: its reference, its row, and its runs, taken from a store or made.
+    """One machine of a comparison: its reference, its row, and its runs.
 
     Raises:
         InputError: the duration is not valid, or the reference cannot begin.
@@ -242,7 +242,7 @@ class Comparison(Reported):
     solutions: Mapping[str, Solution]
     """Reference motion by model."""
     trajectories: Mapping[tuple[str, str], Trajectory]
-    """By model and run label ('mujoco tuned')."""
+    """Motions by model and run label ('mujoco tuned')."""
     repeated: bool = False
     """Every run and every value was taken from the store: nothing was measured now."""
 
@@ -310,7 +310,7 @@ def compare(
         stop_law: 'release-once' or 'unilateral'; a problem's own, else 'release-once', if left out.
         store: where trajectories are kept and, if asked, taken from again.
         isolate: simulate in a process of its own, so that an engine's crash costs only its row.
-        timeout: longest wait for one isolated run [s]; a run that takes longer becomes a failed row.
+        timeout: longest wait for one isolated run [s]; a longer run becomes a failed row.
         jobs: references, runs and diagnoses made at once, each in a process; the results but for
             wall times are the same in the same order.
         progress: called before each case with the number done and the number of all.

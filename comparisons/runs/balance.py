@@ -1,4 +1,4 @@
-"""The balance of energy, T + V - W, where W is the work of what no energy tells: dampers, constant forces and torques.
+"""Balance of energy, T + V - W: W is the work of dampers, constant forces and torques.
 
 Between impacts it is constant, whatever acts. W is the time integral of the power of these
 elements: over an engine's own samples by Simpson's rule, from impact to impact, as the power jumps
@@ -35,7 +35,7 @@ def does_work(mechanism: Mechanism) -> bool:
 
 
 def keeps_horizontal_momentum(mechanism: Mechanism) -> bool:
-    """Whether the momentum along x is an invariant: nothing from outside (joints, walls, forces) acts along it."""
+    """Whether the momentum along x is an invariant: no joint, wall or force acts along it."""
     held = (
         d for joint in mechanism.joints if joint.parent == GROUND for d in joint.held_directions
     )
@@ -49,7 +49,7 @@ def keeps_horizontal_momentum(mechanism: Mechanism) -> bool:
 
 
 def sampled_balance(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
-    """T + V - W from the samples alone, W being zero at the first, and what the samples leave unknown of W.
+    """Computes T + V - W from samples alone, W being zero at the first, and the error of W.
 
     Returns:
         Both [J], shape (n,). The second never decreases: the difference between the integral and
@@ -123,7 +123,7 @@ def _smooth(t: FloatArray, impacts: list[float]) -> Iterator[tuple[int, int]]:
 def _across(
     t: FloatArray, power: FloatArray, after: int, impacts: list[float]
 ) -> tuple[float, float]:
-    """Work from the last sample before an impact to the next one, the power of each side held; and its error."""
+    """Work from the last sample before an impact to the next one, and its error."""
     before, step = after - 1, float(t[after] - t[after - 1])
     times = [time for time in impacts if t[before] < time <= t[after]]
     value = power[before] * (times[0] - t[before]) + power[after] * (t[after] - times[0])

@@ -24,14 +24,14 @@ FOLLOWED = 4.0
 """Steps of the shortest rebound that an engine must follow."""
 _MOST = 100  # impacts that are aligned, of each of the two: enough to find the first ten pairs
 _DROPPED = 0.5  # of a step: shorter rebounds are left out at once
-_ROUNDING = 1e-9  # of the largest impulse of an impact: error of one that is zero, of a stop that only touches
+_ROUNDING = 1e-9  # of the largest impulse of an impact: a stop that only touches has no more
 _MISSING = 1e9  # cost of an impact that only one has, in those of an unresolved one
 Pair = tuple[float | None, float | None]
 """Times of an impact in the engine's motion and in the reference's; None: it has none [s]."""
 
 
 def impact_times(motion: Trajectory | Solution, stop: str) -> list[float]:
-    """Impacts in which a stop pushes, by more than the rounding of the largest impulse there [s]."""
+    """Times of impacts in which a stop pushes, by more than rounding [s]."""
 
     def pushes(impulses: Mapping[str, float]) -> bool:
         return impulses.get(stop, 0.0) > _ROUNDING * max(impulses.values(), default=0.0)
@@ -79,7 +79,7 @@ def paired(
 def _resolvable(
     times: Sequence[float], step: float, shortest: float, until: float
 ) -> list[tuple[float, float]]:
-    """Impacts [s] that may have a counterpart, and what each costs that has none; `shortest` in steps."""
+    """Impacts [s] that may have a counterpart, and the cost of having none; `shortest` in steps."""
     rebounds = [math.inf, *np.diff(times).tolist()]
     kept = [
         (t, rebound)
@@ -95,7 +95,7 @@ def _resolvable(
 def _costs(
     own: list[tuple[float, float]], reference: list[tuple[float, float]], step: float
 ) -> FloatArray:
-    """Least cost of aligning the first i with the first j, shape (len(own) + 1, len(reference) + 1)."""
+    """Least cost of aligning the first i impacts with the first j; from none to all of each."""
     costs = np.zeros((len(own) + 1, len(reference) + 1))
     costs[1:, 0] = np.cumsum([cost for _, cost in own])
     costs[0, 1:] = np.cumsum([cost for _, cost in reference])

@@ -36,7 +36,7 @@ THROWN = "projectile"
 
 @dataclass(frozen=True)
 class Comparison:
-    """A trajectory beside the reference at the same times, cut at the end of the compared motion."""
+    """A trajectory and the reference at the same times, up to the end of the compared motion."""
 
     trajectory: Trajectory
     reference: Trajectory
@@ -48,7 +48,7 @@ class Comparison:
     invariants_to: float | None = None
     """End of what invariants are compared over [s]; None: the same."""
     stretching: Stretching | None = None
-    """Of the reference motion to that end, where it is known."""
+    """Growth of errors of the reference motion to that end, where it is known."""
 
     @property
     def t(self) -> FloatArray:
@@ -57,7 +57,7 @@ class Comparison:
 
     @cached_property
     def lasting(self) -> Comparison:
-        """The same to the end of what invariants are compared over; an impact after this one's end spoils that."""
+        """The same up to the end for invariants, unless there is an impact in between."""
         end = self.invariants_to
         if end is None or any(
             self.end < t <= end for t, _ in (*self.trajectory.impacts, *self.solution.impacts)
@@ -67,12 +67,12 @@ class Comparison:
 
     @cached_property
     def scales(self) -> Scales:
-        """Of the reference motion up to the end."""
+        """Scales of the reference motion up to the end."""
         return self.known_scales or scales_until(self.solution, self.end)
 
     @cached_property
     def balance(self) -> tuple[FloatArray, FloatArray]:
-        """T + V - W of the trajectory (:mod:`.balance`) and of the reference, at the trajectory's times [J].
+        """T + V - W (:mod:`.balance`) of the trajectory and of the reference, at its times [J].
 
         W of samples that begin late is the reference's until then.
         """
@@ -96,11 +96,11 @@ class Comparison:
 
     @cached_property
     def away(self) -> BoolArray:
-        """Which compared samples are not beside a singular position of the reference, a pole of forces."""
+        """Which compared samples are not beside a singular position, where forces have a pole."""
         return away_from_poles(self.solution, self.t, self.scales.time)
 
     def impact_pairs(self, stop: str) -> list[Pair]:
-        """Times of a stop's impacts in the trajectory and in the reference, side by side (:func:`.impacts.paired`)."""
+        """Pairs of times of a stop's impacts in both motions (:func:`.impacts.paired`)."""
         times, expected = impact_times(self.trajectory, stop), impact_times(self.solution, stop)
         return paired(
             times,
@@ -110,7 +110,7 @@ class Comparison:
         )
 
     def distance(self, values: FloatArray, reference: FloatArray) -> FloatArray:
-        """|values - reference| at the compared times; Euclidean over a trailing axis, if there is one."""
+        """Distance at the compared times; Euclidean over a trailing axis, if there is one."""
         difference = (values - reference)[self.keep]
         return np.abs(difference) if difference.ndim == 1 else np.linalg.norm(difference, axis=-1)
 
@@ -124,7 +124,7 @@ class Comparison:
         *,
         forces: bool = False,
     ) -> Metric:
-        """Metric of the largest distance at the compared times away from impacts, if there is such a time.
+        """Metric of the largest distance at the compared times away from impacts.
 
         Forces are compared away from singular positions, too.
         """
@@ -149,7 +149,7 @@ def against(
 
 
 def points(trajectory: Trajectory) -> dict[str, FloatArray]:
-    """Positions that are compared [m], shape (n, 2): of the markers; without any, of the bodies' centres of mass."""
+    """Positions that are compared [m], shape (n, 2): markers, else the bodies' centres of mass."""
     mechanism = trajectory.mechanism
     if mechanism.markers:
         return {name: motion.position for name, motion in trajectory.markers.items()}
@@ -182,9 +182,9 @@ _COUNTED_IMPACTS = (
     10  # of each stop: the first ones; further ones pile up in a shorter and shorter time
 )
 _REDUNDANT = "not unique: constraints are redundant"
-_RESOLVED = 0.5  # characteristic times, or of the end: a longer interval between two samples leaves motion unseen
+_RESOLVED = 0.5  # characteristic times, or of the end: a longer interval leaves motion unseen
 SAME_END = 1e-9
-"""Of the end: an event so little beyond it is still within."""
+"""Part of the end by which an event may lie beyond it and still be within."""
 
 
 def measure(
@@ -284,7 +284,7 @@ def _releases(c: Comparison) -> Iterator[Metric]:
 
 
 def _no_release(c: Comparison, stop: str) -> str | None:
-    """Why the time at which a stop opens is not unique: its torque changes sign at no time that the motion tells."""
+    """Reason why the time at which a stop opens is not unique; None if it is."""
     if stop in c.solution.undetermined_stops:
         return _REDUNDANT
     scale = (
@@ -314,10 +314,11 @@ def _event_metric(
     expected: float | None,
     what: str,
 ) -> Metric:
-    """Difference of the times of an event that one of the two has by the end; none if the other never has it."""
+    """Difference of the times of an event; without a value if one of the two never has it."""
     if time is not None and expected is not None:
         return Metric(name=name, subject=subject, value=time - expected, unit="s")
-    note = f"{what} at {_format_time(time)} by the engine, at {_format_time(expected)} by the reference"
+    engine, reference = _format_time(time), _format_time(expected)
+    note = f"{what} at {engine} by the engine, at {reference} by the reference"
     return Metric(name=name, subject=subject, value=None, unit="s", note=note)
 
 
@@ -326,7 +327,7 @@ def _format_time(time: float | None) -> str:
 
 
 def _impacts(c: Comparison) -> Iterator[Metric]:
-    """The worst of a stop's first impacts; a resolved impact that only one of the two has is a disagreement."""
+    """The worst of each stop's first impacts; one that only one motion has is a disagreement."""
     for stop in c.trajectory.mechanism.stops:
         times, expected = impact_times(c.trajectory, stop.name), impact_times(c.solution, stop.name)
         if not _either_within(c, *times, *expected):
@@ -429,8 +430,9 @@ def _balance(c: Comparison) -> Metric:
 
 
 LEAST_START = 1e-2
-"""Least energy at the start, in parts of the largest kinetic energy, of which a drift says anything: the zero of the
-potential energy is a convention, and a start near it would make any drift large."""
+"""Least energy at the start, in parts of the largest kinetic energy, that a drift is relative to.
+
+The zero of the potential energy is a convention: a start near it would make any drift large."""
 
 
 def _drift(c: Comparison) -> Iterator[Metric]:
@@ -478,7 +480,7 @@ def _constraints(c: Comparison) -> Iterator[Metric]:
 
 
 def _complementarity(c: Comparison) -> Iterator[Metric]:
-    """How well gap >= 0, torque >= 0 and torque * gap = 0 hold: the law of a stop that can close again."""
+    """Violations of gap >= 0, torque >= 0 and torque * gap = 0, the law of unilateral stops."""
     if (
         c.solution.problem.stop_law is not StopLaw.UNILATERAL
     ):  # whatever the engine says that it followed
@@ -502,7 +504,7 @@ def _parting(c: Comparison) -> Iterator[Metric]:
 
 
 def _missing_time(c: Comparison) -> Iterator[Metric]:
-    """How much of the compared time has no samples: before a late start, after an early end, in long intervals."""
+    """Compared time without samples: before a late start, after an early end, in long gaps."""
     end = c.lasting.end
     t = np.minimum(np.concatenate([[0.0], c.trajectory.t]), end)
     intervals = np.diff(t)
@@ -511,6 +513,6 @@ def _missing_time(c: Comparison) -> Iterator[Metric]:
 
 
 _PARTS = (
-    _missing_time, _positions, _coordinates, _launch, _releases, _impacts, _torques, _reactions, _energy, _constraints,
-    _parting,
+    _missing_time, _positions, _coordinates, _launch, _releases, _impacts, _torques, _reactions,
+    _energy, _constraints, _parting,
 )  # fmt: skip

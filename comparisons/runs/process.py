@@ -51,7 +51,7 @@ _Given = TypeVar("_Given")
 _Result = TypeVar("_Result")
 _K = TypeVar("_K")
 _V = TypeVar("_V")
-_WARM_UP = 5e-3  # [s] simulated before the run that is timed: imports and first calls are not the engine's speed
+_WARM_UP = 5e-3  # [s] simulated before the timed run: imports and first calls are not counted
 _WARM_UP_STEPS = 100  # at most
 _START = 120.0  # [s] longest wait for a process to start
 
@@ -74,7 +74,7 @@ def simulate_warm(runner: Engine, problem: Problem) -> Trajectory:
 
 
 def _import_this_module() -> None:
-    """In a new process: what it takes to start is not the time of the first call."""
+    """Does nothing: a new process that is sent this has imported what calls need."""
 
 
 class TimeLimitError(SimulationError):
@@ -88,7 +88,7 @@ class TimeLimitError(SimulationError):
 
 @contextmanager
 def block_sigint() -> Generator[None, None, None]:
-    """Processes started meanwhile, and theirs, do not get a Ctrl-C of the terminal: whoever started them ends them.
+    """Keeps a Ctrl-C of the terminal from processes started meanwhile: their owner ends them.
 
     The signal is held back here, not lost; a child inherits that. (Systems without signal masks go
     without.)
@@ -105,7 +105,7 @@ def block_sigint() -> Generator[None, None, None]:
 
 @dataclass(frozen=True)
 class _Computation:
-    """What a worker computes that is not an engine's run."""
+    """Name of a computation that is not an engine's run."""
 
     name: str
 
@@ -144,13 +144,13 @@ class Worker:
             self._idle.put(None)
 
     def simulate(self, runner: Engine, problem: Problem) -> Trajectory:
-        """As :func:`simulate_warm`, in a process; raises as :meth:`call` does."""
+        """Call :func:`simulate_warm` in a process; raises as :meth:`call` does."""
         return self.call(simulate_warm, runner, problem)
 
     def call(
         self, function: Callable[[_Runner, _Given], _Result], runner: _Runner, given: _Given
     ) -> _Result:
-        """Call a module's function on an engine, or on whatever has a name for messages, in a process.
+        """Call a module's function on an engine, or on anything with a name, in a process.
 
         Raises:
             SimulationError: the engine ended its process (a crash of its compiled code), ran out of
@@ -233,9 +233,9 @@ class Worker:
 
     def _end(self, pool: Any) -> None:
         self._started.remove(pool)
-        # The pool's thread is waited for, so that its semaphores are freed here. Left to that daemon
-        # thread they may never be: an interpreter that ends meanwhile stops it between taking a
-        # finalizer and calling it, and the resource tracker then reports leaked semaphores.
+        # Its daemon thread frees the semaphores, and is waited for: an interpreter that ends before
+        # may stop it between taking a finalizer and calling it, and the resource tracker would
+        # report leaked semaphores.
         pool.shutdown(wait=True, kill_workers=True)
 
     def close(self) -> None:
@@ -327,7 +327,7 @@ def _received(pipe: Connection) -> tuple[bytes | None, tuple[str, ...]]:
 
 
 def _import(modules: tuple[str, ...]) -> bool:
-    """Import what a call has imported, so that the next ones need not; whether that has started no threads."""
+    """Import what a call has imported, for the next ones; whether that has started no threads."""
     threads = len(list(_TASKS.iterdir()))
     for name in modules:
         with suppress(Exception):
@@ -336,7 +336,7 @@ def _import(modules: tuple[str, ...]) -> bool:
 
 
 def _make(call: bytes, pipe: Connection) -> None:
-    """In the new process: make the call, send what it gives, and end."""
+    """Make the call in the new process, send its result, and end."""
     try:
         os.setpgid(0, 0)
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
@@ -394,7 +394,7 @@ class OnDemand(Mapping[_K, _V]):
 def in_order(
     function: Callable[[_K], _V], items: Iterable[_K], jobs: int, ahead: int | None = None
 ) -> Generator[_V]:
-    """The function's values in the order of the items, each computed when asked for, or several at once.
+    """Computes the function's values in the order of the items, several of them at once.
 
     Args:
         jobs: processes that serve the function's calls. There is a thread more: while one measures

@@ -1,4 +1,4 @@
-"""Quantities of a motion and kinds of metrics: what each measures, its scale, and its name for users.
+"""Quantities of a motion, and kinds of metrics with their scales and their names for users.
 
 A metric that follows from another one (a mean square beside its largest value) has no verdict of
 its own: counting one fact twice would make an agreement look broader than it is.
@@ -28,9 +28,9 @@ class Kind(StrEnum):
     POSITION = "position"
     VELOCITY = "velocity"
     TORQUE = "torque"
-    """Of a stop on an angle."""
+    """Torque of a stop on an angle."""
     FORCE = "force"
-    """Of a joint, or of a stop on a point."""
+    """Force of a joint, or of a stop on a point."""
     KINETIC_ENERGY = "kinetic energy"
     POTENTIAL_ENERGY = "potential energy"
 

@@ -1,8 +1,8 @@
 """The record of one run: for `compare`, and for every sweep of an engine's settings.
 
-A record says what an engine with its options made of one mechanism: how the run ended, what it cost,
-and how far it was from the reference, not yet judged. Failures are outcomes. Records are kept by a
-:class:`.store.Store`, so that an interrupted study goes on where it stopped.
+A record says what an engine with its options made of one mechanism: how the run ended, what it
+cost, and how far it was from the reference, not yet judged. Failures are outcomes. Records are kept
+by a :class:`.store.Store`, so that an interrupted study goes on where it stopped.
 
 Sweeps keep trajectory minus reference as curves on one grid of times, so that runs can be added and
 subtracted. Engines sample at times of their own; the difference, not the motion, is interpolated to

@@ -1,4 +1,4 @@
-"""What a comparison finds, as data: the content of results.json and its schema."""
+"""Results of a comparison as data: the content of results.json and its schema."""
 
 from __future__ import annotations
 
@@ -35,12 +35,13 @@ class ResultFile(Spec):
     jobs: int = Field(
         default=1,
         exclude_if=lambda value: value == 1,
-        description="runs made at once: with more than one, wall times include what they cost each other",
+        description="runs made at once: with more than one, wall times include what they cost "
+        "each other",
     )
 
     @classmethod
     def made_here(cls, **content: Any) -> Self:
-        """Of this content, by these versions on this machine."""
+        """Results with this content, made by these versions on this machine."""
         from ...version import __version__
 
         platform_name = f"{platform.system()} {platform.machine()}"
@@ -50,7 +51,7 @@ class ResultFile(Spec):
         )
 
     def made_by(self, command: str | None, jobs: int | None = None) -> Self:
-        """The same with the command line that makes it again, and, unless None, how many runs were made at once."""
+        """Returns the same with the command line that makes it again and the runs made at once."""
         return self.model_copy(
             update={"command": command} | ({} if jobs is None else {"jobs": jobs})
         )
@@ -63,7 +64,7 @@ class Outcome(StrEnum):
     """Every quantity that was compared holds its tolerance."""
     DISAGREES = "disagrees"
     NOT_JUDGED = "not judged"
-    """Nothing broke a tolerance, but something that was compared has none, or nothing could be compared."""
+    """No tolerance is exceeded, but something has none, or nothing could be compared."""
     NOT_EQUIVALENT = "not equivalent"
     """The built model is another one: its motion was not compared."""
     FAILED = "failed"
@@ -74,7 +75,7 @@ class Outcome(StrEnum):
 
 
 def share_of(value: float | None, tolerance: float | None) -> float | None:
-    """Of a tolerance, that a value is; infinite of one that is missing, None without a tolerance."""
+    """value / tolerance; infinite for a missing value, None without a tolerance."""
     if tolerance is None:
         return None
     return math.inf if value is None else abs(value) / (tolerance or _LEAST)
@@ -121,14 +122,14 @@ class Metric(Spec):
 
     @property
     def holds(self) -> bool | None:
-        """Whether the tolerance holds; None without one. A judged figure that is missing does not hold."""
+        """Whether it is within its tolerance; None without one. A missing value is not."""
         if self.tolerance is None:
             return None
         return self.value is not None and abs(self.value) <= self.tolerance
 
     @property
     def share(self) -> float | None:
-        """Of its tolerance, that it is; infinite of a figure that is missing, None without a tolerance."""
+        """value / tolerance; infinite for a missing value, None without a tolerance."""
         return share_of(self.value, self.tolerance)
 
     @property
@@ -139,7 +140,7 @@ class Metric(Spec):
 
 
 class Check(Spec):
-    """One figure of the gate: built model against the reference's equations, the worst of all states."""
+    """One quantity of the built model against the reference's equations, at the worst state."""
 
     name: str
     subject: str | None = Field(
@@ -204,12 +205,13 @@ class Diagnosis(Spec):
     causes: tuple[Cause, ...] = Field(default=(), description="the one that explains most first")
     likeliest: Annotated[int, Field(ge=0)] = Field(
         default=0,
-        description="how many of the causes, the first ones, account for enough of the deviation to be named, and "
-        "cannot be told apart by it; 0: the cause is unknown",
+        description="how many of the causes, the first ones, account for enough of the deviation "
+        "to be named, and cannot be told apart by it; 0: the cause is unknown",
     )
     motion_agrees: bool = Field(
         default=False,
-        description="whether the motion follows the reference, so that only what is read from it differs",
+        description="whether the motion follows the reference, so that only what is read from it "
+        "differs",
     )
     note: str = Field(
         default="",
@@ -224,7 +226,7 @@ class Diagnosis(Spec):
 
 
 class Measured:
-    """What has metrics, where it has them among its fields."""
+    """Base of results with metrics and a diagnosis among their fields."""
 
     if TYPE_CHECKING:
         metrics: tuple[Metric, ...]
@@ -273,7 +275,8 @@ class Run(Measured, Spec):
     supplied: dict[str, str] | None = Field(
         default=None,
         exclude_if=lambda value: value is None,
-        description="what trebucheck does in the engine's place, by part, and of what; null: it does not say",
+        description="what trebucheck does in the engine's place, by part, and of what; null: it "
+        "does not say",
     )
     settings: dict[str, JsonValue] = Field(default_factory=dict)
     steps: Annotated[int, Field(ge=0)] = 0
@@ -324,7 +327,7 @@ class Pair(Spec):
 
 
 class Predictability(Spec):
-    """How far errors are stretched by some times: each in parts of scales, per part of what is wrong by it."""
+    """Growth of errors up to some times: in parts of scales, per part of what is wrong."""
 
     times: tuple[Real, ...] = Field(description="[s]")
     parameters: tuple[Real | None, ...] = Field(
@@ -407,7 +410,7 @@ class Results(ResultFile):
 
     @property
     def passed(self) -> bool:
-        """No run disagrees, differs or fails, and something was judged; an absent engine disagrees with nobody."""
+        """Whether no run disagrees, differs or fails, and something was judged."""
         bad = (Outcome.DISAGREES, Outcome.NOT_EQUIVALENT, *FAILURES)
         return all(run.outcome not in bad for run in self.runs) and any(
             run.judged for run in self.runs
@@ -422,7 +425,7 @@ COMPARED = (Outcome.AGREES, Outcome.DISAGREES, Outcome.NOT_JUDGED)
 
 
 def verdict_on(metrics: tuple[Metric, ...]) -> Outcome:
-    """What the judged metrics of a run make of it: no figure without a verdict, no agreement without figures."""
+    """Verdict on a run by its metrics: it agrees if all are judged, and there is one."""
     verdicts = [metric.holds for metric in metrics if metric.holds is not None]
     if not all(verdicts):
         return Outcome.DISAGREES

@@ -1,8 +1,9 @@
 """The reference motion of one mechanism, engines run beside it, and what both may be trusted in.
 
 The reference runs where the engines do, under the same limit of time: in a process of its own if
-they are isolated. Its own uncertainty in each metric comes from its certificate, else from a coarser
-integration. A trajectory is compared only if it is whole, finite, in shape, and of the mechanism.
+they are isolated. Its own uncertainty in each metric comes from its certificate, else from a
+coarser integration. A trajectory is compared only if it is whole, finite, in shape, and of the
+mechanism.
 """
 
 from __future__ import annotations
@@ -191,7 +192,7 @@ def reference_uncertainties(
     invariants_to: float | None = None,
     stretching: Stretching | None = None,
 ) -> Uncertainties:
-    """Uncertainty of the reference in each metric, in its unit, by its label; the largest of all subjects by its name.
+    """Uncertainty of the reference by label of the metric; by its name, of its worst subject.
 
     The coarser integration is measured as any engine is. Its distance is about its own error,
     thirty times that of the reference unless they agree by chance: hence four times the distance,
@@ -248,7 +249,7 @@ def _estimated(
 def _without_sampling(
     metrics: Sequence[Metric], launch: Launch | None, solution: Solution, thrown: str
 ) -> Iterator[Metric]:
-    """The metrics with what a solution tells by itself, and a trajectory by its samples: its launch.
+    """The metrics with the launch of the solution itself, instead of that of its samples.
 
     A motion that does not part shows no base error, but a bound of it.
     """
@@ -270,7 +271,7 @@ def _without_sampling(
 
 
 def _distance(metric: Metric, scales: Scales, solution: Solution) -> float:
-    """Between the two integrations; as large as its scale, and so unknown, for an event that only one of them has."""
+    """Distance between the two integrations; the scale for an event that only one of them has."""
     if metric.value is None:
         return QUANTITIES[metric.name].scale_of(scales, metric.subject, solution.problem.mechanism)
     return max(
@@ -296,7 +297,7 @@ class Farthest:
     time: float
     """[s]"""
     until: float
-    """End of the compared time [s]: that of the motion, or the predictability horizon if that is earlier."""
+    """End of the compared time [s]: that of the motion, or the predictability horizon."""
 
 
 def farthest(trajectory: Trajectory, runner: Runner) -> Farthest:
@@ -332,7 +333,7 @@ _GRIDS, _LONGEST_GRID = 3, 30_000
 
 
 def run_duration(end: float, step: float, longest: float = math.inf) -> float:
-    """How long an engine runs [s] if its motion is compared up to `end` [s] and its time step is `step` [s].
+    """Duration of an engine's run [s], by the end of the comparison and the time step [s].
 
     Args:
         longest: that the reference goes on to [s]; an engine of whole steps may need one more than
@@ -363,7 +364,7 @@ def failure(error: Exception) -> tuple[Outcome, str]:
 
 
 class _once(Generic[_Result]):  # noqa: N801 - used as a decorator, like the property it stands for
-    """A property computed once, whichever thread asks first; others wait, but not for those of other runners.
+    """A property computed once a runner, by the thread that asks first; others wait for it.
 
     (functools.cached_property computes it once a thread, and in Python 3.11 one object at a time.)
     """
@@ -428,7 +429,7 @@ class Runner:
 
     @property
     def end(self) -> float:
-        """End of the compared motion [s]: as asked for, or the launch, or after some characteristic times."""
+        """End of the compared motion [s]."""
         return self._solved[1]
 
     @property
@@ -438,13 +439,13 @@ class Runner:
 
     @property
     def launch_time(self) -> float | None:
-        """Of the reference, by the end of the compared motion [s]."""
+        """Launch time of the reference, if it is within the compared motion [s]."""
         launch = self.solution.launch_at(LAUNCH_ANGLE, self.until.thrown)
         return launch.time if launch and launch.time <= self.end else None
 
     @_once
     def uncertainties(self) -> Uncertainties:
-        """Of the reference, up to the end of the compared motion.
+        """Uncertainties of the reference, up to the end of the compared motion.
 
         Raises:
             SimulationError: as for :attr:`solution`.
@@ -472,7 +473,7 @@ class Runner:
 
     @property
     def stretching(self) -> float:
-        """Of the motion up to there, by parameters."""
+        """Growth of errors of the motion up to there, by parameters."""
         return float(self._stretching.parameters[self._stretching.before(self.judged_to)])
 
     @property
@@ -492,24 +493,25 @@ class Runner:
 
     @_once
     def scales(self) -> Scales:
-        """Of the motion up to there."""
+        """Scales of the motion up to there."""
         same = self.judged_to == self.end
         return self._scales_to_end if same else scales_until(self.solution, self.judged_to)
 
     @_once
     def whole_scales(self) -> Scales | None:
-        """Of the motion to its end; None where that is the same."""
+        """Scales of the motion to its end; None where that is the same."""
         return None if self.judged_to == self.end else self._scales_to_end
 
     def measured(self, trajectory: Trajectory) -> tuple[Metric, ...]:
-        """Every metric of an engine's run, up to the predictability horizon; invariants up to the end."""
+        """Metrics of a run, up to the predictability horizon; invariants up to the end."""
         return measure(
             trajectory, self.solution, self.judged_to, self.reference(trajectory.t),
-            scales=self.scales, thrown=self.until.thrown, invariants_to=self.end, stretching=self._stretching,
+            scales=self.scales, thrown=self.until.thrown, invariants_to=self.end,
+            stretching=self._stretching,
         )  # fmt: skip
 
     def problem(self, engine: Engine, given: Mechanism | None = None) -> Problem:
-        """What an engine is to simulate.
+        """Problem that an engine is to simulate.
 
         Args:
             given: a mechanism instead of the runner's.
@@ -535,7 +537,7 @@ class Runner:
         return valid
 
     def reference(self, t: FloatArray) -> Trajectory:
-        """The reference at these times [s], shape (n,); evaluated once for each of the last few time grids."""
+        """The reference at these times [s], shape (n,); kept for the last few time grids."""
         return self.solution.trajectory(t) if len(t) > _LONGEST_GRID else self._on_grid(t.tobytes())
 
     def _evaluated(self, times: bytes) -> Trajectory:

@@ -1,4 +1,4 @@
-"""The scales of a compared motion: what differences are measured in parts of, so that no unit and no size counts.
+"""Scales of a compared motion: differences are measured in parts of them, without units.
 
 Lengths are parts of the mechanism's size, times of its characteristic time, speeds and forces of
 the largest ones of the reference, energies of what the motion exchanges: an energy has an arbitrary
@@ -25,9 +25,9 @@ from ...reference.solution import Solution
 
 _SAMPLES = 801
 _LONGEST = 10.0
-"""Longest characteristic time in parts of the end: in what hardly moves, times are still known to a hundredth of it."""
+"""Longest characteristic time in parts of the end, for motions that hardly move."""
 _LEAST = 1e-6
-"""Least speed and force in parts of those that gravity gives: of a swing of a thousandth of a degree."""
+"""Least speed and force in parts of those that gravity gives: a swing of 0.001 degrees."""
 _LEAST_HELD = 1e-8
 """The same, times the least singular value of the constraints, with lengths in parts of the size.
 
@@ -41,22 +41,22 @@ _IN_A_SEGMENT = 9  # positions in which they are computed
 _BESIDE = 0.1  # characteristic times
 _SHORTEST = 1e-9  # characteristic times: an end before that has no speed of its own
 _LEAST_ENERGY = 1e-9
-"""Least energy in parts of the energies that are added: a thousandth of it is well above their rounding."""
+"""Least energy in parts of the sum of energies: a thousandth of it is well above rounding."""
 _LEAST_TORQUE = 1e-3
-"""Least torque of a stop in parts of the largest force times the size: what a stop is held to that never pushes."""
+"""Least torque of a stop in parts of the largest force times the size: one that never pushes."""
 
 
 class Scales(Spec):
-    """Of one mechanism and its reference motion up to the end of what is compared."""
+    """Scales of one mechanism and its reference motion, up to the end of the comparison."""
 
     length: Positive = Field(
-        description="sum of lengths of bodies and of slides on bodies; the farthest way along a slide on the ground, "
-        "or the greatest length of a spring on a free body, if longer [m]"
+        description="sum of lengths of bodies and of slides on bodies; the farthest way along a "
+        "slide on the ground, or the greatest length of a spring on a free body, if longer [m]"
     )
     angle: Positive = Field(default=1.0, description="[rad]")
     time: Positive = Field(
-        description="characteristic time: least of length over speed, sqrt(length / gravity), sqrt(mass / stiffness) "
-        "of each spring and ten times the end [s]"
+        description="characteristic time: least of length over speed, sqrt(length / gravity), "
+        "sqrt(mass / stiffness) of each spring and ten times the end [s]"
     )
     speed: Positive = Field(description="largest of any centre of mass or marker [m/s]")
     angular_speed: Positive = Field(
@@ -78,12 +78,12 @@ class Scales(Spec):
 
 
 def size(mechanism: Mechanism) -> float:
-    """Sum of the bodies' lengths [m]: from a body's joint in the tree to its farthest point, or radius of gyration."""
+    """Sum of the bodies' lengths [m], each as :func:`extent`."""
     return sum(extent(mechanism, body) for body in mechanism.bodies)
 
 
 def extent(mechanism: Mechanism, body: Body) -> float:
-    """Length of a body [m], as in :func:`size`."""
+    """Length of a body [m]: from its joint to its farthest point, or its radius of gyration."""
     pivot = mechanism.joint_of(body.name).child_point
     points = [body.centre, *(m.point for m in mechanism.markers if m.body == body.name)]
     points += [j.parent_point for j in mechanism.joints if j.parent == body.name]
@@ -96,7 +96,7 @@ def extent(mechanism: Mechanism, body: Body) -> float:
 
 
 def scales_until(solution: Solution, end: float) -> Scales:
-    """Of a reference motion up to the end [s] of what is compared."""
+    """Scales of a reference motion up to the end of the comparison [s]."""
     reference = solution.trajectory(np.linspace(0.0, end, _SAMPLES))
     mechanism = reference.mechanism
     mass, gravity = sum(body.mass for body in mechanism.bodies), mechanism.gravity
@@ -152,7 +152,7 @@ def _independence(solution: Solution, end: float, length: float) -> float:
 
 
 def away_from_poles(solution: Solution, t: FloatArray, time: float) -> BoolArray:
-    """Which times are not beside a singular position, at which forces of joints and stops grow beyond all bounds.
+    """Which times are not beside a singular position, where forces grow beyond all bounds.
 
     Args:
         t: times [s], shape (n,).
@@ -165,7 +165,7 @@ def away_from_poles(solution: Solution, t: FloatArray, time: float) -> BoolArray
 
 
 def _length(reference: Trajectory) -> float:
-    """Of bodies and of slides on moving bodies; at least the way of one on the ground, and a spring of a free body."""
+    """Length scale: bodies and slides on them, or slides on the ground, or springs if longer."""
     slides = reference.mechanism.slides
     places = reference.q[:, len(reference.mechanism.angles) :]
     ways, arms = np.ptp(places, axis=0), np.abs(places).max(axis=0)
@@ -192,7 +192,7 @@ def _free_springs(reference: Trajectory) -> Iterator[float]:
 
 
 def _spring_times(mechanism: Mechanism) -> Iterator[float]:
-    """sqrt(mass / stiffness) of the lightest body at each spring [s], by inertia of one on angles."""
+    """sqrt(mass / stiffness) of the lightest body at each spring [s]; inertia for angles."""
     for element in mechanism.force_elements:
         if isinstance(element, SpringDamper | RotationalSpringDamper) and element.stiffness > 0:
             bodies = [mechanism.body(name) for name in element.bodies if name != GROUND]

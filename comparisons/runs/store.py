@@ -44,14 +44,14 @@ class _Kept(Spec, Generic[_S]):
 
 
 class _File(Spec):
-    """What a store keeps of a trajectory beside its file."""
+    """Record of a trajectory beside its file."""
 
     sha256: str
 
 
 @dataclass(frozen=True)
 class Store:
-    """A folder of NetCDF files, one a run, named by model, engine and preset, and one of JSON records.
+    """A folder of NetCDF files, one a run, and one of JSON records.
 
     Nothing is read unless `resume` is set, and only what was made under exactly the same conditions
     and has not been changed since: every record carries a checksum of its content, every trajectory
@@ -69,7 +69,7 @@ class Store:
     made: set[str] = field(default_factory=set[str], init=False, compare=False)
     """Names of runs made now."""
     jobs: dict[str, int] = field(default_factory=dict[str, int], init=False, compare=False)
-    """Of each run taken or kept, how many were made at once when it was timed."""
+    """Number of runs made at once when a run was timed that was taken or kept, by its name."""
 
     @property
     def tally(self) -> str | None:
@@ -79,7 +79,7 @@ class Store:
         return f"Runs: {len(self.taken)} taken from the folder, {len(self.made)} made now."
 
     def most_jobs(self, jobs: int) -> int:
-        """How many runs at once disturbed the times of those here; `jobs` of them where none was taken or kept."""
+        """Most runs at once when those here were timed; `jobs` where none was taken or kept."""
         return max(self.jobs.values(), default=jobs)
 
     def path(self, model: str, label: str) -> Path:
@@ -87,7 +87,7 @@ class Store:
         return self.folder / f"{model}-{label.replace(' ', '-')}.nc"
 
     def trajectory(self, model: str, label: str, conditions: str) -> Trajectory | None:
-        """A kept trajectory, made under these conditions; None if there is none, or its file was changed.
+        """A kept trajectory made under these conditions; None if there is none, or it was changed.
 
         Args:
             label: engine and preset.

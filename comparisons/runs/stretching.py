@@ -1,4 +1,4 @@
-"""Stretching: how far small errors of parameters and of the start move a motion, and until when that stays small.
+"""Growth of small errors of parameters and of the start along a motion ("stretching").
 
 A numerical error is a small disturbance of the equations, made in every step and carried on by the
 motion. So is a small change of a body's moment of inertia, and its effect can be computed for any
@@ -44,19 +44,22 @@ from .results import Metric
 from .scales import Scales, away_from_poles, extent, scales_until
 
 PARTED = 1e-3
-"""Of a scale: three digits, as fine as a plot shows and finer than the masses of most machines are known. The default
-tolerance; motions that differ by more have parted."""
+"""Part of a scale by which motions differ that have parted: the default tolerance.
+
+It is three digits, as fine as a plot shows and finer than most machines' masses are known."""
 LIMIT = 100.0
-"""Where a hundred-thousandth of a body's inertia, less than any is known to, moves something by the default
-tolerance, nothing is judged any more but invariants and the time of first parting."""
+"""Growth beyond which nothing is judged but invariants and the time of first parting.
+
+A hundred-thousandth of a body's inertia, less than any is known to, then moves something by the
+default tolerance."""
 START_LIMIT = 1000.0
-"""Of errors of the start, which engines take over exactly: a millionth may move something by the default tolerance."""
+"""Limit for errors of the start, which engines take over exactly: ten times as large."""
 REGULAR = 2.5
-"""In a characteristic time: of a pendulum it is 0.5 (a point mass) to 1.5 (a rod), whatever its amplitude."""
+"""Regular growth in a characteristic time: a pendulum has 0.5 (a point mass) to 1.5 (a rod)."""
 _CHANGE = 1e-6
-"""Of mass times length squared of one body; of the scale of an angle, a slide or a speed at the start."""
-_TOLERANCE = 1e-9  # of the integrations: a thousandth of what the change moves; less where the motion is small
-_KNOWN = 1e-4  # of a scale: the reference itself is not known better, and the default is not judged any more
+"""Change of a body's inertia, in m l^2; of an angle, a slide or a speed, in its scale."""
+_TOLERANCE = 1e-9  # of the integrations: a thousandth of what the change moves
+_KNOWN = 1e-4  # of a scale: if the reference is known no better, nothing is judged any more
 _SAMPLES = 400
 _NEAR = 0.1  # of the interval of the samples
 _EACH, _COMBINATIONS = (
@@ -75,19 +78,19 @@ _SHORTER = (
 
 @dataclass(frozen=True)
 class Stretching:
-    """Of one motion over time, in parts of scales per part of what is changed; non-decreasing, shapes (n,).
+    """Growth of errors over time, in parts of scales per part of a change; shapes (n,).
 
-    Infinite from where a changed mechanism could not be moved.
+    It never decreases, and is infinite from where a changed mechanism could not be moved.
     """
 
     t: FloatArray
     """[s], from the start to the end of the compared motion."""
     parameters: FloatArray
-    """By inertia, and by the numbers of force elements."""
+    """Growth by inertia, and by the numbers of force elements."""
     start: FloatArray
-    """By coordinates and speeds at the start; of the configuration alone."""
+    """Growth in the configuration alone, by coordinates and speeds at the start."""
     rounding: FloatArray
-    """Of the reference's own integration, carried on: an estimate of its error, in parts of scales."""
+    """Estimated error of the reference's own integration, in parts of scales."""
     allowed: FloatArray
     """Most that is predictable at each time, of parameters; of the start in proportion."""
 
@@ -109,7 +112,7 @@ class Stretching:
 
 
 def stretching_until(solution: Solution, end: float, scales: Scales) -> Stretching:
-    """Of a reference motion.
+    """Computes the growth of errors of a reference motion.
 
     Args:
         solution: of the reference.
@@ -132,7 +135,7 @@ def stretching_until(solution: Solution, end: float, scales: Scales) -> Stretchi
 
 
 def stretching(solution: Solution, end: float, scales: Scales) -> tuple[FloatArray, FloatArray]:
-    """Times [s] and the stretching by inertia up to each of them, shapes (n,): as :func:`stretching_until`."""
+    """Times [s] and the stretching by inertia up to each of them, shapes (n,)."""
     changed = _Changed(solution, end, scales)
     return changed.t, changed.largest(_with_other_inertias(solution.problem.mechanism), _motion)
 
@@ -143,7 +146,7 @@ def stretching_at(solution: Solution, end: float) -> float:
 
 
 def predictable_until(t: FloatArray, stretched: FloatArray) -> float:
-    """The predictability horizon [s]: the last of the times t up to which the stretching stays below its limit."""
+    """Predictability horizon [s]: the last time up to which the stretching is below its limit."""
     beyond = np.flatnonzero(~(stretched <= LIMIT))
     return float(t[max(1, int(beyond[0]) - 1 if len(beyond) else len(t) - 1)])
 
@@ -166,7 +169,7 @@ class _Changed:
             self.unchanged = solution
 
     def largest(self, mechanisms: Iterable[Mechanism], read: _Reading) -> FloatArray:
-        """Largest change so far of anything that is read, of all mechanisms, per part of their change; shape (n,)."""
+        """Largest difference so far from any changed mechanism, per part of change; shape (n,)."""
         motion, found = read(self.unchanged, self.t, self.scales), np.zeros(len(self.t))
         for mechanism in mechanisms:
             moved = self._moved(mechanism, read)
@@ -197,12 +200,12 @@ class _Changed:
 
 
 def _tolerance(mechanism: Mechanism, scales: Scales) -> float:
-    """As much smaller as the motion is slower than the natural one: of a small swing only a part of it is an error."""
+    """Tolerance of the integrations: smaller for motions slower than the natural one."""
     return max(TOLERANCE, _TOLERANCE * min(1.0, scales.speed / _natural_speed(mechanism, scales)))
 
 
 def _away_from_impacts(solution: Solution, t: FloatArray) -> FloatArray:
-    """The times without those at which a slightly earlier or later impact would jump; the ends stay."""
+    """The times that are not near an impact, whose shift would be a jump; the ends stay."""
     near = np.zeros(len(t), dtype=bool)
     for impact, _ in solution.impacts:
         near |= np.abs(t - impact) < _NEAR * (t[1] - t[0])
@@ -258,7 +261,7 @@ def _with_other_forces(mechanism: Mechanism) -> Iterator[Mechanism]:
 
 
 def _with_other_starts(mechanism: Mechanism, scales: Scales) -> Iterator[Mechanism]:
-    """All coordinates, and then all speeds, up or down at random, as far as constraints let them."""
+    """All coordinates, then all speeds, up or down at random, made consistent."""
     equations, (q, u) = Equations(mechanism), initial_state(mechanism)
     closed = [stop.name for stop in mechanism.stops if stop.closed]
     signs = np.random.default_rng(len(q)).choice([-_CHANGE, _CHANGE], len(q))
@@ -280,7 +283,7 @@ def _natural_speed(mechanism: Mechanism, scales: Scales) -> float:
 
 
 def _motion(solution: Solution, t: FloatArray, scales: Scales) -> NDArray[np.complex128]:
-    """Everything judged along the motion in parts of its scale, plane vectors as complex numbers; shape (n_rows, n).
+    """Judged quantities in parts of their scales, vectors as complex numbers; shape (rows, n).
 
     Forces that are not unique are NaN.
     """
@@ -323,7 +326,7 @@ def parting(
     scales: Scales,
     stretching: Stretching,
 ) -> Iterator[Metric]:
-    """Time of first parting and the base error that it shows; of motions whose end lies beyond their horizon only.
+    """Time of first parting and its base error, if the end is beyond the horizon.
 
     Args:
         reference: at the trajectory's times.
@@ -351,7 +354,7 @@ def parting(
 def _distance(
     trajectory: Trajectory, reference: Trajectory, angles: BoolArray, scales: Scales
 ) -> FloatArray:
-    """Largest of coordinates and markers at each time, in parts of angle and length: none of them jumps."""
+    """Largest distance of coordinates and markers at each time, in parts of their scales."""
     distance = (
         np.abs(trajectory.q - reference.q) / np.where(angles, scales.angle, scales.length)
     ).max(axis=1)
@@ -362,7 +365,7 @@ def _distance(
 
 
 def _base_error(stretching: Stretching, time: float) -> float:
-    """At most, of a motion that has not parted before a time [s]: by the stretching of the next sample."""
+    """Largest base error of a motion that has not parted before a time [s]."""
     index = min(int(np.searchsorted(stretching.t, time)), len(stretching.t) - 1)
     least = LIMIT if time > stretching.horizon else 1.0
     return PARTED / max(float(stretching.largest[index]), least)

@@ -1,4 +1,4 @@
-"""What is compared and how it is run, checked once before anything runs.
+"""Studies: what is compared and how it is run, checked once before anything runs.
 
 `Until` is the end of a compared motion as a user states it, `Study` the mechanisms, engines and
 presets with the options of their runs.
@@ -20,10 +20,9 @@ from ...engines.registry import engine_class, engine_names, options_for, refuse_
 from ...models.errors import InputError
 from ...models.given import Models, several
 from ...models.launch import LAUNCH_ANGLE
-from ...models.machines.registry import library_problem, model
+from ...models.library.registry import find_benchmark, library_problem, model
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
-from ...models.problems.registry import find_benchmark
 from ...models.spec import Spec
 from ...reference.solution import Solution
 from ...reference.solver import characteristic_time, solve, solve_to_launch, solve_until
@@ -33,7 +32,7 @@ from .store import Store
 from .tolerances import Needs
 
 _FORM = "must be 'launch', 'launch:MARKER', 'release:STOP', or a time in seconds"
-_TAIL = 0.4  # of the compared time: the reference goes on, so that events of engines that are late can be found
+_TAIL = 0.4  # of the compared time: the reference goes on, for events of engines that are late
 _SPANS = (2.0, 5.5, 16.0)  # characteristic times within which a release is looked for
 
 
@@ -47,11 +46,11 @@ class Until:
     name: str = ""
     """Marker or stop; '' is the marker that machines throw."""
     required: bool = True
-    """Whether a motion without that event is refused; if not, it is compared for some characteristic times."""
+    """Whether a motion without that event is refused, or compared for a characteristic time."""
 
     @classmethod
     def of(cls, given: str | float | None) -> Self:
-        """From 'launch', 'launch:tip', 'release:hanger rest', '2.5' or 2.5; None: the launch, if there is one.
+        """Reads 'launch', 'launch:tip', 'release:rest', '2.5' or 2.5; None: a launch, if any.
 
         Raises:
             InputError: it has none of these forms.
@@ -90,8 +89,9 @@ class Until:
             ), duration
         if mechanism.gravity == 0:
             raise InputError(
-                f"{mechanism.name!r} has no gravity, and so no time scale within which an event could be looked for; "
-                "name the end of the compared motion in seconds, e.g. --until 2.5."
+                f"{mechanism.name!r} has no gravity, and so no time scale within which an event "
+                "could be looked for; name the end of the compared motion in seconds, "
+                "e.g. --until 2.5."
             )
         return (
             self._released(mechanism, law)
@@ -103,7 +103,8 @@ class Until:
         closed = [stop.name for stop in mechanism.stops if stop.closed]
         if self.name not in closed:
             raise InputError(
-                f"until = 'release:{self.name[:60]}': {mechanism.name!r} has no such closed stop: {closed}."
+                f"until = 'release:{self.name[:60]}': {mechanism.name!r} has no such closed stop: "
+                f"{closed}."
             )
         solution = _solved(mechanism, law, lambda found: found.release_times[self.name])
         time = solution.release_times[self.name]
@@ -117,7 +118,8 @@ class Until:
         if self.name and mechanism.marker(self.name) is None:
             known = [marker.name for marker in mechanism.markers]
             raise InputError(
-                f"until = 'launch:{self.name[:60]}': {mechanism.name!r} has no such marker: {known}."
+                f"until = 'launch:{self.name[:60]}': {mechanism.name!r} has no such marker: "
+                f"{known}."
             )
 
         def launched(solution: Solution) -> float | None:
@@ -129,8 +131,8 @@ class Until:
         time = launched(solution)
         if time is None and self.required:
             raise InputError(
-                f"{mechanism.name!r} does not launch within {solution.problem.duration:.6g} s, so there is no end to "
-                "measure up to; name one, e.g. --until 2.5."
+                f"{mechanism.name!r} does not launch within {solution.problem.duration:.6g} s, so "
+                "there is no end to measure up to; name one, e.g. --until 2.5."
             )
         return solution, time or solution.problem.duration / (1 + _TAIL)
 
@@ -158,7 +160,7 @@ class RunOptions(TypedDict, total=False):
     """How runs are made: keywords of every function that makes some."""
 
     parameters: Spec | None
-    """Of the models given by name; their defaults if left out."""
+    """Parameters of the models given by name; their defaults if left out."""
     options: Mapping[str, Any] | None
     """Over each preset's: of every engine that has them, or of one, as 'mujoco.solref'."""
     timestep: float | None
@@ -204,20 +206,20 @@ class Study:
     """
 
     models: Iterable[str | Mechanism | Problem] = ("fixed", "rolling")
-    """Names of machines or of the library's problems, mechanisms, or problems; of several with one name the last is
-    taken. A problem brings its own end of the motion and its own law of the stops."""
+    """Names of machines or of the library's problems, mechanisms, or problems.
+
+    The last of several with one name is taken. A problem brings its own end and its own law."""
     engines: Iterable[str] | None = None
     """Names; None: every known engine. Those not installed become rows that say so."""
     presets: Iterable[str] = PRESETS
     parameters: Spec | None = None
-    """Of the named machines; None: their defaults."""
+    """Parameters of the named machines; None: their defaults."""
     options: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    """Over the presets': of every engine that has it, `timestep` [s] among them, or of one, as 'mujoco.solref'."""
+    """Options over the presets': for all engines that have them, or for one ('mujoco.solref')."""
     stop_law: StopLaw | str | None = None
     """None: a problem's own; of what is no problem, release-once."""
     until: str | float | None = None
-    """End of the compared motion, as :meth:`.until.Until.of` reads it; None: a problem's own end; of what is no problem
-    the launch, if there is one."""
+    """End of the compared motion, as for :meth:`Until.of`; None: a problem's, else a launch."""
     tolerances: Mapping[str, float | str] | None = None
     """Needs by quantity, as :meth:`.tolerances.Needs.of` reads them."""
     store: Store | None = None
@@ -227,8 +229,7 @@ class Study:
     timeout: float = 600.0
     """Longest wait for one isolated run [s]."""
     jobs: int = 1
-    """Processes that solve references, run engines and diagnose at once; wall times then include what runs cost each
-    other, and results say so."""
+    """Processes at once; wall times then include what runs cost each other, and results say so."""
     progress: Progress | None = None
 
     @classmethod
@@ -244,7 +245,7 @@ class Study:
         until: str | float | None = None,
         **fields: Unpack[_StudyFields],
     ) -> Self:
-        """A study of models, engines and presets however they are given: one or several, as names or objects.
+        """Study of models and engines, however given: one or several, as names or objects.
 
         Args:
             presets: if left out, those of engines that are objects, else all.
@@ -258,8 +259,8 @@ class Study:
         given = dict(options or {})
         if timestep is not None and given.setdefault("timestep", timestep) != timestep:
             raise InputError(
-                f"timestep = {timestep!r} s and options = {{'timestep': {given['timestep']!r}}} differ; "
-                "leave one of them out."
+                f"timestep = {timestep!r} s and options = {{'timestep': {given['timestep']!r}}} "
+                "differ; leave one of them out."
             )
         chosen = engines_of(engines, presets, given, PRESETS)
         return cls(
@@ -278,7 +279,8 @@ class Study:
             raise InputError(f"jobs = {self.jobs!r} must be at least 1.")
         if self.jobs > 1 and not self.isolate:
             raise InputError(
-                f"jobs = {self.jobs} needs isolated runs; in this process they are made one at a time."
+                f"jobs = {self.jobs} needs isolated runs; in this process they are made one at "
+                "a time."
             )
         for name in ("models", "engines", "presets"):
             if getattr(self, name) is not None:
@@ -293,12 +295,12 @@ class Study:
             self.needs.refuse_what_only_files_tell()
 
     def law_of(self, mechanism: Mechanism) -> StopLaw:
-        """The law of a mechanism's stops: the one asked for, else its problem's, else release-once."""
+        """Law of a mechanism's stops: as asked for, else its problem's, else release-once."""
         problem = self._problems.get(mechanism.name)
         return problem.stop_law if problem is not None and self.stop_law is None else self.law
 
     def end_of(self, mechanism: Mechanism) -> Until:
-        """End of a mechanism's compared motion: the one asked for, else its problem's, else the launch."""
+        """End of a mechanism's compared motion: as asked for, its problem's, or the launch."""
         problem = self._problems.get(mechanism.name)
         return (
             Until.of(problem.duration) if problem is not None and self.until is None else self.end
@@ -342,7 +344,7 @@ class Study:
 
     @cached_property
     def _problems(self) -> Mapping[str, Problem]:
-        """By the mechanism's name."""
+        """Problems of the study by the name of their mechanism."""
         last = {_mechanism_of(given).name: given for given in self._given}
         return {name: given for name, given in last.items() if isinstance(given, Problem)}
 
@@ -353,7 +355,7 @@ class Study:
 
     @property
     def measured_engines(self) -> tuple[str, ...]:
-        """Names of the engines whose error is measured: all of the study but the reference, which cannot be named.
+        """Names of the engines whose error is measured: all but the reference.
 
         Raises:
             InputError: the reference was named, or no engine was.
@@ -377,7 +379,9 @@ class Study:
         return registry.engine(name, preset, **options_for(name, self.options))
 
     def engine_for(self, model: str, time: float, made: Engine) -> Engine:
-        """An engine for a machine; in a problem of the library a preset's step is for a characteristic time of 1 s.
+        """Engine for a mechanism; for a problem of the library a preset's step is scaled.
+
+        It is meant for a characteristic time of 1 s.
 
         The library's problems last from hundredths of a second to minutes: one step for all would
         say little of any.
@@ -396,7 +400,7 @@ class Study:
 
     @property
     def timed_at_once(self) -> int:
-        """How many runs at once disturbed the times of those that were made, or taken from the store."""
+        """Most runs at once when the runs were timed that were made or taken from the store."""
         return self.jobs if self.store is None else self.store.most_jobs(self.jobs)
 
     def worker(self) -> Worker:
@@ -412,7 +416,8 @@ def one_end(duration: float | None, until: str | float | None) -> str | float | 
     """
     if duration is not None and until is not None:
         raise InputError(
-            f"duration = {duration!r} s and until = {until!r} both name the end; leave one of them out."
+            f"duration = {duration!r} s and until = {until!r} both name the end; "
+            "leave one of them out."
         )
     return until if duration is None else duration
 

@@ -1,4 +1,4 @@
-"""What each figure of a run is held against: a user's need, the engine's claim, or a default.
+"""Tolerances of the metrics of a run: a user's need, the engine's claim, or a default.
 
 * A **need** is stated by whoever asks, in the quantity's unit or in parts of its scale ('0.1%').
 * A **claim** is an engine's own (`engines/<name>/study.py`), stated for a step on the fixed machine
@@ -23,7 +23,7 @@ from ...engines.registry import engine_class, engine_study
 from ...engines.study import Tolerance
 from ...models.errors import InputError
 from ...models.features import features_of
-from ...models.machines.registry import model
+from ...models.library.registry import model
 from ...models.mechanism import Mechanism
 from ...models.spec import Real, Spec
 from ...reference.certification.certificate import REFUSED_BELOW, refusal
@@ -36,15 +36,16 @@ from .scales import Scales, scales_until
 from .stretching import PARTED, stretching_at
 
 DEFAULT = PARTED
-"""Of the scale."""
+"""Default tolerance in parts of the scale."""
 _EVERYTHING = "default"
 _LOCATES = ("locate_releases", "located_releases")
 """Options by which engines locate events."""
 _OTHER_MACHINES = 10.0
 """Allowance for a machine other than Table I of a tolerance in plain units."""
 _CARRIED = 100.0
-"""Of a claim that is carried to another machine, beyond size, step and stretching: so much more a launch that comes
-late, or a rest that holds for long, takes of random machines; the default bounds it."""
+"""Safety factor for claims extrapolated from Table I, beyond size, step and growth of errors.
+
+It is calibrated on random mechanisms with late launches or long rests; the default bounds it."""
 Source = Literal["need", "claim", "default"]
 
 
@@ -59,10 +60,10 @@ class Need:
     """One tolerance stated by a user."""
 
     value: float
-    """In the metric's unit, or in parts of its scale."""
+    """Value in the metric's unit, or in parts of its scale."""
     relative: bool
     text: str
-    """As it was stated."""
+    """The tolerance as it was stated."""
 
     @classmethod
     def of(cls, name: str, given: float | str) -> Self:
@@ -81,7 +82,8 @@ class Need:
         if not (math.isfinite(value) and value > 0):
             shown = text if len(text) <= 60 else f"{text[:57]}..."
             raise InputError(
-                f"tolerance {name} = {shown!r} must be a positive number, or a percentage such as 0.1%."
+                f"tolerance {name} = {shown!r} must be a positive number, or a percentage such "
+                "as 0.1%."
             )
         relative = text.endswith("%")
         return cls(value / 100 if relative else value, relative, text)
@@ -94,13 +96,13 @@ class Needs:
     by_quantity: Mapping[tuple[str, str | None], Need] = field(
         default_factory=dict[tuple[str, str | None], Need]
     )
-    """By name of the metric and its subject; None: any subject."""
+    """Needs by name of the metric and its subject; None: any subject."""
     default: Need | None = None
-    """In place of the default of every engine."""
+    """Need in place of the default of every engine."""
 
     @classmethod
     def of(cls, given: Mapping[str, float | str] | None) -> Self:
-        """From values by quantity ('position', 'release'), by quantity and subject ('position:tip'), or 'default'.
+        """Reads values by quantity ('position'), by its subject ('position:tip'), or 'default'.
 
         Raises:
             InputError: a quantity is unknown or stated twice, a value is not valid, or the default
@@ -113,7 +115,8 @@ class Needs:
             if name == _EVERYTHING:
                 if not need.relative:
                     raise InputError(
-                        f"tolerance default = {need.text!r} must be a percentage: quantities differ."
+                        f"tolerance default = {need.text!r} must be a percentage: "
+                        "quantities differ."
                     )
                 default = need
                 continue
@@ -121,13 +124,14 @@ class Needs:
             key = judged_quantity(title).name, subject or None
             if key in needs:
                 raise InputError(
-                    f"tolerance {name[:60]!r} is stated twice, as {needs[key].text!r} and {need.text!r}."
+                    f"tolerance {name[:60]!r} is stated twice, as {needs[key].text!r} and "
+                    f"{need.text!r}."
                 )
             needs[key] = need
         return cls(needs, default)
 
     def need(self, metric: Metric) -> Need | None:
-        """That of a metric; None where none was stated."""
+        """Need of a metric; None where none was stated."""
         return self.by_quantity.get(
             (metric.name, metric.subject), self.by_quantity.get((metric.name, None))
         )
@@ -142,7 +146,8 @@ class Needs:
             if QUANTITIES[metric].of_files:
                 title = QUANTITIES[metric].title
                 raise InputError(
-                    f"tolerance {title!r} is of files only (trebucheck judge): no engine is judged by it."
+                    f"tolerance {title!r} is of files only (trebucheck judge): no engine is "
+                    "judged by it."
                 )
 
     def refuse_unknown_subjects(self, mechanisms: tuple[Mechanism, ...]) -> None:
@@ -165,7 +170,7 @@ class Needs:
 
     @property
     def texts(self) -> dict[str, str]:
-        """As they were stated, by quantity."""
+        """Needs as they were stated, by quantity."""
         names = {
             key: QUANTITIES[key[0]].title + (f":{key[1]}" if key[1] else "")
             for key in self.by_quantity
@@ -179,7 +184,7 @@ class AppliedTolerance:
     """A tolerance of one metric of a run."""
 
     value: float
-    """In the metric's unit."""
+    """Value in the metric's unit."""
     source: Source
     reason: str
 
@@ -190,7 +195,7 @@ class StatedTolerance:
 
     stated: Tolerance
     value: float
-    """In the metric's unit, or in multiples of the stop's torque where it is stated `per` one."""
+    """Value in the metric's unit, or in multiples of the stop's torque if stated `per` one."""
     reason: str
 
 
@@ -204,7 +209,7 @@ def tolerance_for(
     *,
     table_one: bool,
 ) -> StatedTolerance | None:
-    """An engine's own tolerance in plain units; None where none is stated, or the engine has no step.
+    """Engine's own tolerance in plain units; None where none is stated, or it has no step.
 
     Args:
         engine: its name.
@@ -230,7 +235,8 @@ def tolerance_for(
     stated = min((each for each in fitting if each.timestep == at), key=lambda each: each.value)
     growth = max(1.0, step / stated.timestep) ** stated.order
     allowance = 1.0 if table_one else _OTHER_MACHINES
-    reason = f"{stated.value:g}{f' of the {stated.per} value' if stated.per else ''} stated at {stated.timestep:g} s"
+    per = f" of the {stated.per} value" if stated.per else ""
+    reason = f"{stated.value:g}{per} stated at {stated.timestep:g} s"
     if growth > 1:
         reason += f", grown with order {stated.order} to {step:g} s"
     if allowance > 1:
@@ -239,7 +245,7 @@ def tolerance_for(
 
 
 def is_table_one(mechanism: Mechanism) -> bool:
-    """Whether it is a named mechanism with the parameters that it has unless others are given (Table I)."""
+    """Whether it is a named mechanism with its default parameters (Table I)."""
     try:
         return model(mechanism.name).content_hash == mechanism.content_hash
     except InputError:
@@ -248,7 +254,7 @@ def is_table_one(mechanism: Mechanism) -> bool:
 
 @cache
 def _table_one() -> tuple[Scales, float, Mechanism]:
-    """Scales and stretching of the machine that claims are stated for: the fixed one, up to its launch."""
+    """Scales and stretching of the machine that claims are stated for, up to its launch."""
     solution = solve_to_launch(model("fixed"))
     assert solution.launch is not None
     end = solution.launch.time
@@ -280,7 +286,9 @@ def _judged(metric: Metric, run: Run, machine: Machine, needs: Needs) -> Metric:
 
 
 def _held_against(metric: Metric, applied: AppliedTolerance, most: float) -> Metric:
-    """With its tolerance, widened by what samples leave unknown; not judged if only that much can decide.
+    """The metric with its tolerance, widened by what its samples leave unknown.
+
+    It is not judged if only that much can decide.
 
     Args:
         most: a claim may be widened up to this.
@@ -289,7 +297,10 @@ def _held_against(metric: Metric, applied: AppliedTolerance, most: float) -> Met
     if unknown and metric.value is not None and abs(metric.value) > value:
         least = max(value, most) if applied.source == "claim" else value
         if unknown > least and abs(metric.value) <= value + unknown:
-            note = f"the samples leave {unknown:.2g} {metric.unit} of it unknown, more than the tolerance {value:.2g}"
+            note = (
+                f"the samples leave {unknown:.2g} {metric.unit} of it unknown, "
+                f"more than the tolerance {value:.2g}"
+            )
             return metric.model_copy(update={"note": note})
         value, reason = (
             value + unknown,
@@ -317,7 +328,7 @@ def _surely_broken(
 
 
 def _vouched(applied: AppliedTolerance, uncertainty: float | None, most: float) -> AppliedTolerance:
-    """A claim no finer than the reference can vouch for, as long as that is no looser than the default."""
+    """The tolerance, if a claim raised to what the reference vouches for, up to the default."""
     least = REFUSED_BELOW * (uncertainty or 0.0)
     if applied.source != "claim" or not applied.value < least <= most:
         return applied
@@ -353,7 +364,7 @@ def _unresolved(metric: Metric, run: Run) -> str:
 
 
 def _scale(metric: Metric, quantity: MetricKind, machine: Machine) -> float:
-    """What the metric is measured in parts of; an invariant by the whole motion."""
+    """Scale of the metric; of an invariant, that of the whole motion."""
     whole = machine.whole_scales if quantity.invariant else None
     return quantity.scale_of(whole or machine.scales, metric.subject, machine.mechanism)
 
@@ -404,7 +415,10 @@ def _claim(
         if stated.stated.per
         else stated.value / _stated_scale(quantity, scales, mechanism)
     )
-    reason = f"{stated.reason} on Table I, to its launch; the same part of the scale, times {_CARRIED * stretched:.3g}"
+    reason = (
+        f"{stated.reason} on Table I, to its launch; "
+        f"the same part of the scale, times {_CARRIED * stretched:.3g}"
+    )
     return AppliedTolerance(part * scale * _CARRIED * stretched, "claim", reason)
 
 
@@ -415,7 +429,7 @@ def _to_the_launch(machine: Machine) -> bool:
 
 
 def _share(stated: StatedTolerance, metric: Metric, machine: Machine) -> float:
-    """What a tolerance is stated `per`: the stop's torque at the start, or its largest; else 1."""
+    """Torque that a tolerance is stated `per`: the stop's at the start, or its largest; else 1."""
     if not stated.stated.per or metric.subject is None:
         return 1.0
     start = machine.start_torques.get(metric.subject, 0.0)
@@ -427,6 +441,6 @@ def _share(stated: StatedTolerance, metric: Metric, machine: Machine) -> float:
 
 
 def _stated_scale(quantity: MetricKind, scales: Scales, mechanism: Mechanism) -> float:
-    """Of a quantity on the machine that claims are stated for; of stops that are closed the least."""
+    """Scale of a metric on the machine that claims are stated for, by its least closed stop."""
     closed = [stop.name for stop in mechanism.stops if stop.closed]
     return quantity.scale_of(scales, min(closed, key=lambda name: scales.torques[name]), mechanism)

@@ -60,7 +60,7 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         "newton_absolute": 1e-10,
         "modified_newton": True,
         "adaptive_step": True,
-        "located_releases": False,
+        "locate_releases": False,
     }
 
     @property

@@ -78,16 +78,11 @@ class _Inspector:
 
     def _dynamics(self, state_matrices: Matrices, reference: FloatArray, state: State) -> Dynamics:
         self._refuse_other_stops(state)
-        displacements, rates = (
-            self.bodies.placed(state.q) - reference,
-            self.bodies.jacobian(state.q) @ state.u,
-        )
-        solved = state_matrices.solve(displacements, rates, state.closed)
-        mass, forces = (
-            state_matrices.mass(),
-            state_matrices.forces(),
-        )  # of this state, without the stops' springs
         jacobian = self.bodies.jacobian(state.q)
+        displacements = self.bodies.placed(state.q) - reference
+        solved = state_matrices.solve(displacements, jacobian @ state.u, state.closed)
+        # Now of this state, without the stops' springs.
+        mass, forces = state_matrices.mass(), state_matrices.forces()
         self._set_solution(state_matrices, solved, state.closed)
         reader = self._reader()
         return Dynamics(
@@ -130,15 +125,11 @@ class _Inspector:
 
     def _accelerations(self) -> FloatArray:
         """Accelerations of q by Exudyn's outputs of nodes and of points in slots, shape (n_q,)."""
-        main, mechanism = self.system.main, self.system.mechanism
-        rotations = {
-            name: float(
-                main.GetNodeOutput(self.system.nodes[name], exu.OutputVariableType.Coordinates_tt)[
-                    2
-                ]
-            )
-            for name in self._names
-        }
+        mechanism, variable = self.system.mechanism, exu.OutputVariableType.Coordinates_tt
+        rotations: dict[str, float] = {}
+        for name in self._names:
+            output = self.system.main.GetNodeOutput(self.system.nodes[name], variable)
+            rotations[name] = float(output[2])
         angles = [-rotations[body.name] for body in mechanism.bodies if body.angle is not None]
         return np.array([*angles, *(self._along(slide, rotations) for slide in mechanism.slides)])
 

@@ -31,13 +31,9 @@ from ..events import Contacts
 DEPENDENT = 1e-6
 """Singular value of a Jacobian, over its largest, below which constraints are dependent."""
 _GROWN = 2.0  # times: so much the least singular value grows until a run begins anew
-_FARTHEST, _NEAREST = (
-    256.0,
-    4.0,
-)  # steps to a singular position, between which the drift is taken away
-_VANISHED = (
-    0.1  # of the present singular value: one that falls below that at the present rate vanishes
-)
+# Steps to a singular position, between which the drift is taken away.
+_FARTHEST, _NEAREST = 256.0, 4.0
+_VANISHED = 0.1  # of the present singular value: what falls below that at this rate vanishes
 _AHEAD = 0.25  # of the steps to a singular position at the present rate, until the next look
 _LONGEST = 32  # steps without a look
 _CORRECTIONS = 3
@@ -102,10 +98,8 @@ class Conditioning:
         fall = (self._value - value) / self._since
         self._value, self._least, self._jacobian = value, min(self._least, value), jacobian
         rate = float(np.linalg.norm(change, 2))  # no singular value changes faster
-        self._since, self._wait = (
-            0,
-            int(np.clip(_AHEAD * value / rate if rate else np.inf, 1, _LONGEST)),
-        )
+        self._since = 0
+        self._wait = int(np.clip(_AHEAD * value / rate if rate else np.inf, 1, _LONGEST))
         self.has_neared = self._nears(value / fall, change) if fall > 0 else False
         left = value > _GROWN * self._least
         self._ahead = np.inf if left else self._ahead
@@ -213,10 +207,8 @@ def _holds(rows: FloatArray, moved: FloatArray) -> bool:
 
 def _relative_motion(kinematics: Kinematics, q: FloatArray, joint: AnyJoint) -> FloatArray:
     """Jacobian of a joint's relative angle and of its child's point in the parent, (3, n_q)."""
-    vector, rates = (
-        kinematics.between(joint.child, joint.child_point, joint.parent, joint.parent_point),
-        kinematics.rates(q),
-    )
+    rates = kinematics.rates(q)
+    vector = kinematics.between(joint.child, joint.child_point, joint.parent, joint.parent_point)
     along = [
         kinematics.component(axis, joint.parent, vector).jacobian(q, rates)
         for axis in (1.0 + 0.0j, 1.0j)

@@ -129,9 +129,8 @@ class Matrices:
     def _gamma(self, coordinates: FloatArray, rates: FloatArray, active: Contacts) -> FloatArray:
         """dG/dt z' at the state, shape (n_joints + n_active,)."""
         fastest = float(np.abs(rates[2::3]).max())
-        step = (
-            _TURN / fastest if fastest > 0 else 1.0
-        )  # without turning G is linear in the motion at most
+        # Without turning G is linear in the motion at most.
+        step = _TURN / fastest if fastest > 0 else 1.0
 
         def along(steps: int) -> FloatArray:
             self.set(coordinates + steps * step * rates, rates)
@@ -198,7 +197,7 @@ def resolve_impact(
 ) -> tuple[BodyState, dict[str, float]]:
     """The state after the impact of all contacts that touch, and the impulse of each [N m s, N s].
 
-    Newton's law with complementarity (:mod:`..impact_law`): z'+ = z'- + sum_i p_i r_i, with r_i
+    Newton's law with complementarity (:mod:`..impact`): z'+ = z'- + sum_i p_i r_i, with r_i
     what a unit impulse on gap i does to the bodies in their joints.
 
     Args:

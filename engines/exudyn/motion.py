@@ -115,7 +115,7 @@ class ExudynMotion:
         if self.tables and is_at(self.now.t, end):
             return Halt(end)
         with self._explained():
-            if not (self.unilateral or self.options.located_releases):
+            if not (self.unilateral or self.options.locate_releases):
                 return self._released_after_steps(end)
             return self._to_next_event(end, watch.open)
 
@@ -182,7 +182,7 @@ class ExudynMotion:
         """A table up to the release in its last step, if there is one, and which stop opens."""
         pulling = (name for name in self.held if self.solver.torque(table[-1], name) < 0.0)
         name = next(pulling, None)
-        if name is None or self.options.located_releases:
+        if name is None or self.options.locate_releases:
             return None if name is None else self._located_release(table)
         return table, name
 

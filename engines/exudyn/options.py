@@ -38,7 +38,7 @@ class ExudynOptions(EngineOptions):
     adaptive_step: bool = Field(
         default=False, description="shorten a step whose iteration fails, instead of an error"
     )
-    located_releases: bool = Field(
+    locate_releases: bool = Field(
         default=True, description="step onto a release, instead of opening at a step's end"
     )
     stop_stiffness: Positive | None = Field(

@@ -32,19 +32,12 @@ _DIFFERENCE = 3e-5  # relative step of Exudyn's difference quotients: 1e-6 to 1e
 # Exudyn's Newton iteration leaves out how the joints' Jacobian changes with the step, which matters
 # beside a singular position: a step of length h that ends at a distance x from one converges by h /
 # 2 x an iteration, or not at all.
-_ITERATIONS = (
-    25  # as Exudyn has it: more would reach another branch of the motion where the right one repels
-)
-_LEAPS = (
-    5.0,
-    6.0,
-    8.0,
-    12.0,
-)  # in steps: over a singular position, to an end that is farther from it than the start
-_BEYOND, _FAR = (
-    2.2,
-    50.0,
-)  # of the steps to the position, for the shortest; if it is as near as this many
+# As Exudyn has it; more would reach another branch of the motion where the right one repels.
+_ITERATIONS = 25
+# A leap goes over a singular position, to an end that is farther from it than the start: in steps;
+# the shortest one in distances to the position, where that is nearer than _FAR steps.
+_LEAPS = (5.0, 6.0, 8.0, 12.0)
+_BEYOND, _FAR = 2.2, 50.0
 _BACK = 2  # good steps that a leap takes back: the last ones were near the position as well
 _LEAP_ITERATIONS = 200
 # Redundant joints contradict each other by the drift of the positions, of the order of the
@@ -52,12 +45,9 @@ _LEAP_ITERATIONS = 200
 # that spoil the steps after. So the drift is taken away, unless it was so a short time before: to
 # begin anew costs as much as some sixty steps.
 _SOON = 64  # steps
-_CONTRADICTION = (
-    1e-5  # [N, m/s] residual that is small enough once a step has failed whose joints are redundant
-)
-_JUMP = (
-    0.2  # of the largest rotational speed: a leap that changes one more has gone to another branch
-)
+# [N, m/s] Residual that is small enough once a step has failed whose joints are redundant.
+_CONTRADICTION = 1e-5
+_JUMP = 0.2  # of the largest rotational speed: a leap that changes one more is on another branch
 _SHORT = 1e-2  # of a step: the error of one so long, of third order, is 1e-6 of a step's
 Monitor = Callable[[float], bool]
 """Called with the time after each step; False stops the run there."""
@@ -121,9 +111,8 @@ class Solver:
 
     def state(self, table: FloatArray, row: int) -> BodyState:
         """The state in a row of a table."""
-        coordinates, rates = (
-            self.of_bodies(table[row], quantity) for quantity in ("Coordinates", "Coordinates_t")
-        )
+        coordinates = self.of_bodies(table[row], "Coordinates")
+        rates = self.of_bodies(table[row], "Coordinates_t")
         return BodyState(float(table[row, 0]), coordinates, rates)
 
     def of_bodies(self, row: FloatArray, quantity: str) -> FloatArray:
@@ -158,10 +147,8 @@ class Solver:
         """
         self.system.set_active(active)
         self._set(state)
-        once, twice = (
-            self._differenced(state.t, _DIFFERENCE),
-            self._differenced(state.t, 2 * _DIFFERENCE),
-        )
+        once = self._differenced(state.t, _DIFFERENCE)
+        twice = self._differenced(state.t, 2 * _DIFFERENCE)
         return Balance(2 * once.row - twice.row, 2 * once.accelerations - twice.accelerations)
 
     def _differenced(self, time: float, difference: float) -> Balance:
@@ -220,14 +207,13 @@ class Solver:
                 table, outcome = self._onwards(table, step, end, monitor)
                 continue
             if self._redundant and self._residual < _CONTRADICTION:
-                without = (
-                    self._without_drift(table)
-                    if self._conditioning and table[-1, 0] > closed + _SOON * step
-                    else None
-                )
+                without_drift = None
+                if self._conditioning and table[-1, 0] > closed + _SOON * step:
+                    without_drift = self._without_drift(table)
+                else:
+                    self._residual = _CONTRADICTION
                 closed = float(table[-1, 0])
-                self._residual = self._residual if without else _CONTRADICTION
-                table, outcome = self._onwards(table, step, end, monitor, without)
+                table, outcome = self._onwards(table, step, end, monitor, without_drift)
                 continue
             if table[-1, 0] <= failed:
                 self._give_up(table, end)
@@ -319,12 +305,10 @@ class Solver:
         now: BodyState | None = None,
     ) -> tuple[FloatArray, _Outcome]:
         """A table and equal steps after it, from `now` or the state at its end."""
-        nears = (
-            self._conditioning is not None
-            and self._conditioning.is_due
-            and self._conditioning.has_neared
-        )
-        now = now or (self._without_drift(table) if nears else self.state(table, -1))
+        watch = self._conditioning
+        if now is None:
+            nears = watch is not None and watch.is_due and watch.has_neared
+            now = self._without_drift(table) if nears else self.state(table, -1)
         rest, outcome = self._equal_steps(
             now, self.system.active, end, max(1, round((end - now.t) / step)), monitor
         )
@@ -354,16 +338,11 @@ class Solver:
         return tuple(longer * leap for leap in _LEAPS)
 
     def _give_up(self, table: FloatArray, end: float) -> NoReturn:
-        hint = (
-            "a shorter timestep may help"
-            if len(table) > 1
-            else "the step is too long, or a position singular"
-        )
+        hint = "a shorter timestep may help"
         if self._redundant:
-            hint = (
-                "its joints are redundant, and contradict each other as they drift; "
-                "a shorter timestep may help"
-            )
+            hint = f"its joints are redundant, and contradict each other as they drift; {hint}"
+        elif len(table) <= 1:
+            hint = "the step is too long, or a position singular"
         solver = f"exudyn's {self.options.integrator} solver"
         raise SimulationError(
             f"{solver} gave up after t = {table[-1, 0]:.6g} s of {end:.6g} s; {hint}."

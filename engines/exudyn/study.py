@@ -56,7 +56,7 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
               Intervention({"adaptive_step": False})),
         Cause("event location",
               "a stop is switched off at the end of the step in which its torque has vanished",
-              Intervention({"located_releases": True}), after=first),
+              Intervention({"locate_releases": True}), after=first),
         Cause("alternating torques",
               "the trapezoidal rule never damps an error of the multipliers that changes sign "
               "with every step", Intervention(filtered_torques=True), after=first),
@@ -123,7 +123,7 @@ _OPTION_SETS = (
         "tight Newton",
         "the same, with a full Newton iteration to 1e-12",
         "tuned",
-        {"located_releases": False},
+        {"locate_releases": False},
     ),
     TUNED_SET,
 )

@@ -16,7 +16,7 @@ from ...models.arrays import FloatArray
 from ...models.elements import STOPS, ElementTable, Feature, PointStop, Stop
 from ...models.errors import SimulationError, UnsupportedProblemError
 from ...models.mechanism import Mechanism
-from ...models.mjcf.points import RAIL_SIDES, Points, felt_from, rail_contact, torque_sensor
+from ...models.mjcf.elements import RAIL_SIDES, Points, felt_from, rail_contact, torque_sensor
 from ...models.mjcf.recorded import HOME
 from ...models.mjcf.scene import scene
 from ...models.mjcf.writer import FAR, MARGIN, mjcf, mjcf_names, model_file
@@ -82,7 +82,7 @@ class Limit:
     def preload(
         self, model: Any, data: Any, correction: ReferenceAccelerationCorrection, forces: FloatArray
     ) -> None:
-        """If it pushes, make up for its softness by its margin: the acceleration k d (margin - gap) is then R f.
+        """If it pushes, balance its softness by its margin: k d (margin - gap) = R f.
 
         Args:
             model, data, correction: of MuJoCo.
@@ -111,12 +111,12 @@ class Limit:
 
 @dataclass(frozen=True)
 class PointContact:
-    """A frictionless contact of a sphere with a wall: a stop on a point, or one side of a slot; as :class:`Limit`."""
+    """A frictionless contact of a sphere with a wall: a stop on a point, or a side of a slot."""
 
     index: int
     """Of the pair of geoms."""
     geoms: tuple[int, int]
-    """Wall and sphere, in the order that MuJoCo's contacts have: a plane before the sphere, the sphere before a box."""
+    """Wall and sphere in MuJoCo's order: a plane before the sphere, the sphere before a box."""
     margin: float
     """Of the pair, before anything was removed [m]."""
 
@@ -149,7 +149,7 @@ class PointContact:
         return float(apart - thickness - model.geom_size[sphere, 0])
 
     def activate(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection) -> None:
-        """As :meth:`deactivate`: its margin is wide enough."""
+        """Deactivate its margin, which is wide enough for it to act."""
         self.deactivate(model, correction)
 
     def deactivate(self, model: Any, correction: ReferenceAccelerationCorrection) -> None:
@@ -159,7 +159,7 @@ class PointContact:
     def preload(
         self, model: Any, data: Any, correction: ReferenceAccelerationCorrection, forces: FloatArray
     ) -> None:
-        """As :meth:`Limit.preload`, by the correction: inner stages of a step may lift the sphere beyond a margin."""
+        """Preload by the correction: inner stages of a step may lift the sphere beyond a margin."""
         row = self.row(data)
         if row is not None and forces[row] > 0:
             correction.contacts[self.geoms] = float(data.efc_R[row] * forces[row])
@@ -283,7 +283,7 @@ def _refuse_missing_springs(mechanism: Mechanism) -> None:
 def correction_of(
     mechanism: Mechanism, model: Any, options: MujocoOptions
 ) -> ReferenceAccelerationCorrection:
-    """The correction of the reference accelerations of contacts and equalities; with stock options it does nothing."""
+    """The correction of contacts and equalities; with stock options it does nothing."""
     if not _corrects(options) or not (model.npair or model.neq):
         return ReferenceAccelerationCorrection(model, velocity_term=False)
     without_margin = {contact.geoms: 0.0 for contact in stop_contacts(mechanism, model)}
@@ -296,7 +296,7 @@ def correction_of(
 
 
 def _solves_before_the_solver(mechanism: Mechanism, model: Any, options: MujocoOptions) -> bool:
-    """Whether the solver is asked for the last digit, and loses it in the cost of two walls that are pressed in."""
+    """Whether the solver would lose its last digits in the cost of two walls pressed in."""
     to_the_last_digit = options.solver == "Newton" and options.tolerance < np.finfo(float).eps
     return to_the_last_digit and bool(slot_contacts(mechanism, model)) and loses_small_gains()
 
@@ -319,7 +319,7 @@ def preload(
     correction: ReferenceAccelerationCorrection,
     settled: float = _SETTLED,
 ) -> None:
-    """Preload the active constraints by what their softness gives way, so that they start in balance.
+    """Preload the active constraints for their softness, so that they start in balance.
 
     A soft limit carries a torque f only at a penetration of R f / (k d): exactly at its limit it
     starts 1 - d too weak and takes some ten time constants to settle. A margin has the same effect
@@ -351,7 +351,9 @@ def preload(
 def _rigid_forces(
     model: Any, data: Any, unilateral: list[int], given: FloatArray | None
 ) -> FloatArray:
-    """Forces f of the rows if none was soft: from (A + R) f = c + e, with e the accelerations given, to A f = c.
+    """Forces f of the rows if none was soft: A f = c instead of (A + R) f = c + e.
+
+    The accelerations e are those given.
 
     The forces as they are stand for those that would come out otherwise, and where a row without
     force is among the unilateral ones: as next e they converge as well, by R / (A + R) an
@@ -388,7 +390,7 @@ class Changes:
         self._least, self._since = np.inf, 0
 
     def go_on(self, settled: float, done: int, least: int) -> bool:
-        """Whether to iterate again: always at first, then as long as changes fall but are not small.
+        """Whether to iterate again: at first always, then while changes fall and are not small.
 
         Args:
             settled: a small change, in parts of the largest force.

@@ -1,4 +1,4 @@
-"""What differs between versions of MuJoCo, found by looking for the feature, not at the version."""
+"""Differences between versions of MuJoCo, found by the feature and not by the version."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ...models.arrays import FloatArray
 
 mujoco: Any = importlib.import_module("mujoco")  # it carries no types
 CALLBACK = threading.RLock()
-"""MuJoCo has one callback for all models and threads of a process; its compiler calls it as well."""
+"""MuJoCo has one callback for all models and threads of a process; its compiler calls it, too."""
 
 
 def _forward(xml: str) -> Any:
@@ -27,7 +27,7 @@ def _forward(xml: str) -> Any:
 
 @cache
 def counts_tendons_in_reactions() -> bool:
-    """Whether a `force` sensor takes off what springs between sites do to the bodies beyond it; since 3.14."""
+    """Whether a `force` sensor takes off springs between sites beyond it; since 3.14."""
     return bool(abs(_forward(_HUNG).sensordata).max() < 0.5)
 
 
@@ -42,11 +42,13 @@ _HUNG = """
       <site name="body"/>
     </body>
   </worldbody>
-  <tendon><spatial stiffness="1" springlength="1"><site site="above"/><site site="body"/></spatial></tendon>
+  <tendon>
+    <spatial stiffness="1" springlength="1"><site site="above"/><site site="body"/></spatial>
+  </tendon>
   <sensor><force site="body"/></sensor>
 </mujoco>
 """
-"""A spring that pulls with 1 N on a body that is free to follow: nothing holds the body to its parent."""
+"""A spring that pulls with 1 N on a body that nothing holds to its parent."""
 
 
 def has_polynomial_springs() -> bool:
@@ -56,7 +58,7 @@ def has_polynomial_springs() -> bool:
 
 @cache
 def loses_small_gains() -> bool:
-    """Whether the solver's gains are differences of its cost, and lost where they are small beside it; before 3.10."""
+    """Whether the solver loses gains that are small beside its cost; before 3.10."""
     return not 0.0 < _forward(_CLAMPED).solver.improvement[0] < 1.0
 
 
@@ -72,7 +74,7 @@ _CLAMPED = """
   </worldbody>
 </mujoco>
 """
-"""A body that two limits press on with 1e11 N each: its weight of 1 N gains 2.5e-5 of a cost of 1e18."""
+"""A body between two limits of 1e11 N each: its weight gains 2.5e-5 of a cost of 1e18."""
 
 
 def mass_matrix(model: Any, data: Any) -> FloatArray:
@@ -86,7 +88,7 @@ def mass_matrix(model: Any, data: Any) -> FloatArray:
 
 
 def constraint_jacobian(model: Any, data: Any) -> FloatArray:
-    """Of all constraint rows, shape (nefc, nv)."""
+    """Jacobian of all constraint rows, shape (nefc, nv)."""
     if not mujoco.mj_isSparse(model):
         return data.efc_J.reshape(data.nefc, model.nv)
     dense = np.zeros((data.nefc, model.nv))

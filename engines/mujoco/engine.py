@@ -1,4 +1,4 @@
-"""MuJoCo: a tree of relative joints whose stops are soft limits and contacts, and whose loops are soft ties."""
+"""MuJoCo: a tree of relative joints; stops are soft limits and contacts, loops equalities."""
 
 from __future__ import annotations
 
@@ -61,9 +61,11 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
         joint_gaps=False,
         located_releases=True,
         stop_laws=frozenset(StopLaw),
-        formulation="minimal relative joints, stops and loops as soft limits, contacts and equalities "
+        formulation="minimal relative joints, stops and loops as soft limits, contacts and "
+        "equalities "
         "(convex optimisation), RK4; "
-        "releases and impacts located inside a step (stock: releases at its end, limits never removed, impacts soft)",
+        "releases and impacts located inside a step (stock: releases at its end, limits never "
+        "removed, impacts soft)",
         features=built_features(BUILT),
         elements=BUILT,
     )
@@ -86,7 +88,7 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
 
     @property
     def supplied(self) -> Supplied:
-        """Releases that are located, and impacts of limits that are out of the model while they are open."""
+        """Located releases, and impacts of limits that are out of the model while open."""
         events = {Part.EVENTS: ""} if self.locate_releases or not self.keep_limits else {}
         return events if self.keep_limits else events | {Part.IMPACTS: ""}
 
@@ -104,7 +106,7 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
         view(mechanism, self.timestep)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
-        """The built model's mass matrix, forces and forward dynamics in each state, its closed limits at rest."""
+        """The built model in each state, its closed limits at rest."""
         self.refuse_absence()
         from .inspect import inspect
 

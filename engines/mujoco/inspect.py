@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.joints import GROUND
+from ...models.elements import GROUND
 from ...models.mechanism import Mechanism
 from ...models.mjcf.writer import mjcf_names
 from ...models.tree import Slide
@@ -73,10 +73,10 @@ class _Built:
         self.sums = absolute_from_relative(mechanism, model)
         """C, shape (n_q, n_v)."""
         self.differences = np.asarray(np.linalg.inv(self.sums), dtype=np.float64)
-        """Inverse of C: joint coordinates from absolute ones, joint forces' weights in absolute ones."""
+        """Inverse of C: joint coordinates from absolute ones."""
 
     def start(self) -> tuple[FloatArray, FloatArray]:
-        """The keyframe's q and u: absolute angles of the bodies, with the full turns of the mechanism's start."""
+        """The keyframe's q and u, with the full turns of the mechanism's start."""
         data = start_data(self.model)
         mujoco.mj_kinematics(self.model, data)
         n = len(self.mechanism.angles)
@@ -89,7 +89,7 @@ class _Built:
         return np.array(q) + 2 * np.pi * turns, self.sums @ data.qvel
 
     def _slide(self, data: Any, slide: Slide) -> float:
-        """By how much a body's joint is along its line from the point where the slide is zero [m]."""
+        """Distance of a body's joint along its line from where the slide is zero [m]."""
         joint, ground = slide.joint, slide.joint.parent == GROUND
         # MuJoCo's frames have their joint as origin.
         origin = (0.0, 0.0) if ground else self.mechanism.joint_of(joint.parent).child_point
@@ -99,7 +99,7 @@ class _Built:
         return float((complex(*(place - joint.parent_point)) * slide.direction.conjugate()).real)
 
     def _angle(self, data: Any, body: str) -> float:
-        """A body's absolute angle, positive clockwise: its x axis is (cos q, -sin q) in the plane."""
+        """A body's absolute angle, positive clockwise: its x axis is (cos q, -sin q)."""
         x, y = data.body(self.names[body]).xmat.reshape(3, 3)[IN_PLANE, 0]
         return float(np.arctan2(-y, x))
 

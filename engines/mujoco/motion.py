@@ -203,7 +203,7 @@ class MujocoMotion(SteppedMotion[FloatArray]):
     def _steps_before_an_event(
         self, states: FloatArray, sensed: FloatArray, start: State, watch: Watch
     ) -> int:
-        """Of n time steps, the number before the first with an event.
+        """Number of time steps before the first with an event.
 
         Args:
             states: before the first and after each, shape (n + 1, n_state).

@@ -1,4 +1,4 @@
-"""The numerical options of the mujoco adapter; the defaults are the tuned preset. Needs no MuJoCo."""
+"""Numerical options of the mujoco adapter; defaults are the tuned preset. Needs no MuJoCo."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ class MujocoOptions(EngineOptions):
 
     integrator: Literal["RK4", "Euler", "implicit", "implicitfast", "discrete"] = Field(
         default="RK4",
-        description="MuJoCo's integrator; all but RK4 are of first order, and 'implicit' chatters on a limit",
+        description="MuJoCo's integrator; all but RK4 are of first order, and 'implicit' "
+        "chatters on a limit",
     )
     free_substeps: int = Field(
         default=4,
@@ -32,22 +33,26 @@ class MujocoOptions(EngineOptions):
     )
     tolerance: NonNegative = Field(
         default=1e-30,
-        description="gain at which the solver stops; at 0 its line search runs on to its last iteration",
+        description="gain at which the solver stops; at 0 its line search runs on to its last "
+        "iteration",
     )
     iterations: int = Field(default=100, ge=1, le=10_000, description="of the solver, at most")
     solref: tuple[Real, Real] | None = Field(
         default=None,
-        description="reference of limits, contacts and equalities: time constant [s] and damping ratio if positive, "
+        description="reference of limits, contacts and equalities: time constant [s] and "
+        "damping ratio if positive, "
         "-stiffness [1/s^2] and -damping [1/s] if negative; None: scaled with the time step",
     )
     solimp: tuple[_Impedance, _Impedance, NonNegative, Real, Real] = Field(
         default=(0.9999, 0.9999, 0.001, 0.5, 2.0),
-        description="impedance of limits, contacts and equalities: d0, d_width, width, midpoint, power",
+        description="impedance of limits, contacts and equalities: d0, d_width, width, "
+        "midpoint, power",
     )
     margin: NonNegative = Field(
         default=1e-12,
         le=1e-2,
-        description="nearer than this to its limit, a joint feels it [rad]; 0 misses the start. A point feels a wall "
+        description="nearer than this to its limit, a joint feels it [rad]; 0 misses the start. "
+        "A point feels a wall "
         "from this times the machine's size [m], or from farther off where points are held exactly",
     )
     locate_releases: bool = Field(
@@ -55,17 +60,20 @@ class MujocoOptions(EngineOptions):
     )
     preload: bool = Field(
         default=True,
-        description="press the closed limits in at the start, so that their torques are right from t = 0; with "
+        description="press the closed limits in at the start, so that their torques are right "
+        "from t = 0; with "
         "`moving_points`, make up for the softness of loops at every forward pass",
     )
     moving_points: bool = Field(
         default=True,
-        description="hold points exactly: with the acceleration that a point has from the speeds alone, which MuJoCo "
+        description="hold points exactly: with the acceleration that a point has from the "
+        "speeds alone, which MuJoCo "
         "leaves out of contacts, and the same feedback through all stages of a step",
     )
     keep_limits: bool = Field(
         default=False,
-        description="leave released and open limits in the model, also under the release-once law; stops are then met "
+        description="leave released and open limits in the model, also under the release-once "
+        "law; stops are then met "
         "as the springs that MuJoCo's limits are",
     )
 
@@ -84,7 +92,7 @@ class MujocoOptions(EngineOptions):
 def scaled_solref(
     timestep: float, integrator: str, exact_points: bool = False
 ) -> tuple[float, float]:
-    """What `solref = None` stands for: -stiffness and -damping [1/s^2, 1/s] at a time step [s].
+    """The `solref` that None stands for: -stiffness, -damping [1/s^2, 1/s] at a time step [s].
 
     Scaled so, errors fall with the square of the step. Twice the damping is critical and has the
     least rebound; a one-stage integrator throws the joint about with it, and settles in one step
@@ -105,7 +113,7 @@ def scaled_solref(
 def effective_solref(
     settings: Mapping[str, Any], constraints: ConstraintKinds
 ) -> tuple[float, float]:
-    """The `solref` of an engine's settings as one pair of numbers, whether it is given or follows from the step.
+    """The `solref` of an engine's settings as numbers, given or from the step.
 
     One pair has to serve angles and points: where a mechanism has both, it is that of the angles.
     """

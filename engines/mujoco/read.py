@@ -126,7 +126,7 @@ class _Reader:
         return constraint.torque(self.sensor(torque_sensor(stop))[:, 0], self.positions, self.model)
 
     def reactions(self, q: FloatArray, u: FloatArray) -> dict[str, FloatArray]:
-        """Forces on the children in the world frame [N]: MuJoCo gives those of the tree in the child's frame.
+        """Forces on the children in the world frame [N]; MuJoCo gives the tree's in the child's.
 
         A joint that closes a loop is on a massless welded body; MuJoCo's sensor gives the force on
         that body from the body it is welded to, the opposite of the joint's. Of the tree's joints
@@ -201,7 +201,7 @@ def recording(
 
 
 def absolute_from_relative(mechanism: Mechanism, model: Any) -> FloatArray:
-    """C with q = start + C qpos and u = C qvel: an absolute angle is a sum of hinges; shape (n_q, n_v)."""
+    """C with q = start + C qpos and u = C qvel, shape (n_q, n_v): angles are sums of hinges."""
     names = mjcf_names(mechanism)
     matrix = np.zeros((len(mechanism.coordinates), int(model.nv)))
     turning = [body.name for body in mechanism.bodies if body.angle is not None]

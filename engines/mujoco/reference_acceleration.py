@@ -43,7 +43,7 @@ _ITERATIONS = 10  # one a change of the active constraints, and one for rounding
 
 @dataclass(frozen=True)
 class _Pass:
-    """What a forward pass leaves behind of the equality constraints; its forces are found in the next one."""
+    """Equality constraints of one forward pass; their forces are found in the next one."""
 
     rows: dict[int, slice]
     """Of each equality constraint among those below."""
@@ -60,7 +60,7 @@ class _Pass:
     def of(
         cls, model: Any, data: Any, present: dict[int, NDArray[np.intp]], *, ends_a_step: bool
     ) -> _Pass:
-        """The pass in which these equality constraints are present, before its accelerations are computed."""
+        """The pass with these equality constraints, before its accelerations are computed."""
         rows = np.concatenate(list(present.values()))
         ends = [0, *accumulate(map(len, present.values()))]
         own = {index: slice(a, b) for index, (a, b) in zip(present, pairwise(ends), strict=True)}
@@ -102,11 +102,11 @@ class ReferenceAccelerationCorrection:
     velocity_term: bool
     """Whether (dJ/dt) qvel is counted, and the feedback -b v - k r kept through a step."""
     starts_at_the_solution: bool = False
-    """Whether MuJoCo's solver is given the solution as its start (:mod:`.warm_start`)."""
+    """Whether MuJoCo's solver starts at the solution (:func:`start_at_the_solution`)."""
     contacts: dict[tuple[int, int], float] = field(default_factory=dict[tuple[int, int], float])
-    """By plane and sphere, the acceleration that replaces the one due to a contact's margin [m/s^2]."""
+    """Acceleration in place of the one due to a contact's margin [m/s^2], by plane and sphere."""
     equalities: dict[int, FloatArray] = field(default_factory=dict[int, FloatArray])
-    """Accelerations added to the rows of an equality constraint, by its index, each of shape (3,) [m/s^2].
+    """Accelerations added to the rows of an equality constraint, by its index, (3,) [m/s^2].
 
     Once they are preloaded they follow the forces, where the feedback is kept through a step.
     """
@@ -118,7 +118,7 @@ class ReferenceAccelerationCorrection:
 
     @contextmanager
     def applied(self) -> Generator[None]:
-        """Correct the reference accelerations in this thread's calls of MuJoCo; other threads' are unchanged."""
+        """Correct the reference accelerations in this thread's calls of MuJoCo alone."""
         if not (self.velocity_term or self.contacts or self.equalities):
             yield
             return
@@ -157,7 +157,7 @@ class ReferenceAccelerationCorrection:
         self._last = None
 
     def preload_equalities(self, data: Any, forces: FloatArray) -> None:
-        """Add R f to the equality constraints, the acceleration by which their softness would let their points part.
+        """Add R f to the equality constraints, by which their softness lets their points part.
 
         Args:
             data: MuJoCo's.
@@ -240,7 +240,7 @@ def _feedback(data: Any, rows: Any) -> Any:
 
 
 def _velocity_term(model: Any, data: Any, point: FloatArray, body: int) -> FloatArray:
-    """(dJ/dt) qvel of a body's point: its acceleration when the joints' accelerations are zero, shape (3,) [m/s^2]."""
+    """(dJ/dt) qvel of a body's point, its acceleration if qacc is zero, shape (3,) [m/s^2]."""
     rate = np.zeros((3, model.nv))
     mujoco.mj_jacDot(model, data, rate, None, point, body)
     return rate @ data.qvel
@@ -282,11 +282,11 @@ def _relative_velocity_term(model: Any, data: Any, sphere: int, holder: int) -> 
 def start_at_the_solution(model: Any, data: Any) -> None:
     """Set `qacc_warmstart` to the solution, by Newton steps of full length.
 
-    Both walls of a slot that closes a loop are pressed in, and their forces cancel but for the slot's
-    own. They make up nearly all of the cost that MuJoCo's solver minimises. Before 3.10 its line search
-    takes differences of that cost, in which the gain of the last iterations is less than rounding, so
-    the search may end without a step: the floating arm's track was up to 1e-4 of its force off. Started
-    where the gradient is zero, the solver has nothing left to gain.
+    Both walls of a slot that closes a loop are pressed in, and their forces cancel but for the
+    slot's own. They make up nearly all of the cost that MuJoCo's solver minimises. Before 3.10 its
+    line search takes differences of that cost, in which the gain of the last iterations is less
+    than rounding, so the search may end without a step: the floating arm's track was up to 1e-4 of
+    its force off. Started where the gradient is zero, the solver has nothing left to gain.
 
     The constraints may be equalities and frictionless unilateral ones. If it does not settle which
     of them are active, nothing is changed. To be called from `mjcb_control`, when `aref` is final.

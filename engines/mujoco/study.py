@@ -1,4 +1,4 @@
-"""What studies need to know of MuJoCo."""
+"""Tables of MuJoCo for studies."""
 
 from __future__ import annotations
 
@@ -35,7 +35,8 @@ from .options import effective_solref
 
 MJCF, PYTHON = "MJCF", "MuJoCo in Python"
 _MOVING = "moving points"
-_SEEN_INERTIA = 1e-6  # [kg m^2] shifts the projectile by some 1e-8 m: far above rounding, and still in proportion
+# [kg m^2] It shifts the projectile by some 1e-8 m: far above rounding, and still in proportion.
+_SEEN_INERTIA = 1e-6
 _SOFTEST_LIMIT = 0.9999  # MuJoCo clamps the impedance there
 
 
@@ -63,23 +64,45 @@ def _common_causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, 
         *_softness(settings, constraints),
         # Points are pressed in by an acceleration: with softer ones than the step can bear they
         # would jump.
-        Cause("start transient", "soft limits start without the give that carries their torque",
-              Intervention({"preload": True}), after=("constraint softness",) if constraints.points else ()),
-        Cause("solver tolerance", "where MuJoCo's constraint solver stops",
-              Intervention({"solver": "Newton", "tolerance": min(1e-30, float(settings["tolerance"]))})),
-        Cause("limits kept", "stops stay in the model after they have released, and may be met again",
-              Intervention({"keep_limits": False})),
-        Cause("event location", "a release is noticed at the end of its step, and the step goes over its kink",
-              Intervention({"locate_releases": True})),
-        Cause("integrator", "the rule of a step, of first order but for RK4", Intervention({"integrator": "RK4"})),
+        Cause(
+            "start transient",
+            "soft limits start without the give that carries their torque",
+            Intervention({"preload": True}),
+            after=("constraint softness",) if constraints.points else (),
+        ),
+        Cause(
+            "solver tolerance",
+            "where MuJoCo's constraint solver stops",
+            Intervention(
+                {"solver": "Newton", "tolerance": min(1e-30, float(settings["tolerance"]))}
+            ),
+        ),
+        Cause(
+            "limits kept",
+            "stops stay in the model after they have released, and may be met again",
+            Intervention({"keep_limits": False}),
+        ),
+        Cause(
+            "event location",
+            "a release is noticed at the end of its step, and the step goes over its kink",
+            Intervention({"locate_releases": True}),
+        ),
+        Cause(
+            "integrator",
+            "the rule of a step, of first order but for RK4",
+            Intervention({"integrator": "RK4"}),
+        ),
         time_step_cause(finer),
-        Cause("point inertia", f"MuJoCo wants an inertia of every body: point masses have {POINT_INERTIA:g} kg m²",
-              scaling=Intervention(point_inertia=_SEEN_INERTIA, leaves=_SEEN_INERTIA / POINT_INERTIA)),
-    )  # fmt: skip
+        Cause(
+            "point inertia",
+            f"MuJoCo wants an inertia of every body: point masses have {POINT_INERTIA:g} kg m²",
+            scaling=Intervention(point_inertia=_SEEN_INERTIA, leaves=_SEEN_INERTIA / POINT_INERTIA),
+        ),
+    )
 
 
 def _stiffest(settings: Any, constraints: ConstraintKinds, refinement: int = 1) -> list[JsonValue]:
-    """The stiffest constraints that a step so many times finer can bear; points are held exactly by then (`after`)."""
+    """The stiffest constraints that a finer step can bear; points are held exactly by then."""
     step = float(settings["timestep"]) / refinement
     return [
         *effective_solref(
@@ -89,13 +112,16 @@ def _stiffest(settings: Any, constraints: ConstraintKinds, refinement: int = 1) 
 
 
 def _softness(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
-    """Softness as two causes at most: an error of (1 - d) tc^2, d the impedance, tc the limits' time constant."""
+    """Softness as two causes at most: an error of (1 - d) tc^2, d impedance, tc time constant."""
     stiffest, given, shape = (
         _stiffest(settings, constraints),
         settings["solref"],
         list(settings["solimp"]),
     )
-    text = "limits give way: MuJoCo's stops are springs and dampers, and let through 1 - d of what they should stop"
+    text = (
+        "limits give way: MuJoCo's stops are springs and dampers, and let through 1 - d of what "
+        "they should stop"
+    )
     hardest = [_SOFTEST_LIMIT, _SOFTEST_LIMIT, *shape[2:]]
     if (given is not None and not same_value(given, stiffest)) or min(shape[:2]) < _SOFTEST_LIMIT:
         removal = Intervention({"solref": stiffest, "solimp": hardest})
@@ -115,30 +141,52 @@ def _impedance(softness: float) -> Options:
 
 def _integrator(name: str) -> SweptParameter:
     return SweptParameter(
-        name="integrator", title=f"time step h, {name}", unit="s", values=tuple(1e-2 / 2**k for k in range(5)),
-        options=lambda h: {"timestep": h}, expected=1.0, why="the integrator is of first order",
+        name="integrator",
+        title=f"time step h, {name}",
+        unit="s",
+        values=tuple(1e-2 / 2**k for k in range(5)),
+        options=lambda h: {"timestep": h},
+        expected=1.0,
+        why="the integrator is of first order",
         base={"integrator": name},
-    )  # fmt: skip
+    )
 
 
 _SWEPT = (
     SweptParameter(
-        name="solref", title="limits' time constant tc", unit="s", values=geometric(3.2e-2, 5e-4, 8),
-        options=lambda tc: {"solref": [tc, 1.0]}, expected=2.0, base={"timestep": 2.5e-4},
+        name="solref",
+        title="limits' time constant tc",
+        unit="s",
+        values=geometric(3.2e-2, 5e-4, 8),
+        options=lambda tc: {"solref": [tc, 1.0]},
+        expected=2.0,
+        base={"timestep": 2.5e-4},
         why="a limit gives way by (1 - d) tc^2 times the acceleration it withholds",
     ),
     SweptParameter(
-        name="solimp", title="limits' softness 1 - d", unit="1", values=geometric(0.3, 1e-4, 8), options=_impedance,
-        expected=1.0, base={"timestep": 5e-4, "solref": [0.02, 1.0]},
-        why="a limit gives way by (1 - d) tc^2 times the acceleration it withholds (d: its impedance)",
+        name="solimp",
+        title="limits' softness 1 - d",
+        unit="1",
+        values=geometric(0.3, 1e-4, 8),
+        options=_impedance,
+        expected=1.0,
+        base={"timestep": 5e-4, "solref": [0.02, 1.0]},
+        why="a limit gives way by (1 - d) tc^2 times the acceleration it withholds (d: its "
+        "impedance)",
     ),
     SweptParameter(
-        name="tolerance", title="solver's tolerance", unit="1", values=geometric(1e-2, 1e-14, 7),
-        options=lambda tolerance: {"tolerance": tolerance}, base={"timestep": 1e-3}, without={"tolerance": 1e-30},
-        why="Newton's method converges in leaps: the error falls in leaps, too, as one more iteration is made",
+        name="tolerance",
+        title="solver's tolerance",
+        unit="1",
+        values=geometric(1e-2, 1e-14, 7),
+        options=lambda tolerance: {"tolerance": tolerance},
+        base={"timestep": 1e-3},
+        without={"tolerance": 1e-30},
+        why="Newton's method converges in leaps: the error falls in leaps, too, as one more "
+        "iteration is made",
     ),
     *map(_integrator, ("Euler", "implicit", "implicitfast", "discrete")),
-)  # fmt: skip
+)
 
 
 def _softer(settings: Options, constraints: ConstraintKinds) -> dict[str, Any] | None:
@@ -232,9 +280,12 @@ def _snippets(engine: Any, mechanism: Mechanism, _: float) -> dict[str, str]:
         if needed
     ]
     values: dict[str, Any] = {
-        "options": engine, "solref": model.jnt_solref[0].tolist(), "tendons": model.ntendon > 0, "outside": outside,
+        "options": engine,
+        "solref": model.jnt_solref[0].tolist(),
+        "tendons": model.ntendon > 0,
+        "outside": outside,
         "points": points,
-    }  # fmt: skip
+    }
     sources = {MJCF: filled_template(__name__, "mujoco.xml.j2", **values)}
     # The callback that holds points is no text to paste: such a mechanism is run by trebucheck's
     # own lines.
@@ -249,7 +300,8 @@ STUDY = EngineStudy(
     step_orders={
         "tuned": StepOrder(
             2.0,
-            "releases are located, and the limits' softness is scaled with the step: tc = h, error ~ tc^2",
+            "releases are located, and the limits' softness is scaled with the step: tc = h, "
+            "error ~ tc^2",
             "RK4, joint coordinates",
         ),
         "stock": StepOrder(

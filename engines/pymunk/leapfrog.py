@@ -106,10 +106,8 @@ class FixedRod(CorrectedRod):
         else:
             dx, dy, ax, ay = _arc(row[a + 2], h * row[a + 5], self._ax, self._ay)
             x, y, cx, cy = x - row[a] - dx, y - row[a + 1] - dy, cx - ax, cy - ay
-            px, py = (
-                px - h * (row[a + 3] - row[a + 5] * dy),
-                py - h * (row[a + 4] + row[a + 5] * dx),
-            )
+            px = px - h * (row[a + 3] - row[a + 5] * dy)
+            py = py - h * (row[a + 4] + row[a + 5] * dx)
         distance = math.hypot(x, y)
         along = (x * cx + y * cy) / distance
         across = (x * (py + cy) - y * (px + cx)) / distance
@@ -130,10 +128,10 @@ class SlidingRod(CorrectedRod):
 
     def move_anchor(self, row: Row) -> None:
         """Move the end on the line across from where the other end is after the next step."""
-        self._end_a = self._foot(row, self._h)
+        self._end_a = self._anchor_across(row, self._h)
         self.joint.anchor_a = (self._end_a.real, self._end_a.imag)
 
-    def _foot(self, row: Row, h: float) -> complex:
+    def _anchor_across(self, row: Row, h: float) -> complex:
         """End on the line across from the other one, if both bodies keep their velocities."""
         point = _predicted(row, self._b, h) + self._end_b * _turned(row, self._b, h)
         local = (point - _predicted(row, self._a, h)) * _turned(row, self._a, h).conjugate()
@@ -141,14 +139,14 @@ class SlidingRod(CorrectedRod):
         return self._end_a + along * self._axis
 
     def _stretch(self, row: Row, h: float) -> float:
-        # With n across the line, d from foot to point and the line's rotation e: Re(conj(e n) d)
+        # With n across the line, d from anchor to point and the line's rotation e: Re(conj(e n) d)
         # after the step.
         a, b = self._a, self._b
         normal = 1j * self._axis * _turned(row, a, 0.0)
         speed, bent = _advance(row, b, self._end_b, h)
         if a < 0:
             return (normal.conjugate() * bent).real
-        speed_a, bent_a = _advance(row, a, self._foot(row, 0.0), h)
+        speed_a, bent_a = _advance(row, a, self._anchor_across(row, 0.0), h)
         moved = h * (speed - speed_a) * normal.conjugate()
         bent = (bent - bent_a) * normal.conjugate()
         turn = h * row[a + 5]
@@ -452,9 +450,8 @@ def settled_increment(assembly: Assembly) -> FloatArray:
         last, increment = increment, assembly.rates - before
         size, previous = max(float(np.abs(increment).max()), reach), change
         difference = float(np.abs(increment - last).max())
-        change = (
-            difference / size if size > 0 else difference
-        )  # at rest at the origin nothing has a size
+        # At rest at the origin nothing has a size.
+        change = difference / size if size > 0 else difference
         enough = _MOST if taken >= needed else _ENOUGH
         if change <= _SETTLED or ((previous < change or taken >= needed) and change <= enough):
             break

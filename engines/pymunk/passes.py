@@ -115,17 +115,18 @@ class _Columns:
     def of(self, joint: constraints.Constraint) -> FloatArray | None:
         """None of a spring, which is a force, and of what nothing can move against."""
         a, b = joint.a, joint.b
-        if isinstance(joint, constraints.GearJoint):
-            rows = [self._row({a: (0.0, 0.0, -1.0), b: (0.0, 0.0, 1.0)})]
-        elif isinstance(joint, constraints.PinJoint):
-            arms = _arm(a, joint.anchor_a), _arm(b, joint.anchor_b)
-            between = complex(*b.position) + arms[1] - complex(*a.position) - arms[0]
-            rows = [self._points(a, b, arms, between / abs(between))]
-        elif isinstance(joint, constraints.PivotJoint):
-            arms = _arm(a, joint.anchor_a), _arm(b, joint.anchor_b)
-            rows = [self._points(a, b, arms, direction) for direction in (1.0 + 0j, 1j)]
-        else:
-            return None
+        match joint:
+            case constraints.GearJoint():
+                rows = [self._row({a: (0.0, 0.0, -1.0), b: (0.0, 0.0, 1.0)})]
+            case constraints.PinJoint():
+                arms = _arm(a, joint.anchor_a), _arm(b, joint.anchor_b)
+                between = complex(*b.position) + arms[1] - complex(*a.position) - arms[0]
+                rows = [self._points(a, b, arms, between / abs(between))]
+            case constraints.PivotJoint():
+                arms = _arm(a, joint.anchor_a), _arm(b, joint.anchor_b)
+                rows = [self._points(a, b, arms, direction) for direction in (1.0 + 0j, 1j)]
+            case _:
+                return None
         block = np.array(rows).T
         return np.linalg.qr(block)[0] if block.any() else None
 

@@ -133,12 +133,9 @@ def _couple(reading: MotionReading, name: str, reactions: Mapping[str, ComplexAr
                 reading.point(name, joint.child_point).position - centre, reactions[joint.name]
             )
         elif joint.parent == name:
-            # A child that slides pushes where it is.
-            at = (
-                (joint.child, joint.child_point)
-                if joint.free_directions
-                else (name, joint.parent_point)
-            )
+            at = (name, joint.parent_point)
+            if joint.free_directions:  # a child that slides pushes where it is
+                at = (joint.child, joint.child_point)
             couple = couple - _cross(reading.point(*at).position - centre, reactions[joint.name])
     return couple
 

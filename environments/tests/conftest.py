@@ -4,8 +4,8 @@ from conftest import (
     _idle_processes,
     build,
     kept_processes,
-    pytest_generate_tests,
     pytest_collection_modifyitems,
+    pytest_generate_tests,
     refused,
     third_party,
 )
@@ -14,8 +14,8 @@ __all__ = [
     "_idle_processes",
     "build",
     "kept_processes",
-    "pytest_generate_tests",
     "pytest_collection_modifyitems",
+    "pytest_generate_tests",
     "refused",
     "third_party",
 ]

@@ -8,7 +8,7 @@ imports first.
 
 from __future__ import annotations
 
-from trebucheck.models.errors import EngineNotInstalledError
+from trebucheck.api.mechanics import EngineNotInstalledError
 
 try:
     import gymnasium

@@ -7,13 +7,18 @@ from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
-from trebucheck.models.errors import InputError
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.mjcf.recorded import RecordedMotion
-from trebucheck.models.problem import StopLaw
-from trebucheck.reference.throw.flight import Air, Surroundings, fly
-from trebucheck.reference.throw.release import Projectile, swing
-from trebucheck.reference.throw.throw import surroundings_of
+from trebucheck.api.mechanics import (
+    Air,
+    InputError,
+    Mechanism,
+    Projectile,
+    StopLaw,
+    Surroundings,
+    fly,
+    surroundings_of,
+    swing,
+)
+from trebucheck.api.mjcf import RecordedMotion
 
 _SPANS = (
     1.75,

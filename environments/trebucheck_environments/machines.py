@@ -8,10 +8,14 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.random import Generator
-from trebucheck.models.errors import InputError, SimulationError
-from trebucheck.models.machines.registry import model, parameters_type
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.spec import Spec
+from trebucheck.api.mechanics import (
+    InputError,
+    Mechanism,
+    SimulationError,
+    Spec,
+    model,
+    parameters_type,
+)
 
 from .best_throw import BestThrow, best_throw
 

@@ -7,12 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.errors import InputError
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.reference.solver import characteristic_time
-from trebucheck.reference.throw.flight import Flight, fly
-from trebucheck.reference.throw.release import Projectile
+from trebucheck.api.mechanics import (
+    Flight,
+    FloatArray,
+    InputError,
+    Mechanism,
+    Projectile,
+    characteristic_time,
+    fly,
+)
 
 from .best_throw import BestThrow
 

@@ -12,24 +12,31 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.errors import EngineNotInstalledError, SimulationError
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.mjcf.recorded import RecordedMotion
-from trebucheck.models.mjcf.scene import (
+from trebucheck.api.mechanics import (
+    EngineNotInstalledError,
+    Flight,
+    FloatArray,
+    Mechanism,
+    SimulationError,
+)
+from trebucheck.api.mjcf import (
     AZIMUTH,
     ELEVATION,
     FIELD,
+    HOLD,
+    PROJECTILE,
+    RecordedMotion,
+    Thrown,
+    Variant,
     corners,
+    joint_values,
     line_of_sight,
+    mjcf,
+    model_file,
+    released,
     scene,
     viewpoint,
 )
-from trebucheck.models.mjcf.throw import HOLD, PROJECTILE, Thrown, released
-from trebucheck.models.mjcf.tree import joint_values
-from trebucheck.models.mjcf.variants import Variant
-from trebucheck.models.mjcf.writer import mjcf, model_file
-from trebucheck.reference.throw.flight import Flight
 
 from .motion import State
 

@@ -8,9 +8,7 @@ from typing import Any, ClassVar, cast
 import gymnasium
 import numpy as np
 from gymnasium.error import ResetNeeded
-from trebucheck.models.errors import InputError
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.reference.throw.flight import Flight
+from trebucheck.api.mechanics import Flight, InputError, Mechanism
 
 from .machines import Machine, Machines, checked_mapping, is_number
 from .motion import BOUND, Motion, Observation

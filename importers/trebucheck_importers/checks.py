@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.errors import InputError, SimulationError
+from trebucheck.api.mechanics import FloatArray, InputError, SimulationError
 
 from . import tolerances
 from .expected import Expected, Motion

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from trebucheck.cli import options, output
+from trebucheck.api.commands import options, output
 
 if TYPE_CHECKING:
     from .results import ImporterResults
@@ -64,9 +64,8 @@ def importer_command(
 
     trebucheck importer load.py:load --models hinge,armature,connect
     """
-    from trebucheck.comparisons.runs.store import Store
-    from trebucheck.models.errors import InputError
-    from trebucheck.models.files import refuse_unwritable
+    from trebucheck.api.mechanics import InputError, refuse_unwritable
+    from trebucheck.api.studies import Store
 
     from . import report
     from .study import check_importer
@@ -94,8 +93,8 @@ def importer_command(
 
 def _written(results: ImporterResults, loader: str, out: Path) -> dict[str, Path]:
     """The files of a check, by what they are called."""
-    from trebucheck.comparisons.report import markdown
-    from trebucheck.models.files import write_text
+    from trebucheck.api.mechanics import write_text
+    from trebucheck.api.reports import markdown
 
     from . import report
 

@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
-from trebucheck.comparisons.runs.scales import size
-from trebucheck.models.arrays import FloatArray
-from trebucheck.reference.equations import Equations
+from trebucheck.api.mechanics import Equations, FloatArray
+from trebucheck.api.studies import size
 
 from .zoo.model import TIME_CONSTANT, FileVariant, Needs, ZooModel
 

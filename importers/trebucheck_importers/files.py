@@ -6,12 +6,8 @@ import hashlib
 from functools import cache
 from pathlib import Path
 
-from trebucheck.comparisons.data.certified import certified_dataset
-from trebucheck.comparisons.data.files import content
-from trebucheck.models.errors import InputError
-from trebucheck.models.files import write_text
-from trebucheck.models.machines.registry import models
-from trebucheck.models.trajectory import write_dataset
+from trebucheck.api.mechanics import InputError, models, write_dataset, write_text
+from trebucheck.api.studies import certified_dataset, content
 
 from .expected import Expected, read_dataset, with_joint_values
 from .zoo.machines import machine_model

@@ -13,7 +13,7 @@ from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Any, Self
 
-from trebucheck.models.errors import InputError, SimulationError, shortened
+from trebucheck.api.mechanics import InputError, SimulationError, shortened
 
 from . import worker
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from trebucheck.comparisons.report.document import (
+from trebucheck.api.reports import (
     Block,
     Cell,
     Code,
@@ -14,11 +14,11 @@ from trebucheck.comparisons.report.document import (
     Listing,
     Mark,
     Text,
+    format_number,
     row,
     table,
     words,
 )
-from trebucheck.comparisons.report.numbers import format_number
 
 from . import files
 from .results import QUANTITIES, Check, FileResult, ImporterResults, ModelResult, Verdict

@@ -6,8 +6,8 @@ from enum import StrEnum
 from typing import Literal, get_args
 
 from pydantic import Field
-from trebucheck.comparisons.runs.results import ResultFile
-from trebucheck.models.spec import Positive, Real, Spec
+from trebucheck.api.mechanics import Positive, Real, Spec
+from trebucheck.api.studies import ResultFile
 
 Quantity = Literal[
     "loads", "joints", "total mass", "mass matrix", "accelerations", "ranges", "start", "free motion", "limits kept",

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from pydantic import JsonValue
-from trebucheck.comparisons.runs.store import Store, conditions, digest
-from trebucheck.comparisons.runs.study import Progress
-from trebucheck.models.spec import Spec
+from trebucheck.api.mechanics import Spec
+from trebucheck.api.studies import Progress, Store, conditions, digest
 
 from . import files
 from .checks import check_model

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from trebucheck.models.arrays import FloatArray
+from trebucheck.api.mechanics import FloatArray
 
 from .expected import Expected, Motion
 from .zoo.model import TIME_CONSTANT

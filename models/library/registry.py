@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, cast
 
 from ..errors import InputError
 from ..mechanism import Mechanism
 from ..problem import Problem
 from ..spec import Spec
-from .benchmark import Benchmark
+from .benchmark import Benchmark, BenchmarkParameters
 from .catapult import CatapultParameters, catapult
 from .contacts import CONTACTS
 from .floating_arm import FloatingArmParameters, floating_arm
-from .joints import ELEMENTS, FREE_BODIES
+from .joints import JOINT_PROBLEMS
 from .linkages import LINKAGES
 from .oscillators import OSCILLATORS
 from .pendulums import PENDULUMS
@@ -94,7 +94,7 @@ def library_problem(name: str, parameters: Spec | None = None) -> Problem | None
     """
     _entry(name, parameters)
     found = find_benchmark(name)
-    return None if found is None else found.problem(parameters)
+    return None if found is None else found.problem(cast("BenchmarkParameters | None", parameters))
 
 
 def _entry(name: str, parameters: Spec | None = None) -> _Model:
@@ -122,7 +122,7 @@ def _of_library(name: str) -> _Model | None:
 _BENCHMARKS = {
     entry.name: entry
     for entry in sorted(
-        (*PENDULUMS, *LINKAGES, *CONTACTS, *OSCILLATORS, *ELEMENTS, *FREE_BODIES, SQUEEZER),
+        (*PENDULUMS, *LINKAGES, *CONTACTS, *OSCILLATORS, *JOINT_PROBLEMS, SQUEEZER),
         key=lambda entry: entry.number,
     )
 }

@@ -238,9 +238,7 @@ class _Scene:
         places, thick = self.places(stop.body, stop.point), 0.006 * self.look.reach
         normal, tangent = np.array(stop.normal), np.array([stop.normal[1], -stop.normal[0]])
         held = [
-            lump
-            for lump in self.look.lumps
-            if lump.body == stop.body and lump.point == stop.point
+            lump for lump in self.look.lumps if lump.body == stop.body and lump.point == stop.point
         ]
         radius = max(map(self.look.half_size, held), default=0.0)
         near = np.abs(places @ normal - stop.offset) < 0.02 * self.look.reach

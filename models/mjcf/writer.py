@@ -370,8 +370,8 @@ class _Writer:
         ET.SubElement(sensor, "e_kinetic", name=KINETIC_ENERGY)
         ET.SubElement(sensor, "e_potential", name=POTENTIAL_ENERGY)
 
-    def _add_limit_sensor(self, sensor: ET.Element, stop: Stop) -> None:
-        """The torque of a limit, of a joint or of a tendon."""
+    def add_limit_sensor(self, sensor: ET.Element, stop: Stop) -> None:
+        """Add the torque of a limit, of a joint or of a tendon."""
         name = torque_sensor(stop.name)
         if stop in self.on_tendon:
             ET.SubElement(sensor, "tendonlimitfrc", name=name, tendon=stop.name)
@@ -379,14 +379,15 @@ class _Writer:
             joint = self.mechanism.joint_of(stop.body).name
             ET.SubElement(sensor, "jointlimitfrc", name=name, joint=joint)
 
-    def _add_contact_sensor(self, sensor: ET.Element, stop: PointStop) -> None:
+    def add_contact_sensor(self, sensor: ET.Element, stop: PointStop) -> None:
+        """Add the force of a contact."""
         self.points.add_stop_sensor(sensor, stop)
 
 
 STOP_SENSORS: ElementTable[Callable[[_Writer, ET.Element, Any], None]] = ElementTable(
     "the MJCF writer",
     STOPS,
-    {Stop: _Writer._add_limit_sensor, PointStop: _Writer._add_contact_sensor},
+    {Stop: _Writer.add_limit_sensor, PointStop: _Writer.add_contact_sensor},
 )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from numpy.polynomial import Chebyshev
-from trebucheck.comparisons.runs.worker import Worker
+from trebucheck.comparisons.runs.process import Worker
 from trebucheck.engines.registry import engine_class, engine_names
 from trebucheck.models.arrays import FloatArray
 from trebucheck.reference.certification.certificate import load_certificate

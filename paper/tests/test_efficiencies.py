@@ -10,7 +10,7 @@ import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given
 from trebucheck.models.kinematics import Kinematics
-from trebucheck.models.machines.registry import model, parameters_type
+from trebucheck.models.library.registry import model, parameters_type
 from trebucheck.reference.solver import solve_to_launch
 from trebucheck_paper.design.efficiency import (
     BOUNDS,

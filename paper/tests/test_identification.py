@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 from trebucheck.models.errors import InputError
-from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.trebuchet import fixed
+from trebucheck.models.library.trebuchet import TrebuchetParameters, fixed
 from trebucheck.reference.sensitivity.release import whipper_sensitivities
 from trebucheck_paper.identification.fit import fit
 from trebucheck_paper.identification.quantities import (

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from trebucheck.models.errors import InputError
-from trebucheck.models.machines.trebuchet import fixed
+from trebucheck.models.library.trebuchet import fixed
 from trebucheck.reference.solver import solve_to_launch
 from trebucheck.reference.throw.flight import fly, world
 from trebucheck.reference.throw.release import Projectile

@@ -10,8 +10,8 @@ import pytest
 import trebucheck as tb
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.perturbed import solve_scheduled
-from trebucheck.reference.solver import solve_to_launch
 from trebucheck.reference.sensitivity.release import whipper_sensitivities
+from trebucheck.reference.solver import solve_to_launch
 from trebucheck_paper.sweep.laws import Searches, bilateral, pulls_at_start
 from trebucheck_paper.sweep.rigid_swing import (
     RigidSwing,

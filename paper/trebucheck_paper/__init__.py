@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from trebucheck.models.shown import report_with
+from trebucheck.api.mechanics import report_with
 
 from .evidence.claims import Study
 
 if TYPE_CHECKING:
-    from trebucheck.comparisons.report.document import Document
-    from trebucheck.comparisons.runs.study import Progress
-    from trebucheck.models.machines.parameters import TrebuchetParameters
+    from trebucheck.api.mechanics import TrebuchetParameters
+    from trebucheck.api.reports import Document
+    from trebucheck.api.studies import Progress
 
 __all__ = ["paper"]
 

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from pydantic import JsonValue
-from trebucheck.comparisons.report.document import Block, Figure, Heading, Text, table
-from trebucheck.comparisons.report.numbers import sentence
+from trebucheck.api.reports import Block, Figure, Heading, Text, sentence, table
 
 from .design.efficiency import MachineEfficiency, Machines, SlingThrow, WidestThrow
 from .design.first_forward_swing import CoincidingDesign, Design, Throwing

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from trebucheck.cli import options, output
-from trebucheck.models.errors import InputError
+from trebucheck.api.commands import options, output
+from trebucheck.api.mechanics import InputError
 
 
 def paper_command(
@@ -36,7 +36,7 @@ def paper_command(
 
     trebucheck paper --engines mujoco --sections sweep
     """
-    from trebucheck.models.files import refuse_unwritable
+    from trebucheck.api.mechanics import refuse_unwritable
 
     from .report import document
     from .study import study

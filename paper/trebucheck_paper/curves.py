@@ -6,9 +6,14 @@ from collections.abc import Callable, Iterator
 from typing import Literal
 
 import numpy as np
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.machines.trebuchet import COUNTERWEIGHT, HANGER_REST, PROJECTILE, SLING_REST
-from trebucheck.models.trajectory import Trajectory
+from trebucheck.api.mechanics import (
+    COUNTERWEIGHT,
+    HANGER_REST,
+    PROJECTILE,
+    SLING_REST,
+    FloatArray,
+    Trajectory,
+)
 
 from .evidence.claims import (
     BEST_L1,

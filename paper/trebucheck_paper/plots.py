@@ -8,16 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
-from trebucheck.comparisons.report.plots import (
-    Axis,
-    Panels,
-    Plot,
-    Rule,
-    Series,
-    Style,
-    Symbol,
-    engine_colour,
-)
+from trebucheck.api.reports import Axis, Panels, Plot, Rule, Series, Style, Symbol, engine_colour
 
 from .design.efficiency import MachineEfficiency, Machines, SlingThrow
 from .drag.study import DragStudy

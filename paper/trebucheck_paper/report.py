@@ -8,9 +8,8 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from trebucheck.comparisons.report import document as doc
-from trebucheck.comparisons.report import markdown
-from trebucheck.comparisons.report.document import (
+from trebucheck.api.mechanics import TrebuchetParameters, parameters_of
+from trebucheck.api.reports import (
     Block,
     Cell,
     Column,
@@ -20,13 +19,14 @@ from trebucheck.comparisons.report.document import (
     Mark,
     Note,
     Text,
+    format_number,
+    markdown,
+    mechanism_as_data,
+    sentence,
     table,
     words,
 )
-from trebucheck.comparisons.report.numbers import format_number, sentence
-from trebucheck.comparisons.report.sections import mechanism_as_data
-from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.trebuchet import parameters_of
+from trebucheck.api.reports import document as doc
 
 from .chapters import chapters
 from .evidence.claims import Claim, EngineValue, Quantity, Study, Verdict

@@ -19,14 +19,9 @@ from functools import partial
 from typing import Any
 
 from pydantic import JsonValue
-from trebucheck.comparisons.runs.runner import failure
-from trebucheck.comparisons.runs.study import Counter, Progress
-from trebucheck.comparisons.runs.worker import Worker
-from trebucheck.engines.registry import engine, engine_class, engine_names
-from trebucheck.models.errors import InputError
-from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.trebuchet import fixed
-from trebucheck.models.spec import Spec
+from trebucheck.api.engines import engine, engine_class, engine_names
+from trebucheck.api.mechanics import InputError, Spec, TrebuchetParameters, fixed
+from trebucheck.api.studies import Counter, Progress, Worker, failure
 
 from .curves import series
 from .design.efficiency import efficiencies
@@ -241,7 +236,7 @@ def order(where: str) -> int:
 
 
 def _versions(engines: Sequence[str]) -> dict[str, str]:
-    from trebucheck.version import __version__
+    from trebucheck import __version__
 
     versions = {"trebucheck": __version__, "python": platform.python_version()}
     return versions | {name: engine_class(name).version() for name in engines}

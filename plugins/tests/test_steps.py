@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.models.problems.registry import benchmark
+from trebucheck.models.library.registry import benchmark
 from trebucheck.reference.solver import solve
 
 FREE_SWING = tb.Problem(tb.fixed().model_copy(update={"stops": ()}), duration=2.0)

@@ -377,13 +377,9 @@ class RedundantMotion:
         gaps = [abs(self.system.gap(x, name)) for name in self.motion.active(t)]
         return max([float(np.abs(self.system.joint_errors(x)).max()), *gaps])
 
-    @property
+    @cached_property
     def launch(self) -> Launch | None:
         """The launch at 45 degrees after the projectile's stops have opened."""
-        return self._launch
-
-    @cached_property
-    def _launch(self) -> Launch | None:
         mechanism = self.system.mechanism
         projectile = mechanism.marker("projectile")
         if projectile is None:

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.diagnosis.equivalence import check_model, random_states
+from trebucheck.comparisons.report.drawing.symbols import draw
 from trebucheck.models import kinematics
 from trebucheck.models.applied_forces import AppliedForces
-from trebucheck.models.drawing.draw import draw
 from trebucheck.models.elements import (
     CONSUMERS,
     ELEMENTS,

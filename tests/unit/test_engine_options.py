@@ -75,12 +75,24 @@ def test_a_plug_in_s_options_are_listed(tmp_path: Path, monkeypatch: pytest.Monk
 def test_an_option_of_one_engine_is_no_other_s() -> None:
     study = Study(
         engines=["mujoco", "pymunk", "exudyn"],
-        options={"mujoco.timestep": 2e-3, "locate_releases": False},
+        options={"mujoco.timestep": 2e-3, "locate_releases": False, "hold_lengths": False},
     )
     made = {name: study.engine(name, "tuned").settings for name in study.every_engine}
     assert made["mujoco"]["timestep"] == 2e-3 and made["pymunk"]["timestep"] == 1e-3
     assert made["mujoco"]["locate_releases"] is made["pymunk"]["locate_releases"] is False
-    assert made["exudyn"] == tb.engine("exudyn").settings  # has none of that name
+    assert made["pymunk"]["hold_lengths"] is False
+    assert made["exudyn"] == tb.engine("exudyn", locate_releases=False).settings
+
+
+def test_an_option_s_old_name_is_still_read_and_means_the_same() -> None:
+    new = tb.engine("exudyn", locate_releases=False)
+    assert "located_releases" not in new.settings
+    assert tb.engine("exudyn", located_releases=False) == new
+    for option in ("located_releases", "exudyn.located_releases"):
+        study = Study(engines=["exudyn"], options={option: False})
+        assert study.engine("exudyn", "tuned").settings == new.settings
+    with pytest.raises(tb.InputError, match="located_releases"):
+        tb.engine("exudyn", located_releases=False, locate_releases=True)
 
 
 def test_an_engine_s_own_value_goes_before_that_of_all() -> None:

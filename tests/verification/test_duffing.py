@@ -114,3 +114,17 @@ def test_it_is_kept_in_json_and_told_by_the_hash() -> None:
     assert tb.Mechanism.from_json(mechanism.to_json()) == mechanism
     softer = wheel(0.5, cubic_stiffness=6.0)
     assert softer.content_hash != mechanism.content_hash
+
+
+@pytest.mark.parametrize(
+    ("engine", "bound"), [("mujoco", 1e-10), ("exudyn", 1e-4), ("pymunk", 5e-4)]
+)
+def test_engines_move_it_as_the_closed_form_says(engine: str, bound: float) -> None:
+    rate, m = frequency_and_parameter(1.3)
+    trajectory = tb.engine(engine, timestep=1e-3).simulate(tb.Problem(wheel(1.3), duration=2.0))
+    exact = 1.3 * ellipj(rate * trajectory.t, m)[1]
+    assert len(trajectory.t) > 1000
+    assert trajectory.q[:, 0] == pytest.approx(exact, abs=bound)
+    assert trajectory.potential_energy == pytest.approx(
+        STIFFNESS * exact**2 / 2 + CUBIC * exact**4 / 4, abs=50 * bound
+    )

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 
-from trebucheck.models.joints import GROUND, FreeJoint, SlotJoint, WeldJoint
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.stops import PointStop
+from trebucheck.api.mechanics import GROUND, FreeJoint, Mechanism, PointStop, SlotJoint, WeldJoint
 
 from .model import ZooModel
 from .parts import body, mechanism, of, pin, rail, rod

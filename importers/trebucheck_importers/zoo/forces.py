@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from trebucheck.models.force_elements import ConstantForce, RotationalSpringDamper, SpringDamper
-from trebucheck.models.joints import GROUND
+from trebucheck.api.mechanics import GROUND, ConstantForce, RotationalSpringDamper, SpringDamper
 
 from .joints import chain
 from .model import ZooModel

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trebucheck.models.force_elements import ConstantForce
+from trebucheck.api.mechanics import ConstantForce
 
 from .model import ZooModel
 from .parts import GRAVITY, block, of, rod

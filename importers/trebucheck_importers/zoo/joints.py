@@ -5,9 +5,15 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from trebucheck.models.joints import GROUND, FreeJoint, SlotJoint, WeldJoint
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.stops import PointStop, Stop
+from trebucheck.api.mechanics import (
+    GROUND,
+    FreeJoint,
+    Mechanism,
+    PointStop,
+    SlotJoint,
+    Stop,
+    WeldJoint,
+)
 
 from .model import ZooModel
 from .parts import block, body, mechanism, of, pin, rail, rod

@@ -6,15 +6,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from trebucheck.models.joints import GROUND
-from trebucheck.models.machines.registry import model
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.mjcf.paths import mjcf_path
-from trebucheck.models.mjcf.recorded import stored_motion
-from trebucheck.models.mjcf.variants import Variant, inertias
-from trebucheck.models.mjcf.writer import mjcf
-from trebucheck.models.problem import StopLaw
-from trebucheck.models.stops import Stop
+from trebucheck.api.mechanics import GROUND, Mechanism, Stop, StopLaw, model
+from trebucheck.api.mjcf import Variant, inertias, mjcf, mjcf_path, stored_motion
 
 from .model import FileVariant, JointCoordinate, ZooModel
 

@@ -8,9 +8,7 @@ from importlib.resources import files
 from typing import Literal
 
 import numpy as np
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem, StopLaw
+from trebucheck.api.mechanics import FloatArray, Mechanism, Problem, StopLaw
 
 Needs = Literal["limits", "loops", "contact"]
 TIME_CONSTANT = 2e-3

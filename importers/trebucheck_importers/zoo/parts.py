@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from trebucheck.models.force_elements import AnyForceElement
-from trebucheck.models.joints import GROUND, AnyJoint, PinJoint, PrismaticJoint
-from trebucheck.models.mechanism import Body, Mechanism
-from trebucheck.models.spec import Vector
-from trebucheck.models.stops import AnyStop
+from trebucheck.api.mechanics import (
+    GROUND,
+    AnyForceElement,
+    AnyJoint,
+    AnyStop,
+    Body,
+    Mechanism,
+    PinJoint,
+    PrismaticJoint,
+    Vector,
+)
 
 from .model import JointCoordinate
 

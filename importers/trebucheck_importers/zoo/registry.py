@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from trebucheck.models.errors import InputError
+from trebucheck.api.mechanics import InputError
 
 from .constraints import constraint_models
 from .forces import force_models

@@ -16,21 +16,26 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import Field
 from scipy.optimize import NonlinearConstraint, minimize
-from trebucheck.comparisons.compare.study import Comparison, compare
-from trebucheck.comparisons.runs.results import Outcome, Run
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.errors import EngineNotInstalledError
-from trebucheck.models.kinematics import Kinematics
-from trebucheck.models.machines.registry import model, models, parameters_type
-from trebucheck.models.machines.trebuchet import ARM_STOP, PROJECTILE
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.spec import Real, Spec
-from trebucheck.models.trajectory import Trajectory
-from trebucheck.reference.certification.certificate import reference_uncertainty
-from trebucheck.reference.equations import Equations
-from trebucheck.reference.solution import Solution
-from trebucheck.reference.solver import solve_to_launch
-from trebucheck.reference.throw.release import Projectile
+from trebucheck.api.mechanics import (
+    ARM_STOP,
+    PROJECTILE,
+    EngineNotInstalledError,
+    Equations,
+    FloatArray,
+    Kinematics,
+    Mechanism,
+    Projectile,
+    Real,
+    Solution,
+    Spec,
+    Trajectory,
+    model,
+    models,
+    parameters_type,
+    reference_uncertainty,
+    solve_to_launch,
+)
+from trebucheck.api.studies import Comparison, Outcome, Run, compare
 
 from ..evidence.claims import EngineValue
 from ..evidence.engine_runs import Allowed, speed_allowance
@@ -229,7 +234,7 @@ def launches(
     Raises:
         EngineNotInstalledError: heyoka is not installed, and they may not be solved alone.
     """
-    from trebucheck.reference.taylor.batch import launch_batch
+    from trebucheck.api.mechanics import launch_batch
 
     try:
         batch = launch_batch(machines, duration=duration)

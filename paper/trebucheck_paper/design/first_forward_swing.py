@@ -12,19 +12,30 @@ from typing import Literal
 import numpy as np
 from numpy.polynomial import Chebyshev
 from pydantic import Field
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.errors import TrebucheckError
-from trebucheck.models.launch import launch_interval, lead
-from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.trebuchet import ARM_STOP, COUNTERWEIGHT, PROJECTILE, SLING_REST
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
-from trebucheck.models.spec import Real, Spec
-from trebucheck.reference.solution import Solution
-from trebucheck.reference.solver import characteristic_time, solve
-from trebucheck.reference.taylor.solve import solve_taylor
-from trebucheck.reference.throw.flight import Release, Surroundings, fall_time, fly
-from trebucheck.reference.throw.release import Projectile
+from trebucheck.api.mechanics import (
+    ARM_STOP,
+    COUNTERWEIGHT,
+    PROJECTILE,
+    SLING_REST,
+    FloatArray,
+    Mechanism,
+    Problem,
+    Projectile,
+    Real,
+    Release,
+    Solution,
+    Spec,
+    Surroundings,
+    TrebucheckError,
+    TrebuchetParameters,
+    characteristic_time,
+    fall_time,
+    fly,
+    launch_interval,
+    lead,
+    solve,
+    solve_taylor,
+)
 
 from ..evidence.claims import EngineValue, Quantity
 from .efficiency import available_energy

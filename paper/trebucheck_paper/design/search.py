@@ -11,9 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import Bounds as Box
 from scipy.optimize import NonlinearConstraint, brentq, minimize
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.trebuchet import rolling
+from trebucheck.api.mechanics import FloatArray, TrebuchetParameters, rolling
 
 from .first_forward_swing import (
     Bounds,

@@ -9,17 +9,22 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from trebucheck.comparisons.runs.worker import Worker
-from trebucheck.engines.registry import engine
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.errors import InputError, SimulationError
-from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.trebuchet import fixed, rolling
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.reference.certification.quantities import BEYOND_LAUNCH
-from trebucheck.reference.solver import solve
-from trebucheck.reference.throw.flight import fly, range_rate
-from trebucheck.reference.throw.throw import throw
+from trebucheck.api.engines import engine
+from trebucheck.api.mechanics import (
+    BEYOND_LAUNCH,
+    FloatArray,
+    InputError,
+    Mechanism,
+    SimulationError,
+    TrebuchetParameters,
+    fixed,
+    fly,
+    range_rate,
+    rolling,
+    solve,
+    throw,
+)
+from trebucheck.api.studies import Worker
 
 from ..evidence.claims import EngineValue, Quantity
 from ..evidence.engine_runs import TAIL, SampledMotion, allowed, simulated, turning

@@ -11,20 +11,23 @@ from functools import cached_property
 import numpy as np
 from pydantic import Field
 from scipy.optimize import brentq
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.errors import InputError
-from trebucheck.models.joints import PinJoint
-from trebucheck.models.spec import NonNegative, Positive, Real, Spec
-from trebucheck.reference.throw.flight import (
+from trebucheck.api.mechanics import (
     Air,
+    FloatArray,
+    InputError,
+    NonNegative,
+    PinJoint,
+    Positive,
+    Projectile,
+    Real,
     Release,
+    Spec,
     Surroundings,
     World,
     drag_flight,
     fly,
     range_rate,
 )
-from trebucheck.reference.throw.release import Projectile
 
 _SCAN = 800  # instants of the last part of the sweep between which an angle is looked for
 _JUST = 2.5e-4  # [s] a peak some 50 ms wide is symmetrical to some 1e-7 s over this: a ten-thousandth of a degree

@@ -17,13 +17,19 @@ import numpy as np
 from pydantic import Field
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
-from trebucheck.models.errors import InputError
-from trebucheck.models.machines.trebuchet import fixed
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.spec import NonNegative, Positive, Real, Spec
-from trebucheck.reference.solver import solve_to_launch
-from trebucheck.reference.throw.flight import World, world
-from trebucheck.reference.throw.release import Projectile
+from trebucheck.api.mechanics import (
+    InputError,
+    Mechanism,
+    NonNegative,
+    Positive,
+    Projectile,
+    Real,
+    Spec,
+    World,
+    fixed,
+    solve_to_launch,
+    world,
+)
 
 from ..evidence.claims import CAPTION_STEP, TIME_STEP, parse
 from .motion import (

@@ -13,10 +13,7 @@ from enum import StrEnum
 from typing import Literal, NamedTuple
 
 from pydantic import Field, JsonValue
-from trebucheck.models.errors import InputError
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.shown import Reported
-from trebucheck.models.spec import Real, Spec
+from trebucheck.api.mechanics import InputError, Mechanism, Real, Reported, Spec
 
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
 

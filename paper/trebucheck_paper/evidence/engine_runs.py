@@ -21,22 +21,21 @@ from typing import TypeVar
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
-from trebucheck.comparisons.runs.runner import failure
-from trebucheck.comparisons.runs.tolerances import StatedTolerance, is_table_one, tolerance_for
-from trebucheck.comparisons.runs.worker import Worker
-from trebucheck.engines.protocol import Engine
-from trebucheck.engines.registry import engine
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.launch import Launch
-from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.registry import model
-from trebucheck.models.machines.trebuchet import PROJECTILE
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
-from trebucheck.models.trajectory import Trajectory
-from trebucheck.reference.certification.quantities import PointState
-from trebucheck.reference.solver import solve
-from trebucheck.reference.throw.release import Projectile
+from trebucheck.api.engines import Engine, engine
+from trebucheck.api.mechanics import (
+    PROJECTILE,
+    FloatArray,
+    Launch,
+    Mechanism,
+    PointState,
+    Problem,
+    Projectile,
+    Trajectory,
+    TrebuchetParameters,
+    model,
+    solve,
+)
+from trebucheck.api.studies import StatedTolerance, Worker, failure, is_table_one, tolerance_for
 
 from .claims import EngineValue
 from .quantities import BEND, LAUNCH_TIME, Readings, ThrowQuantity, read

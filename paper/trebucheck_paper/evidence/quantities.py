@@ -10,17 +10,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.kinematics import Kinematics
-from trebucheck.models.machines.trebuchet import ARM_STOP, COUNTERWEIGHT, PROJECTILE
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import StopLaw
-from trebucheck.models.trajectory import Trajectory
-from trebucheck.reference.certification.quantities import (
+from trebucheck.api.mechanics import (
+    ARM_STOP,
     BEYOND_LAUNCH,
+    COUNTERWEIGHT,
+    PROJECTILE,
+    FloatArray,
     Key,
+    Kinematics,
+    Mechanism,
     Motion,
     Plan,
+    StopLaw,
+    Trajectory,
     read_quantities,
     vacuum_range,
 )

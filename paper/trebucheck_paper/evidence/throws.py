@@ -10,22 +10,28 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from trebucheck.comparisons.runs.worker import Worker
-from trebucheck.engines.protocol import Engine
-from trebucheck.engines.registry import engine
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.errors import InputError
-from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.registry import model
-from trebucheck.models.machines.trebuchet import ARM_STOP
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.trajectory import Trajectory
-from trebucheck.reference.certification.certificate import load_certificate
-from trebucheck.reference.certification.certify import MinimalMotion
-from trebucheck.reference.certification.quantities import BEYOND_LAUNCH, Key, Motion, vacuum_range
-from trebucheck.reference.solution import Solution
-from trebucheck.reference.solver import solve, solve_to_launch
+from trebucheck.api.engines import Engine, engine
+from trebucheck.api.mechanics import (
+    ARM_STOP,
+    BEYOND_LAUNCH,
+    FloatArray,
+    InputError,
+    Key,
+    Mechanism,
+    MinimalMotion,
+    Motion,
+    Problem,
+    Solution,
+    StopLaw,
+    Trajectory,
+    TrebuchetParameters,
+    load_certificate,
+    model,
+    solve,
+    solve_to_launch,
+    vacuum_range,
+)
+from trebucheck.api.studies import Worker
 
 from .engine_runs import Amplification, SampledMotion, allowances, amplification, attempted
 from .quantities import (

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
-from trebucheck.models.machines.parameters import TrebuchetParameters
+from trebucheck.api.mechanics import TrebuchetParameters
 
 from .claims import Claim, EngineValue, Printed, Quantity, Verdict, parse
 from .quantities import Formula, Readings, ThrowQuantity, Values

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares, linprog
 from scipy.stats import chi2, norm
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.errors import InputError
+from trebucheck.api.mechanics import FloatArray, InputError
 
 from .quantities import (
     ANGLES,

@@ -12,17 +12,25 @@ from dataclasses import dataclass, field
 import numpy as np
 from pydantic import Field
 from scipy.optimize import brentq
-from trebucheck.engines.reference.engine import ReferenceEngine
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.errors import InputError
-from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.trebuchet import COUNTERWEIGHT, PROJECTILE, fixed, rolling
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
-from trebucheck.models.spec import NonNegative, Positive, Real, Spec
-from trebucheck.reference.solution import Solution
-from trebucheck.reference.throw.flight import Surroundings
-from trebucheck.reference.throw.release import Projectile
+from trebucheck.api.engines import ReferenceEngine
+from trebucheck.api.mechanics import (
+    COUNTERWEIGHT,
+    PROJECTILE,
+    FloatArray,
+    InputError,
+    Mechanism,
+    NonNegative,
+    Positive,
+    Problem,
+    Projectile,
+    Real,
+    Solution,
+    Spec,
+    Surroundings,
+    TrebuchetParameters,
+    fixed,
+    rolling,
+)
 
 from ..evidence.claims import (
     BEST_L1,

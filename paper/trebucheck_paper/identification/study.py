@@ -17,11 +17,14 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import minimum_filter
 from scipy.optimize import least_squares
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.errors import EngineNotInstalledError, InputError
-from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.trebuchet import fixed
-from trebucheck.models.mechanism import Mechanism
+from trebucheck.api.mechanics import (
+    EngineNotInstalledError,
+    FloatArray,
+    InputError,
+    Mechanism,
+    TrebuchetParameters,
+    fixed,
+)
 
 from ..evidence.claims import TIME_STEP
 from .fit import conditioning, fit, left_out
@@ -148,7 +151,7 @@ class _Search:
         self, builds: Sequence[Mechanism], until: float
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Time [s], phi at the printed release time [deg] and speed [m/s] of launches at 45 deg, each (n,)."""
-        from trebucheck.reference.taylor.batch import launch_batch
+        from trebucheck.api.mechanics import launch_batch
 
         self.machines += len(builds)
         batch = launch_batch(builds, duration=until)

@@ -7,14 +7,18 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.kinematics import Kinematics
-from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.registry import model
-from trebucheck.models.machines.trebuchet import COUNTERWEIGHT, PROJECTILE, fixed
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.reference.equations import Equations
-from trebucheck.reference.solver import solve_to_launch
+from trebucheck.api.mechanics import (
+    COUNTERWEIGHT,
+    PROJECTILE,
+    Equations,
+    FloatArray,
+    Kinematics,
+    Mechanism,
+    TrebuchetParameters,
+    fixed,
+    model,
+    solve_to_launch,
+)
 
 from ..evidence.claims import (
     BEAM,

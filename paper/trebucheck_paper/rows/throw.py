@@ -7,10 +7,14 @@ from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.machines.trebuchet import HANGER_REST, PROJECTILE, SLING_REST
-from trebucheck.models.problem import StopLaw
-from trebucheck.models.trajectory import Trajectory
+from trebucheck.api.mechanics import (
+    HANGER_REST,
+    PROJECTILE,
+    SLING_REST,
+    FloatArray,
+    StopLaw,
+    Trajectory,
+)
 
 from ..evidence import quantities as of
 from ..evidence.claims import (

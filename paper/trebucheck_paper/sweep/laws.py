@@ -17,16 +17,26 @@ from functools import cached_property
 import numpy as np
 from pydantic import Field
 from scipy.optimize import bisect, brentq
-from trebucheck.models.arrays import BoolArray, ComplexArray, FloatArray
-from trebucheck.models.launch import lead
-from trebucheck.models.machines.trebuchet import HANGER_REST, PROJECTILE, SLING_REST
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
-from trebucheck.models.spec import Real, Spec, Vector
-from trebucheck.reference.perturbed import solve_scheduled
-from trebucheck.reference.solution import Solution
-from trebucheck.reference.solver import characteristic_time, solve, solve_to_launch
-from trebucheck.reference.taylor.batch import launch_batch
+from trebucheck.api.mechanics import (
+    HANGER_REST,
+    PROJECTILE,
+    SLING_REST,
+    BoolArray,
+    ComplexArray,
+    FloatArray,
+    Mechanism,
+    Problem,
+    Real,
+    Solution,
+    Spec,
+    Vector,
+    characteristic_time,
+    launch_batch,
+    lead,
+    solve,
+    solve_scheduled,
+    solve_to_launch,
+)
 
 from ..evidence.claims import BACKWARD_L1, ZERO_L1
 from .rigid_swing import RigidSwing, pendulum

@@ -21,12 +21,15 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from pydantic import Field
 from scipy.special import ellipj, ellipk, ellipkinc
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.kinematics import Kinematics
-from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.trebuchet import fixed
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.spec import Real, Spec
+from trebucheck.api.mechanics import (
+    FloatArray,
+    Kinematics,
+    Mechanism,
+    Real,
+    Spec,
+    TrebuchetParameters,
+    fixed,
+)
 
 _ROUNDING = 256 * float(np.finfo(np.float64).eps)
 

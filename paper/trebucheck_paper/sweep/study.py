@@ -11,15 +11,20 @@ from numpy.polynomial import Chebyshev, Polynomial
 from pydantic import Field
 from scipy.optimize import brentq
 from scipy.stats import linregress
-from trebucheck.comparisons.runs.worker import Worker
-from trebucheck.models.arrays import FloatArray
-from trebucheck.models.errors import InputError
-from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.trebuchet import HANGER_REST, fixed
-from trebucheck.models.spec import Real, Spec, Vector
-from trebucheck.reference.equations import Equations
-from trebucheck.reference.solver import solve_to_launch
-from trebucheck.reference.throw.release import Projectile
+from trebucheck.api.mechanics import (
+    HANGER_REST,
+    Equations,
+    FloatArray,
+    InputError,
+    Projectile,
+    Real,
+    Spec,
+    TrebuchetParameters,
+    Vector,
+    fixed,
+    solve_to_launch,
+)
+from trebucheck.api.studies import Worker
 
 from ..evidence.claims import BEST_L1, TABLE_L1, ZERO_L1, EngineValue, Quantity
 from ..evidence.engine_runs import furthest_back, launches

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.equivalence.checks import check_model
-from trebucheck.models.problems.registry import benchmark
+from trebucheck.comparisons.diagnosis.equivalence import check_model
+from trebucheck.models.library.registry import benchmark
 from trebucheck.reference.solver import solve
 
 FREE_SWING = tb.Problem(tb.fixed().model_copy(update={"stops": ()}), duration=2.0)

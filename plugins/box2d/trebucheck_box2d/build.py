@@ -10,11 +10,18 @@ from typing import Any
 import Box2D
 import numpy as np
 from trebucheck.models.arrays import FloatArray
+from trebucheck.models.elements import (
+    GROUND,
+    AnyJoint,
+    AnyStop,
+    FreeJoint,
+    PinJoint,
+    Stop,
+    WeldJoint,
+)
 from trebucheck.models.errors import UnsupportedProblemError
-from trebucheck.models.joints import GROUND, AnyJoint, FreeJoint, PinJoint, WeldJoint
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.stops import AnyStop, Stop
 from trebucheck_toolkit.joint_coordinates import Limit
 
 Vector = tuple[float, float]

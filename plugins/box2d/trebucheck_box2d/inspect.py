@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from trebucheck.engines.inspection import Dynamics, Inspection, State
-from trebucheck.models.joints import AnyJoint, FreeJoint
+from trebucheck.models.elements import AnyJoint, FreeJoint
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.reference.equations import Equations
 

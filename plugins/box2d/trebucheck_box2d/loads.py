@@ -6,12 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.force_elements import (
-    AnyForceElement,
-    ConstantForce,
-    ConstantTorque,
-    SpringDamper,
-)
+from trebucheck.models.elements import AnyForceElement, ConstantForce, ConstantTorque, SpringDamper
 
 PointMotion = Callable[[str, tuple[float, float]], tuple[FloatArray, FloatArray]]
 """Position and velocity of a body's point, by the body's name and the point in its frame."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.joints import GROUND, AnyJoint, FreeJoint
+from trebucheck.models.elements import GROUND, AnyJoint, FreeJoint
 from trebucheck_toolkit.event_driver import Observation
 from trebucheck_toolkit.schemes import State
 

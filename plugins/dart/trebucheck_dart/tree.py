@@ -13,7 +13,7 @@ from typing import Any
 import dartpy
 import numpy as np
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.joints import GROUND, AnyJoint
+from trebucheck.models.elements import GROUND, AnyJoint
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck_toolkit.event_driver import Observation
 from trebucheck_toolkit.joint_coordinates import JointCoordinates

@@ -20,7 +20,7 @@ from pydrake.multibody.tree import (
     WeldJoint,
 )
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.joints import GROUND, AnyJoint
+from trebucheck.models.elements import GROUND, AnyJoint
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck_toolkit.joint_coordinates import JointCoordinates
 from trebucheck_toolkit.schemes import State

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import BasicVector, DiagramBuilder, LeafSystem
-from trebucheck.engines.contact_events import Contacts
+from trebucheck.engines.events import Contacts
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.mechanism import Mechanism
 from trebucheck_toolkit.constrained import ConstrainedDynamics, Solved, subtree_sums

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from trebucheck.engines.contact_events import Contacts
+from trebucheck.engines.events import Contacts
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.mechanism import Mechanism
 from trebucheck_toolkit.constrained import ConstrainedDynamics, Solved, subtree_sums

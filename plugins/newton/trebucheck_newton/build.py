@@ -13,7 +13,7 @@ import newton
 import numpy as np
 import warp as wp
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.joints import GROUND, AnyJoint
+from trebucheck.models.elements import GROUND, AnyJoint
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck_toolkit.joint_coordinates import JointCoordinates
 

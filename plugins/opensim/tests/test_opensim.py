@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.models.problems.registry import benchmark
+from trebucheck.models.library.registry import benchmark
 from trebucheck.reference.solver import solve
 
 FREE_SWING = tb.fixed().model_copy(update={"stops": ()})

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 import opensim as osim
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.joints import GROUND, AnyJoint
+from trebucheck.models.elements import GROUND, AnyJoint
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck_toolkit.joint_coordinates import JointCoordinates
 

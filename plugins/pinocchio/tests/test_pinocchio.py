@@ -2,7 +2,7 @@
 
 import numpy as np
 import trebucheck as tb
-from trebucheck.models.problems.registry import benchmark
+from trebucheck.models.library.registry import benchmark
 from trebucheck.reference.solver import solve
 
 FREE_SWING = tb.fixed().model_copy(update={"stops": ()})

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from trebucheck.models.joints import GROUND, AnyJoint
+from trebucheck.models.elements import GROUND, AnyJoint
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck_toolkit.joint_coordinates import JointCoordinates
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from trebucheck.engines.contact_events import Contacts
+from trebucheck.engines.events import Contacts
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.mechanism import Mechanism
 from trebucheck_toolkit.constrained import ConstrainedDynamics, Solved, subtree_sums

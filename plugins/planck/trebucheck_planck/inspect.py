@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from trebucheck.engines.inspection import Dynamics, Inspection, State
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.joints import GROUND, AnyJoint, FreeJoint, PrismaticJoint, SlotJoint
+from trebucheck.models.elements import GROUND, AnyJoint, FreeJoint, PrismaticJoint, SlotJoint
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.reference.equations import Equations

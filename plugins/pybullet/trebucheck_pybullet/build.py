@@ -18,7 +18,7 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 import pybullet
-from trebucheck.models.joints import GROUND, AnyJoint
+from trebucheck.models.elements import GROUND, AnyJoint
 from trebucheck.models.mechanism import Body, Mechanism
 
 _CLOCKWISE = "0 0 -1"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.models.problems.registry import benchmark
+from trebucheck.models.library.registry import benchmark
 from trebucheck.reference.solver import solve
 from trebucheck_rapier.bridge import RAPIER
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from trebucheck.models.joints import SlotJoint
+from trebucheck.models.elements import SlotJoint
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck_toolkit.node_scene import MIRROR, Json, NodeScene
 

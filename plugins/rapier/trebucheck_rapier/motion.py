@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from trebucheck.models.stops import Stop
+from trebucheck.models.elements import Stop
 from trebucheck_toolkit.node_samples import NodeSamples
 
 _GROWN = 27.0  # a release is looked back for from a gap of `opening` to this many times that

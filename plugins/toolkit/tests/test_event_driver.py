@@ -8,7 +8,7 @@ from trebucheck.engines.events import Contacts
 from trebucheck.engines.protocol import Recording
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.kinematics import Kinematics, initial_state
-from trebucheck.models.problems.registry import benchmark
+from trebucheck.models.library.registry import benchmark
 from trebucheck.reference.solver import solve
 from trebucheck_toolkit.constrained import ConstrainedDynamics, Solved, subtree_sums
 from trebucheck_toolkit.event_driver import EventDriver, Observation

@@ -8,9 +8,9 @@ import trebucheck as tb
 from elements import tied
 from mechanisms import G, body_of, pin
 from trebucheck.models.arrays import FloatArray
+from trebucheck.models.elements import Stop
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import StopLaw
-from trebucheck.models.stops import Stop
 from trebucheck_toolkit.event_driver import Observation
 from trebucheck_toolkit.joint_coordinates import JointCoordinates
 from trebucheck_toolkit.joint_tree import JointLimits, LimitedMotion

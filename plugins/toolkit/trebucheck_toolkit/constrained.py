@@ -1,4 +1,4 @@
-r"""Motion of an engine that has forward dynamics, and neither stops nor loops of its own: by constraint multipliers.
+r"""Constraint multipliers for engines with forward dynamics, and without stops and loops.
 
 With the engine's accelerations a_0 under all applied forces, its mass matrix M and the rows G of
 what is held (the gaps of the active contacts, the closures of the loops),
@@ -18,10 +18,9 @@ import numpy as np
 from trebucheck.engines.impact import Contacts, Inertia, inverse
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.joints import GROUND
+from trebucheck.models.elements import GROUND, PointStop
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.stops import PointStop
 
 from .schemes import SCHEMES, State
 
@@ -29,7 +28,7 @@ _RANK = 1e-12  # of the largest singular value: redundant constraints have small
 
 
 class ForwardDynamics(Protocol):
-    """What an engine gives, in the mechanism's coordinates."""
+    """Dynamics of an engine, in the mechanism's coordinates."""
 
     def accelerations(self, q: FloatArray, u: FloatArray, applied: FloatArray) -> FloatArray:
         """Under gravity and generalized forces [N m, N], nothing held; all of shape (n_q,)."""
@@ -64,7 +63,7 @@ class ConstrainedDynamics:
         self._last: tuple[FloatArray, FloatArray, Contacts, Solved] | None = None
 
     def solve(self, q: FloatArray, u: FloatArray, held: Contacts) -> Solved:
-        """Accelerations and forces in a state, with contacts held; of the last state they are kept."""
+        """Accelerations and forces in a state, with contacts held; the last ones are kept."""
         last = self._last
         if last is None or last[0] is not q or last[1] is not u or last[2] != held:
             last = self._last = (q, u, held, self._solved(q, u, held))
@@ -95,7 +94,7 @@ class ConstrainedDynamics:
     def projected(
         self, q: FloatArray, u: FloatArray, held: Contacts
     ) -> tuple[FloatArray, FloatArray]:
-        """The state without the drift of a step from loops and held contacts, the shortest way by the mass matrix."""
+        """The state without drift from loops and held contacts, nearest in the mass metric."""
         rows, _ = self._rows(q, u, held)
         if not len(rows):
             return q, u
@@ -106,18 +105,18 @@ class ConstrainedDynamics:
         return q, u - response @ _least_norm(rows @ response, rows @ u)
 
     def stepped(self, state: State, step: float, held: Contacts, scheme: str) -> State:
-        """The state a step [s] later by one of :mod:`.schemes`, contacts and loops held without drift."""
+        """The state a step [s] later by one of :mod:`.schemes`, held without drift."""
         after = SCHEMES[scheme](lambda q, u: self.solve(q, u, held).accelerations, state, step)
         return self.projected(*after, held)
 
     def inertia(self, q: FloatArray) -> Inertia:
-        """What impulses do to the speeds."""
+        """Response of the speeds to impulses."""
         return Inertia(self.engine.mass_matrix(q), self.kinematics.loop_jacobian(q))
 
     def forces_on_bodies(
         self, q: FloatArray, u: FloatArray, solved: Solved
     ) -> dict[str, FloatArray]:
-        """Sum of all forces on each body but gravity and those of the tree's joints, world frame [N], shape (2,)."""
+        """Force on each body without gravity and the tree's joints, world frame [N], (2,)."""
         forces = self.applied.on_bodies(q, u)
 
         def add(body: str, force: FloatArray) -> None:
@@ -155,7 +154,7 @@ class ConstrainedDynamics:
         return np.concatenate([contacts, k.loop_jacobian(q)]), np.array(bias)
 
     def _loop_forces(self, q: FloatArray, multipliers: FloatArray) -> dict[str, FloatArray]:
-        """World forces of the loops' joints on their children, from the multipliers of their closures."""
+        """World forces of the loops' joints on their children, from the multipliers."""
         forces, k = dict[str, FloatArray](), 0
         for joint in self.mechanism.loop_joints:
             frame = joint.parent if joint.free_directions else GROUND
@@ -167,7 +166,7 @@ class ConstrainedDynamics:
 
 
 def subtree_sums(mechanism: Mechanism, forces: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Of each joint of the tree, the sum of forces on all bodies beyond it [N], shape (2,)."""
+    """Sum of forces on all bodies beyond each joint of the tree [N], shape (2,)."""
     sums = {body.name: forces.get(body.name, np.zeros(2)) for body in mechanism.bodies}
     joints = mechanism.tree_joints
     for joint in reversed(joints):

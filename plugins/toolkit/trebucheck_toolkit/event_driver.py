@@ -47,7 +47,7 @@ class Observation:
 
 
 class HeldMotion(Protocol):
-    """What the driver needs of an engine."""
+    """Interface of an engine for the driver."""
 
     def advance(self, state: State, step: float, held: Contacts) -> State:
         """The state a step [s] later, contacts held."""
@@ -58,11 +58,11 @@ class HeldMotion(Protocol):
         ...
 
     def inertia(self, q: FloatArray) -> Inertia:
-        """What impulses do to the speeds."""
+        """Response of the speeds to impulses."""
         ...
 
     def observe(self, q: FloatArray, u: FloatArray, solved: Solved) -> Observation:
-        """What the engine shows in a state."""
+        """Points, energies and forces in a state."""
         ...
 
 

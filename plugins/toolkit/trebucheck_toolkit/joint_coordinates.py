@@ -1,4 +1,4 @@
-"""Coordinates of engines that build trees of joints: each body's slides, and its angle relative to its parent."""
+"""Joint coordinates of trees: each body's slides, and its angle relative to its parent."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ from functools import cached_property
 
 import numpy as np
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.joints import GROUND, AnyJoint
+from trebucheck.models.elements import GROUND, AnyJoint, AnyStop, Stop
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Body, Mechanism
-from trebucheck.models.stops import AnyStop, Stop
 
 
 @dataclass(frozen=True)
@@ -24,7 +23,7 @@ class Freedom:
     index: int
     """Of the mechanism's coordinate that it makes: the slide, or the child's angle."""
     direction: complex | None
-    """Of a slide, in the parent's frame, length 1; None of an angle, which is positive clockwise."""
+    """Direction of a slide in the parent's frame, length 1; None of an angle (clockwise)."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class JointCoordinates:
-    """j = D q + d and v = D u, of the bodies depth first: slides first, then the turn, of each body.
+    """j = D q + d and v = D u, bodies depth first, of each its slides and then its turn.
 
     A slide is the mechanism's own coordinate; a turn is the child's angle less the parent's,
     whatever it is at the start. Arrays of states are shaped (..., n_q).
@@ -62,7 +61,7 @@ class JointCoordinates:
 
     @cached_property
     def links(self) -> tuple[tuple[Body, AnyJoint], ...]:
-        """The bodies with their joints in the tree, depth first: some engines know a subtree by its first and last."""
+        """The bodies with their joints in the tree, depth first, so that subtrees are ranges."""
         found, waiting = list[tuple[Body, AnyJoint]](), [*reversed(self.mechanism.children(GROUND))]
         while waiting:
             body = waiting.pop()
@@ -83,7 +82,7 @@ class JointCoordinates:
         return tuple(found)
 
     def limit(self, stop: AnyStop) -> Limit | None:
-        """A stop on angles as the end of one joint coordinate's range; None if it is on no joint or on a point."""
+        """A stop on angles as the end of one joint coordinate's range; None if it is none."""
         for index, freedom in enumerate(self.freedoms):
             between = {freedom.joint.child, freedom.joint.parent}
             if (

@@ -1,4 +1,4 @@
-"""What plug-ins share whose engines are trees of joints: motion by forward dynamics, or by the engine's own step.
+"""Plug-ins of engines with trees of joints: motion by forward dynamics or own steps.
 
 A tree is in joint coordinates (:mod:`.joint_coordinates`). With M a + bias = forces it is moved by
 a scheme of one's own with stops and loops as multipliers (:class:`TreeMotion`), or by its engine's
@@ -49,7 +49,7 @@ class JointTree(Protocol):
         ...
 
     def observe(self, j: FloatArray, v: FloatArray, a: FloatArray) -> Observation:
-        """What the engine shows; a joint's reaction is all that moves the bodies beyond it but gravity."""
+        """Observe; a joint's reaction is all that moves the bodies beyond it but gravity."""
         ...
 
     def centres(self, j: FloatArray) -> dict[str, FloatArray]:
@@ -57,7 +57,7 @@ class JointTree(Protocol):
         ...
 
     def total_mass(self) -> float:
-        """Of all bodies [kg]."""
+        """Mass of all bodies [kg]."""
         ...
 
 
@@ -77,7 +77,7 @@ class LimitedTree(JointTree, Protocol):
         ...
 
     def step(self, forces: FloatArray) -> Mapping[str, FloatArray]:
-        """Take one step under joint forces; return the reactions of that step, as :meth:`observe` has them."""
+        """Take one step under joint forces; return its reactions, as :meth:`observe` does."""
         ...
 
 
@@ -113,7 +113,7 @@ class TreeMotion(ConstrainedDynamics):
         return self.stepped(state, step, held, self.scheme)
 
     def observe(self, q: FloatArray, u: FloatArray, solved: Solved) -> Observation:
-        """What the tree shows, and the forces of its joints and loops."""
+        """Observe the tree, with the forces of its joints and loops."""
         to = self.tree.coordinates
         seen = self.tree.observe(to.positions(q), to.speeds(u), to.speeds(solved.accelerations))
         seen = without_others(seen, self.applied, (q, u), self.forces_on_bodies(q, u, solved))
@@ -185,11 +185,11 @@ class JointLimits:
 
     @property
     def places(self) -> dict[str, tuple[int, int]]:
-        """Of each stop its joint coordinate, and the sense in which it pushes it."""
+        """Joint coordinate of each stop, and the sense in which it pushes it."""
         return {name: (limit.index, limit.sense) for name, limit in self.limits.items()}
 
     def ranges(self, names: Collection[str]) -> dict[int, tuple[float, float]]:
-        """Of each joint coordinate that has stops the range that those named leave it."""
+        """Range of each joint coordinate with stops that those named leave."""
         free = {limit.index: (-np.inf, np.inf) for limit in self.limits.values()}
         return free | Limit.ranges(self.limits[name] for name in names)
 

@@ -1,4 +1,4 @@
-"""What is read of the bodies of a scene (`node_scene.py`): their centres of mass, angles and the rates of both."""
+"""Samples of a scene's bodies (`node_scene.py`): centres of mass, angles, their rates."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ import numpy as np
 from trebucheck.engines.protocol import Recording
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.joints import GROUND, AnyJoint, FreeJoint
+from trebucheck.models.elements import GROUND, AnyJoint, FreeJoint, Stop
 from trebucheck.models.spec import Vector
-from trebucheck.models.stops import Stop
 from trebucheck.models.trajectory import PointMotion
 
 from .node_scene import MIRROR, NodeScene, turned
@@ -37,17 +36,17 @@ class NodeSamples:
 
     @property
     def states(self) -> FloatArray:
-        """Of the bodies: x, y, angle and their rates, shape (n, bodies, 6)."""
+        """States of the bodies: x, y, angle and their rates, shape (n, bodies, 6)."""
         bodies = len(self.scene.bodies)
         return self.columns[:, : 6 * bodies].reshape(-1, bodies, 6)
 
     @property
     def told(self) -> FloatArray:
-        """What the engine told of the step that begins at each sample."""
+        """Records of the engine on the step that begins at each sample."""
         return self.columns[:, 6 * len(self.scene.bodies) :]
 
     def recording(self) -> Recording:
-        """What bodies alone show: no forces and no releases."""
+        """A recording from the bodies alone: no forces and no releases."""
         mechanism, (q, u) = self.scene.mechanism, self._coordinates()
         kinetic, potential = self._energies()
         return Recording(
@@ -68,7 +67,7 @@ class NodeSamples:
         )
 
     def gap(self, stop: Stop) -> FloatArray:
-        """Of a stop on an angle [rad]."""
+        """Gap of a stop on an angle [rad]."""
         return (
             stop.sense * (self._angle(stop.body)[0] - self._angle(stop.relative_to)[0]) - stop.limit
         )
@@ -105,7 +104,7 @@ class NodeSamples:
         return np.stack(q, axis=1), np.stack(u, axis=1)
 
     def _along(self, joint: AnyJoint, direction: complex) -> tuple[FloatArray, FloatArray]:
-        """From the parent's point to the child's along a direction of the parent [m], and its rate."""
+        """Distance of a joint's points along a direction of the parent [m], and its rate."""
         (child, velocity), (parent, carrying) = (
             self.point(joint.child, joint.child_point),
             self.point(joint.parent, joint.parent_point),
@@ -125,7 +124,7 @@ class NodeSamples:
         return np.sqrt(np.sum(np.square(held), axis=0))
 
     def _energies(self) -> tuple[FloatArray, FloatArray]:
-        """Kinetic, and potential of gravity, by the masses and inertias that the engine was given."""
+        """Kinetic energy and that of gravity, by the masses that the engine was given."""
         mechanism = self.scene.mechanism
         own, bodies = (
             self.states[:, : len(mechanism.bodies)],

@@ -1,4 +1,4 @@
-"""The plain loop of an engine that holds stops itself: it is stepped, and a stop without force is called open."""
+"""Loop of an engine that holds stops itself: a stop without force is called open."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _ROUNDING = 1e-12  # of a number of steps
 
 
 class OwnStops(Protocol):
-    """What the loop needs of an engine, at its present state."""
+    """Interface of an engine for the loop, at its present state."""
 
     def step(self) -> None:
         """Take one time step."""
@@ -28,16 +28,16 @@ class OwnStops(Protocol):
         ...
 
     def contacts(self) -> Mapping[str, float]:
-        """Force of each stop [N m, N], positive where it pushes; those without force may be left out."""
+        """Force of each stop [N m, N], positive where it pushes; zeros may be left out."""
         ...
 
     def observe(self) -> Observation:
-        """What the engine shows."""
+        """Points, energies and forces."""
         ...
 
 
 class StepAhead:
-    """An engine that is a step ahead of what is shown: forces at an instant are those of the step that begins there.
+    """An engine one step ahead: forces at an instant are those of the step that begins there.
 
     Subclasses give :meth:`_show_and_step`, and call :meth:`step` once when they are ready.
     """
@@ -45,7 +45,7 @@ class StepAhead:
     _shown: tuple[State, Mapping[str, float], Observation]
 
     def _show_and_step(self) -> tuple[State, Mapping[str, float], Observation]:
-        """Take the step that begins in the present state; return that state, and the forces and sights in it."""
+        """Take the next step; return the present state, with forces and observation in it."""
         raise NotImplementedError
 
     def step(self) -> None:
@@ -61,12 +61,12 @@ class StepAhead:
         return self._shown[1]
 
     def observe(self) -> Observation:
-        """What the engine shows."""
+        """Points, energies and forces of the shown state."""
         return self._shown[2]
 
 
 def plain_run(problem: Problem, motion: OwnStops, engine: str, timestep: float) -> Recording:
-    """Step an engine through a problem, in whole steps up to its end or just beyond it, and record it after each.
+    """Step an engine in whole steps up to a problem's end or just beyond, recording each.
 
     A stop that was closed is called released at the end of the first step after which it has no
     force; at the start, where it has none after the first step either: the limits of many engines

@@ -21,7 +21,7 @@ EULER_STEPS = StepOrder(
 
 
 def error_controlled(method: str) -> StepOrder:
-    """Of an integrator with error control, whose step is only an upper bound."""
+    """Order of an integrator with error control, whose step is only an upper bound."""
     return StepOrder(
         None, f"error-controlled {method}", "error-controlled Runge-Kutta, joint coordinates"
     )
@@ -30,7 +30,7 @@ def error_controlled(method: str) -> StepOrder:
 def located_tolerances(
     order: int = 4, reason: str = "fourth order: RK4 with located releases"
 ) -> tuple[Tolerance, ...]:
-    """Of tuned presets that locate events and are of high order: what a step of 1 ms leaves, with room."""
+    """Tolerances of tuned presets of high order that locate events: for a step of 1 ms."""
     return (
         Tolerance("tuned", "position_max", 1e-8, 1e-3, order, reason),
         Tolerance("tuned", "release_time", 1e-9, 1e-3, order, reason),

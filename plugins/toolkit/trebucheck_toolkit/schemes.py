@@ -1,4 +1,4 @@
-"""Time-stepping schemes of one's own, for engines that have forward dynamics and leave the stepping to their users."""
+"""Time-stepping schemes for engines that leave the stepping to their users."""
 
 from __future__ import annotations
 

@@ -1,0 +1,1 @@
+"""Public modules for distributions built on trebucheck: stable names, wherever they live inside."""

@@ -1,0 +1,15 @@
+"""What adapters and their tests use beside `trebucheck.engines.protocol`, for distributions built on trebucheck."""
+
+from __future__ import annotations
+
+from ..engines.protocol import Engine
+from ..engines.reference.engine import ReferenceEngine
+from ..engines.registry import engine, engine_class, engine_names
+
+__all__ = [
+    "Engine",
+    "ReferenceEngine",
+    "engine",
+    "engine_class",
+    "engine_names",
+]

@@ -1,0 +1,167 @@
+"""Mechanisms, kinematics, equations of motion and the reference, for distributions built on trebucheck."""
+
+from __future__ import annotations
+
+from ..models.arrays import BoolArray, ComplexArray, FloatArray
+from ..models.elements import (
+    GROUND,
+    AnyForceElement,
+    AnyJoint,
+    AnyStop,
+    ConstantForce,
+    FreeJoint,
+    PinJoint,
+    PointStop,
+    PrismaticJoint,
+    RotationalSpringDamper,
+    SlotJoint,
+    SpringDamper,
+    Stop,
+    WeldJoint,
+)
+from ..models.errors import (
+    EngineNotInstalledError,
+    InputError,
+    SimulationError,
+    TrebucheckError,
+    shortened,
+)
+from ..models.files import refuse_unwritable, write_text
+from ..models.kinematics import Kinematics
+from ..models.launch import Launch, launch_interval, lead
+from ..models.library.registry import model, models, parameters_type
+from ..models.library.trebuchet import (
+    ARM_STOP,
+    COUNTERWEIGHT,
+    HANGER_REST,
+    PROJECTILE,
+    SLING_REST,
+    TrebuchetParameters,
+    fixed,
+    parameters_of,
+    rolling,
+)
+from ..models.mechanism import Body, Mechanism
+from ..models.problem import Problem, StopLaw
+from ..models.shown import Reported, report_with
+from ..models.spec import NonNegative, Positive, Real, Spec, Vector
+from ..models.trajectory import Trajectory, write_dataset
+from ..reference.certification.certificate import load_certificate, reference_uncertainty
+from ..reference.certification.certify import MinimalMotion
+from ..reference.certification.quantities import (
+    BEYOND_LAUNCH,
+    Key,
+    Motion,
+    Plan,
+    PointState,
+    read_quantities,
+    vacuum_range,
+)
+from ..reference.equations import Equations
+from ..reference.perturbed import solve_scheduled
+from ..reference.solution import Solution
+from ..reference.solver import characteristic_time, solve, solve_to_launch
+from ..reference.taylor.batch import launch_batch
+from ..reference.taylor.solve import solve_taylor
+from ..reference.throw.flight import (
+    Air,
+    Flight,
+    Release,
+    Surroundings,
+    World,
+    drag_flight,
+    fall_time,
+    fly,
+    range_rate,
+    world,
+)
+from ..reference.throw.release import Projectile, swing
+from ..reference.throw.throw import surroundings_of, throw
+
+__all__ = [
+    "ARM_STOP",
+    "BEYOND_LAUNCH",
+    "COUNTERWEIGHT",
+    "GROUND",
+    "HANGER_REST",
+    "PROJECTILE",
+    "SLING_REST",
+    "Air",
+    "AnyForceElement",
+    "AnyJoint",
+    "AnyStop",
+    "Body",
+    "BoolArray",
+    "ComplexArray",
+    "ConstantForce",
+    "EngineNotInstalledError",
+    "Equations",
+    "Flight",
+    "FloatArray",
+    "FreeJoint",
+    "InputError",
+    "Key",
+    "Kinematics",
+    "Launch",
+    "Mechanism",
+    "MinimalMotion",
+    "Motion",
+    "NonNegative",
+    "PinJoint",
+    "Plan",
+    "PointState",
+    "PointStop",
+    "Positive",
+    "PrismaticJoint",
+    "Problem",
+    "Projectile",
+    "Real",
+    "Release",
+    "Reported",
+    "RotationalSpringDamper",
+    "SimulationError",
+    "SlotJoint",
+    "Solution",
+    "Spec",
+    "SpringDamper",
+    "Stop",
+    "StopLaw",
+    "Surroundings",
+    "Trajectory",
+    "TrebucheckError",
+    "TrebuchetParameters",
+    "Vector",
+    "WeldJoint",
+    "World",
+    "characteristic_time",
+    "drag_flight",
+    "fall_time",
+    "fixed",
+    "fly",
+    "launch_batch",
+    "launch_interval",
+    "lead",
+    "load_certificate",
+    "model",
+    "models",
+    "parameters_of",
+    "parameters_type",
+    "range_rate",
+    "read_quantities",
+    "reference_uncertainty",
+    "refuse_unwritable",
+    "report_with",
+    "rolling",
+    "shortened",
+    "solve",
+    "solve_scheduled",
+    "solve_taylor",
+    "solve_to_launch",
+    "surroundings_of",
+    "swing",
+    "throw",
+    "vacuum_range",
+    "world",
+    "write_dataset",
+    "write_text",
+]

@@ -1,0 +1,33 @@
+"""MuJoCo's model format: writer, scenes and variants, for distributions built on trebucheck."""
+
+from __future__ import annotations
+
+from ..models.mjcf.paths import mjcf_path
+from ..models.mjcf.recorded import RecordedMotion, stored_motion
+from ..models.mjcf.scene import AZIMUTH, ELEVATION, FIELD, corners, line_of_sight, scene, viewpoint
+from ..models.mjcf.throw import HOLD, PROJECTILE, Thrown, released
+from ..models.mjcf.tree import joint_values
+from ..models.mjcf.variants import Variant, inertias
+from ..models.mjcf.writer import mjcf, model_file
+
+__all__ = [
+    "AZIMUTH",
+    "ELEVATION",
+    "FIELD",
+    "HOLD",
+    "PROJECTILE",
+    "RecordedMotion",
+    "Thrown",
+    "Variant",
+    "corners",
+    "inertias",
+    "joint_values",
+    "line_of_sight",
+    "mjcf",
+    "mjcf_path",
+    "model_file",
+    "released",
+    "scene",
+    "stored_motion",
+    "viewpoint",
+]

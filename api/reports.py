@@ -1,0 +1,63 @@
+"""Documents, plots and their renderers, for distributions built on trebucheck."""
+
+from __future__ import annotations
+
+from ..comparisons.report import document, markdown
+from ..comparisons.report.document import (
+    Block,
+    Cell,
+    Code,
+    Column,
+    Document,
+    Figure,
+    Heading,
+    Listing,
+    Mark,
+    Note,
+    Text,
+    row,
+    table,
+    words,
+)
+from ..comparisons.report.numbers import format_number, sentence
+from ..comparisons.report.plots import (
+    Axis,
+    Panels,
+    Plot,
+    Rule,
+    Series,
+    Style,
+    Symbol,
+    engine_colour,
+)
+from ..comparisons.report.pages.tables import mechanism_as_data
+
+__all__ = [
+    "Axis",
+    "Block",
+    "Cell",
+    "Code",
+    "Column",
+    "Document",
+    "Figure",
+    "Heading",
+    "Listing",
+    "Mark",
+    "Note",
+    "Panels",
+    "Plot",
+    "Rule",
+    "Series",
+    "Style",
+    "Symbol",
+    "Text",
+    "document",
+    "engine_colour",
+    "format_number",
+    "markdown",
+    "mechanism_as_data",
+    "row",
+    "sentence",
+    "table",
+    "words",
+]

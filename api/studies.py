@@ -1,0 +1,34 @@
+"""Processes, stores and results of studies, for distributions built on trebucheck."""
+
+from __future__ import annotations
+
+from ..comparisons.compare.study import Comparison, compare
+from ..comparisons.data.certified import certified_dataset, content
+from ..comparisons.runs.process import Worker
+from ..comparisons.runs.results import Outcome, ResultFile, Run
+from ..comparisons.runs.runner import failure
+from ..comparisons.runs.scales import size
+from ..comparisons.runs.store import Store, conditions, digest
+from ..comparisons.runs.study import Counter, Progress
+from ..comparisons.runs.tolerances import StatedTolerance, is_table_one, tolerance_for
+
+__all__ = [
+    "Comparison",
+    "Counter",
+    "Outcome",
+    "Progress",
+    "ResultFile",
+    "Run",
+    "StatedTolerance",
+    "Store",
+    "Worker",
+    "certified_dataset",
+    "compare",
+    "conditions",
+    "content",
+    "digest",
+    "failure",
+    "is_table_one",
+    "size",
+    "tolerance_for",
+]
