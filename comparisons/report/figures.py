@@ -100,7 +100,8 @@ def write_picture(figure: Figure, path: str | Path) -> None:
     kind = Path(path).suffix.removeprefix(".").lower()
     if kind not in FORMATS:
         raise InputError(
-            f"picture {str(path)!r} must end with one of {', '.join(f'.{each}' for each in FORMATS)}."
+            f"picture {str(path)!r} must end with one of "
+            f"{', '.join(f'.{each}' for each in FORMATS)}."
         )
     out = io.BytesIO()
     dates: dict[str, Any] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}

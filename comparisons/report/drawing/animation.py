@@ -98,7 +98,8 @@ class Animation:
             return
         if len(self.scenes) != 1:
             raise InputError(
-                f"{path} can show one mechanism, not {len(self.scenes)}; a page (.html) shows several."
+                f"{path} can show one mechanism, not {len(self.scenes)}; a page (.html) shows "
+                "several."
             )
         end = float(self.scenes[0].t[-1])
         for time in instants:

@@ -318,7 +318,8 @@ def scene(
     for label, run in runs.items():
         if run.trajectory.mechanism.coordinates != first.mechanism.coordinates:
             raise InputError(
-                f"run {label!r} is of another mechanism than the reference, and cannot be drawn over it."
+                f"run {label!r} is of another mechanism than the reference, and cannot be drawn "
+                "over it."
             )
     thrown = thrown if thrown in first.markers else None
     t = _grid(end, _event_times(first, runs, end), len(first.q[0]) * (len(runs) + 1))

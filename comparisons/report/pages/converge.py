@@ -135,27 +135,28 @@ def _slope(study: Study, column: int, at: float) -> Iterator[Label]:
 
 
 _INTRODUCTION = (
-    "Each parameter of each engine is swept through its values; the errors are the largest distances of any marker "
-    "(without markers, of any centre of mass) from the reference over the compared time. An exponent is the slope of "
-    "a straight line in the log-log plane with its 95 % confidence interval (Student t), over the run of points along "
-    "which the error changes most without its slope departing by more than 0.1; the rule knows of no expected "
-    "exponent. A floor is an error that the parameter does not lower; its cause is found by refining every other "
-    "parameter by one step there. “Stock” is what an engine's documentation leads a newcomer to, “tuned” the most "
-    "accurate settings found."
+    "Each parameter of each engine is swept through its values; the errors are the largest "
+    "distances of any marker (without markers, of any centre of mass) from the reference over the "
+    "compared time. An exponent is the slope of a straight line in the log-log plane with its 95 % "
+    "confidence interval (Student t), over the run of points along which the error changes most "
+    "without its slope departing by more than 0.1; the rule knows of no expected exponent. A floor "
+    "is an error that the parameter does not lower; its cause is found by refining every other "
+    "parameter by one step there. “Stock” is what an engine's documentation leads a newcomer to, "
+    "“tuned” the most accurate settings found."
 )
 _LIMITS = (
-    "Largest distance between the same markers of two runs over the compared time, with the time step extrapolated "
-    "away [m]. The "
-    "limits are chosen without the reference: of all three neighbouring steps whose successive differences show a "
-    "whole order, those whose limits from two and three levels lie nearest to each other."
+    "Largest distance between the same markers of two runs over the compared time, with the time "
+    "step extrapolated away [m]. The limits are chosen without the reference: of all three "
+    "neighbouring steps whose successive differences show a whole order, those whose limits from "
+    "two and three levels lie nearest to each other."
 )
 _WORK = (
-    "Error against wall time of the whole simulation, warm: median of the repeats, bars from the quickest to the "
-    "slowest."
+    "Error against wall time of the whole simulation, warm: median of the repeats, bars from the "
+    "quickest to the slowest."
 )
 _OTHERS = (
-    "Where the error of the swept parameter itself can be isolated, exponents are of that part: the distance from the "
-    "run without it. “What is left” is then the error of that run."
+    "Where the error of the swept parameter itself can be isolated, exponents are of that part: "
+    "the distance from the run without it. “What is left” is then the error of that run."
 )
 
 
@@ -215,7 +216,8 @@ def _chapter(machine: MachineStudies) -> Iterator[doc.Block]:
     yield doc.Heading(f"{machine.model.capitalize()} machine", 2, machine.model)
     compared = compared_time(machine.launch_time, machine.compared_to, machine.judged_to)
     yield doc.Note(
-        f"{compared} The reference is known to {' and '.join(known)} (by {machine.uncertainty_source})."
+        f"{compared} The reference is known to {' and '.join(known)} (by "
+        f"{machine.uncertainty_source})."
     )
     if steps:
         yield doc.Heading("Order in the time step")

@@ -27,14 +27,15 @@ _MARKS: dict[Fate, doc.Mark] = {
     Fate.NOT_COMPARED: "warning",
 }
 _HOW = (
-    "Runs belong together by model, engine and preset. An error is the largest difference to the reference. It has "
-    "moved if it changed by more than both results leave unknown of it, and by more than a factor {factor:g}. Unknown "
-    "is the sum of the reference's uncertainty, of what the samples leave unknown, and of the rounding of the "
-    "engine's steps (the root of their number times 2.2e-16 of the scale, carried on by the motion's stretching), of "
-    "both results; a smaller error counts as that, and its factor is a bound (over). Tables show errors with "
-    "two digits, and a tenth is what their second digit tells: hence 1.1, unless another factor is asked for. "
-    "Quantities that follow from others, and wall times, are not judged. A verdict that held and is judged no longer "
-    "has got worse, too."
+    "Runs belong together by model, engine and preset. An error is the largest difference to the "
+    "reference. It has moved if it changed by more than both results leave unknown of it, and by "
+    "more than a factor {factor:g}. Unknown is the sum of the reference's uncertainty, of what the "
+    "samples leave unknown, and of the rounding of the engine's steps (the root of their number "
+    "times 2.2e-16 of the scale, carried on by the motion's stretching), of both results; a "
+    "smaller error counts as that, and its factor is a bound (over). Tables show errors with two "
+    "digits, and a tenth is what their second digit tells: hence 1.1, unless another factor is "
+    "asked for. Quantities that follow from others, and wall times, are not judged. A verdict that "
+    "held and is judged no longer has got worse, too."
 )
 
 
@@ -107,8 +108,9 @@ def _reference(found: Difference) -> Iterator[doc.Block]:
     yield doc.Heading("The reference moved", 2, medium="any")
     yield doc.table("machine | figure | old | new | unit | uncertain by", rows)
     yield doc.Text(
-        "Its figures moved by more than they are uncertain by. The mechanism is the same, so the law of its stops is "
-        "another one, or one of the two references is wrong; errors that moved may only follow."
+        "Its figures moved by more than they are uncertain by. The mechanism is the same, so the "
+        "law of its stops is another one, or one of the two references is wrong; errors that moved "
+        "may only follow."
     )
 
 
@@ -317,7 +319,8 @@ def _conditions(found: Difference) -> Iterator[doc.Block]:
     if loosened:
         number = f"{loosened} of {len(found.quantities)}"
         sentences.append(
-            f"Tolerances of {number} quantities are looser now, by more than a factor {found.factor:g}."
+            f"Tolerances of {number} quantities are looser now, by more than a factor "
+            f"{found.factor:g}."
         )
     if sentences:
         yield doc.Heading("Conditions that changed", 2, medium="any")

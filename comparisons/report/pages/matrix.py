@@ -27,11 +27,11 @@ from ..numbers import format_number
 from .tables import MARKS
 
 READING = (
-    "Own: how much of its runs on a table's problems is the engine's. “all”; “most”: trebucheck decides when stops "
-    "open and are met, finds impulses of impacts, or adds or reads forces that the engine has no element for or does "
-    "not tell; “steps”: its dynamics and its integrator, but what stops, loops or springs do is trebucheck's; "
-    "“dynamics”: its mass matrix, forces, energies and points, in trebucheck's steps. Agreement speaks for an engine's "
-    "own parts alone."
+    "Own: how much of its runs on a table's problems is the engine's. “all”; “most”: trebucheck "
+    "decides when stops open and are met, finds impulses of impacts, or adds or reads forces that "
+    "the engine has no element for or does not tell; “steps”: its dynamics and its integrator, but "
+    "what stops, loops or springs do is trebucheck's; “dynamics”: its mass matrix, forces, "
+    "energies and points, in trebucheck's steps. Agreement speaks for an engine's own parts alone."
 )
 _UNSTATED = "not stated"
 
@@ -82,10 +82,11 @@ _WORDS: dict[Outcome, str] = {
     Outcome.UNSUPPORTED: "refused",
 }
 _READING = (
-    "✓ every judged quantity holds its tolerance, ✗ at least one breaks it, ○ not judged (never counted as "
-    "agreement), refused: the engine cannot, in its own words below, not finished: a run had so much time and no "
-    "more. The number is the largest error of a marker's position in parts of the mechanism's size, which is the same "
-    "for all engines; tolerances are not: an engine's own claims, or a thousandth of each scale."
+    "✓ every judged quantity holds its tolerance, ✗ at least one breaks it, ○ not judged (never "
+    "counted as agreement), refused: the engine cannot, in its own words below, not finished: a "
+    "run had so much time and no more. The number is the largest error of a marker's position in "
+    "parts of the mechanism's size, which is the same for all engines; tolerances are not: an "
+    "engine's own claims, or a thousandth of each scale."
 )
 _QUANTITY = "Largest error in parts of the quantity's scale; ✓ and ✗ by the tolerances, ○ not judged, – not told."
 _KINDS: tuple[tuple[str, Callable[[MatrixProblem], bool]], ...] = (
@@ -299,7 +300,8 @@ def _causes(matrix: Matrix) -> Iterator[doc.Block]:
     if rows:
         yield doc.Heading("Causes", 2)
         yield doc.Note(
-            "The suspects that account for the difference, solved again with the size found; or unknown."
+            "The suspects that account for the difference, solved again with the size found; or "
+            "unknown."
         )
         heads = [
             doc.words("engine", wrap=False),

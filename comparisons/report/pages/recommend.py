@@ -49,8 +49,8 @@ def _settings(advice: Advice) -> doc.Table:
     unit = advice.mechanism.force_unit
     heads = doc.ranked(
         doc.columns(
-            f"engine | settings | step [s] | position [m] | {'force' if unit == 'N' else 'torque'} [{unit}] | "
-            "release [s] | wall [s] | (worst neighbour)"
+            f"engine | settings | step [s] | position [m] | {'force' if unit == 'N' else 'torque'} "
+            f"[{unit}] | release [s] | wall [s] | (worst neighbour)"
         ),
         settings=0,
         step=0,

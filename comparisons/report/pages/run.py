@@ -99,7 +99,8 @@ def certificate_report(certificate: Certificate) -> doc.Document:
             ),
         ),
         doc.Note(
-            f"Uncertainty: {sentence(certificate.rule)} Versions: {format_settings(certificate.versions)}."
+            f"Uncertainty: {sentence(certificate.rule)} Versions: "
+            f"{format_settings(certificate.versions)}."
         ),
         doc.Note(f"Mechanism {certificate.mechanism_hash}."),
     )

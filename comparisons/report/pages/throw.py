@@ -148,8 +148,8 @@ def document(performance: Performance, throw: Throw) -> doc.Document:
     """All values, warnings and pictures; `throw` is the performance's own, with sensitivities if wanted."""
     title = _title(throw)
     measured = (
-        f"Computed by the Lagrangian reference. Positions are measured from where the {origin_name(throw.mechanism)} "
-        "stands at the start; SI units."
+        "Computed by the Lagrangian reference. Positions are measured from where the "
+        f"{origin_name(throw.mechanism)} stands at the start; SI units."
     )
     plots_of_forces = force_plots(performance)
     blocks = (
@@ -342,9 +342,9 @@ def _percent(each: Sensitivity) -> float | None:
 
 
 _DERIVATIVES = (
-    "Sensitivities of the release, flight without drag: exact derivatives, event times included. What chose the "
-    "release is held, its angle or its time; with a number the start changes by the least that keeps loops and rests "
-    "closed"
+    "Sensitivities of the release, flight without drag: exact derivatives, event times included. "
+    "What chose the release is held, its angle or its time; with a number the start changes by the "
+    "least that keeps loops and rests closed"
 )
 _RANKS = {
     "range": 1,
