@@ -50,7 +50,7 @@ def convergence(studies: Sequence[Study]) -> Panels:
 
 
 def swept_parameter(study: Study) -> Panels:
-    """Error against one parameter, and where it can be isolated, the part of it that the parameter makes."""
+    """Error against one parameter, and the part that the parameter makes where it is isolated."""
     name = "part of the parameter" if study.own else "error"
     return tuple(
         Plot(
@@ -108,7 +108,7 @@ def _error(curve: Curve) -> Axis:
 
 
 def _points(study: Study, column: int, name: str, *, whole: bool = False) -> Iterator[Series]:
-    """The errors, or where it can be isolated and unless the whole is asked for, the parameter's part of them."""
+    """The errors, or the parameter's part of them where it is isolated."""
     own, quantity = study.own and not whole, study.curves[column].quantity
     found = [(point.value, point.error(quantity, own)) for point in study.points]
     ran = np.array([(value, error) for value, error in found if error is not None], dtype=float)
@@ -161,7 +161,7 @@ _OTHERS = (
 
 
 def document(studies: Studies) -> doc.Document:
-    """All studies; the terminal has the orders, laws and limits of the positions, and what failed."""
+    """All studies; a terminal has the orders, laws and limits of positions, and what failed."""
     failures = tuple(doc.Text(sentence, "warning") for sentence in _failures(studies))
     blocks: list[doc.Block] = []
     if failures:
@@ -192,7 +192,7 @@ def document(studies: Studies) -> doc.Document:
 
 
 def _failures(studies: Studies) -> Iterator[str]:
-    """One sentence a machine that could not be moved, an engine that is not installed, and a failed point."""
+    """Sentences on machines that failed, engines that are not installed, and failed points."""
     for model, message in studies.failures.items():
         yield f"{model}: {message}"
     for name in dict.fromkeys(name for machine in studies.machines for name in machine.absent):
@@ -250,8 +250,10 @@ def _unit(machine: MachineStudies, quantity: QuantityName) -> str:
 
 
 def _orders(machine: MachineStudies, studies: Sequence[Study]) -> doc.Table:
-    heads = "engine | (quantity) | (expected) | order | range [s] | floor | set by | limit to reference "
-    heads += "| (its own error [m]) | (finest level [s])"
+    heads = (
+        "engine | (quantity) | (expected) | order | range [s] | floor | set by | "
+        "limit to reference | (its own error [m]) | (finest level [s])"
+    )
     rows = (
         _curve_row(study, curve, [study.label], *_limit(machine, study, curve))
         for study in studies
@@ -262,7 +264,7 @@ def _orders(machine: MachineStudies, studies: Sequence[Study]) -> doc.Table:
 
 
 def _curve_row(study: Study, curve: Curve, names: Iterable[str], *end: str) -> doc.Row:
-    """What was found of a quantity; the names of its study stand in the position's row, the only one in a terminal."""
+    """Row of a quantity; only the position's has the study's names, and is shown in a terminal."""
     position = curve.quantity == "position"
     first = (name if position else "" for name in names)
     return doc.row(
@@ -286,7 +288,7 @@ def _law(study: Study, curve: Curve) -> tuple[str | doc.Cell, ...]:
 
 
 def _limit(machine: MachineStudies, study: Study, curve: Curve) -> tuple[str, str, str]:
-    """Distance of Richardson's limit from the reference, the limit's own error, and the finest of its steps."""
+    """Distance of Richardson's limit from the reference, its own error, its finest step."""
     limit = machine.limit(study.label)
     if limit is not None and curve.quantity == "position":
         distance = f"{format_number(limit.position)} {curve.unit}"
@@ -297,7 +299,8 @@ def _limit(machine: MachineStudies, study: Study, curve: Curve) -> tuple[str, st
 
 
 def _floors(studies: Sequence[Study]) -> doc.Table:
-    heads = "engine | quantity | floor | at [s] | cause | measured there: share of the error that is left"
+    measured = "measured there: share of the error that is left"
+    heads = f"engine | quantity | floor | at [s] | cause | {measured}"
     rows = [
         (
             study.label,

@@ -62,7 +62,7 @@ def document(difference: Difference) -> doc.Document:
 
 
 def _tiles(found: Difference) -> doc.Tiles:
-    """What changed, counted."""
+    """Numbers of changes."""
     lost = len(found.of_fate(Fate.WORSE, Fate.FAILS, Fate.VANISHED))
     return doc.Tiles(
         (
@@ -91,7 +91,7 @@ def _versions(found: Difference) -> doc.Block:
 
 
 def _reference(found: Difference) -> Iterator[doc.Block]:
-    """Figures of the reference that moved: errors are measured from it, so all of them move with it."""
+    """Figures of the reference that moved: all errors, measured from it, move with it."""
     if not found.references:
         return
     rows = [
@@ -221,7 +221,7 @@ def _value(metric: Metric | None) -> doc.Cell:
 
 
 def _factor(change: QuantityChange) -> str:
-    """New over old, as a multiple or a part; a bound where one of the errors is below what is unknown."""
+    """New over old, as a multiple or a part; a bound where one error is below what is unknown."""
     ratio = change.factor
     if ratio is None or ratio == 1:
         return "–"
@@ -313,7 +313,7 @@ def _diagnoses(found: Difference) -> Iterator[doc.Block]:
 
 
 def _conditions(found: Difference) -> Iterator[doc.Block]:
-    """Settings, tolerances asked for and horizons that are others: a change of ours, not of an engine."""
+    """Changed settings, tolerances and horizons: a change of ours, not of an engine."""
     sentences = [*found.conditions, *_settings(found.runs)]
     loosened = sum(_looser(change, found.factor) for change in found.quantities)
     if loosened:

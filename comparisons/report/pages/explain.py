@@ -59,7 +59,7 @@ _CHANGES = (
 
 
 def document(explanation: Explanation) -> doc.Document:
-    """All budgets; the terminal has them in short, what each option buys, what could not be measured, the verdict."""
+    """All budgets; a terminal has them in short, what options buy, what failed, the verdict."""
     blocks: list[doc.Block] = [
         doc.Text(verdict(explanation), "strong", medium="page"),
         doc.Fold("How to read it", (doc.Note(_INTRODUCTION), doc.Note(_HOW_TO_READ))),
@@ -210,7 +210,7 @@ def _at(step: float | None) -> str:
 
 
 def bars(quantities: Sequence[Quantity]) -> Panels:
-    """Signed share of each cause in the position's and the torques' errors, causes downwards, unexplained last.
+    """Signed share of each cause in the errors of position and torques; unexplained last.
 
     Shares add up to 100 %; whiskers are half the difference of a share's two measures.
     """
@@ -306,7 +306,7 @@ def _other_shares(quantities: Sequence[Quantity]) -> doc.Table:
 
 
 def _changes(comparison: StockAgainstTuned) -> doc.Table:
-    """The presets and each option's change; the page has values with their factors, the terminal one of the two."""
+    """The presets and each option's change: values with factors; a terminal has one of the two."""
     force = "force [N]" if comparison.force_unit == "N" else f"torque [{comparison.force_unit}]"
     titles = {
         "position": "position [m]",
@@ -357,7 +357,7 @@ def _change_rows(comparison: StockAgainstTuned, fields: Sequence[str]) -> Iterat
 def _values(
     fields: Sequence[str], figures: Figures, against: Figures, *, preset: bool = False
 ) -> Iterator[doc.Cell]:
-    """For page and terminal in turn."""
+    """Cells for page and terminal in turn."""
     if figures.message:
         yield doc.Cell("failed", "warning", detail=figures.message)
         return

@@ -87,7 +87,8 @@ def _chapter(engine: EngineAdvice) -> Iterator[doc.Block]:
     if engine.choice is not None:
         runs = len(engine.choice.wall_times)
         timed = f"median of {runs}" if runs > 1 else "one run"
-        text = f"({engine.choice.words}), step {engine.choice.step:g} s; wall time is the {timed}, warm, on this machine."
+        step = f"({engine.choice.words}), step {engine.choice.step:g} s"
+        text = f"{step}; wall time is the {timed}, warm, on this machine."
         yield doc.Text(text, "good", lead=engine.choice.options)
     for title, text in engine.snippets.items():
         yield doc.Code(title, text)
