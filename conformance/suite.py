@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from ..comparisons.compare.sentences import diagnosis
 from ..comparisons.compare.study import Case, MachineRuns
 from ..comparisons.report.numbers import format_number
+from ..comparisons.report.pages.compare import diagnosis
 from ..comparisons.runs.balance import keeps_horizontal_momentum
 from ..comparisons.runs.metrics import THROWN
 from ..comparisons.runs.process import Worker, simulate
@@ -36,10 +36,9 @@ from ..engines.registry import (
 )
 from ..models.errors import InputError, SimulationError, TrebucheckError, UnsupportedProblemError
 from ..models.features import missing_elements
-from ..models.machines.registry import library_problem, model, models
+from ..models.library.registry import benchmarks, library_problem, model, models
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem, StopLaw
-from ..models.problems.registry import benchmarks
 from ..models.trajectory import Trajectory
 from .verdicts import State, Verdict
 

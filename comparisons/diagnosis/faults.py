@@ -36,9 +36,8 @@ from ...models.elements import (
 )
 from ...models.errors import InputError, SimulationError
 from ...models.kinematics import Kinematics, initial_state
-from ...models.machines.parameters import TrebuchetParameters
-from ...models.machines.registry import model
-from ...models.machines.trebuchet import parameters_of
+from ...models.library.registry import model
+from ...models.library.trebuchet import TrebuchetParameters, parameters_of
 from ...models.mechanism import Body, Mechanism
 from ...models.spec import Vector
 from ...reference.equations import Equations, consistent_coordinates, consistent_speeds
