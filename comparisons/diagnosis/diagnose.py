@@ -32,6 +32,8 @@ from ...reference.solution import Solution
 from ...reference.solver import solve
 from ..runs.impacts import impact_times
 from ..runs.metrics import THROWN, Comparison, against
+from ..runs.quantities import Kind as QuantityKind
+from ..runs.quantities import Quantity
 from ..runs.results import Cause, Diagnosis, Equality, Metric
 from ..runs.runner import failure
 from .case import FINE, ROUGH, Case, estimate, fit, match
@@ -58,15 +60,7 @@ from .faults import (
 )
 from .fit import Found, better, faults_at_the_same_motion, fitting_faults
 from .rank import SAME, SUFFICIENT, Estimate, measured, ranked
-from .readings import (
-    NO_MOTION,
-    Reading,
-    energy_readings,
-    late_readings,
-    mistaken_readings,
-    partly_late_readings,
-    plain_readings,
-)
+from .readings import NO_MOTION, Reading, all_readings, partly_late_readings
 from .rerun import Rerun
 
 _COARSE = 1e-9  # tolerance of the coarser integration: its error is far above the finer one's
@@ -215,19 +209,10 @@ _MISREAD = (
 _RIGHT = 1e-6  # of the sizes of quantities: what deviates by less is right
 
 
-_STATE = ("coordinates", "speeds of coordinates")
-
-
 _STATE_METRICS = frozenset({"angle_max", "angular_speed_max", "slide_max", "slide_speed_max"})
-
-
 _POINT_METRICS = frozenset({"position_max", "velocity_max"})
-
-
-_UNTOLD = (
-    "torque",
-    "force",
-)  # what solvers compute by iteration may be noisy on a right motion: no mistake of reading
+_FORCES = frozenset({QuantityKind.TORQUE, QuantityKind.FORCE})
+"""Solvers find them by iteration: noise in them on a right motion is no mistake of reading."""
 
 
 @one_thread()
@@ -345,7 +330,7 @@ def _first_sample(case: Case) -> Iterator[Cause]:
     )
     wrong = [name for name, size in error.items() if size > later / _MISREAD]
     if wrong:
-        what = ", ".join(sorted({name.split(" of the ")[0] for name in wrong}))
+        what = ", ".join(sorted({Quantity.parse(name).kind for name in wrong}))
         share = 1.0 - later / max(error[name] for name in wrong)
         yield Cause(name=f"first sample: {what}", kind="reading", explained=share)
 
@@ -504,22 +489,14 @@ def _schedule(
     return case.signature(solution.trajectory(case.t))
 
 
-def _readings(case: Case) -> Iterator[Reading]:
-    """Readings of the reference that are wrong in one way."""
-    yield from plain_readings(case.solution, case.reference, case.trajectory, case.step)
-    yield from energy_readings(case.reference)
-    yield from late_readings(case.solution, case.reference, case.step)
-    yield from mistaken_readings(case.reference, case.trajectory)
-
-
 def _reading_causes(case: Case) -> list[Cause]:
     """Where no single kind of quantity is read late, all that deviate may be."""
-    found = list(_fitted(case, _readings(case)))
+    readings = all_readings(case.solution, case.reference, case.trajectory, case.step)
+    found = list(_fitted(case, readings))
     if max((cause.explained for cause in found), default=0.0) < SAME:
-        wrong = _wrong_quantities(case)
-        found += _fitted(
-            case, partly_late_readings(case.solution, case.reference, case.step, wrong)
-        )
+        wrong = {Quantity.parse(name).kind for name in _wrong_quantities(case)}
+        late = partly_late_readings(case.solution, case.reference, case.step, wrong)
+        found += _fitted(case, late)
     return found
 
 
@@ -559,33 +536,42 @@ def _wrong_quantities(case: Case) -> list[str]:
 
 
 def _motion_agrees(case: Case) -> bool:
-    """Whether coordinates and speeds are right, or all positions and velocities are, while others deviate.
+    """Whether coordinates and speeds are right, or all positions and velocities, and others not.
 
     Right is what deviates by a small part of the whole deviation, and keeps its tolerance: an
     energy that depends on the square of a speed outweighs what goes with it.
     """
-    wrong = _wrong_quantities(case)
-    points = [name for name in case.shares if name.startswith(("position", "velocity"))]
-    right = [
-        all(name in case.shares and name not in wrong for name in names)
-        and not case.broken & metrics
-        for names, metrics in ((_STATE, _STATE_METRICS), (points, _POINT_METRICS))
-        if names
-    ]
-    return bool(wrong) and any(right)
+    wrong = set(_wrong_quantities(case))
+    state = {QuantityKind.COORDINATES.value, QuantityKind.SPEEDS.value}
+    points = {
+        name
+        for name in case.shares
+        if Quantity.parse(name).kind in (QuantityKind.POSITION, QuantityKind.VELOCITY)
+    }
+    state_agrees = (
+        state <= case.shares.keys() and not state & wrong and not case.broken & _STATE_METRICS
+    )
+    points_agree = bool(points) and not points & wrong and not case.broken & _POINT_METRICS
+    return bool(wrong) and (state_agrees or points_agree)
+
+
+def _forces_deviate(case: Case) -> bool:
+    return any(Quantity.parse(name).kind in _FORCES for name in _wrong_quantities(case))
 
 
 def _only_readings(case: Case, named: Sequence[Cause]) -> bool:
-    """Whether the motion follows the reference; where forces deviate, only if a mistake of reading them is named."""
-    forces = any(name.startswith(_UNTOLD) for name in _wrong_quantities(case))
+    """Whether the motion follows the reference.
+
+    Where forces deviate, it does only if a mistake of reading them is named.
+    """
     misread = bool(named) and all(cause.kind == "reading" for cause in named)
-    return _motion_agrees(case) and (misread or not forces)
+    return _motion_agrees(case) and (misread or not _forces_deviate(case))
 
 
 def _misread(case: Case) -> Iterator[Cause]:
     """Quantities that are read wrongly in a way that no suspect has: the motion itself is right."""
     wrong = _wrong_quantities(case)
-    if _motion_agrees(case) and not any(name.startswith(_UNTOLD) for name in wrong):
+    if _motion_agrees(case) and not _forces_deviate(case):
         rest = float(
             np.linalg.norm([share for name, share in case.shares.items() if name not in wrong])
         )
