@@ -23,7 +23,6 @@ def on_a_line(points: ComplexArray) -> bool:
 def loaded_rod(body: Body, a: complex, b: complex) -> tuple[float, float, float] | None:
     """Mass of a uniform rod from a to b and of points at a and b, in parts of a body's.
 
-
     Mass, centre and inertia of the three are the body's; None where that needs a negative mass.
     """
     length = abs(b - a)
