@@ -94,11 +94,11 @@ def judge_command(call: Call) -> bool:
     from ..comparisons.runs.results import Outcome
     from ..models.files import refuse_unwritable
 
-    how = call.run_options() | {"model": call.only_model()}
+    how, model = call.run_options(), call.only_model()
     del how["models"]
     refuse_unwritable(call.out)
     with call.progress() as show:
-        found = judge(call.file, **how, progress=show).made_by(call.command_line)
+        found = judge(call.file, model, **how, progress=show).made_by(call.command_line)
     page = document(found)
     call.publish("judgement.json", found.to_json(), page, "judgement.html", "Judgement")
     return found.outcome is Outcome.AGREES

@@ -11,9 +11,9 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
+from ...models.elements import AnyJoint
 from ...models.errors import InputError
 from ...models.given import Model, model
-from ...models.joints import AnyJoint
 from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
 from ...models.shown import Reported
