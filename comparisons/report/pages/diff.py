@@ -27,14 +27,15 @@ _MARKS: dict[Fate, doc.Mark] = {
     Fate.NOT_COMPARED: "warning",
 }
 _HOW = (
-    "Runs belong together by model, engine and preset. An error is the largest difference to the reference. It has "
-    "moved if it changed by more than both results leave unknown of it, and by more than a factor {factor:g}. Unknown "
-    "is the sum of the reference's uncertainty, of what the samples leave unknown, and of the rounding of the "
-    "engine's steps (the root of their number times 2.2e-16 of the scale, carried on by the motion's stretching), of "
-    "both results; a smaller error counts as that, and its factor is a bound (over). Tables show errors with "
-    "two digits, and a tenth is what their second digit tells: hence 1.1, unless another factor is asked for. "
-    "Quantities that follow from others, and wall times, are not judged. A verdict that held and is judged no longer "
-    "has got worse, too."
+    "Runs belong together by model, engine and preset. An error is the largest difference to the "
+    "reference. It has moved if it changed by more than both results leave unknown of it, and by "
+    "more than a factor {factor:g}. Unknown is the sum of the reference's uncertainty, of what the "
+    "samples leave unknown, and of the rounding of the engine's steps (the root of their number "
+    "times 2.2e-16 of the scale, carried on by the motion's stretching), of both results; a "
+    "smaller error counts as that, and its factor is a bound (over). Tables show errors with two "
+    "digits, and a tenth is what their second digit tells: hence 1.1, unless another factor is "
+    "asked for. Quantities that follow from others, and wall times, are not judged. A verdict that "
+    "held and is judged no longer has got worse, too."
 )
 
 
@@ -61,7 +62,7 @@ def document(difference: Difference) -> doc.Document:
 
 
 def _tiles(found: Difference) -> doc.Tiles:
-    """What changed, counted."""
+    """Numbers of changes."""
     lost = len(found.of_fate(Fate.WORSE, Fate.FAILS, Fate.VANISHED))
     return doc.Tiles(
         (
@@ -90,7 +91,7 @@ def _versions(found: Difference) -> doc.Block:
 
 
 def _reference(found: Difference) -> Iterator[doc.Block]:
-    """Figures of the reference that moved: errors are measured from it, so all of them move with it."""
+    """Figures of the reference that moved: all errors, measured from it, move with it."""
     if not found.references:
         return
     rows = [
@@ -107,8 +108,9 @@ def _reference(found: Difference) -> Iterator[doc.Block]:
     yield doc.Heading("The reference moved", 2, medium="any")
     yield doc.table("machine | figure | old | new | unit | uncertain by", rows)
     yield doc.Text(
-        "Its figures moved by more than they are uncertain by. The mechanism is the same, so the law of its stops is "
-        "another one, or one of the two references is wrong; errors that moved may only follow."
+        "Its figures moved by more than they are uncertain by. The mechanism is the same, so the "
+        "law of its stops is another one, or one of the two references is wrong; errors that moved "
+        "may only follow."
     )
 
 
@@ -219,7 +221,7 @@ def _value(metric: Metric | None) -> doc.Cell:
 
 
 def _factor(change: QuantityChange) -> str:
-    """New over old, as a multiple or a part; a bound where one of the errors is below what is unknown."""
+    """New over old, as a multiple or a part; a bound where one error is below what is unknown."""
     ratio = change.factor
     if ratio is None or ratio == 1:
         return "–"
@@ -311,13 +313,14 @@ def _diagnoses(found: Difference) -> Iterator[doc.Block]:
 
 
 def _conditions(found: Difference) -> Iterator[doc.Block]:
-    """Settings, tolerances asked for and horizons that are others: a change of ours, not of an engine."""
+    """Changed settings, tolerances and horizons: a change of ours, not of an engine."""
     sentences = [*found.conditions, *_settings(found.runs)]
     loosened = sum(_looser(change, found.factor) for change in found.quantities)
     if loosened:
         number = f"{loosened} of {len(found.quantities)}"
         sentences.append(
-            f"Tolerances of {number} quantities are looser now, by more than a factor {found.factor:g}."
+            f"Tolerances of {number} quantities are looser now, by more than a factor "
+            f"{found.factor:g}."
         )
     if sentences:
         yield doc.Heading("Conditions that changed", 2, medium="any")

@@ -28,7 +28,7 @@ def listing(benchmarks: Iterable[Benchmark]) -> doc.Document:
 
 
 def document(check: Check) -> doc.Document:
-    """One problem: what it is, its parameters, its figures beside the reference's, and its source's conditions."""
+    """One problem: its parameters, figures beside the reference's, and its source's conditions."""
     return doc.Document(f"{check.benchmark.number} {check.benchmark.name}", tuple(_blocks(check)))
 
 
