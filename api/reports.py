@@ -30,7 +30,7 @@ from ..comparisons.report.plots import (
     Symbol,
     engine_colour,
 )
-from ..comparisons.report.tables import mechanism_as_data
+from ..comparisons.report.pages.tables import mechanism_as_data
 
 __all__ = [
     "Axis",

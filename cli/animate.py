@@ -127,7 +127,8 @@ def _refuse_several(study: Study, out: Path) -> None:
     """
     if len(study.mechanisms) > 1 and out.suffix.lower() != ".html":
         raise InputError(
-            f"{out} can show one machine, not {len(study.mechanisms)}; a page (.html) shows several."
+            f"{out} can show one machine, not {len(study.mechanisms)}; a page (.html) shows "
+            "several."
         )
 
 
@@ -172,7 +173,8 @@ def _from_files(
     files = sorted(path.rglob("*.nc")) if path.is_dir() else [path]
     if not files:
         raise InputError(
-            f"{path} holds no trajectories (.nc); `trebucheck compare --out {path}` writes some there."
+            f"{path} holds no trajectories (.nc); `trebucheck compare --out {path}` writes some "
+            "there."
         )
     groups: dict[str, list[Trajectory]] = {}
     for file in files:

@@ -6,14 +6,14 @@ import importlib.metadata
 import os
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import cache
 from typing import Annotated, Any
 
 import typer
 
-from ..models.errors import SimulationError, TrebucheckError, shortened
+from ..models.errors import InputError, SimulationError, TrebucheckError, shortened
 from . import (
     animate,
     catalogue,
@@ -47,31 +47,83 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-for name, command in {
-    "compare": studies.compare_command,
-    "diff": diff.diff_command,
-    "explain": studies.explain_command,
-    "run": run.run_command,
-    "throw": throw.throw_command,
-    "animate": animate.animate_command,
-    "view": animate.view_command,
-    "certify": certify.certify_command,
-    "conform": conform.conform_command,
-    "judge": judge.judge_command,
-    "matrix": matrix.matrix_command,
-    "recommend": studies.recommend_command,
-    "converge": studies.converge_command,
-    "problems": problems.problems_command,
-    "data": data.data_command,
-    "figures": figures.figures_command,
-    "engines": catalogue.engines_command,
-}.items():
-    app.command(name)(command)
-# Commands of other distributions: the paper's audit, the check of importers, ...
-for point in importlib.metadata.entry_points(group="trebucheck.commands"):
-    app.command(point.name)(point.load())
-app.add_typer(catalogue.models_app, name="models")
-app.add_typer(plugin.plugin_app, name="plugin")
+# Commands by the question that they answer, in the order of the help.
+_AGREE = "Does an engine agree?"
+_WHY = "Why does it differ, and what helps?"
+_MOTION = "What does a machine do?"
+_TRUTH = "What is certain?"
+_THERE = "What is there?"
+_MORE = "From other distributions"
+_COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
+    _AGREE: {
+        "compare": studies.compare_command,
+        "judge": judge.judge_command,
+        "conform": conform.conform_command,
+        "matrix": matrix.matrix_command,
+        "diff": diff.diff_command,
+        "figures": figures.figures_command,
+    },
+    _WHY: {
+        "explain": studies.explain_command,
+        "converge": studies.converge_command,
+        "recommend": studies.recommend_command,
+    },
+    _MOTION: {
+        "throw": throw.throw_command,
+        "run": run.run_command,
+        "animate": animate.animate_command,
+        "view": animate.view_command,
+    },
+    _TRUTH: {
+        "certify": certify.certify_command,
+        "data": data.data_command,
+        "problems": problems.problems_command,
+    },
+    _THERE: {"engines": catalogue.engines_command},
+}
+for _panel, _commands in _COMMANDS.items():
+    for _name, _command in _commands.items():
+        app.command(_name, rich_help_panel=_panel)(_command)
+app.add_typer(catalogue.models_app, name="models", rich_help_panel=_THERE)
+app.add_typer(plugin.plugin_app, name="plugin", rich_help_panel=_THERE)
+
+
+def add_satellites(to: typer.Typer, points: Iterable[importlib.metadata.EntryPoint]) -> None:
+    """Add commands that other distributions bring: the paper's audit, the check of importers.
+
+    One that cannot be loaded says so when it is called, and spoils no other command. None takes the
+    place of a command of trebucheck.
+    """
+    own = {name for commands in _COMMANDS.values() for name in commands} | {"models", "plugin"}
+    for point in points:
+        if point.name in own:
+            continue
+        settings: dict[str, bool] = {}
+        try:
+            command = point.load()
+        except Exception as error:  # of a distribution that is not ours
+            command = _cannot_be_loaded(point, error)
+            settings = {"allow_extra_args": True, "ignore_unknown_options": True}
+        to.command(point.name, rich_help_panel=_MORE, context_settings=settings)(command)
+
+
+def _cannot_be_loaded(
+    point: importlib.metadata.EntryPoint, error: Exception
+) -> Callable[..., None]:
+    """A command that says why the one of that name is not there."""
+    distribution = point.dist.name if point.dist is not None else point.value
+
+    def command() -> None:
+        raise InputError(
+            f"the command {point.name!r} of {distribution} cannot be loaded: "
+            f"{type(error).__name__}: {error}."
+        )
+
+    command.__doc__ = f"Not available: {distribution} cannot be loaded."
+    return command
+
+
+add_satellites(app, importlib.metadata.entry_points(group="trebucheck.commands"))
 
 
 def _show_version(requested: bool) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..comparisons.compare.sentences import complaints, diagnosis
 from ..comparisons.compare.study import Case, MachineRuns
+from ..comparisons.report.pages.compare import complaints, diagnosis
 from ..comparisons.runs.quantities import QUANTITIES, judged_quantity
 from ..comparisons.runs.results import COMPARED, Run
 from ..comparisons.runs.study import Study

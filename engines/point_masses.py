@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from ..models.arrays import FloatArray
-from ..models.joints import GROUND, AnyJoint, PinJoint
+from ..models.elements import GROUND, AnyJoint, PinJoint
 from ..models.mechanism import Body, Mechanism
 from ..models.spec import Vector
 

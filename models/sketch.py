@@ -21,7 +21,7 @@ def on_a_line(points: ComplexArray) -> bool:
 
 
 def loaded_rod(body: Body, a: complex, b: complex) -> tuple[float, float, float] | None:
-    """Parts of the mass of a body that are a uniform rod from a to b, and point masses at a and at b.
+    """Mass of a uniform rod from a to b and of points at a and b, in parts of a body's.
 
     Mass, centre and inertia of the three are the body's; None where that needs a negative mass.
     """

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from ..models.arrays import FloatArray
 from ..models.errors import InputError
 from ..models.launch import Launch
-from ..models.machines.registry import library_problem, model
+from ..models.library.registry import library_problem, model
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem, StopLaw
 from ..models.shown import Shown
@@ -54,9 +54,8 @@ def solve(
         UnsupportedProblemError: the mechanism has an element that the reference does not know.
         SimulationError: the integrator gave up.
     """
-    return ReferenceMotion(
-        solver.solve(problem_of(mechanism, duration, stop_law), *(tolerance,) * 2)
-    )
+    problem = problem_of(mechanism, duration, stop_law)
+    return ReferenceMotion(solver.solve(problem, rtol=tolerance, atol=tolerance))
 
 
 def problem_of(
@@ -68,10 +67,11 @@ def problem_of(
         InputError: nothing has that name, the file cannot be read, or a value is not valid.
     """
     problem = _described(mechanism)
-    changes: dict[str, object] = {"duration": duration, "stop_law": stop_law}
-    fields = {"duration": problem.duration, "stop_law": problem.stop_law}
-    fields |= {name: value for name, value in changes.items() if value is not None}
-    return Problem(problem.mechanism, **fields)
+    if duration is None and stop_law is None:
+        return problem
+    end = problem.duration if duration is None else duration
+    law = problem.stop_law if stop_law is None else stop_law
+    return Problem(problem.mechanism, end, stop_law=law)
 
 
 def _described(mechanism: Described) -> Problem:

@@ -24,7 +24,7 @@ from trebucheck.comparisons.report.pages import throw as throw_report
 from trebucheck.comparisons.report.pages.run import certificate_report
 from trebucheck.comparisons.runs.results import Outcome
 from trebucheck.comparisons.runs.study import Study
-from trebucheck.models.problems.registry import benchmark
+from trebucheck.models.library.registry import benchmark
 from trebucheck.reference.certification.certificate import load_certificate
 from trebucheck.reference.sensitivity.release import sensitivities_of
 from trebucheck.reference.throw.throw import perform

@@ -32,6 +32,8 @@ from ...reference.solution import Solution
 from ...reference.solver import solve
 from ..runs.impacts import impact_times
 from ..runs.metrics import THROWN, Comparison, against
+from ..runs.quantities import Kind as QuantityKind
+from ..runs.quantities import Quantity
 from ..runs.results import Cause, Diagnosis, Equality, Metric
 from ..runs.runner import failure
 from .case import FINE, ROUGH, Case, estimate, fit, match
@@ -58,15 +60,7 @@ from .faults import (
 )
 from .fit import Found, better, faults_at_the_same_motion, fitting_faults
 from .rank import SAME, SUFFICIENT, Estimate, measured, ranked
-from .readings import (
-    NO_MOTION,
-    Reading,
-    energy_readings,
-    late_readings,
-    mistaken_readings,
-    partly_late_readings,
-    plain_readings,
-)
+from .readings import NO_MOTION, Reading, all_readings, partly_late_readings
 from .rerun import Rerun
 
 _COARSE = 1e-9  # tolerance of the coarser integration: its error is far above the finer one's
@@ -187,7 +181,10 @@ _ENERGIES = {
 
 
 def growth(solution: Solution, t: FloatArray) -> FloatArray:
-    """To which share of its size at the end an error has grown by t on the certified motion, at most 1, shape (n,)."""
+    """Share of its size at the end to which an error has grown by t, shape (n,).
+
+    It is measured on the certified motion, against a coarser integration; at most 1.
+    """
     problem = solution.problem
     coarse = solve(
         Problem(problem.mechanism, duration=problem.duration, stop_law=problem.stop_law),
@@ -215,19 +212,10 @@ _MISREAD = (
 _RIGHT = 1e-6  # of the sizes of quantities: what deviates by less is right
 
 
-_STATE = ("coordinates", "speeds of coordinates")
-
-
 _STATE_METRICS = frozenset({"angle_max", "angular_speed_max", "slide_max", "slide_speed_max"})
-
-
 _POINT_METRICS = frozenset({"position_max", "velocity_max"})
-
-
-_UNTOLD = (
-    "torque",
-    "force",
-)  # what solvers compute by iteration may be noisy on a right motion: no mistake of reading
+_FORCES = frozenset({QuantityKind.TORQUE, QuantityKind.FORCE})
+"""Solvers find them by iteration: noise in them on a right motion is no mistake of reading."""
 
 
 @one_thread()
@@ -239,7 +227,7 @@ def diagnose_motion(
     rerun: Rerun | None = None,
     told: frozenset[str] | None = None,
 ) -> Diagnosis:
-    """The onset of the divergence from the reference, the first violated quantity, and the likeliest causes.
+    """Find the onset of the divergence, the first violated quantity and the likeliest causes.
 
     Args:
         broken: metrics of the motion that violate their tolerances, at least one.
@@ -267,13 +255,13 @@ def diagnose_motion(
 
 
 def failed_diagnosis(broken: Sequence[Metric], error: Exception) -> Diagnosis:
-    """In the place of a diagnosis that raised: it must not cost the motion that it is about, and it says why."""
+    """A diagnosis that says why it failed: it must not cost the motion that it is about."""
     worst = max(broken, key=lambda metric: metric.share or 0.0)
     return Diagnosis(leads=worst.label, note=failure(error)[1].removesuffix("."))
 
 
 def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[Cause, ...], int]:
-    """Suspects in the order of what they cost, and the next kind only if the last explains too little.
+    """Suspects in the order of their cost; the next kind only if the last explains too little.
 
     Mistakes of reading cost next to nothing. An engine is run again only if nothing else explains
     its deviation.
@@ -315,7 +303,10 @@ def _misshapen(case: Case) -> Iterator[Cause]:
 
 
 def _outright_causes(case: Case) -> Iterator[Cause]:
-    """What a trajectory shows by itself: an early end, values that are no numbers, markers that it does not have."""
+    """Causes that a trajectory shows by itself.
+
+    An early end, values that are no numbers, and markers that it does not have.
+    """
     for name in case.missing_markers:
         yield Cause(name=f"no marker {name}", kind="reading", explained=1.0)
     last, step = float(case.whole.t[-1]), case.step
@@ -338,14 +329,14 @@ def _outright_causes(case: Case) -> Iterator[Cause]:
 
 
 def _first_sample(case: Case) -> Iterator[Cause]:
-    """Quantities that are wrong at t = 0 and nowhere else, as of engines that compute them in a step."""
+    """Quantities that are wrong at t = 0 alone, as of engines that compute them in a step."""
     error, later = (
         case.first_errors,
         float(np.abs(case.channels.stacked(case.trajectory, case.reference)).max()),
     )
     wrong = [name for name, size in error.items() if size > later / _MISREAD]
     if wrong:
-        what = ", ".join(sorted({name.split(" of the ")[0] for name in wrong}))
+        what = ", ".join(sorted({Quantity.parse(name).kind for name in wrong}))
         share = 1.0 - later / max(error[name] for name in wrong)
         yield Cause(name=f"first sample: {what}", kind="reading", explained=share)
 
@@ -414,7 +405,7 @@ def _law_causes(case: Case) -> Iterator[Cause | Estimate]:
 
 
 def _open_stops(case: Case) -> Iterator[Cause]:
-    """Releases told of stops that are open at the start, where nothing else is wrong and the law knows none."""
+    """Releases recorded of stops that are open at the start, where nothing else is wrong."""
     wrong = [
         s.name
         for s in case.mechanism.stops
@@ -504,22 +495,14 @@ def _schedule(
     return case.signature(solution.trajectory(case.t))
 
 
-def _readings(case: Case) -> Iterator[Reading]:
-    """Readings of the reference that are wrong in one way."""
-    yield from plain_readings(case.solution, case.reference, case.trajectory, case.step)
-    yield from energy_readings(case.reference)
-    yield from late_readings(case.solution, case.reference, case.step)
-    yield from mistaken_readings(case.reference, case.trajectory)
-
-
 def _reading_causes(case: Case) -> list[Cause]:
     """Where no single kind of quantity is read late, all that deviate may be."""
-    found = list(_fitted(case, _readings(case)))
+    readings = all_readings(case.solution, case.reference, case.trajectory, case.step)
+    found = list(_fitted(case, readings))
     if max((cause.explained for cause in found), default=0.0) < SAME:
-        wrong = _wrong_quantities(case)
-        found += _fitted(
-            case, partly_late_readings(case.solution, case.reference, case.step, wrong)
-        )
+        wrong = {Quantity.parse(name).kind for name in _wrong_quantities(case)}
+        late = partly_late_readings(case.solution, case.reference, case.step, wrong)
+        found += _fitted(case, late)
     return found
 
 
@@ -559,33 +542,42 @@ def _wrong_quantities(case: Case) -> list[str]:
 
 
 def _motion_agrees(case: Case) -> bool:
-    """Whether coordinates and speeds are right, or all positions and velocities are, while others deviate.
+    """Whether coordinates and speeds are right, or all positions and velocities, and others not.
 
     Right is what deviates by a small part of the whole deviation, and keeps its tolerance: an
     energy that depends on the square of a speed outweighs what goes with it.
     """
-    wrong = _wrong_quantities(case)
-    points = [name for name in case.shares if name.startswith(("position", "velocity"))]
-    right = [
-        all(name in case.shares and name not in wrong for name in names)
-        and not case.broken & metrics
-        for names, metrics in ((_STATE, _STATE_METRICS), (points, _POINT_METRICS))
-        if names
-    ]
-    return bool(wrong) and any(right)
+    wrong = set(_wrong_quantities(case))
+    state = {QuantityKind.COORDINATES.value, QuantityKind.SPEEDS.value}
+    points = {
+        name
+        for name in case.shares
+        if Quantity.parse(name).kind in (QuantityKind.POSITION, QuantityKind.VELOCITY)
+    }
+    state_agrees = (
+        state <= case.shares.keys() and not state & wrong and not case.broken & _STATE_METRICS
+    )
+    points_agree = bool(points) and not points & wrong and not case.broken & _POINT_METRICS
+    return bool(wrong) and (state_agrees or points_agree)
+
+
+def _forces_deviate(case: Case) -> bool:
+    return any(Quantity.parse(name).kind in _FORCES for name in _wrong_quantities(case))
 
 
 def _only_readings(case: Case, named: Sequence[Cause]) -> bool:
-    """Whether the motion follows the reference; where forces deviate, only if a mistake of reading them is named."""
-    forces = any(name.startswith(_UNTOLD) for name in _wrong_quantities(case))
+    """Whether the motion follows the reference.
+
+    Where forces deviate, it does only if a mistake of reading them is named.
+    """
     misread = bool(named) and all(cause.kind == "reading" for cause in named)
-    return _motion_agrees(case) and (misread or not forces)
+    return _motion_agrees(case) and (misread or not _forces_deviate(case))
 
 
 def _misread(case: Case) -> Iterator[Cause]:
     """Quantities that are read wrongly in a way that no suspect has: the motion itself is right."""
     wrong = _wrong_quantities(case)
-    if _motion_agrees(case) and not any(name.startswith(_UNTOLD) for name in wrong):
+    if _motion_agrees(case) and not _forces_deviate(case):
         rest = float(
             np.linalg.norm([share for name, share in case.shares.items() if name not in wrong])
         )
@@ -634,7 +626,7 @@ def check_and_diagnose(engine: Engine, mechanism: Mechanism) -> tuple[Equality, 
 
 @one_thread()
 def diagnose_model(engine: Engine, mechanism: Mechanism, broken: Equality) -> Diagnosis:
-    """What may have been built wrong, the most likely first."""
+    """Suspected mistakes of a built model, the most likely first."""
     worst = max(
         broken.broken,
         key=lambda check: math.inf if check.value is None else check.value / check.tolerance,
@@ -672,7 +664,7 @@ def _unknown_stops(
 def _plain(
     mechanism: Mechanism, states: Sequence[State], inspection: Inspection
 ) -> Iterator[Cause]:
-    """Causes that single quantities show: a wrong start, a stop at a wrong position, a missing stop."""
+    """Causes that single quantities show: a wrong start, a misplaced stop, a missing one."""
     for i, (name, value, right) in enumerate(
         zip(mechanism.coordinates, inspection.start, mechanism.start, strict=True)
     ):
@@ -703,14 +695,14 @@ def _plain(
 
 
 def _difference(value: float, unit: str) -> str:
-    """As text, unless it is an angle of more than a turn, whose size says nothing."""
+    """A difference in words; nothing for an angle of more than a turn."""
     return "" if unit == "rad" and abs(value) > 2 * math.pi else f"{value:+.3g} {unit}"
 
 
 def _walls(
     mechanism: Mechanism, states: Sequence[State], inspection: Inspection
 ) -> Iterator[Cause]:
-    """Walls at wrong positions, by the gaps alone: no other quantity may show a point that is off its wall."""
+    """Walls at wrong positions, by the gaps alone: nothing else may show them."""
     right = expected(mechanism, states)
     deviation = _gaps(right, inspection.dynamics, inspection.dynamics)
     if np.abs(deviation).max(initial=0.0) <= EXACT:
@@ -743,7 +735,7 @@ def _mistaken(angle: float, right: float) -> str:
 def _fitted_model(
     mechanism: Mechanism, states: Sequence[State], inspection: Inspection
 ) -> Iterator[Cause]:
-    """Suspects whose mechanisms differ from the right one in the same way, start and stops included."""
+    """Suspects whose mechanisms differ from the right one alike, start and stops included."""
     right = expected(mechanism, states)
     gaps = _gaps(right, inspection.dynamics, inspection.dynamics)
     start = inspection.start - np.array(mechanism.start)
@@ -779,7 +771,7 @@ def _gross(mechanism: Mechanism) -> Iterator[tuple[str, Kind, Equations]]:
 def _measured(
     hypothesis: Hypothesis, deviation: FloatArray, signatures: Callable[[Equations], FloatArray]
 ) -> Found | None:
-    """A hypothesis of the size that fits, with the share that it accounts for at that size; None if it does not fit.
+    """A hypothesis of the size that fits, with the share that it explains; None if none fits.
 
     Args:
         hypothesis: with a size of one number or several.
@@ -819,7 +811,7 @@ def _measured(
 def _columns(
     hypothesis: Hypothesis, factors: FloatArray, signatures: Callable[[Equations], FloatArray]
 ) -> FloatArray | None:
-    """Change of the signatures with each component, shape (n_components, n_ways, n); None where there is none."""
+    """Change of the signatures with each component, shape (n_components, n_ways, n), or None."""
     units = np.eye(len(factors))
     made = [hypothesis.make(each.tolist()) for each in (factors, *(factors + units))]
     if any(equations is None for equations in made):
@@ -829,7 +821,7 @@ def _columns(
 
 
 def _sensible(hypothesis: Hypothesis, factors: FloatArray, step: FloatArray) -> FloatArray | None:
-    """The factors after the step, or after so small a part of it that the size makes sense; None where none does."""
+    """The factors after the step, or after a part of it for which the size makes sense."""
     for part in _PARTS:
         if hypothesis.equations((factors + part * step).tolist()) is not None:
             return factors + part * step
@@ -843,7 +835,7 @@ def _signatures(
     states: Sequence[State],
     inspection: Inspection,
 ) -> Iterator[FloatArray]:
-    """Signatures of wrong equations, in an engine with absolute coordinates and in one that counts from its start.
+    """Signatures of wrong equations, in absolute coordinates and in those from the start.
 
     The latter's coordinates are off by the error of its start. And a stop at a wrong position need
     not have moved the start with it.
@@ -867,7 +859,7 @@ def _signatures(
 
 
 def _gaps(right: Expected, dynamics: Sequence[Dynamics], like: Sequence[Dynamics]) -> FloatArray:
-    """Errors of the stops' gaps [rad or m] where an engine exposes them; all states together count as one."""
+    """Errors of the stops' gaps [rad or m] that an engine exposes; all states count as one."""
     errors = [
         engine_values.stop_gaps[name] - reference_gaps[name]
         for engine_values, reference_gaps, exposed in zip(dynamics, right.gaps, like, strict=True)

@@ -1,35 +1,50 @@
-"""Mistakes of reading a right motion: wrong scale, sign, point, time, unit or precision of what is recorded."""
+"""Mistakes of adapters in reading a right motion, as a table of names and transformations.
+
+A mistake changes the arrays of some kinds of quantity (:func:`change`): it scales, mirrors, shifts,
+rounds or exchanges them, or takes them from another time. Those with a size are made with size one
+and fitted to a deviation. The others are not fitted, so that what they explain is evidence; of
+those that not every joint, marker or coordinate need share, each subject has the value, right or
+misread, that is nearer to the recorded one.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import product
 
 import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.elements import GROUND
-from ...models.kinematics import Kinematics
 from ...models.mechanism import Body, Mechanism
 from ...models.spec import Vector
 from ...models.trajectory import PointMotion, Trajectory
 from ...reference.equations import Equations
 from ...reference.solution import Solution
+from ..runs.quantities import Kind
 from .faults import mechanism_length
 
 NO_MOTION = "no motion: everything as at the start"
 
-
 _DEGREES = 180 / math.pi
-
-
-_ALIKE = 1e-3  # of a factor that is taken for a sign or a unit
-
-
+_UNIT = 1e-3  # of a factor that is taken for a sign or a unit
 _NOTHING = 1e-6  # a factor that is taken for zero
+_SAME_COURSE = 1e-6  # of a part: what is left of it beside the whole
+_INSTANT = 1e-6  # of the compared time: a shift of size one
+_LATEST = 0.2  # of the compared time: what is later by more is not the same motion at another time
+_STEADY = 0.01  # of an angle's largest difference: one that varies by more is no other zero
+_ROUNDING = 1e-9  # of values that are the same
+
+_ALL = frozenset(Kind)
+_POINTS = frozenset({Kind.POSITION, Kind.VELOCITY})
+_FORCES = frozenset({Kind.TORQUE, Kind.FORCE})
+_ENERGIES = frozenset({Kind.KINETIC_ENERGY, Kind.POTENTIAL_ENERGY})
+_PLACES = frozenset({Kind.COORDINATES, Kind.POSITION, Kind.POTENTIAL_ENERGY})
+
+Values = Mapping[str, FloatArray]
+Transform = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -38,184 +53,147 @@ class Reading:
 
     name: str
     wrong: tuple[Trajectory, ...]
-    """With a mistake of size one; of several numbers, with each of them. Linear in them, but for times."""
+    """The mistake of size one; of several numbers, each of them. Linear, but for times."""
     text: Callable[[Sequence[float]], str] | None = None
     """The size, from the fitted factors; None: it has none."""
     at: Callable[[float], Trajectory | None] | None = None
-    """With a mistake of another size, where that is not linear; None where that makes no sense."""
+    """The mistake of another size, where that is not linear; None where it makes no sense."""
     least: float = -math.inf
     """The smallest factor that makes sense."""
 
 
-def plain_readings(
-    solution: Solution, reference: Trajectory, given: Trajectory, step: float
+def change(
+    r: Trajectory,
+    kinds: Collection[Kind],
+    to: Callable[[Kind, str, FloatArray], FloatArray],
+    only: Collection[str] | None = None,
+) -> Trajectory:
+    """A trajectory with the arrays of some kinds of quantity changed.
+
+    Args:
+        kinds: torques are those of all stops, forces those of all joints.
+        to: new values by kind, subject ('' of coordinates and energies) and old values.
+        only: subjects that are changed; None: all.
+    """
+
+    def new(kind: Kind, values: FloatArray, subject: str = "") -> FloatArray:
+        chosen = kind in kinds and (only is None or subject in only)
+        return to(kind, subject, values) if chosen else values
+
+    return replace(
+        r,
+        q=new(Kind.COORDINATES, r.q),
+        u=new(Kind.SPEEDS, r.u),
+        markers={
+            n: PointMotion(new(Kind.POSITION, m.position, n), new(Kind.VELOCITY, m.velocity, n))
+            for n, m in r.markers.items()
+        },
+        stop_torques={n: new(Kind.TORQUE, v, n) for n, v in r.stop_torques.items()},
+        joint_reactions={n: new(Kind.FORCE, v, n) for n, v in r.joint_reactions.items()},
+        kinetic_energy=new(Kind.KINETIC_ENERGY, r.kinetic_energy),
+        potential_energy=new(Kind.POTENTIAL_ENERGY, r.potential_energy),
+    )
+
+
+def _values(r: Trajectory) -> dict[tuple[Kind, str], FloatArray]:
+    """All arrays of a trajectory by kind and subject."""
+    values: dict[tuple[Kind, str], FloatArray] = {}
+
+    def keep(kind: Kind, subject: str, array: FloatArray) -> FloatArray:
+        values[kind, subject] = array
+        return array
+
+    change(r, _ALL, keep)
+    return values
+
+
+def all_readings(
+    solution: Solution, reference: Trajectory, recorded: Trajectory, step: float
 ) -> Iterator[Reading]:
     """Readings of the reference that are wrong in one way.
 
     Args:
-        reference: at the engine's times.
-        given: the engine's.
+        solution: the reference's.
+        reference: at the recorded times.
+        recorded: the engine's trajectory.
         step: the engine's [s].
     """
     yield from _scales(reference, step)
-    yield from _axes(reference)
-    yield from _points(solution, reference)
+    for how, mirror in MIRRORS:
+        for what, kinds in (("markers", _POINTS), ("velocities of the markers", {Kind.VELOCITY})):
+            yield _unsized(f"{what} {how}", reference, kinds, mirror)
+    yield from _points(reference)
     yield from _of_coordinates(reference)
-    for kind, cut in (("single precision", _single), ("six digits", _six_digits)):
-        yield Reading(f"values in {kind}", (_rounded(reference, given, cut),))
-    yield Reading(NO_MOTION, (_frozen(solution, reference),))
+    yield from _rounded(reference, recorded)
+    yield _frozen(solution, reference)
+    yield from _energies(reference)
+    yield from _late(solution, reference, step)
+    yield from _forces(reference, recorded)
+    yield from _torques(reference, recorded)
+    yield from _markers(reference, recorded)
+    yield from _orders(reference, recorded)
+    yield from _conventions(reference, recorded)
+
+
+def _unsized(name: str, r: Trajectory, kinds: Collection[Kind], to: Transform) -> Reading:
+    return Reading(name, (change(r, kinds, lambda _, __, v: to(v)),))
+
+
+# ------------------------------------------------------------------------------------------ scales
+
+_SCALES: tuple[tuple[str, str, int, frozenset[Kind]], ...] = (
+    ("the {}'s {effort}", "all stop torques", 2, frozenset({Kind.TORQUE})),
+    ("the {}'s force", "all joint forces", 0, frozenset({Kind.FORCE})),
+    ("the {}", "the markers", 2, _POINTS),
+    ("the position of {}", "the position of markers", 2, frozenset({Kind.POSITION})),
+    ("the velocity of {}", "the velocity of markers", 2, frozenset({Kind.VELOCITY})),
+    ("", "the coordinates", 0, frozenset({Kind.COORDINATES})),
+    ("", "the coordinates' speeds", 0, frozenset({Kind.SPEEDS})),
+    ("", "the coordinates and their speeds", 0, frozenset({Kind.COORDINATES, Kind.SPEEDS})),
+    ("", "all speeds", 0, frozenset({Kind.SPEEDS, Kind.VELOCITY})),
+    ("", "the kinetic energy", 0, frozenset({Kind.KINETIC_ENERGY})),
+    ("", "the potential energy", 0, frozenset({Kind.POTENTIAL_ENERGY})),
+    ("", "all masses, forces and energies", 0, _FORCES | _ENERGIES),
+    ("", "both energies", 0, _ENERGIES),
+)
+"""Name of one subject's scale, name of that of all, how many there must be for it, and kinds."""
 
 
 def _scales(r: Trajectory, step: float) -> Iterator[Reading]:
-    """One kind of quantity, or that of one stop, joint or marker, times a number."""
-
-    def scaled(what: str, **doubled: object) -> Reading:
-        wrong = replace(r, **doubled)  # type: ignore[arg-type]
-        of_force = step if what.endswith(("torque", "torques", "force", "forces")) else math.nan
-        return Reading(f"scale of {what}", (wrong,), lambda f: scale_text(f[0], of_force))
-
-    for name, torque in r.stop_torques.items():
-        if torque.any():
-            effort = r.mechanism.stop(name).effort
-            yield scaled(
-                f"the {name}'s {effort}", stop_torques={**r.stop_torques, name: 2 * torque}
-            )
-    if len(r.stop_torques) > 1:
-        yield scaled("all stop torques", stop_torques={n: 2 * v for n, v in r.stop_torques.items()})
-    for name, force in r.joint_reactions.items():
-        yield scaled(f"the {name}'s force", joint_reactions={**r.joint_reactions, name: 2 * force})
-    yield scaled(
-        "all joint forces", joint_reactions={n: 2 * v for n, v in r.joint_reactions.items()}
-    )
-    for position, velocity, what in ((2, 2, ""), (2, 1, "position of "), (1, 2, "velocity of ")):
-        points = {
-            n: PointMotion(position * m.position, velocity * m.velocity)
-            for n, m in r.markers.items()
-        }
-        for name in r.markers:
-            yield scaled(f"the {what}{name}", markers={**r.markers, name: points[name]})
-        if len(points) > 1:
-            yield scaled(f"the {what}markers", markers=points)
-    yield scaled("the coordinates", q=2 * r.q)
-    yield scaled("the coordinates' speeds", u=2 * r.u)
-    yield scaled("the coordinates and their speeds", q=2 * r.q, u=2 * r.u)
-    yield scaled(
-        "all speeds",
-        u=2 * r.u,
-        markers={n: PointMotion(m.position, 2 * m.velocity) for n, m in r.markers.items()},
-    )
-    yield scaled("the kinetic energy", kinetic_energy=2 * r.kinetic_energy)
-    yield scaled("the potential energy", potential_energy=2 * r.potential_energy)
-    yield _unit_of_mass(r)
-    yield scaled(
-        "both energies",
-        kinetic_energy=2 * r.kinetic_energy,
-        potential_energy=2 * r.potential_energy,
-    )
+    """Some kinds of quantity, of one subject or of all, times a number."""
+    subjects = {Kind.TORQUE: r.stop_torques, Kind.FORCE: r.joint_reactions}
+    for one, every, at_least, kinds in _SCALES:
+        names = list(subjects.get(next(iter(kinds)), r.markers)) if one or at_least else []
+        for name in names if one else ():
+            if kinds != {Kind.TORQUE}:
+                yield _scale(one.format(name), r, kinds, step, [name])
+            elif r.stop_torques[name].any():
+                what = one.format(name, effort=r.mechanism.stop(name).effort)
+                yield _scale(what, r, kinds, step, [name])
+        if len(names) >= at_least:
+            yield _scale(every, r, kinds, step)
 
 
-def _unit_of_mass(r: Trajectory) -> Reading:
-    """All that is proportional to mass."""
-    wrong = replace(
-        r,
-        stop_torques={n: 2 * v for n, v in r.stop_torques.items()},
-        joint_reactions={n: 2 * v for n, v in r.joint_reactions.items()},
-        kinetic_energy=2 * r.kinetic_energy,
-        potential_energy=2 * r.potential_energy,
-    )
-    return Reading(
-        "scale of all masses, forces and energies",
-        (wrong,),
-        lambda f: scale_text(f[0]),
-        least=_NOTHING - 1.0,
-    )
-
-
-def _axes(r: Trajectory) -> Iterator[Reading]:
-    """Components of the markers' motion with the wrong sign, or exchanged."""
-    changes: tuple[tuple[str, Callable[[FloatArray], FloatArray]], ...] = (
-        ("mirrored, x", lambda v: v * [-1, 1]),
-        ("mirrored, y", lambda v: v * [1, -1]),
-        ("x and y exchanged", lambda v: v[:, ::-1]),
-    )
-    for how, change in changes:
-        mirrored = {
-            n: PointMotion(change(m.position), change(m.velocity)) for n, m in r.markers.items()
-        }
-        yield Reading(f"markers {how}", (replace(r, markers=mirrored),))
-        slow = {n: PointMotion(m.position, mirrored[n].velocity) for n, m in r.markers.items()}
-        yield Reading(f"velocities of the markers {how}", (replace(r, markers=slow),))
-
-
-def _points(solution: Solution, r: Trajectory) -> Iterator[Reading]:
-    """Positions from another origin, and markers at a point that is a little off on the body."""
-    kinematics, length = solution.equations.kinematics, mechanism_length(r.mechanism)
-    yield _origin("the positions", r, list(r.markers), length)
-    if len(r.markers) > 1:
-        yield from (_origin(f"the {name}'s position", r, [name], length) for name in r.markers)
-    for marker in r.mechanism.markers:
-        if marker.name not in r.markers:
-            continue
-        if marker.body != GROUND:
-            shifts = [
-                (marker.point[0] + length, marker.point[1]),
-                (marker.point[0], marker.point[1] + length),
-            ]
-            moved = [_at(kinematics, r, marker.body, point) for point in shifts]
-            wrong = tuple(
-                replace(r, markers={**r.markers, marker.name: motion}) for motion in moved
-            )
-            yield Reading(
-                f"point of the {marker.name} on the {marker.body}", wrong, _shift_text(length)
-            )
-
-
-def _origin(what: str, r: Trajectory, names: Sequence[str], length: float) -> Reading:
-    """Positions of markers counted from elsewhere."""
-
-    def moved(shift: Sequence[float]) -> Trajectory:
-        points = {
-            n: PointMotion(r.markers[n].position + length * np.array(shift), r.markers[n].velocity)
-            for n in names
-        }
-        return replace(r, markers={**r.markers, **points})
-
-    return Reading(f"origin of {what}", (moved((1, 0)), moved((0, 1))), _shift_text(length))
-
-
-def _at(kinematics: Kinematics, r: Trajectory, body: str, point: Vector) -> PointMotion:
-    row = kinematics.point(body, point)
-    return PointMotion(kinematics.position(row, r.q), kinematics.velocity(row, r.q, r.u))
-
-
-def _shift_text(length: float) -> Callable[[Sequence[float]], str]:
-    return lambda f: f"x {f[0] * length:+.3g} m, y {f[1] * length:+.3g} m"
-
-
-def _of_coordinates(r: Trajectory) -> Iterator[Reading]:
-    """Angles and their speeds: single signs, wrapped."""
-    for i, name in enumerate(r.mechanism.coordinates):
-        sign = np.ones(r.q.shape[1])
-        sign[i] = -1.0
-        yield Reading(f"sign of {name} and its speed", (replace(r, q=sign * r.q, u=sign * r.u),))
-        yield Reading(f"sign of {name}", (replace(r, q=sign * r.q),))
-        yield Reading(f"sign of the speed of {name}", (replace(r, u=sign * r.u),))
-    is_angle = np.arange(r.q.shape[1]) < len(r.mechanism.angles)
-    wrapped = np.angle(np.exp(1j * r.q))
-    yield Reading(
-        "angles wrapped to half a turn", (replace(r, q=np.where(is_angle, wrapped, r.q)),)
-    )
-    yield Reading(
-        "angles wrapped to a turn", (replace(r, q=np.where(is_angle, r.q % (2 * math.pi), r.q)),)
-    )
+def _scale(
+    what: str,
+    r: Trajectory,
+    kinds: frozenset[Kind],
+    step: float,
+    only: Collection[str] | None = None,
+) -> Reading:
+    impulse = step if kinds <= _FORCES else math.nan  # a force times the step is an impulse
+    # A mass that is negative makes no sense.
+    least = _NOTHING - 1.0 if kinds == _FORCES | _ENERGIES else -math.inf
+    wrong = change(r, kinds, lambda _, __, v: 2 * v, only)
+    return Reading(f"scale of {what}", (wrong,), lambda f: scale_text(f[0], impulse), least=least)
 
 
 def scale_text(factor: float, step: float = math.nan) -> str:
-    """Of a mistake that adds so many times the right value; a sign or a unit where it is one.
+    """The mistake that adds `factor` times the right value; a sign or a unit where it is one.
 
     Args:
         factor: of the right value, added to it.
-        step: the engine's [s]: a force times it is an impulse.
+        step: the engine's [s], of a force; else not a number.
     """
     value = 1.0 + factor
     known = {
@@ -226,40 +204,95 @@ def scale_text(factor: float, step: float = math.nan) -> str:
         1 / step: f"times {value:.6g}, one over the step",
     }
     for number, text in known.items():
-        if abs(value - number) < _ALIKE * abs(number):
+        if abs(value - number) < _UNIT * abs(number):
             return text
     return "always zero" if abs(value) < _NOTHING else f"times {value:.6g}"
 
 
-def _rounded(
-    r: Trajectory, given: Trajectory, cut: Callable[[FloatArray], FloatArray]
-) -> Trajectory:
-    """The reference, rounded in those quantities that are rounded in the given trajectory."""
+# ------------------------------------------------------------------------ axes, points, coordinates
 
-    def like(own: FloatArray, other: FloatArray | None) -> FloatArray:
-        return cut(own) if other is not None and np.array_equal(cut(other), other) else own
+MIRRORS: tuple[tuple[str, Transform], ...] = (
+    ("mirrored, x", lambda v: v * [-1, 1]),
+    ("mirrored, y", lambda v: v * [1, -1]),
+    ("x and y exchanged", lambda v: v[:, ::-1]),
+)
+"""Components of vectors with the wrong sign, or exchanged."""
 
-    def each(
-        own: Mapping[str, FloatArray], other: Mapping[str, FloatArray]
-    ) -> dict[str, FloatArray]:
-        return {name: like(values, other.get(name)) for name, values in own.items()}
 
-    points = {name: given.markers.get(name, motion) for name, motion in r.markers.items()}
-    return replace(
-        r,
-        q=like(r.q, given.q),
-        u=like(r.u, given.u),
-        markers={
-            n: PointMotion(
-                like(m.position, points[n].position), like(m.velocity, points[n].velocity)
-            )
-            for n, m in r.markers.items()
-        },
-        kinetic_energy=like(r.kinetic_energy, given.kinetic_energy),
-        potential_energy=like(r.potential_energy, given.potential_energy),
-        stop_torques=each(r.stop_torques, given.stop_torques),
-        joint_reactions=each(r.joint_reactions, given.joint_reactions),
+def _points(r: Trajectory) -> Iterator[Reading]:
+    """Positions from another origin, and markers at a point that is a little off on the body."""
+    length = mechanism_length(r.mechanism)
+
+    def text(f: Sequence[float]) -> str:
+        return f"x {f[0] * length:+.3g} m, y {f[1] * length:+.3g} m"
+
+    origins = {"the positions": list(r.markers)}
+    if len(r.markers) > 1:
+        origins |= {f"the {name}'s position": [name] for name in r.markers}
+    for what, names in origins.items():
+        wrong = tuple(
+            change(r, {Kind.POSITION}, lambda _, __, v, s=shift: v + length * np.array(s), names)
+            for shift in ((1, 0), (0, 1))
+        )
+        yield Reading(f"origin of {what}", wrong, text)
+    for marker in r.mechanism.markers:
+        if marker.name in r.markers and marker.body != GROUND:
+            x, y = marker.point
+            moved = [_at(r, marker.body, point) for point in ((x + length, y), (x, y + length))]
+            wrong = tuple(_with(r, {marker.name: motion}) for motion in moved)
+            yield Reading(f"point of the {marker.name} on the {marker.body}", wrong, text)
+
+
+def _at(r: Trajectory, body: str, point: Vector) -> PointMotion:
+    """Motion of a point of a body."""
+    row = r.kinematics.point(body, point)
+    return PointMotion(r.kinematics.position(row, r.q), r.kinematics.velocity(row, r.q, r.u))
+
+
+def _with(r: Trajectory, changed: Mapping[str, PointMotion]) -> Trajectory:
+    """The trajectory with other motions of some markers."""
+    return replace(r, markers={**r.markers, **changed})
+
+
+def _of_coordinates(r: Trajectory) -> Iterator[Reading]:
+    """Single signs of coordinates and speeds, and angles that are wrapped."""
+    both = {Kind.COORDINATES, Kind.SPEEDS}
+    for i, name in enumerate(r.mechanism.coordinates):
+        sign = np.ones(r.q.shape[1])
+        sign[i] = -1.0
+        for what, kinds in (
+            (f"{name} and its speed", both),
+            (name, {Kind.COORDINATES}),
+            (f"the speed of {name}", {Kind.SPEEDS}),
+        ):
+            yield _unsized(f"sign of {what}", r, kinds, lambda v, sign=sign: sign * v)
+    is_angle = np.arange(r.q.shape[1]) < len(r.mechanism.angles)
+    wraps: tuple[tuple[str, Transform], ...] = (
+        ("half a turn", lambda q: np.angle(np.exp(1j * q))),
+        ("a turn", lambda q: q % (2 * math.pi)),
     )
+    for what, wrap in wraps:
+        q = np.where(is_angle, wrap(r.q), r.q)
+        yield Reading(f"angles wrapped to {what}", (replace(r, q=q),))
+
+
+# ------------------------------------------------------------------------- precision, and no motion
+
+
+def _rounded(r: Trajectory, recorded: Trajectory) -> Iterator[Reading]:
+    """The reference, rounded in those quantities that are rounded in the recorded trajectory."""
+    given = _values(recorded)
+    cuts: tuple[tuple[str, Transform], ...] = (
+        ("single precision", _single),
+        ("six digits", _six_digits),
+    )
+    for what, cut in cuts:
+
+        def like(kind: Kind, subject: str, v: FloatArray, cut: Transform = cut) -> FloatArray:
+            other = given.get((kind, subject))
+            return cut(v) if other is not None and np.array_equal(cut(other), other) else v
+
+        yield Reading(f"values in {what}", (change(r, _ALL, like),))
 
 
 def _single(values: FloatArray) -> FloatArray:
@@ -271,90 +304,74 @@ def _six_digits(values: FloatArray) -> FloatArray:
     return np.round(values / unit) * unit
 
 
-def _frozen(solution: Solution, r: Trajectory) -> Trajectory:
-    start = solution.trajectory(np.zeros(1))
-    points = {
-        n: PointMotion(
-            np.broadcast_to(m.position, r.markers[n].position.shape), 0.0 * r.markers[n].velocity
-        )
-        for n, m in start.markers.items()
-    }
-    return replace(
-        r,
-        q=np.broadcast_to(start.q, r.q.shape),
-        u=0.0 * r.u,
-        markers=points,
-        kinetic_energy=0.0 * r.kinetic_energy,
-        potential_energy=np.broadcast_to(start.potential_energy, r.potential_energy.shape),
-    )
+def _frozen(solution: Solution, r: Trajectory) -> Reading:
+    """Everything as at the start; forces stay, which may be those of a state at rest."""
+    start = _values(solution.trajectory(np.zeros(1)))
+
+    def frozen(kind: Kind, subject: str, v: FloatArray) -> FloatArray:
+        return np.broadcast_to(start[kind, subject], v.shape) if kind in _PLACES else 0.0 * v
+
+    return Reading(NO_MOTION, (change(r, _ALL - _FORCES, frozen),))
 
 
-def energy_readings(r: Trajectory) -> Iterator[Reading]:
-    """Readings of the reference whose energies are wrong."""
-    unit = float(np.abs(r.kinetic_energy).max()) or 1.0
-    raised = replace(r, potential_energy=r.potential_energy + unit)
+# ---------------------------------------------------------------------------------------- energies
+
+
+def _energies(r: Trajectory) -> Iterator[Reading]:
+    """Energies from another zero, as the other kind, or in part."""
+    kinetic, potential = r.kinetic_energy, r.potential_energy
+    unit = float(np.abs(kinetic).max()) or 1.0
+    raised = replace(r, potential_energy=potential + unit)
     yield Reading("zero of the potential energy", (raised,), lambda f: f"{f[0] * unit:+.4g} J")
-    moved = replace(
-        r,
-        kinetic_energy=2 * r.kinetic_energy,
-        potential_energy=r.potential_energy - r.kinetic_energy,
-    )
+    moved = replace(r, kinetic_energy=2 * kinetic, potential_energy=potential - kinetic)
     yield Reading(
         "kinetic energy counted as potential", (moved,), lambda f: f"{-100 * f[0]:+.3g} %"
     )
-    yield from _kinetic(r)
+    for how, energy in _kinetic_mistakes(r).items():
+        if _is_part(energy, kinetic):
+            yield Reading(f"kinetic energy {how}", (replace(r, kinetic_energy=energy),))
     for name, part in _potential_parts(r):
-        if part.any() and _is_part(part, r.potential_energy):
-            wrong = replace(r, potential_energy=r.potential_energy + part)
+        if part.any() and _is_part(part, potential):
+            wrong = replace(r, potential_energy=potential + part)
             yield Reading(f"{name} in the potential energy", (wrong,), lambda f: scale_text(f[0]))
     origins = Equations(_changed_bodies(r.mechanism, centre=(0.0, 0.0))).potential_energy(r.q)
-    if (origins != r.potential_energy).any():
-        yield Reading(
-            "potential energy of the bodies' origins", (replace(r, potential_energy=origins),)
-        )
+    if (origins != potential).any():
+        wrong = replace(r, potential_energy=origins)
+        yield Reading("potential energy of the bodies' origins", (wrong,))
 
 
 def _is_part(part: FloatArray, whole: FloatArray) -> bool:
     """Whether it has another course than the whole: else its scale is that of the whole."""
     left = part - whole * float(part @ whole) / (float(whole @ whole) or 1.0)
-    return bool(np.linalg.norm(left) > _ALIKE_energies * np.linalg.norm(part))
+    return bool(np.linalg.norm(left) > _SAME_COURSE * np.linalg.norm(part))
 
 
-_ALIKE_energies = 1e-6
-
-
-def _kinetic(r: Trajectory) -> Iterator[Reading]:
-    """Without a body, of it alone, without that it turns, or with its inertia about the joint."""
-    bodies = r.mechanism.bodies
-    spin = {body.name: _spin(r, body.name) for body in bodies}
-    turning = {body.name: 0.5 * body.inertia * spin[body.name] for body in bodies if body.inertia}
-    every, zero = r.kinetic_energy, np.zeros_like(r.t)
+def _kinetic_mistakes(r: Trajectory) -> dict[str, FloatArray]:
+    """Without a body, of it alone, without rotation, or with its inertia about the joint."""
+    bodies, every, zero = r.mechanism.bodies, r.kinetic_energy, np.zeros_like(r.t)
+    spin = {b.name: (r.u @ r.kinematics.angle(b.name).coefficients) ** 2 for b in bodies}
+    turning = {b.name: 0.5 * b.inertia * spin[b.name] for b in bodies if b.inertia}
     wrong: dict[str, FloatArray] = {}
     for body in bodies if len(bodies) > 1 else ():
-        own = 0.5 * body.mass * _square(r, body) + turning.get(body.name, zero)
-        wrong |= {f"without the {body.name}": every - own, f"of the {body.name} alone": own}
-    wrong |= {f"without the rotation of the {name}": every - own for name, own in turning.items()}
+        square = (_at(r, body.name, body.centre).velocity ** 2).sum(axis=1)
+        part = 0.5 * body.mass * square + turning.get(body.name, zero)
+        wrong |= {f"without the {body.name}": every - part, f"of the {body.name} alone": part}
+    wrong |= {f"without the rotation of the {name}": every - v for name, v in turning.items()}
     if len(turning) > 1:
         wrong["without the rotation of the bodies"] = every - sum(turning.values(), zero)
-    arms = {b.name: np.subtract(b.centre, r.mechanism.joint_of(b.name).child_point) for b in bodies}
-    parallel = [0.5 * b.mass * float(arms[b.name] @ arms[b.name]) * spin[b.name] for b in bodies]
+    parallel = [0.5 * _parallel(r.mechanism, b) * spin[b.name] for b in bodies]
     wrong["with inertias about the joints"] = every + sum(parallel, zero)
-    for how, energy in wrong.items():
-        if _is_part(energy, every):
-            yield Reading(f"kinetic energy {how}", (replace(r, kinetic_energy=energy),))
+    return wrong
 
 
-def _square(r: Trajectory, body: Body) -> FloatArray:
-    row = r.kinematics.point(body.name, body.centre)
-    return (r.kinematics.velocity(row, r.q, r.u) ** 2).sum(axis=1)
-
-
-def _spin(r: Trajectory, body: str) -> FloatArray:
-    return (r.u @ r.kinematics.angle(body).coefficients) ** 2
+def _parallel(m: Mechanism, body: Body) -> float:
+    """Inertia about the joint less that about the centre of mass [kg m^2]."""
+    arm = np.subtract(body.centre, m.joint_of(body.name).child_point)
+    return body.mass * float(arm @ arm)
 
 
 def _potential_parts(r: Trajectory) -> Iterator[tuple[str, FloatArray]]:
-    """Of single bodies' weights, of single springs, and of all of these; each of shape (n,)."""
+    """Energies of single weights, of single springs, and of all springs; each of shape (n,)."""
     m = r.mechanism
 
     def less(other: Mechanism) -> FloatArray:
@@ -371,59 +388,73 @@ def _potential_parts(r: Trajectory) -> Iterator[tuple[str, FloatArray]]:
 
 
 def _changed_bodies(m: Mechanism, only: str = "", **fields: object) -> Mechanism:
-    """With other fields of a body, or of all."""
+    """The mechanism with other fields of a body, or of all."""
     bodies = [b.model_copy(update=fields) if only in ("", b.name) else b for b in m.bodies]
     return m.model_copy(update={"bodies": tuple(bodies)})
 
 
-_INSTANT = 1e-6  # of the compared time
+# ------------------------------------------------------------------------------------- other times
 
-
-_LATEST = 0.2  # of the compared time: what is later by more is not the same motion at another time
-
-
-Take = Callable[[Trajectory], Trajectory]
-
-
-"""The reference with those quantities taken from the later motion that are read late."""
+_ALONE = {
+    Kind.COORDINATES: "coordinates",
+    Kind.SPEEDS: "speeds of the coordinates",
+    Kind.POSITION: "positions of the markers",
+    Kind.VELOCITY: "velocities of the markers",
+    Kind.TORQUE: "torques",
+    Kind.FORCE: "forces",
+    Kind.KINETIC_ENERGY: "kinetic energy",
+    Kind.POTENTIAL_ENERGY: "potential energy",
+}
+_LATE: dict[str, frozenset[Kind]] = {
+    "time shifted": _ALL,
+    "motion shifted in time, and no force": _ALL - _FORCES,
+    "velocities shifted in time": frozenset({Kind.SPEEDS, Kind.VELOCITY}),
+    "positions shifted in time": frozenset({Kind.COORDINATES, Kind.POSITION}),
+    "markers shifted in time": _POINTS,
+}
+"""Kinds of quantity that are read at another time together; and each alone."""
 
 
 @dataclass(frozen=True)
 class _Times:
-    """The reference at other times, by the size of the mistake."""
+    """The reference sampled at other times, but labelled with its own."""
 
     solution: Solution
     reference: Trajectory
     step: float
+
+    def read(self, times: FloatArray) -> Trajectory:
+        """The reference's values at other times."""
+        end = self.solution.segments[-1].end
+        return replace(self.solution.trajectory(np.clip(times, 0.0, end)), t=self.reference.t)
+
+    def shifted(
+        self, name: str, later: Trajectory, taken: Callable[[Trajectory], Trajectory]
+    ) -> Reading:
+        """A reading of which some quantities are taken from a later motion.
+
+        Args:
+            later: the motion later by one instant.
+            taken: the reading, from a later motion.
+        """
+        t, instant = self.reference.t, self.instant
+
+        def at(factor: float) -> Trajectory | None:
+            late = abs(factor) * _INSTANT
+            return taken(self.read(t + factor * instant)) if late < _LATEST else None
+
+        def text(f: Sequence[float]) -> str:
+            return f"{f[0] * instant:+.3g} s, {f[0] * instant / self.step:+.3g} steps"
+
+        return Reading(name, (taken(later),), text, at)
 
     @property
     def instant(self) -> float:
         """A shift of size one [s]."""
         return _INSTANT * float(self.reference.t[-1])
 
-    def read(self, times: FloatArray) -> Trajectory:
-        """What is said to be at the reference's times, but is at others."""
-        end = self.solution.segments[-1].end
-        return replace(self.solution.trajectory(np.clip(times, 0.0, end)), t=self.reference.t)
-
-    def shifted(self, name: str, taken: Take) -> Reading:
-        """Some quantities read at other times."""
-        t = self.reference.t
-
-        def at(factor: float) -> Trajectory | None:
-            return (
-                taken(self.read(t + factor * self.instant))
-                if abs(factor) * _INSTANT < _LATEST
-                else None
-            )
-
-        def text(f: Sequence[float]) -> str:
-            return f"{f[0] * self.instant:+.3g} s, {f[0] * self.instant / self.step:+.3g} steps"
-
-        return Reading(name, (taken(self._later),), text, at)
-
-    @cached_property
-    def _later(self) -> Trajectory:
+    def later(self) -> Trajectory:
+        """The motion later by one instant."""
         return self.read(self.reference.t + self.instant)
 
     def rated(self) -> Reading:
@@ -431,151 +462,59 @@ class _Times:
         t = self.reference.t
 
         def at(factor: float) -> Trajectory | None:
-            return (
-                self.read(t * (1 + factor * _INSTANT)) if abs(factor) * _INSTANT < _LATEST else None
-            )
+            late = abs(factor) * _INSTANT
+            return self.read(t * (1 + factor * _INSTANT)) if late < _LATEST else None
 
-        first = self.read(t * (1 + _INSTANT))
-        return Reading(
-            "rate of time", (first,), lambda f: f"times {1 / (1 + f[0] * _INSTANT):.6g}", at
-        )
+        def text(f: Sequence[float]) -> str:
+            return f"times {1 / (1 + f[0] * _INSTANT):.6g}"
+
+        return Reading("rate of time", (self.read(t * (1 + _INSTANT)),), text, at)
 
 
-def late_readings(solution: Solution, r: Trajectory, step: float) -> Iterator[Reading]:
-    """Everything, or one kind of quantity, read at another time; or times that run at another rate."""
+def _take(r: Trajectory, later: Trajectory, kinds: Collection[Kind]) -> Trajectory:
+    """The reference with some kinds of quantity from a later motion."""
+    values = _values(later)
+    return change(r, kinds, lambda kind, subject, _: values[kind, subject])
+
+
+def _late(solution: Solution, r: Trajectory, step: float) -> Iterator[Reading]:
+    """Times at another rate; everything, or some kinds of quantity, read at another time."""
     times = _Times(solution, r, step)
     yield times.rated()
-    yield times.shifted("time shifted", lambda x: x)
-    forces = {"stop_torques": r.stop_torques, "joint_reactions": r.joint_reactions}
-    yield times.shifted("motion shifted in time, and no force", lambda x: replace(x, **forces))
-    speeds = _SPEEDS | {"velocity": _velocities}
-    yield times.shifted("velocities shifted in time", lambda x: _taken(r, x, speeds.values()))
-    places = {"coordinates": _coordinates, "position": _positions}
-    yield times.shifted("positions shifted in time", lambda x: _taken(r, x, places.values()))
-    points = (_positions, _velocities)
-    yield times.shifted("markers shifted in time", lambda x: _taken(r, x, points))
-    for kind, name in _ALONE.items():
-        yield times.shifted(f"{name} shifted in time", lambda x, kind=kind: _KINDS[kind](r, x))
+    later = times.later()
+    alone = {f"{name} shifted in time": frozenset({kind}) for kind, name in _ALONE.items()}
+    for name, kinds in (_LATE | alone).items():
+        yield times.shifted(name, later, lambda x, kinds=kinds: _take(r, x, kinds))
 
 
 def partly_late_readings(
-    solution: Solution, r: Trajectory, step: float, wrong: Sequence[str]
+    solution: Solution, r: Trajectory, step: float, wrong: Collection[Kind]
 ) -> Iterator[Reading]:
     """All those kinds of quantity read at one other time that deviate, and no others.
 
     Args:
-        wrong: names of the quantities that deviate.
+        solution: the reference's.
+        r: its trajectory at the recorded times.
+        step: the engine's [s].
+        wrong: kinds of the quantities that deviate.
     """
-    times = _Times(solution, r, step)
-    kinds = [kind for kind in _KINDS if any(name.split(" of the ")[0] == kind for name in wrong)]
-    kinds = [kind for kind in _KINDS if kind in kinds or (kind == "torque" and "force" in kinds)]
-    if len(kinds) > 1 and {*kinds} not in _TOGETHER:
-        name = f"{', '.join(_ALONE[kind] for kind in kinds)} shifted in time"
-        yield times.shifted(name, lambda x: _taken(r, x, [_KINDS[kind] for kind in kinds]))
-    if {*_SPEEDS, "kinetic energy"} <= {*kinds} and "coordinates" not in kinds:
-        yield times.shifted(
-            "speeds, and the energy of them, shifted in time", lambda x: _of_speeds(solution, r, x)
-        )
+    times, kinds = _Times(solution, r, step), set(wrong)
+    if Kind.FORCE in kinds:
+        kinds.add(Kind.TORQUE)  # a stop on a point pushes with a force
+    if len(kinds) > 1 and kinds not in _LATE.values():
+        name = ", ".join(_ALONE[kind] for kind in Kind if kind in kinds)
+        yield times.shifted(f"{name} shifted in time", times.later(), lambda x: _take(r, x, kinds))
+    if {Kind.SPEEDS, Kind.KINETIC_ENERGY} <= kinds and Kind.COORDINATES not in kinds:
+
+        def fast(x: Trajectory) -> Trajectory:
+            # What an engine shows whose speeds are those of another time than its coordinates.
+            mixed = solution.reading(r.t, solution.motion_of(r.t, r.q, x.u))
+            return _take(mixed, r, _FORCES)
+
+        yield times.shifted("speeds, and the energy of them, shifted in time", times.later(), fast)
 
 
-def _of_speeds(solution: Solution, r: Trajectory, x: Trajectory) -> Trajectory:
-    """What an engine shows whose speeds are those of another time than its coordinates."""
-    mixed = solution.reading(r.t, solution.motion_of(r.t, r.q, x.u))
-    return replace(mixed, stop_torques=r.stop_torques, joint_reactions=r.joint_reactions)
-
-
-def _taken(
-    r: Trajectory, x: Trajectory, takes: Iterable[Callable[[Trajectory, Trajectory], Trajectory]]
-) -> Trajectory:
-    for take in takes:
-        r = take(r, x)
-    return r
-
-
-def _coordinates(r: Trajectory, x: Trajectory) -> Trajectory:
-    return replace(r, q=x.q)
-
-
-def _speeds(r: Trajectory, x: Trajectory) -> Trajectory:
-    return replace(r, u=x.u)
-
-
-def _positions(r: Trajectory, x: Trajectory) -> Trajectory:
-    return replace(
-        r, markers={n: replace(m, position=x.markers[n].position) for n, m in r.markers.items()}
-    )
-
-
-def _velocities(r: Trajectory, x: Trajectory) -> Trajectory:
-    return replace(
-        r, markers={n: replace(m, velocity=x.markers[n].velocity) for n, m in r.markers.items()}
-    )
-
-
-_SPEEDS = {"speeds of coordinates": _speeds}
-
-
-_KINDS: dict[str, Callable[[Trajectory, Trajectory], Trajectory]] = {
-    "coordinates": _coordinates,
-    **_SPEEDS,
-    "position": _positions,
-    "velocity": _velocities,
-    "torque": lambda r, x: replace(r, stop_torques=x.stop_torques),
-    "force": lambda r, x: replace(r, joint_reactions=x.joint_reactions),
-    "kinetic energy": lambda r, x: replace(r, kinetic_energy=x.kinetic_energy),
-    "potential energy": lambda r, x: replace(r, potential_energy=x.potential_energy),
-}
-
-
-"""By the beginning of a quantity's name (:mod:`.signatures`); a stop on a point has a force, too."""
-
-
-_TOGETHER = (
-    {"speeds of coordinates", "velocity"},
-    {"coordinates", "position"},
-    {"position", "velocity"},
-    {*_KINDS},
-    {*_KINDS} - {"torque", "force"},
-)
-
-
-"""Those that :func:`late_readings` has."""
-
-
-_ALONE = {
-    "coordinates": "coordinates",
-    "speeds of coordinates": "speeds of the coordinates",
-    "position": "positions of the markers",
-    "velocity": "velocities of the markers",
-    "torque": "torques",
-    "force": "forces",
-    "kinetic energy": "kinetic energy",
-    "potential energy": "potential energy",
-}
-
-
-"""As a report names them."""
-
-
-_STEADY = 0.01  # of an angle's largest difference: one that varies by more is no other zero
-
-
-_ROUNDING = 1e-9  # of values that are the same
-
-
-Values = Mapping[str, FloatArray]
-
-
-def mistaken_readings(reference: Trajectory, given: Trajectory) -> Iterator[Reading]:
-    """Readings of the reference, at the times of the given trajectory, as they are nearest to it."""
-    yield from _forces(reference, given)
-    yield from _torques(reference, given)
-    yield from _markers(reference, given)
-    yield from _coordinates_mistaken(reference, given)
-
-
-def _common(right: Values, given: Values) -> dict[str, FloatArray]:
-    return {name: v for name, v in right.items() if name in given and given[name].shape == v.shape}
+# ------------------------------------------------------------ other names, frames, points and zeros
 
 
 def _apart(one: FloatArray, other: FloatArray) -> float:
@@ -583,17 +522,21 @@ def _apart(one: FloatArray, other: FloatArray) -> float:
     return distance if math.isfinite(distance) else math.inf
 
 
+def _common(right: Values, given: Values) -> dict[str, FloatArray]:
+    return {name: v for name, v in right.items() if name in given and given[name].shape == v.shape}
+
+
 def _nearer(given: Values, right: Values, wrong: Values) -> list[str]:
-    """Subjects of which the wrong values are nearer to the given ones than the right ones."""
+    """Subjects of which the wrong values are nearer to the recorded ones than the right ones."""
     return [
         name
-        for name, values in right.items()
-        if _apart(given[name], wrong[name]) < _apart(given[name], values)
+        for name, v in right.items()
+        if _apart(given[name], wrong[name]) < _apart(given[name], v)
     ]
 
 
 def _subjects(names: Sequence[str], right: Values, wrong: Values) -> str:
-    """Of whom, unless it is all that the mistake changes."""
+    """The subjects in words, unless they are all that the mistake changes."""
     changed = [name for name, values in right.items() if _apart(values, wrong[name]) > 0]
     return "" if len(names) == len(changed) else f" of the {', '.join(names)}"
 
@@ -612,33 +555,29 @@ def _exchange(of: str, right: Values, given: Values) -> tuple[str, dict[str, str
 
 
 def _forces(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
+    """Forces under other joints' names, mirrored, in a body's frame, or without a weight."""
     right = _common(r.joint_reactions, given.joint_reactions)
     exchanged = _exchange("joint forces of the ", right, given.joint_reactions)
     if exchanged is not None:
         forces = {name: right[other] for name, other in exchanged[1].items()}
         yield Reading(exchanged[0], (replace(r, joint_reactions={**r.joint_reactions, **forces}),))
-    for how, change in _force_mistakes(r):
-        wrong = {name: change(name, values) for name, values in right.items()}
+    for how, mistake in _force_mistakes(r):
+        wrong = {name: mistake(name, values) for name, values in right.items()}
         names = _nearer(given.joint_reactions, right, wrong)
-        if names and not (
-            how == _OTHER_BODY and len(names) in (1, len(right))
-        ):  # else it is a scale
+        # The wrong sign of one force, or of all, is a scale.
+        if names and not (how == _WRONG_SIGN and len(names) in (1, len(right))):
             forces = {**r.joint_reactions, **{name: wrong[name] for name in names}}
-            yield Reading(
-                f"joint forces{_subjects(names, right, wrong)} {how}",
-                (replace(r, joint_reactions=forces),),
-            )
+            what = f"joint forces{_subjects(names, right, wrong)} {how}"
+            yield Reading(what, (replace(r, joint_reactions=forces),))
 
 
-_OTHER_BODY = "wrong sign"
+_WRONG_SIGN = "wrong sign"
 
 
 def _force_mistakes(r: Trajectory) -> Iterator[tuple[str, Callable[[str, FloatArray], FloatArray]]]:
-    """Components with the wrong sign, exchanged, in the frame of a body, or without the weight that the joint bears."""
-    yield "mirrored, x", lambda _, v: v * [-1, 1]
-    yield "mirrored, y", lambda _, v: v * [1, -1]
-    yield "x and y exchanged", lambda _, v: v[:, ::-1]
-    yield _OTHER_BODY, lambda _, v: -v
+    for how, mirror in MIRRORS:
+        yield how, lambda _, v, mirror=mirror: mirror(v)
+    yield _WRONG_SIGN, lambda _, v: -v
     ends = {joint.name: (joint.child, joint.parent) for joint in r.mechanism.joints}
     for sign, other in ((1, ""), (-1, ", wrong sign")):
         for end, whose in enumerate(("the body", "the parent")):
@@ -662,9 +601,8 @@ def in_frame(r: Trajectory, body: str, vectors: FloatArray) -> FloatArray:
 
 def _torques(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
     """Torques of stops, and forces of those on points, each under another one's name."""
-    right = _common(
-        {s.name: r.stop_torques[s.name] for s in r.mechanism.stops if s.closed}, given.stop_torques
-    )
+    closed = {s.name: r.stop_torques[s.name] for s in r.mechanism.stops if s.closed}
+    right = _common(closed, given.stop_torques)
     exchanged = _exchange("torques of the ", right, given.stop_torques)
     if exchanged is not None:
         torques = {name: right[other] for name, other in exchanged[1].items()}
@@ -672,26 +610,19 @@ def _torques(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
 
 
 def _markers(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
+    """Markers under other names, taken for other points, or with velocities in a body's frame."""
     names = [name for name in r.markers if name in given.markers]
     right = {n: _stacked(r.markers[n]) for n in names}
     exchanged = _exchange("", right, {n: _stacked(given.markers[n]) for n in names})
+    nearest = dict.fromkeys(names, "")
     if exchanged is not None:
-        yield Reading(
-            exchanged[0],
-            (replace(r, markers=_with(r, {n: r.markers[m] for n, m in exchanged[1].items()})),),
-        )
-    taken = {n: _taken_mistaken(r, n, given.markers[n]) for n in names}
-    nearest = exchanged[1] if exchanged is not None else dict.fromkeys(names, "")
-    known = {
-        n: motion
-        for n, (_, motion) in taken.items()
-        if not _is_same(motion, r.markers.get(nearest[n]))
-    }
+        nearest = exchanged[1]
+        yield Reading(exchanged[0], (_with(r, {n: r.markers[m] for n, m in nearest.items()}),))
+    taken = {n: _nearest_points(r, n, given.markers[n]) for n in names}
     text = "; ".join(filter(None, (_taken_text(n, *labels) for n, (labels, _) in taken.items())))
-    if text and known:  # else they are exchanged
-        yield Reading(
-            text, (replace(r, markers=_with(r, {n: motion for n, (_, motion) in taken.items()})),)
-        )
+    same = [_is_same(motion, r.markers.get(nearest[n])) for n, (_, motion) in taken.items()]
+    if text and not all(same):  # else they are exchanged
+        yield Reading(text, (_with(r, {n: motion for n, (_, motion) in taken.items()}),))
     bodies = {marker.name: marker.body for marker in r.mechanism.markers}
     velocities = {n: r.markers[n].velocity for n in names}
     local = {n: in_frame(r, bodies[n], v) for n, v in velocities.items()}
@@ -699,36 +630,33 @@ def _markers(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
     if turned:
         wrong = _with(r, {n: replace(r.markers[n], velocity=local[n]) for n in turned})
         of = _subjects(turned, velocities, local) or " of the markers"
-        yield Reading(f"velocities{of} in the frame of the body", (replace(r, markers=wrong),))
-
-
-def _with(r: Trajectory, changed: Mapping[str, PointMotion]) -> dict[str, PointMotion]:
-    return {**r.markers, **changed}
+        yield Reading(f"velocities{of} in the frame of the body", (wrong,))
 
 
 def _is_same(one: PointMotion, other: PointMotion | None) -> bool:
-    return other is not None and _apart(_stacked(one), _stacked(other)) < _ROUNDING * float(
-        np.abs(_stacked(one)).max()
-    )
+    if other is None:
+        return False
+    size = float(np.abs(_stacked(one)).max())
+    return _apart(_stacked(one), _stacked(other)) < _ROUNDING * size
 
 
 def _stacked(motion: PointMotion) -> FloatArray:
     return np.concatenate([motion.position, motion.velocity], axis=1)
 
 
-def _taken_mistaken(
+def _nearest_points(
     r: Trajectory, name: str, given: PointMotion
 ) -> tuple[tuple[str, str], PointMotion]:
-    """The known points that a marker's position and its velocity are nearest to, '' for its own; and their motion."""
+    """The known points that a marker's position and its velocity are nearest to, and their motion.
+
+    The name of its own point is ''.
+    """
     marker = r.mechanism.marker(name)
     assert marker is not None
-    own = {"": r.markers[name]}
-    known = {
-        w: _at_mistaken(r, *at)
-        for at, w in _known_points(r).items()
-        if at != (marker.body, marker.point)
-    }
-    points = own | known
+    points = {"": r.markers[name]}
+    for at, what in _known_points(r).items():
+        if at != (marker.body, marker.point):
+            points[what] = _at(r, *at)
     position = min(points, key=lambda what: _apart(given.position, points[what].position))
     velocity = min(points, key=lambda what: _apart(given.velocity, points[what].velocity))
     if _apart(given.velocity, points[position].velocity) == _apart(
@@ -761,30 +689,24 @@ def _known_points(r: Trajectory) -> dict[tuple[str, Vector], str]:
     return points
 
 
-def _at_mistaken(r: Trajectory, body: str, point: Vector) -> PointMotion:
-    row = r.kinematics.point(body, point)
-    return PointMotion(r.kinematics.position(row, r.q), r.kinematics.velocity(row, r.q, r.u))
-
-
-def _coordinates_mistaken(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
-    """Coordinates in another order; and angles of joints, anticlockwise, in degrees, from another zero."""
-    q, u = (
-        {n: values[:, i] for i, n in enumerate(r.mechanism.coordinates)} for values in (r.q, r.u)
-    )
-    own = [{n: values[:, i] for i, n in enumerate(q)} for values in (given.q, given.u)]
-    orders = [_exchange("coordinates ", *pair) for pair in zip((q, u), own, strict=True)]
-    text = next((found[0] for found in orders if found is not None), None)
-    if text is not None:
-        names = [list(q) if found is None else list(found[1].values()) for found in orders]
-        columns = [
-            np.stack([v[n] for n in order], axis=1) for v, order in zip((q, u), names, strict=True)
-        ]
-        yield Reading(text, (replace(r, q=columns[0], u=columns[1]),))
-    yield from _angles(r, given)
+def _orders(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
+    """Coordinates, or their speeds, in another order."""
+    names = r.mechanism.coordinates
+    texts: list[str] = []
+    wrong: list[FloatArray] = []
+    for right, recorded in ((r.q, given.q), (r.u, given.u)):
+        columns = {name: right[:, i] for i, name in enumerate(names)}
+        other = {name: recorded[:, i] for i, name in enumerate(names)}
+        exchanged = _exchange("coordinates ", columns, other)
+        order = list(names) if exchanged is None else list(exchanged[1].values())
+        texts += [] if exchanged is None else [exchanged[0]]
+        wrong.append(np.stack([columns[name] for name in order], axis=1))
+    if texts:
+        yield Reading(texts[0], (replace(r, q=wrong[0], u=wrong[1]),))
 
 
 @dataclass(frozen=True)
-class _Angles:
+class _Convention:
     """Coordinates and speeds by another convention, and the start by it."""
 
     how: str
@@ -792,27 +714,27 @@ class _Angles:
     u: FloatArray
     start: FloatArray
 
-    def scaled(self, size: FloatArray, how: str) -> _Angles:
-        """In other units, or with other signs."""
+    def scaled(self, size: FloatArray, how: str) -> _Convention:
+        """The same in other units, or with other signs."""
         named = ", ".join(filter(None, (self.how, how)))
-        return _Angles(named, self.q * size, self.u * size, self.start * size)
+        return _Convention(named, self.q * size, self.u * size, self.start * size)
 
 
-def _angles(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
+def _conventions(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
     """Angles relative to the parents', anticlockwise, in degrees, from another zero."""
     is_angle = np.arange(r.q.shape[1]) < len(r.mechanism.angles)
+    signs, units = ((1, ""), (-1, "anticlockwise")), ((1, ""), (_DEGREES, "degrees"))
     for angles in _frames(r):
-        for (sign, turned), (factor, unit) in product(
-            ((1, ""), (-1, "anticlockwise")), ((1, ""), (_DEGREES, "degrees"))
-        ):
+        for (sign, turned), (factor, unit) in product(signs, units):
             how = ", ".join(filter(None, (turned, unit)))
-            wrong = angles.scaled(np.where(is_angle, sign * factor, 1.0), how)
-            if angles.how or not how or not is_angle.all():  # else it is a scale of all coordinates
+            # In other units alone, and of angles alone, it is a scale of all coordinates.
+            if angles.how or not how or not is_angle.all():
+                wrong = angles.scaled(np.where(is_angle, sign * factor, 1.0), how)
                 yield from _by(r, given, wrong)
 
 
-def _by(r: Trajectory, given: Trajectory, wrong: _Angles) -> Iterator[Reading]:
-    """Angles by a convention and their speeds, or that of the two which is nearer so; with the zeros that they have."""
+def _by(r: Trajectory, given: Trajectory, wrong: _Convention) -> Iterator[Reading]:
+    """Coordinates and speeds, or the one that is nearer so, by a convention and its zeros."""
     zeros = _zeros(given.q - wrong.q, np.ptp(wrong.q, axis=0))
     misread = _apart(given.q, wrong.q + zeros) < _apart(given.q, r.q)
     fast = _apart(given.u, wrong.u) < _apart(given.u, r.u)
@@ -822,19 +744,16 @@ def _by(r: Trajectory, given: Trajectory, wrong: _Angles) -> Iterator[Reading]:
     if not wrong.how:
         yield Reading(f"coordinates {_zero_text(r, zeros, wrong)}", (taken,))
         return
-    what = (
-        "angles"
-        if misread and fast
-        else "angles, not their speeds,"
-        if misread
-        else "speeds of the angles"
-    )
+    if misread and fast:
+        what = "angles"
+    else:
+        what = "angles, not their speeds," if misread else "speeds of the angles"
     text = _zero_text(r, zeros, wrong) if misread and zeros.any() else ""
     yield Reading(" ".join(filter(None, (what, wrong.how, text))), (taken,))
 
 
 def _zeros(difference: FloatArray, motion: FloatArray) -> FloatArray:
-    """Of each coordinate the constant that it differs by; 0 where that is no constant beside what it moves by."""
+    """The constant that each coordinate differs by; 0 where it varies beside what it moves by."""
     middle = np.median(difference, axis=0)
     spread = np.abs(difference - middle).max(axis=0)
     least = _ROUNDING * np.abs(middle)
@@ -842,7 +761,7 @@ def _zeros(difference: FloatArray, motion: FloatArray) -> FloatArray:
     return np.where(steady, middle, 0.0)
 
 
-def _zero_text(r: Trajectory, zeros: FloatArray, wrong: _Angles) -> str:
+def _zero_text(r: Trajectory, zeros: FloatArray, wrong: _Convention) -> str:
     if np.allclose(zeros, -wrong.start, rtol=_STEADY, atol=_STEADY * float(np.abs(zeros).max())):
         return "relative to the start"
     angle = "deg" if wrong.how.endswith("degrees") else "rad"
@@ -851,19 +770,16 @@ def _zero_text(r: Trajectory, zeros: FloatArray, wrong: _Angles) -> str:
     return f"from another zero ({', '.join(f'{n} {v:+.4g} {unit}' for n, v, unit in shown if v)})"
 
 
-def _frames(r: Trajectory) -> Iterator[_Angles]:
+def _frames(r: Trajectory) -> Iterator[_Convention]:
     """Angles as they are, and relative to the parents', where those turn."""
     start = np.array(r.mechanism.start)
-    yield _Angles("", r.q, r.u, start)
-    joints = [
-        joint for joint in r.mechanism.tree_joints if not joint.holds_angle
-    ]  # one for each angle
+    yield _Convention("", r.q, r.u, start)
+    joints = [joint for joint in r.mechanism.tree_joints if not joint.holds_angle]  # one an angle
     columns = [r.mechanism.attitudes[joint.parent][0] for joint in joints]
     relative = np.eye(len(start))
     for i, column in enumerate(columns):
         if column is not None:
             relative[i, column] -= 1.0
     if any(column is not None for column in columns):
-        yield _Angles(
-            "relative to the parent", r.q @ relative.T, r.u @ relative.T, relative @ start
-        )
+        q, u = r.q @ relative.T, r.u @ relative.T
+        yield _Convention("relative to the parent", q, u, relative @ start)

@@ -321,12 +321,9 @@ def _release(line: str, mechanism: Mechanism) -> dict[str, float | None]:
     return {name: None if value.strip() == "never" else _time(f"release {name}", unit, value)}
 
 
-_TIMES = {"s": 1.0, "ms": 1e-3}
-
-
 def _time(what: str, unit: str, value: str) -> float:
     """Of an event [s]."""
-    at = Kind(what, _TIMES).factor(unit) * _number(value, what)
+    at = Kind(what, _TIME).factor(unit) * _number(value, what)
     if at < 0:
         raise InputError(f"{what} is {at:.6g} s; a time from 0 on is needed")
     return at
@@ -357,8 +354,11 @@ def _impact(line: str, mechanism: Mechanism) -> list[Impact]:
         raise InputError(
             f"{rest.strip()[:40]!r} follows the time of an impact; 'impulse [N s] = 1.0' is understood"
         )
-    units = {"N m s": 1.0} if stop.effort == "torque" else {"N s": 1.0}
-    return [Impact(name, at, Kind("impulse", units).factor(unit) * _number(size, "impulse"))]
+    return [Impact(name, at, _impulse_of(stop).factor(unit) * _number(size, "impulse"))]
+
+
+def _impulse_of(stop: AnyStop) -> Kind:
+    return Kind("impulse", {"N m s": 1.0} if stop.effort == "torque" else {"N s": 1.0})
 
 
 def _headings(cells: list[str], columns: Mapping[str, Kind]) -> list[tuple[str, float]]:
@@ -435,13 +435,17 @@ def _refuse_halves(values: Mapping[str, FloatArray], mechanism: Mechanism) -> No
         if there and len(there) < len(whole):
             lacking = next(name for name in whole if name not in values)
             raise InputError(f"column {there[0]!r} is there without {lacking!r}")
+    place, speed = wholes[0][0], wholes[1][0]
     if not any(
         name in values
-        for name in (wholes[0][0], *(first for first, _ in pairs[: 2 * len(mechanism.markers)]))
+        for name in (place, *(first for first, _ in pairs[: 2 * len(mechanism.markers)]))
     ):
         raise InputError(
             "it gives neither the coordinates nor the position of a marker: there is nothing to judge"
         )
+    if speed in values and place not in values:
+        # Without them energies and points would be those of the reference's coordinates.
+        raise InputError(f"column {speed!r} is there without {place!r}")
 
 
 _VARIABLES = {
@@ -473,7 +477,8 @@ def _netcdf(content: bytes, mechanism: Mechanism) -> _Read:
     if t.ndim != 1 or len(t) < 2 or not np.isfinite(t).all():
         raise InputError("its times are not two or more finite numbers")
     _refuse_times(t, [f"sample {k}" for k in range(len(t))])
-    values, columns = {TIME: t}, columns_of(mechanism)
+    columns = columns_of(mechanism)
+    values = {TIME: t * _factor("time", dataset, columns[TIME])}
     for name, column, series in _series(dataset):
         if column not in columns:
             raise InputError(f"variable {name!r}: {_unknown(column, columns)}")
@@ -481,8 +486,27 @@ def _netcdf(content: bytes, mechanism: Mechanism) -> _Read:
             raise InputError(
                 f"variable {name!r}: {column!r} does not have one finite number a time"
             )
-        values[column] = series
+        values[column] = series * _factor(name, dataset, columns[column])
     return values, _releases(dataset, mechanism), _impacts(dataset, mechanism)
+
+
+def _factor(variable: str, dataset: Any, kind: Kind) -> float:
+    """SI value of the unit that a variable states for a column.
+
+    Units of several kinds stand as `Trajectory.to_dataset` writes them, 'rad (slides: m)': the first
+    that the column can have is its unit.
+
+    Raises:
+        InputError: the variable states no unit that the column can have.
+    """
+    stated = str(dataset[variable].attrs.get("units", ""))
+    first, _, others = stated.partition("(")
+    units = [first.strip(), others.partition(":")[2].strip(" )")]
+    unit = next((unit for unit in units if unit in kind.units), stated)
+    try:
+        return kind.factor(unit)
+    except InputError as error:
+        raise InputError(f"variable {variable!r}: {error}") from None
 
 
 def _unknown(column: str, columns: Mapping[str, Kind]) -> str:
@@ -494,11 +518,10 @@ def _unknown(column: str, columns: Mapping[str, Kind]) -> str:
 
 
 def _series(dataset: Any) -> Iterator[tuple[str, str, FloatArray]]:
-    """Variable, column and values of everything sampled; units are SI, and what is called otherwise is left alone."""
+    """Variable, column and values, in the file's units, of all that is sampled and has a known name."""
     for name, (dim, column) in _VARIABLES.items():
         if name not in dataset:
             continue
-        _refuse_units(name, str(dataset[name].attrs.get("units", "")))
         labels = [str(label) for label in dataset[dim].values] if dim else [""]
         for label in labels:
             own = dataset[name].sel({dim: label}) if dim else dataset[name]
@@ -511,27 +534,13 @@ def _series(dataset: Any) -> Iterator[tuple[str, str, FloatArray]]:
                 )
 
 
-_UNITS = {
-    "q": "rad",
-    "u": "rad/s",
-    "position": "m",
-    "velocity": "m/s",
-    "stop_torque": "N",
-    "joint_reaction": "N",
-}
-
-
-def _refuse_units(name: str, given: str) -> None:
-    needed = _UNITS.get(name, "J")
-    if not given.startswith((needed, "m")) or given.startswith("mm"):
-        raise InputError(f"variable {name!r} has the units {given!r}; {needed!r} is needed")
-
-
 def _releases(dataset: Any, mechanism: Mechanism) -> dict[str, float | None]:
     if "release_time" not in dataset:
         return {}
     names: Iterable[str] = map(str, dataset["releasable_stop"].values)
-    pairs = zip(names, np.asarray(dataset["release_time"].values, dtype=np.float64), strict=True)
+    factor = _factor("release_time", dataset, Kind("release", _TIME))
+    times = np.asarray(dataset["release_time"].values, dtype=np.float64) * factor
+    pairs = zip(names, times, strict=True)
     known_stops = {stop.name for stop in mechanism.stops}
     found = {
         name: None if np.isnan(time) else float(time) for name, time in pairs if name in known_stops
@@ -548,9 +557,14 @@ def _impacts(dataset: Any, mechanism: Mechanism) -> list[Impact]:
     try:
         if "impact_time" in dataset and "impact_impulse" in dataset:
             names = list(map(str, dataset["struck_stop"].values))
+            times = np.asarray(dataset["impact_time"].values, dtype=np.float64)
+            times *= _factor("impact_time", dataset, Kind("impact", _TIME))
             rows = np.asarray(dataset["impact_impulse"].values, dtype=np.float64)
-            told = [(float(t), dict(zip(names, row, strict=True))) for t, row in
-                    zip(dataset["impact_time"].values, rows, strict=True)]  # fmt: skip
+            _refuse_impulses(dataset, names, mechanism)
+            told = [
+                (float(t), dict(zip(names, row, strict=True)))
+                for t, row in zip(times, rows, strict=True)
+            ]
         else:
             told = [
                 (float(t), dict(impulses))
@@ -572,3 +586,14 @@ def _impacts(dataset: Any, mechanism: Mechanism) -> list[Impact]:
                 f"its impact of {impact.stop[:60]!r} at {impact.time:.6g} s is of no stop, or no number"
             )
     return impacts
+
+
+def _refuse_impulses(dataset: Any, names: Iterable[str], mechanism: Mechanism) -> None:
+    """Refuses impulses in other units than SI.
+
+    Raises:
+        InputError: the variable of the impulses states another unit, or none.
+    """
+    for stop in mechanism.stops:
+        if stop.name in names:
+            _factor("impact_impulse", dataset, _impulse_of(stop))

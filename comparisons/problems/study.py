@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from ...models.library.benchmark import Benchmark, Condition, Figure, Motion
+from ...models.library.benchmark import Benchmark, Condition, ContinuousMotion, KnownValue
 from ...models.spec import Spec
 from ...reference.solver import solve
 
@@ -14,7 +14,7 @@ from ...reference.solver import solve
 class CheckedFigure:
     """A figure beside what a motion has."""
 
-    figure: Figure
+    figure: KnownValue
     measured: float
 
     @property
@@ -52,7 +52,7 @@ class Check:
 
     benchmark: Benchmark
     parameters: Spec
-    motion: Motion
+    motion: ContinuousMotion
 
     @cached_property
     def figures(self) -> tuple[CheckedFigure, ...]:

@@ -20,10 +20,9 @@ from ...engines.registry import engine_class, engine_names, options_for, refuse_
 from ...models.errors import InputError
 from ...models.given import Models, several
 from ...models.launch import LAUNCH_ANGLE
-from ...models.machines.registry import library_problem, model
+from ...models.library.registry import find_benchmark, library_problem, model
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
-from ...models.problems.registry import find_benchmark
 from ...models.spec import Spec
 from ...reference.solution import Solution
 from ...reference.solver import characteristic_time, solve, solve_to_launch, solve_until

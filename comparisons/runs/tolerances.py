@@ -23,7 +23,7 @@ from ...engines.registry import engine_class, engine_study
 from ...engines.study import Tolerance
 from ...models.errors import InputError
 from ...models.features import features_of
-from ...models.machines.registry import model
+from ...models.library.registry import model
 from ...models.mechanism import Mechanism
 from ...models.spec import Real, Spec
 from ...reference.certification.certificate import REFUSED_BELOW, refusal

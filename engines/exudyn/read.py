@@ -112,12 +112,8 @@ def on_joint(joint: AnyJoint) -> RelativePoint:
 
 def on_wall(stop: PointStop) -> RelativePoint:
     """The point of a stop from the origin of the wall's frame, in that."""
-    return RelativePoint(
-        Marker(name=stop.name, body=stop.body, point=stop.point),
-        "stop",
-        stop.relative_to,
-        (0.0, 0.0),
-    )
+    point = Marker(name=stop.name, body=stop.body, point=stop.point)
+    return RelativePoint(point, "stop", stop.relative_to, (0.0, 0.0))
 
 
 def _motion(kind: str, point: Marker, values: Values, quantity: str) -> ComplexArray:
@@ -241,9 +237,8 @@ class LineContact:
 
     def rounding(self, values: Values) -> float:
         """Rounding error of the gap [m]."""
-        return ROUNDING * max(
-            1.0, float(np.abs(values(("stop", self.stop.name, "Position"))).max())
-        )
+        position = values(("stop", self.stop.name, "Position"))
+        return ROUNDING * max(1.0, float(np.abs(position).max()))
 
     def _along_normal(self, local: FloatArray, values: Values) -> FloatArray:
         # Forces and displacements of a constraint come in the frame of the point's body.
@@ -282,19 +277,14 @@ class System:
 
     def now(self, sensor: SensorKey) -> FloatArray:
         """Values of a sensor at the current state, shape (1, components)."""
-        return np.atleast_2d(
-            np.asarray(self.main.GetSensorValues(self.sensors[sensor]), dtype=np.float64)
-        )
+        values = self.main.GetSensorValues(self.sensors[sensor])
+        return np.atleast_2d(np.asarray(values, dtype=np.float64))
 
     @property
     def active(self) -> Contacts:
         """The stops that act."""
-        items = self.stops.items()
-        return tuple(
-            name
-            for name, number in items
-            if self.main.GetObjectParameter(number, "activeConnector")
-        )
+        parameter, stops = self.main.GetObjectParameter, self.stops.items()
+        return tuple(name for name, item in stops if parameter(item, "activeConnector"))
 
     def set_active(self, active: Contacts) -> None:
         """Make exactly these stops act."""
@@ -303,14 +293,12 @@ class System:
 
     def gap(self, stop: str) -> float:
         """Gap of a stop that touches at the start, by its connector's own measure [rad, m]."""
-        return self.constraints[stop].connector_gap(
-            lambda variable: self._output(stop, variable), self.now
-        )
 
-    def _output(self, stop: str, variable: str) -> FloatArray:
-        return np.asarray(
-            self.main.GetObjectOutput(self.stops[stop], getattr(exu.OutputVariableType, variable))
-        )
+        def output(variable: str) -> FloatArray:
+            kind = getattr(exu.OutputVariableType, variable)
+            return np.asarray(self.main.GetObjectOutput(self.stops[stop], kind))
+
+        return self.constraints[stop].connector_gap(output, self.now)
 
     def preload(self, stop: str, torque: float) -> None:
         """Give a stop's spring this torque (or force) with the gap closed and at rest [N m, N]."""
@@ -341,11 +329,10 @@ def _rotational_spring_energy(
 def _cubic_spring_energy(
     spring: CubicTorsionSpring, mechanism: Mechanism, values: Values
 ) -> FloatArray:
-    stretch = values(("spring", spring.name, "Displacement"))[:, 0]
-    stretch = stretch - rest_displacement(spring, mechanism)
-    return _rotational_spring_energy(spring, mechanism, values) + (
-        0.25 * spring.cubic_stiffness * stretch**4
-    )
+    displacement = values(("spring", spring.name, "Displacement"))[:, 0]
+    quartic = 0.25 * (displacement - rest_displacement(spring, mechanism)) ** 4
+    linear = _rotational_spring_energy(spring, mechanism, values)
+    return linear + spring.cubic_stiffness * quartic
 
 
 def _no_energy(*_: object) -> FloatArray:
@@ -461,22 +448,18 @@ class Reader:
 
     def speeds(self) -> FloatArray:
         """u, shape (n, n_q)."""
-        slides = [
-            (on_joint(slide.joint).speed(self.values) * slide.direction.conjugate()).real
-            for slide in self.system.mechanism.slides
-        ]
-        return np.stack(
-            [*_angles(self.system.mechanism, self.values, "Coordinates_t"), *slides], axis=-1
-        )
+        columns = _angles(self.system.mechanism, self.values, "Coordinates_t")
+        for slide in self.system.mechanism.slides:
+            speed = on_joint(slide.joint).speed(self.values)
+            columns.append((speed * slide.direction.conjugate()).real)
+        return np.stack(columns, axis=-1)
 
     def potential_energy(self) -> FloatArray:
         """Energy of weight and springs [J], shape (n,), which no sensor of Exudyn's gives."""
-        mechanism = self.system.mechanism
-        places = np.array(
-            [self.plane("body", body.name, "CoordinatesTotal") for body in mechanism.bodies]
-        )
+        mechanism, bodies = self.system.mechanism, self.system.mechanism.bodies
+        places = np.array([self.plane("body", body.name, "CoordinatesTotal") for body in bodies])
         heights = places @ -np.array(mechanism.gravity_direction)
-        weight = mechanism.gravity * np.array([body.mass for body in mechanism.bodies]) @ heights
+        weight = mechanism.gravity * np.array([body.mass for body in bodies]) @ heights
         energies = (ENERGIES[e](e, mechanism, self.values) for e in mechanism.force_elements)
         return weight + sum(energies)
 
@@ -491,9 +474,8 @@ class Reader:
         """Force of a joint on its child, world frame [N], shape (n, 2)."""
         if not joint.free_directions:
             return self.plane("joint", joint.name, "Force")
-        return turned(
-            self.plane("joint", joint.name, "ForceLocal"), rotation(joint.child, self.values)
-        )
+        local = self.plane("joint", joint.name, "ForceLocal")
+        return turned(local, rotation(joint.child, self.values))
 
     def gap(self, joint: AnyJoint) -> FloatArray:
         """Constraint drift: distance of a joint's points, or of point and line [m], shape (n,)."""
@@ -505,15 +487,12 @@ class Reader:
 
 def coordinates(mechanism: Mechanism, values: Values) -> FloatArray:
     """The coordinates q by sensors, shape (n, n_q); Exudyn's rotations are anticlockwise."""
-    slides = [
-        (on_joint(s.joint).place(values) * s.direction.conjugate()).real for s in mechanism.slides
-    ]
-    return np.stack([*_angles(mechanism, values, "CoordinatesTotal"), *slides], axis=-1)
+    columns = _angles(mechanism, values, "CoordinatesTotal")
+    for slide in mechanism.slides:
+        columns.append((on_joint(slide.joint).place(values) * slide.direction.conjugate()).real)
+    return np.stack(columns, axis=-1)
 
 
 def _angles(mechanism: Mechanism, values: Values, quantity: str) -> list[FloatArray]:
-    return [
-        -rotation(body.name, values, quantity)
-        for body in mechanism.bodies
-        if body.angle is not None
-    ]
+    names = [body.name for body in mechanism.bodies if body.angle is not None]
+    return [-rotation(name, values, quantity) for name in names]

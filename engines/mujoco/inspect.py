@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.joints import GROUND
+from ...models.elements import GROUND
 from ...models.mechanism import Mechanism
 from ...models.mjcf.writer import mjcf_names
 from ...models.tree import Slide

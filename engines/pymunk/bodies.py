@@ -25,7 +25,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -410,9 +410,8 @@ class _PartMaker:
                 parts.append(self._part(body, bob, pin, turns=False))
             else:
                 body_mass = self._with_inertia(body_mass, joint, masses)
-                parts.append(
-                    self._part(body, self._turning(body, body_mass, joint), pin, turns=True)
-                )
+                body_mass = self._turning(body, body_mass, joint)
+                parts.append(self._part(body, body_mass, pin, turns=True))
         return parts[::-1]
 
     def _mass_properties(self) -> dict[str, MassProperties]:
@@ -422,15 +421,10 @@ class _PartMaker:
         for name in masses:
             groups.setdefault(self.attitudes[name][0], []).append(name)
         for index, group in groups.items():
-            if len(group) > 1 or index is None:
-                total = (
-                    math.inf if index is None else math.fsum(masses[name].inertia for name in group)
-                )
-                each = total / len(group)
-                masses |= {
-                    name: MassProperties(masses[name].mass, masses[name].centre, each)
-                    for name in group
-                }
+            total = math.fsum(masses[name].inertia for name in group)
+            share = math.inf if index is None else total / len(group)
+            for name in group:
+                masses[name] = replace(masses[name], inertia=share)
         return masses
 
     def _is_bob(self, body: Body, body_mass: MassProperties, pin: complex) -> bool:
@@ -452,23 +446,14 @@ class _PartMaker:
 
     def _guides(self, body: str) -> bool:
         """Whether another joint or a wall needs the body's angle."""
-        joints = [
-            joint
-            for joint in self.mechanism.joints
-            if joint.parent == body and joint.free_directions
-        ]
-        joints += [
-            joint
-            for joint in self.mechanism.loop_joints
-            if joint.holds_angle and joint.child == body
-        ]
-        joints += [
-            joint for joint in self.mechanism.joints if joint.holds_angle and joint.parent == body
-        ]
-        walls = [
-            stop for stop in self.mechanism.point_stops if stop.closed and stop.relative_to == body
-        ]
-        return bool(joints or walls)
+        for joint in self.mechanism.joints:
+            if joint.parent == body and (joint.free_directions or joint.holds_angle):
+                return True
+        for joint in self.mechanism.loop_joints:
+            if joint.child == body and joint.holds_angle:
+                return True
+        walls = self.mechanism.point_stops
+        return any(stop.closed and stop.relative_to == body for stop in walls)
 
     def _constrained_points(self, body: str) -> list[complex]:
         """Points of a body at which loop joints or stops act on it."""
@@ -508,9 +493,9 @@ class _PartMaker:
             )
         return body_mass
 
-    def _part(self, body: Body, masses: MassProperties, pin: complex, turns: bool) -> BodyPart:
-        engine_body = pymunk.Body(masses.mass, masses.inertia if turns else math.inf)
-        row = self.kinematics.point(body.name, (masses.centre.real, masses.centre.imag))
+    def _part(self, body: Body, body_mass: MassProperties, pin: complex, turns: bool) -> BodyPart:
+        engine_body = pymunk.Body(body_mass.mass, body_mass.inertia if turns else math.inf)
+        row = self.kinematics.point(body.name, _pair(body_mass.centre))
         x, y = self.kinematics.position(row, self.q).tolist()
         engine_body.position = x, y
         x, y = self.kinematics.velocity(row, self.q, self.u).tolist()
@@ -519,14 +504,12 @@ class _PartMaker:
             index, turned = self.attitudes[body.name]
             engine_body.angle = -(turned if index is None else float(self.q[index]) + turned)
             engine_body.angular_velocity = 0.0 if index is None else -float(self.u[index])
-        return BodyPart(body.name, engine_body, masses.centre, pin, turns)
+        return BodyPart(body.name, engine_body, body_mass.centre, pin, turns)
 
 
 def _oscillator(body_mass: MassProperties, pin: complex) -> tuple[MassProperties, float]:
     """Point mass that swings about the pin like the body, and the mass left on the pin [kg]."""
-    arm = body_mass.centre - pin
-    about_pin = body_mass.inertia + body_mass.mass * abs(arm) ** 2
-    ratio = about_pin / (body_mass.mass * abs(arm) ** 2)
-    return MassProperties(body_mass.mass / ratio, pin + ratio * arm, 0.0), body_mass.mass * (
-        1 - 1 / ratio
-    )
+    arm, mass = body_mass.centre - pin, body_mass.mass
+    about_pin = body_mass.inertia + mass * abs(arm) ** 2
+    ratio = about_pin / (mass * abs(arm) ** 2)
+    return MassProperties(mass / ratio, pin + ratio * arm, 0.0), mass * (1 - 1 / ratio)

@@ -168,11 +168,8 @@ class _Builder:
             self._add_pivot(child, point, parent, at)
         else:
             # Two point masses turn nothing: a pivot between them is linear, and so exact.
-            self._add(
-                constraints.PivotJoint(
-                    parts[parent].body, parts[child].body, (0.0, 0.0), (0.0, 0.0)
-                )
-            )
+            bodies, origin = (parts[parent].body, parts[child].body), (0.0, 0.0)
+            self._add(constraints.PivotJoint(*bodies, origin, origin))
 
     def add_slide(self, joint: SlotJoint | PrismaticJoint) -> None:
         """Add a rod across the joint's line, and what holds a slider's angle."""
@@ -336,18 +333,16 @@ class _ForceBuilder:
     def point_spring(self, element: SpringDamper) -> list[Load]:
         """Chipmunk's spring where it has both points; else, and of the damper, a load."""
         own, other = complex(*element.point), complex(*element.relative_point)
-        is_own = self._is_on_body(element.body, own) and self._is_on_body(
-            element.relative_to, other
-        )
-        if is_own and element.stiffness:
-            still = self.assembly.space.static_body
-            b, end_b = self.assembly.end(element.body, own)
-            a, end_a = self.assembly.end(element.relative_to, other)
-            lengths = element.rest_length, element.stiffness, 0.0
-            self.assembly.space.add(
-                constraints.DampedSpring(a or still, b or still, end_a, end_b, *lengths)
-            )
-        stiffness = 0.0 if is_own else element.stiffness
+        stiffness = element.stiffness
+        if self._is_on_body(element.body, own) and self._is_on_body(element.relative_to, other):
+            if stiffness:
+                still = self.assembly.space.static_body
+                b, end_b = self.assembly.end(element.body, own)
+                a, end_a = self.assembly.end(element.relative_to, other)
+                ends = a or still, b or still, end_a, end_b
+                spring = constraints.DampedSpring(*ends, element.rest_length, stiffness, 0.0)
+                self.assembly.space.add(spring)
+            stiffness = 0.0
         vector = self._point(element.body, own) - self._point(element.relative_to, other)
         return [Pull(element, vector, stiffness)] if stiffness or element.damping else []
 
@@ -389,9 +384,8 @@ class _ForceBuilder:
         if element.stiffness and min(a.moment, b.moment) < math.inf:
             # Its angle is that of a less that of b, counter-clockwise: the mechanism's of the body
             # less the other's.
-            spring = constraints.DampedRotarySpring(
-                a, b, element.rest_angle, element.stiffness, 0.0
-            )
+            rest, stiffness = element.rest_angle, element.stiffness
+            spring = constraints.DampedRotarySpring(a, b, rest, stiffness, 0.0)
             self.assembly.space.add(spring)
         return True
 
@@ -423,9 +417,8 @@ class _ForceBuilder:
         if part.turns:
             return EngineAngle(part.body)
         rod = Combination(0j, (Term(1.0, part.body, 0j),)) - self._pin(part)
-        start = float(
-            Kinematics(self.mechanism).angle(name).value(initial_state(self.mechanism)[0])
-        )
+        q, _ = initial_state(self.mechanism)
+        start = float(Kinematics(self.mechanism).angle(name).value(q))
         return RodAngle(rod, part.reference - part.pin, start)
 
 

@@ -82,15 +82,15 @@ def _violated(
     a = reading.accelerations()[0]
     rounding = least * _compliance(kinematics, q, touching)
 
-    def is_wrong(name: str) -> bool:
+    for name in touching:
         if name in active:
-            return torques[name] < least
-        return (
-            float(kinematics.gap_jacobian(name, q) @ a) + float(kinematics.gap_bias(name, q, u))
-            < rounding
-        )
-
-    return next((name for name in touching if is_wrong(name)), None)
+            if torques[name] < least:
+                return name
+            continue
+        opening = float(kinematics.gap_jacobian(name, q) @ a)
+        if opening + float(kinematics.gap_bias(name, q, u)) < rounding:
+            return name
+    return None
 
 
 def _compliance(kinematics: Kinematics, q: FloatArray, touching: Contacts) -> float:
@@ -131,16 +131,11 @@ class SteppedSegment:
 
     def begin(self) -> None:
         """The first sample, and without the leapfrog the first step."""
-        stepper = self.stepper
+        stepper, mechanism = self.stepper, self.assembly.mechanism
         closed = self._checks_passes
-        passes = self._passes(
-            self._convergence(*initial_state(self.assembly.mechanism)) if closed else None
-        )
-        # Stops that meet the joints as well as those of a trebuchet do start with the passes that the
-        # option says.
-        settle = closed and (
-            bool(self.assembly.mechanism.loop_joints) or passes > self.options.iterations
-        )
+        passes = self._passes(self._convergence(*initial_state(mechanism)) if closed else None)
+        # Stops that meet the joints as well as a trebuchet's do start with the option's passes.
+        settle = closed and (bool(mechanism.loop_joints) or passes > self.options.iterations)
         stepper.start(max(self.options.start_iterations, passes), self.options.leapfrog, settle)
         if not self.options.leapfrog:
             # The first step has no impulses to start from; a leapfrog has found them at the start.
@@ -230,12 +225,11 @@ class SteppedSegment:
         reading = MotionReading(self.assembly, self.stepper.samples(first))
         torques = forces_of(reading, active).torques
         find = _foreseen if self.options.locate_releases else _noticed
-        steps_to_zero = {name: find(torque) for name, torque in torques.items()}
-        due = {
-            name: step
-            for name, step in steps_to_zero.items()
-            if step is not None and k + step <= self.n
-        }
+        due: dict[str, float] = {}
+        for name, torque in torques.items():
+            step = find(torque)
+            if step is not None and k + step <= self.n:
+                due[name] = step
         if due:
             self._release(min(due, key=lambda name: due[name]), k, min(due.values()))
 
@@ -325,14 +319,13 @@ def _refuse_lost_joints(
 
 def _reach(mechanism: Mechanism) -> float:
     """Sum of all lengths [m]."""
-    joints = [
-        point for joint in mechanism.joints for point in (joint.parent_point, joint.child_point)
-    ]
-    reach = sum(
-        math.hypot(*point) for point in (*joints, *(body.centre for body in mechanism.bodies))
-    )
-    # A rotor on its axle has no length but its radius of gyration.
-    return reach + sum(math.sqrt(body.inertia / body.mass) for body in mechanism.bodies)
+    reach = 0.0
+    for joint in mechanism.joints:
+        reach += math.hypot(*joint.parent_point) + math.hypot(*joint.child_point)
+    for body in mechanism.bodies:
+        # A rotor on its axle has no length but its radius of gyration.
+        reach += math.hypot(*body.centre) + math.sqrt(body.inertia / body.mass)
+    return reach
 
 
 def _foreseen(torque: FloatArray) -> float | None:
@@ -510,13 +503,11 @@ class _EventFinder:
         reading = self.segment.reading(first, last, self._near)
         q, u = reading.coordinates()
         self._near = q[-1]
-        hits = {
-            stop.name: self._first_penetration(stop.name, first, q, u)
-            for stop in reading.mechanism.stops
-        }
-        events = [
-            self._located(name, k - 1, reading, first) for name, k in hits.items() if k is not None
-        ]
+        events: list[_ContactEvent] = []
+        for stop in reading.mechanism.stops:
+            k = self._first_penetration(stop.name, first, q, u)
+            if k is not None:
+                events.append(self._located(stop.name, k - 1, reading, first))
         return min(events, key=lambda event: event.time, default=None)
 
     def _first_penetration(self, name: str, first: int, q: FloatArray, u: FloatArray) -> int | None:
@@ -528,11 +519,10 @@ class _EventFinder:
         speeds = np.sum(self.kinematics.gap_jacobian(name, q) * u, axis=-1)
         for k in range(max(first, opened), first + len(q)):
             gap, speed = float(gaps[k - first]), float(speeds[k - first])
+            can_be_met = name in self._parted or k >= opened + _SETTLING_SAMPLES
             if gap > 0:
                 self._parted.add(name)
-            elif (
-                gap < 0 and speed < 0 and (name in self._parted or k >= opened + _SETTLING_SAMPLES)
-            ):
+            elif gap < 0 and speed < 0 and can_be_met:
                 return k
         return None
 

@@ -124,9 +124,8 @@ class MotionReading:
 
     def between(self, joint: AnyJoint) -> PointState:
         """The vector from a joint's point of the parent to that of the child."""
-        return self.point(joint.child, joint.child_point) - self.point(
-            joint.parent, joint.parent_point
-        )
+        parent = self.point(joint.parent, joint.parent_point)
+        return self.point(joint.child, joint.child_point) - parent
 
     def _body(self, i: int) -> PointState:
         return PointState(*self.samples.points[:, :, i])
@@ -156,10 +155,11 @@ class MotionReading:
     @cached_property
     def _motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """q, u and a, shape (n, n_q)."""
-        turning = [
-            self.frames[body.name] for body in self.mechanism.bodies if body.angle is not None
-        ]
-        columns = [(frame.q, frame.u, frame.a) for frame in turning]
+        columns: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+        for body in self.mechanism.bodies:
+            if body.angle is not None:
+                frame = self.frames[body.name]
+                columns.append((frame.q, frame.u, frame.a))
         for slide in self.mechanism.slides:
             frame = self.frames[slide.joint.parent]
             columns.append(frame.component(slide.direction, self.between(slide.joint)))
@@ -230,10 +230,8 @@ class MotionReading:
         part, vector = self.assembly.parts.get(joint.child), self.between(joint)
         if is_pin(joint) and part and not part.turns and joint in self.mechanism.tree_joints:
             parent = self.point(joint.parent, joint.parent_point).position
-            return np.abs(
-                np.abs(self.frames[joint.child].at.position - parent)
-                - abs(part.reference - part.pin)
-            )
+            length = np.abs(self.frames[joint.child].at.position - parent)
+            return np.abs(length - abs(part.reference - part.pin))
         if not joint.free_directions:
             return np.abs(vector.position)
         (across,) = joint.held_directions

@@ -17,7 +17,7 @@ from ..spec import Spec
 from ..trajectory import Trajectory
 
 
-class Motion(Protocol):
+class ContinuousMotion(Protocol):
     """A motion that is continuous in time, from which figures are read."""
 
     @property
@@ -36,7 +36,7 @@ class Motion(Protocol):
 
 
 @dataclass(frozen=True)
-class Figure:
+class KnownValue:
     """A number that the problem's motion must have."""
 
     name: str
@@ -44,7 +44,7 @@ class Figure:
     unit: str
     tolerance: float
     """Tolerance of the reference, in the unit: the digits that are published or computable."""
-    read: Callable[[Motion], float]
+    read: Callable[[ContinuousMotion], float]
     basis: Literal["closed form", "quadrature", "published"] = "closed form"
 
 
@@ -55,7 +55,7 @@ class Condition:
     text: str
     limit: float
     unit: str
-    error: Callable[[Motion], float]
+    error: Callable[[ContinuousMotion], float]
 
 
 class BenchmarkParameters(Spec):
@@ -83,7 +83,7 @@ class Benchmark:
     parameters: type[BenchmarkParameters]
     build: Callable[[Any], Mechanism]
     """The mechanism, of parameters of that type; it has the benchmark's name."""
-    figures: Callable[[Any], tuple[Figure, ...]] = lambda parameters: ()
+    figures: Callable[[Any], tuple[KnownValue, ...]] = lambda parameters: ()
     conditions: Callable[[Any], tuple[Condition, ...]] = lambda parameters: ()
     stop_law: StopLaw = StopLaw.RELEASE_ONCE
 
@@ -93,8 +93,8 @@ class Benchmark:
         Args:
             parameters: of the benchmark's own type; the published ones where left out.
         """
-        given = parameters or self.parameters()
-        return Problem(self.build(given), duration=given.duration, stop_law=self.stop_law)
+        values = parameters or self.parameters()
+        return Problem(self.build(values), duration=values.duration, stop_law=self.stop_law)
 
 
 _GRID = 500  # samples among which sign changes are looked for
@@ -122,13 +122,13 @@ def marker(name: str, axis: int) -> Quantity:
     return lambda trajectory: trajectory.marker(name).position[:, axis]
 
 
-def at(quantity: Quantity, t: float) -> Callable[[Motion], float]:
+def at(quantity: Quantity, t: float) -> Callable[[ContinuousMotion], float]:
     """A quantity at an instant [s]."""
     return lambda motion: float(quantity(motion.trajectory(np.array([t])))[0])
 
 
 def crossing(
-    motion: Motion, quantity: Quantity, level: float, until: float, count: int = 1
+    motion: ContinuousMotion, quantity: Quantity, level: float, until: float, count: int = 1
 ) -> float:
     """Time at which a quantity passes a level for the n-th time [s].
 
@@ -151,12 +151,12 @@ def crossing(
     return float(brentq(distance, times[i], times[i + 1], xtol=1e-15, rtol=1e-15))
 
 
-def passage(quantity: Quantity, level: float, until: float) -> Callable[[Motion], float]:
+def passage(quantity: Quantity, level: float, until: float) -> Callable[[ContinuousMotion], float]:
     """Time at which a quantity first passes a level [s]."""
     return lambda motion: crossing(motion, quantity, level, until)
 
 
-def period(quantity: Quantity, level: float, until: float) -> Callable[[Motion], float]:
+def period(quantity: Quantity, level: float, until: float) -> Callable[[ContinuousMotion], float]:
     """Period of an oscillation about a level [s], from the first and third passage."""
     return lambda motion: (
         crossing(motion, quantity, level, until, 3) - crossing(motion, quantity, level, until)
@@ -165,24 +165,24 @@ def period(quantity: Quantity, level: float, until: float) -> Callable[[Motion],
 
 def largest_error(
     quantity: Quantity, exact: Callable[[FloatArray], FloatArray], until: float
-) -> Callable[[Motion], float]:
+) -> Callable[[ContinuousMotion], float]:
     """Largest difference of a quantity from a closed form over [0, until] s.
 
     Args:
         exact: of times [s], shape (n,), the quantity, shape (n,).
     """
 
-    def read(motion: Motion) -> float:
+    def read(motion: ContinuousMotion) -> float:
         times = np.linspace(0.0, until, _SAMPLES)
         return float(np.abs(quantity(motion.trajectory(times)) - exact(times)).max())
 
     return read
 
 
-def energy_error(until: float) -> Callable[[Motion], float]:
+def energy_error(until: float) -> Callable[[ContinuousMotion], float]:
     """Largest change of the total energy of a conservative motion over [0, until] s [J]."""
 
-    def read(motion: Motion) -> float:
+    def read(motion: ContinuousMotion) -> float:
         energy = motion.trajectory(np.linspace(0.0, until, _SAMPLES)).total_energy
         return float(np.abs(energy - energy[0]).max())
 
@@ -196,14 +196,14 @@ def path_figure(
     quantity: Quantity,
     exact: Callable[[FloatArray], FloatArray],
     until: float,
-) -> Figure:
+) -> KnownValue:
     """The largest error of a quantity as a figure; arguments as in :func:`largest_error`."""
-    return Figure(name, 0.0, unit, tolerance, largest_error(quantity, exact, until))
+    return KnownValue(name, 0.0, unit, tolerance, largest_error(quantity, exact, until))
 
 
-def energy_figure(tolerance: float, until: float) -> Figure:
+def energy_figure(tolerance: float, until: float) -> KnownValue:
     """The energy error of a conservative motion over [0, until] s as a figure."""
-    return Figure("largest change of the energy", 0.0, "J", tolerance, energy_error(until))
+    return KnownValue("largest change of the energy", 0.0, "J", tolerance, energy_error(until))
 
 
 def suite_condition(
@@ -221,7 +221,7 @@ def suite_condition(
         until: end of the comparison [s].
     """
 
-    def read(motion: Motion) -> float:
+    def read(motion: ContinuousMotion) -> float:
         times = np.linspace(0.0, until, samples + 1)[1:]
         exact = length * np.stack([np.cos(angle(times)), -np.sin(angle(times))], axis=1)
         errors = (motion.trajectory(times).marker(name).position - exact) / np.maximum(

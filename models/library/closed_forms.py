@@ -17,7 +17,7 @@ from scipy.integrate import quad
 from scipy.special import ellipj, ellipkm1
 
 from ..arrays import FloatArray
-from .benchmark import Figure, coordinate, path_figure, period
+from .benchmark import KnownValue, coordinate, path_figure, period
 
 LOWEST = math.pi / 2  # [rad] angle of a link that hangs straight down
 
@@ -83,11 +83,13 @@ class Swing:
 
     def figures(
         self, end: float, time_tolerance: float, angle_tolerance: float
-    ) -> tuple[Figure, ...]:
+    ) -> tuple[KnownValue, ...]:
         """Its period and its path up to `end` [s], with their tolerances [s, rad]."""
         quantity = coordinate(self.angle)
         return (
-            Figure("period", self.period, "s", time_tolerance, period(quantity, self.lowest, end)),
+            KnownValue(
+                "period", self.period, "s", time_tolerance, period(quantity, self.lowest, end)
+            ),
             path_figure(
                 "largest error of the angle", "rad", angle_tolerance, quantity, self.at, end
             ),

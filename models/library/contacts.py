@@ -12,7 +12,15 @@ from ..elements import FreeJoint, PointStop, SlotJoint, Stop
 from ..mechanism import Body, Marker, Mechanism
 from ..problem import StopLaw
 from ..spec import Positive, Real
-from .benchmark import Benchmark, BenchmarkParameters, Figure, Motion, at, energy_figure, speed
+from .benchmark import (
+    Benchmark,
+    BenchmarkParameters,
+    ContinuousMotion,
+    KnownValue,
+    at,
+    energy_figure,
+    speed,
+)
 from .pendulums import pin_links, rods
 
 _ZENO = (
@@ -129,7 +137,7 @@ def _bouncing(p: BouncingParameters) -> Mechanism:
     )
 
 
-def _bouncing_figures(p: BouncingParameters) -> tuple[Figure, ...]:
+def _bouncing_figures(p: BouncingParameters) -> tuple[KnownValue, ...]:
     fall = p.speed / p.g
     common = _first_impact("floor", fall, (1 + p.restitution) * p.mass * p.speed)
     if p.restitution == 1:
@@ -137,10 +145,12 @@ def _bouncing_figures(p: BouncingParameters) -> tuple[Figure, ...]:
         end, energy = p.duration, p.mass * p.g * p.height
         return (
             *common,
-            Figure("tenth impact", tenth, "s", 1e-11 * tenth, lambda motion: motion.impacts[9][0]),
+            KnownValue(
+                "tenth impact", tenth, "s", 1e-11 * tenth, lambda motion: motion.impacts[9][0]
+            ),
             energy_figure(1e-11 * energy, end),
         )
-    rest = Figure(
+    rest = KnownValue(
         "rest",
         p.rest_time,
         "s",
@@ -150,10 +160,10 @@ def _bouncing_figures(p: BouncingParameters) -> tuple[Figure, ...]:
     return (*common, rest)
 
 
-def _first_impact(stop: str, time: float, impulse: float) -> tuple[Figure, ...]:
+def _first_impact(stop: str, time: float, impulse: float) -> tuple[KnownValue, ...]:
     return (
-        Figure("first impact", time, "s", 1e-12 * time, lambda motion: motion.impacts[0][0]),
-        Figure(
+        KnownValue("first impact", time, "s", 1e-12 * time, lambda motion: motion.impacts[0][0]),
+        KnownValue(
             "impulse of it",
             impulse,
             "N s",
@@ -192,10 +202,12 @@ def _stopped_pendulum(p: StoppedPendulumParameters) -> Mechanism:
     )
 
 
-def _energy_balance(p: StoppedPendulumParameters, end: float) -> Callable[[Motion], float]:
+def _energy_balance(
+    p: StoppedPendulumParameters, end: float
+) -> Callable[[ContinuousMotion], float]:
     """Largest energy error, with the loss of impacts added: half of P (v- + v+) each."""
 
-    def read(motion: Motion) -> float:
+    def read(motion: ContinuousMotion) -> float:
         times = np.linspace(0.0, end, 400)
         energy = motion.trajectory(times).total_energy
         taken = np.zeros_like(times)
@@ -208,10 +220,10 @@ def _energy_balance(p: StoppedPendulumParameters, end: float) -> Callable[[Motio
     return read
 
 
-def _stopped_figures(p: StoppedPendulumParameters) -> tuple[Figure, ...]:
+def _stopped_figures(p: StoppedPendulumParameters) -> tuple[KnownValue, ...]:
     scale = 4 * p.mass * p.g * p.length
     balance = _energy_balance(p, p.duration)
-    return (Figure("energy less that of the impacts", 0.0, "J", 1e-11 * scale, balance),)
+    return (KnownValue("energy less that of the impacts", 0.0, "J", 1e-11 * scale, balance),)
 
 
 def _falling_rod(p: FallingRodParameters) -> Mechanism:
@@ -243,13 +255,13 @@ def _falling_rod(p: FallingRodParameters) -> Mechanism:
     )
 
 
-def _falling_rod_figures(p: FallingRodParameters) -> tuple[Figure, ...]:
+def _falling_rod_figures(p: FallingRodParameters) -> tuple[KnownValue, ...]:
     fall, momentum = p.speed / p.g, p.impulse
     # The blow on the right end turns the rod counterclockwise.
     spin = -momentum * p.length / 2 * math.cos(p.slope) / (p.mass * p.length**2 / 12)
     return (
         *_first_impact("right", fall, momentum),
-        Figure(
+        KnownValue(
             "spin after it",
             spin,
             "rad/s",

@@ -15,7 +15,7 @@ from ..spec import Positive, Real, Vector
 from .benchmark import (
     Benchmark,
     BenchmarkParameters,
-    Figure,
+    KnownValue,
     at,
     coordinate,
     energy_figure,
@@ -174,7 +174,7 @@ def _welded_rods(p: WeldedRodsParameters) -> Mechanism:
     )
 
 
-def _welded_figures(p: WeldedRodsParameters) -> tuple[Figure, ...]:
+def _welded_figures(p: WeldedRodsParameters) -> tuple[KnownValue, ...]:
     return p.swing.figures(p.duration, 1e-11 * p.swing.period, 1e-10)
 
 
@@ -191,7 +191,7 @@ def _incline(p: InclineParameters) -> Mechanism:
     )
 
 
-def _incline_figures(p: InclineParameters) -> tuple[Figure, ...]:
+def _incline_figures(p: InclineParameters) -> tuple[KnownValue, ...]:
     end, along = p.duration, p.g * math.sin(p.slope)
     final = p.speed * end + along * end**2 / 2
     reach = abs(p.speed) * end + abs(along) * end**2
@@ -201,7 +201,7 @@ def _incline_figures(p: InclineParameters) -> tuple[Figure, ...]:
         return p.speed * t + along * t**2 / 2
 
     return (
-        Figure("position at the end", final, "m", tolerance, at(x, end)),
+        KnownValue("position at the end", final, "m", tolerance, at(x, end)),
         path_figure("largest error of the position", "m", tolerance, x, path, end),
     )
 
@@ -219,14 +219,14 @@ def _bead(p: BeadParameters) -> Mechanism:
     )
 
 
-def _bead_figures(p: BeadParameters) -> tuple[Figure, ...]:
+def _bead_figures(p: BeadParameters) -> tuple[KnownValue, ...]:
     end, r, exact = p.duration, coordinate("r"), p.passage
     turning = p.momentum / (p.inertia + p.mass * p.end**2)
     return (
-        Figure(
+        KnownValue(
             "passage of the end", exact, "s", 1e-11 * exact, passage(r, p.end, end), "quadrature"
         ),
-        Figure(
+        KnownValue(
             "arm's speed then",
             turning,
             "rad/s",
@@ -261,13 +261,15 @@ def _quick_return(p: QuickReturnParameters) -> Mechanism:
     )
 
 
-def _quick_return_figures(p: QuickReturnParameters) -> tuple[Figure, ...]:
+def _quick_return_figures(p: QuickReturnParameters) -> tuple[KnownValue, ...]:
     end, a = p.duration, coordinate("a")
     half = time_between(0.0, math.pi, p.speed, p.inertia, p.potential)
     turn, scale = p.turn_time, p.inertia(0.0) * p.speed**2
     return (
-        Figure("time of a turn", turn, "s", 1e-11, passage(a, 2 * math.pi, end), "quadrature"),
-        Figure("time of the first half", half, "s", 1e-11, passage(a, math.pi, end), "quadrature"),
+        KnownValue("time of a turn", turn, "s", 1e-11, passage(a, 2 * math.pi, end), "quadrature"),
+        KnownValue(
+            "time of the first half", half, "s", 1e-11, passage(a, math.pi, end), "quadrature"
+        ),
         energy_figure(1e-11 * max(1.0, scale), end),
     )
 
@@ -391,10 +393,10 @@ def _thrown_plate(p: ThrownPlateParameters) -> Mechanism:
     )
 
 
-def _thrown_figures(p: ThrownPlateParameters) -> tuple[Figure, ...]:
+def _thrown_figures(p: ThrownPlateParameters) -> tuple[KnownValue, ...]:
     pull = p.force_x / p.mass, p.force_y / p.mass - p.g
 
-    def path(axis: int, start: float, rate: float, name: str) -> Figure:
+    def path(axis: int, start: float, rate: float, name: str) -> KnownValue:
         def exact(t: FloatArray) -> FloatArray:
             return start + rate * t + pull[axis] * t**2 / 2
 
@@ -406,7 +408,7 @@ def _thrown_figures(p: ThrownPlateParameters) -> tuple[Figure, ...]:
     return (
         path(0, _CENTRE[0], p.speed_x, "x"),
         path(1, _CENTRE[1], p.speed_y, "y"),
-        Figure(
+        KnownValue(
             "angle at the end",
             turned,
             "rad",
@@ -432,7 +434,7 @@ def _spring_pendulum(p: SpringPendulumParameters) -> Mechanism:
     )
 
 
-def _spring_pendulum_figures(p: SpringPendulumParameters) -> tuple[Figure, ...]:
+def _spring_pendulum_figures(p: SpringPendulumParameters) -> tuple[KnownValue, ...]:
     end, rest, w = p.duration, -p.mass * p.g / p.stiffness, p.omega
     size = max(1.0, abs(p.aside), abs(p.speed_y) / w)
     tolerance = 1e-11 * size

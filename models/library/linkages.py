@@ -18,7 +18,7 @@ from .benchmark import (
     Benchmark,
     BenchmarkParameters,
     Condition,
-    Figure,
+    KnownValue,
     at,
     coordinate,
     energy_figure,
@@ -232,12 +232,12 @@ def _four_bar_angle(p: FourBarParameters, t: FloatArray) -> FloatArray:
     return UPRIGHT + turn(p.omega, p.turning, t)
 
 
-def _four_bar_figures(p: FourBarParameters) -> tuple[Figure, ...]:
+def _four_bar_figures(p: FourBarParameters) -> tuple[KnownValue, ...]:
     end, angle = p.duration, coordinate("a0")
     turn = turn_period(p.omega, p.turning)
     name = "largest error of the first crank's angle"
     return (
-        Figure("time of a turn", turn, "s", 1e-9, passage(angle, UPRIGHT + 2 * math.pi, end)),
+        KnownValue("time of a turn", turn, "s", 1e-9, passage(angle, UPRIGHT + 2 * math.pi, end)),
         path_figure(name, "rad", 1e-9, angle, lambda t: _four_bar_angle(p, t), end),
     )
 
@@ -293,7 +293,7 @@ def _slider_crank(name: str, p: SliderCrankParameters) -> Mechanism:
     )
 
 
-def _slider_crank_figures(p: SliderCrankParameters) -> tuple[Figure, ...]:
+def _slider_crank_figures(p: SliderCrankParameters) -> tuple[KnownValue, ...]:
     end = p.duration
     scale = p.inertia(0.0) * p.speed**2
     if p.share > 1:
@@ -305,7 +305,7 @@ def _slider_crank_figures(p: SliderCrankParameters) -> tuple[Figure, ...]:
     else:
         name, time, measured = "period", p.swing_time, period(coordinate("a"), LOWEST, end)
     return (
-        Figure(name, time, "s", 1e-10 * time, measured, "quadrature"),
+        KnownValue(name, time, "s", 1e-10 * time, measured, "quadrature"),
         energy_figure(1e-10 * scale, end),
     )
 
@@ -333,12 +333,12 @@ def _trammel(p: TrammelParameters) -> Mechanism:
     )
 
 
-def _swing_figures(p: ThreeCranksParameters | TrammelParameters) -> tuple[Figure, ...]:
+def _swing_figures(p: ThreeCranksParameters | TrammelParameters) -> tuple[KnownValue, ...]:
     swing, end = p.swing, p.duration
     last = float(swing.at(np.array([end]))[0])
     return (
         *swing.figures(end, 1e-11 * swing.period, 1e-10),
-        Figure("angle at the end", last, "rad", 1e-10, at(coordinate(swing.angle), end)),
+        KnownValue("angle at the end", last, "rad", 1e-10, at(coordinate(swing.angle), end)),
     )
 
 

@@ -17,7 +17,7 @@ from ..spec import NonNegative, Positive, Real
 from .benchmark import (
     Benchmark,
     BenchmarkParameters,
-    Figure,
+    KnownValue,
     Quantity,
     at,
     coordinate,
@@ -140,7 +140,7 @@ def _oscillator(name: str, p: OscillatorParameters) -> Mechanism:
 
 def _linear_figures(
     p: OscillatorParameters | TorsionParameters, quantity: Quantity, rest: float
-) -> tuple[Figure, ...]:
+) -> tuple[KnownValue, ...]:
     end = p.duration
     unit = "m" if isinstance(p, OscillatorParameters) else "rad"
 
@@ -154,13 +154,13 @@ def _linear_figures(
         final = rest + float(_decay(p.rates, p.start, np.array([end / 4]))[0])
         return (
             error,
-            Figure(
+            KnownValue(
                 "deflection after a quarter of the time", final, unit, 1e-11, at(quantity, end / 4)
             ),
         )
     return (
         error,
-        Figure("period", end / _SPAN, "s", 1e-11 * end / _SPAN, period(quantity, rest, end)),
+        KnownValue("period", end / _SPAN, "s", 1e-11 * end / _SPAN, period(quantity, rest, end)),
     )
 
 
@@ -200,7 +200,7 @@ def _motor(p: MotorParameters) -> Mechanism:
     )
 
 
-def _motor_figures(p: MotorParameters) -> tuple[Figure, ...]:
+def _motor_figures(p: MotorParameters) -> tuple[KnownValue, ...]:
     end, final = _SPAN * p.constant, p.torque / p.damping
     share = p.casing / (p.casing + p.rotor)  # of the relative motion that is the rotor's
 
@@ -211,7 +211,7 @@ def _motor_figures(p: MotorParameters) -> tuple[Figure, ...]:
     name, tolerance = "largest error of the rotor's angle", 1e-11 * max(1.0, abs(final) * end)
     return (
         path_figure(name, "rad", tolerance, coordinate("a"), angle, end),
-        Figure(
+        KnownValue(
             "rotor's speed at the end",
             last,
             "rad/s",

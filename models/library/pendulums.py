@@ -18,7 +18,7 @@ from .benchmark import (
     Benchmark,
     BenchmarkParameters,
     Condition,
-    Figure,
+    KnownValue,
     coordinate,
     energy_figure,
     period,
@@ -178,7 +178,7 @@ def _hanging_chain(p: HangingChainParameters) -> Mechanism:
     return pin_links("hanging-chain", links, p.length, p.g, tuple(start.tolist()))
 
 
-def _swing_figures(p: PendulumParameters) -> tuple[Figure, ...]:
+def _swing_figures(p: PendulumParameters) -> tuple[KnownValue, ...]:
     # Near the highest position errors grow, as the period does with the amplitude: by 1 / cos of
     # its half.
     growth = 1.0 / math.cos(p.amplitude / 2)
@@ -189,7 +189,7 @@ def _swing_conditions(p: PendulumParameters) -> tuple[Condition, ...]:
     return (suite_condition("P1", p.length, p.swing.at, p.duration, 20),)
 
 
-def _chain_figures(p: ChainParameters) -> tuple[Figure, ...]:
+def _chain_figures(p: ChainParameters) -> tuple[KnownValue, ...]:
     scale = p.N**2 * p.mass * p.g * p.length
     return (energy_figure(1e-11 * scale, p.duration),)
 
@@ -198,12 +198,14 @@ def _hanging_period(p: HangingChainParameters) -> float:
     return 2 * math.pi / math.sqrt(p.shape[0] * p.g / p.length)
 
 
-def _hanging_figures(p: HangingChainParameters) -> tuple[Figure, ...]:
+def _hanging_figures(p: HangingChainParameters) -> tuple[KnownValue, ...]:
     exact = _hanging_period(p)
     # The oscillation is small: its period differs from the linear one by the amplitude's square.
     read = period(coordinate("a1"), LOWEST, 1.5 * exact)
     return (
-        Figure("period of the slowest small oscillation", exact, "s", exact * p.amplitude**2, read),
+        KnownValue(
+            "period of the slowest small oscillation", exact, "s", exact * p.amplitude**2, read
+        ),
     )
 
 

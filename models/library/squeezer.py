@@ -16,7 +16,7 @@ from pydantic import Field
 from ..elements import GROUND, ConstantTorque, SpringDamper
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import NonNegative, Positive, Real, Vector
-from .benchmark import Benchmark, BenchmarkParameters, Figure, Quantity, at, coordinate
+from .benchmark import Benchmark, BenchmarkParameters, KnownValue, Quantity, at, coordinate
 from .parts import pin
 
 _END = 0.03  # [s]
@@ -129,12 +129,12 @@ _BODIES = (
 )
 
 
-def _figures(p: SqueezerParameters) -> tuple[Figure, ...]:
+def _figures(p: SqueezerParameters) -> tuple[KnownValue, ...]:
     """The published end state; of other parameters nothing is published."""
     if p != SqueezerParameters():
         return ()
     return tuple(
-        Figure(
+        KnownValue(
             f"{angle} at 0.03 s",
             value,
             "rad",

@@ -25,7 +25,7 @@ from typing import Any
 from ..errors import InputError, UnsupportedProblemError
 from ..mechanism import Marker, Mechanism
 from .tree import from_origin, joints_of, number, numbers, outwards
-from .variants import POINT_INERTIA, Inertia
+from .variants import POINT_INERTIA, MassProperties
 
 PROJECTILE, HOLD, LANDING = "thrown_projectile", "hold_projectile", "landing_ground"
 """Names of the body and its ball, of the equality, and of the plane that it lands on."""
@@ -66,15 +66,17 @@ class Thrown:
         return mass if mass < (1 - _KEPT) * whole else (1 - _KEPT) * mass
 
     @cached_property
-    def tied(self) -> Inertia:
+    def tied(self) -> MassProperties:
         """The part of it that the equality holds."""
-        return Inertia(_TIED * self.mass, 0j, 0.0)
+        return MassProperties(_TIED * self.mass, 0j, 0.0)
 
-    def take_from(self, inertias: dict[str, Inertia]) -> None:
+    def take_from(self, inertias: dict[str, MassProperties]) -> None:
         """Take what is tied from the body that carries it."""
         body, point = self.marker.body, complex(*self.marker.point)
         lighter = inertias[body].with_mass_at(point, -self.tied.mass)
-        inertias[body] = lighter if inertias[body].inertia else Inertia(lighter.mass, point, 0.0)
+        inertias[body] = (
+            lighter if inertias[body].inertia else MassProperties(lighter.mass, point, 0.0)
+        )
 
     def with_its_own(self, values: Sequence[float]) -> list[float]:
         """Positions or speeds of MuJoCo's joints with those of the projectile, which are zero."""
@@ -145,7 +147,9 @@ def released(model: Any, data: Any) -> Any:
     at, centre = (
         complex(vector[0], vector[2]) for vector in (model.body_pos[ball], model.body_ipos[carrier])
     )
-    whole = Inertia(float(model.body_mass[carrier]), centre, float(model.body_inertia[carrier, 1]))
+    whole = MassProperties(
+        float(model.body_mass[carrier]), centre, float(model.body_inertia[carrier, 1])
+    )
     left = whole.with_mass_at(at, -handed)
     after.body_mass[[carrier, ball]] = left.mass, model.body_mass[ball] + handed
     after.body_ipos[carrier] = left.centre.real, 0.0, left.centre.imag

@@ -40,19 +40,19 @@ class Variant:
 
 
 @dataclass(frozen=True)
-class Inertia:
+class MassProperties:
     """Mass [kg], centre [m] and moment of inertia about it [kg m^2] of a body, in its frame."""
 
     mass: float
     centre: complex
     inertia: float
 
-    def with_mass_at(self, point: complex, mass: float) -> Inertia:
+    def with_mass_at(self, point: complex, mass: float) -> MassProperties:
         """The sum with a point mass [kg], which may be negative."""
         total = self.mass + mass
         centre = (self.mass * self.centre + mass * point) / total
         about = self.mass * abs(self.centre - centre) ** 2 + mass * abs(point - centre) ** 2
-        return Inertia(total, centre, self.inertia + about)
+        return MassProperties(total, centre, self.inertia + about)
 
     def add_to(self, element: ET.Element, origin: Vector) -> None:
         """Give them to a body in MJCF whose frame's origin is at a point of ours."""
@@ -66,35 +66,35 @@ class Inertia:
         return self.inertia + self.mass * abs(self.centre - point) ** 2
 
 
-def inertias(mechanism: Mechanism, variant: Variant) -> dict[str, Inertia]:
+def inertias(mechanism: Mechanism, variant: Variant) -> dict[str, MassProperties]:
     """Mass, centre and inertia of each body by name, as they are written."""
-    found = {
-        body.name: Inertia(body.mass, complex(*body.centre), body.inertia)
+    properties = {
+        body.name: MassProperties(body.mass, complex(*body.centre), body.inertia)
         for body in mechanism.bodies
     }
     if variant.finite_inertia:
         for body in reversed(mechanism.bodies):
-            _enlarge(mechanism, found, mechanism.joint_of(body.name))
-    return found
+            _enlarge(mechanism, properties, mechanism.joint_of(body.name))
+    return properties
 
 
-def _enlarge(mechanism: Mechanism, found: dict[str, Inertia], joint: AnyJoint) -> None:
+def _enlarge(mechanism: Mechanism, properties: dict[str, MassProperties], joint: AnyJoint) -> None:
     """Move as much mass from the parent to the child of a pin as gives the child its least inertia.
 
     Not if the parent then had a negative inertia that it could not get from the ground: the third
     point mass of a chain stays one.
     """
-    child, at = found[joint.child], complex(*joint.child_point)
+    child, at = properties[joint.child], complex(*joint.child_point)
     needed = _SHARE * child.second_moment(at)
     if joint.kind != "pin" or child.inertia >= needed:
         return
     first = child.mass * abs(child.centre - at)
     moved = first**2 / (child.second_moment(at) - needed) - child.mass
     if joint.parent != GROUND:
-        smaller = found[joint.parent].with_mass_at(complex(*joint.parent_point), -moved)
+        smaller = properties[joint.parent].with_mass_at(complex(*joint.parent_point), -moved)
         carrier = mechanism.joint_of(joint.parent)
         from_ground = carrier.kind == "pin" and carrier.parent == GROUND
         if smaller.mass <= 0 or (smaller.inertia <= 0 and not from_ground):
             return
-        found[joint.parent] = smaller
-    found[joint.child] = child.with_mass_at(at, moved)
+        properties[joint.parent] = smaller
+    properties[joint.child] = child.with_mass_at(at, moved)

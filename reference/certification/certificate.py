@@ -37,9 +37,8 @@ _SAMPLES = 60
 _BEYOND = 1.02  # times the compared motion: so that the coarser one's events lie inside, too
 _SAFETY = 4.0
 _PROJECTILE = "projectile"
-_ROUNDING = 64 * float(
-    np.finfo(np.float64).eps
-)  # of the sums behind a value, relative to the largest of its kind
+# Of the sums behind a value, relative to the largest of its kind.
+_ROUNDING = 64 * float(np.finfo(np.float64).eps)
 
 
 class Computation(Spec):
@@ -225,14 +224,10 @@ def estimate_uncertainty(solution: Solution, end: float | None = None) -> Uncert
     fine, coarse = solution.trajectory(t), other.trajectory(t)
     uncertainties = _along(fine, coarse) | _events(solution, other, end)
     if launch is not None and other.launch is not None:
-        speed = np.linalg.norm(fine.marker(_PROJECTILE).velocity, axis=1)
-        _enter(
-            uncertainties,
-            "launch_speed",
-            None,
-            speed,
-            np.linalg.norm(coarse.marker(_PROJECTILE).velocity, axis=1),
+        speed, other_speed = (
+            np.linalg.norm(motion.marker(_PROJECTILE).velocity, axis=1) for motion in (fine, coarse)
         )
+        _enter(uncertainties, "launch_speed", None, speed, other_speed)
     elif launch is not None:
         uncertainties["launch_speed"] = launch.speed
     return Uncertainties(source="estimate", values=uncertainties)
@@ -268,24 +263,29 @@ def _enter(
 
 def _events(fine: Solution, coarse: Solution, end: float) -> dict[str, float]:
     """Uncertainty [s] of each release and of the launch."""
-    pairs = {
-        f"release_time ({name})": (t, coarse.release_times[name])
-        for name, t in fine.release_times.items()
+    pairs: dict[str, tuple[float | None, float | None]] = {
+        f"release_time ({name})": (time, coarse.release_times[name])
+        for name, time in fine.release_times.items()
     }
-    if fine.launch is not None or coarse.launch is not None:
-        pairs["launch_time"] = (
-            fine.launch and fine.launch.time,
-            coarse.launch and coarse.launch.time,
-        )
-    happen = {
-        key: pair for key, pair in pairs.items() if any(t is not None and t <= end for t in pair)
-    }
-    known = {key: abs(a - b) for key, (a, b) in happen.items() if a is not None and b is not None}
-    values = dict.fromkeys(happen, end) | dict.fromkeys(
-        known, _SAFETY * max(known.values(), default=0.0) + _ROUNDING * end
-    )
-    releases = [value for key, value in values.items() if key != "launch_time"]
-    return values | ({"release_time": max(releases)} if releases else {})
+    pairs["launch_time"] = (_launch_time(fine), _launch_time(coarse))
+    happen: list[str] = []
+    known: dict[str, float] = {}
+    for event, (first, second) in pairs.items():
+        if any(time is not None and time <= end for time in (first, second)):
+            happen.append(event)
+            if first is not None and second is not None:
+                known[event] = abs(first - second)
+    shared = _SAFETY * max(known.values(), default=0.0) + _ROUNDING * end
+    # An event that only one solution has is as uncertain as the motion is long.
+    values = {event: shared if event in known else end for event in happen}
+    releases = [value for event, value in values.items() if event != "launch_time"]
+    if releases:
+        values["release_time"] = max(releases)
+    return values
+
+
+def _launch_time(solution: Solution) -> float | None:
+    return None if solution.launch is None else solution.launch.time
 
 
 def refusal(

@@ -138,10 +138,8 @@ def _coordinates(
 ) -> _KeyedValues:
     q, _ = motion.state(time)
     for i, name in enumerate(plan.mechanism.coordinates):
-        yield (
-            Key("coordinate", name, at, "rad" if i < len(plan.mechanism.angles) else "m", instant),
-            q[i],
-        )
+        unit = "rad" if i < len(plan.mechanism.angles) else "m"
+        yield Key("coordinate", name, at, unit, instant), q[i]
 
 
 def _torques(motion: Motion, plan: Plan) -> _KeyedValues:
@@ -176,14 +174,10 @@ def _launch(motion: Motion, plan: Plan) -> _KeyedValues:
     yield Key("launch_speed", None, "", "m/s"), launch.speed
     yield from _coordinates(motion, plan, launch.time, "launch")
     yield from _position(motion, PROJECTILE, launch.time, "launch")
-    yield (
-        Key("range", None, "launch", "m"),
-        vacuum_range(motion, plan.mechanism.gravity, launch.time),
-    )
-    yield (
-        Key("energy_ratio", None, "launch", "1"),
-        _energy_ratio(motion, plan.mechanism)(launch.time),
-    )
+    flight = vacuum_range(motion, plan.mechanism.gravity, launch.time)
+    yield Key("range", None, "launch", "m"), flight
+    ratio = _energy_ratio(motion, plan.mechanism)
+    yield Key("energy_ratio", None, "launch", "1"), ratio(launch.time)
 
 
 def _rightmost(motion: Motion, plan: Plan) -> _KeyedValues:
@@ -197,10 +191,8 @@ def _rightmost(motion: Motion, plan: Plan) -> _KeyedValues:
 
     time = _maximum(x, lambda t: x(t, 1), 0.0, launch.time, plan.step / 10)
     if time is not None:
-        yield (
-            Key("position_x_max", COUNTERWEIGHT, "before launch", "m"),
-            motion.marker(COUNTERWEIGHT, time)[0][0],
-        )
+        farthest = motion.marker(COUNTERWEIGHT, time)[0][0]
+        yield Key("position_x_max", COUNTERWEIGHT, "before launch", "m"), farthest
 
 
 def _best_release(motion: Motion, plan: Plan) -> _KeyedValues:
@@ -208,21 +200,16 @@ def _best_release(motion: Motion, plan: Plan) -> _KeyedValues:
     launch, g = motion.launch, plan.mechanism.gravity
     if launch is None or g == 0:
         return
-    time = _near(
-        motion,
-        launch,
-        plan.step,
-        lambda t: vacuum_range(motion, g, t),
-        lambda t: _range_rate(motion, g, t),
-    )
+
+    def flight(t: float) -> float:
+        return vacuum_range(motion, g, t)
+
+    time = _near(motion, launch, plan.step, flight, lambda t: _range_rate(motion, g, t))
     if time is not None:
-        _, velocity, _ = motion.marker(PROJECTILE, time)
+        _, (vx, vy), _ = motion.marker(PROJECTILE, time)
         yield Key("best_release_time", None, "longest range", "s"), time
-        yield (
-            Key("best_release_angle", None, "longest range", "rad"),
-            math.atan2(velocity[1], velocity[0]),
-        )
-        yield Key("best_release_speed", None, "longest range", "m/s"), math.hypot(*velocity)
+        yield Key("best_release_angle", None, "longest range", "rad"), math.atan2(vy, vx)
+        yield Key("best_release_speed", None, "longest range", "m/s"), math.hypot(vx, vy)
         yield Key("best_range", None, "longest range", "m"), vacuum_range(motion, g, time)
 
 
@@ -231,13 +218,11 @@ def _largest_ratio(motion: Motion, plan: Plan) -> _KeyedValues:
     if launch is None or not motion.energy(0.0):
         return
     ratio = _energy_ratio(motion, plan.mechanism)
-    time = _near(
-        motion,
-        launch,
-        plan.step,
-        lambda t: _speed_rate(motion, t)[0],
-        lambda t: _speed_rate(motion, t)[1],
-    )
+
+    def squared(t: float, derivative: int = 0) -> float:
+        return _speed_rate(motion, t)[derivative]
+
+    time = _near(motion, launch, plan.step, squared, lambda t: squared(t, 1))
     if time is not None:
         yield Key("largest_ratio_time", None, "fastest", "s"), time
         yield Key("largest_ratio", None, "fastest", "1"), ratio(time)

@@ -29,8 +29,10 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.elements import (
     FORCE_ELEMENTS,
+    GROUND,
     JOINTS,
     STOPS,
+    AnyJoint,
     ConstantForce,
     ConstantTorque,
     CubicTorsionSpring,
@@ -46,7 +48,6 @@ from ...models.elements import (
     WeldJoint,
 )
 from ...models.errors import SimulationError, UnsupportedProblemError
-from ...models.joints import GROUND, AnyJoint
 from ...models.launch import Launch, rest_opened
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw

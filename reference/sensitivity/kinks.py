@@ -158,36 +158,29 @@ def one_sided(kinks: Sequence[Kink], names: Sequence[str]) -> list[str]:
         kinks: of a motion.
         names: of the directions, shape (m,).
     """
-    held, met = sides(kinks, len(names)), dict[str, list[int]]()
+    held = sides(kinks, len(names))
+    # Directions on which the same happens to the other side, by what that is.
+    alike: dict[str, list[int]] = {}
     for j in np.flatnonzero(held).tolist():
-        met.setdefault(
-            " and ".join(dict.fromkeys(kink.otherwise for kink in kinks if kink.sides[j])), []
-        ).append(j)
-    found: list[str] = []
-    for stops, these in met.items():
-        up, down, none = (
-            [names[j] for j in these if test(held[j])] for test in (_rises, _falls, np.isnan)
-        )
-        ways = [
-            f"{way} of {_listed(of)}"
-            for way, of in (("an increase", up), ("a decrease", down))
-            if of
-        ]
+        events = dict.fromkeys(kink.otherwise for kink in kinks if kink.sides[j])
+        alike.setdefault(" and ".join(events), []).append(j)
+    sentences: list[str] = []
+    for event, directions in alike.items():
+        up = [names[j] for j in directions if held[j] > 0]
+        down = [names[j] for j in directions if held[j] < 0]
+        neither = [names[j] for j in directions if np.isnan(held[j])]
+        ways: list[str] = []
+        if up:
+            ways.append(f"an increase of {_listed(up)}")
+        if down:
+            ways.append(f"a decrease of {_listed(down)}")
         if ways:
-            found.append(
-                f"derivatives hold one way only for {' and '.join(ways)}: the other way {stops}"
+            sentences.append(
+                f"derivatives hold one way only for {' and '.join(ways)}: the other way {event}"
             )
-        if none:
-            found.append(f"there is no derivative by {_listed(none)}: either way {stops}")
-    return found
-
-
-def _rises(side: float) -> bool:
-    return side > 0
-
-
-def _falls(side: float) -> bool:
-    return side < 0
+        if neither:
+            sentences.append(f"there is no derivative by {_listed(neither)}: either way {event}")
+    return sentences
 
 
 def _listed(names: Sequence[str]) -> str:

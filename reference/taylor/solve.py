@@ -17,8 +17,8 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
+from ...models.functions import PointCoefficients
 from ...models.launch import Launch, is_launch, lead
-from ...models.phasors import PointCoefficients
 from ...models.problem import Problem
 from ..contact import ActiveSet, EventFunction, PostEventState
 from ..equations import Equations
@@ -185,7 +185,7 @@ class _Integration:
         self.segments: list[Segment] = []
         self.launched: _State | None = None
         self.steps = self.order = 0
-        self.crossings = Crossings(self.equations, self.active_set)
+        self.last_crossing: tuple[PostEventState, Crossing] | None = None
         self.begun = self.active_set.begin()
         refuse_dependent(self.equations, self.begun.q, self.begun.closed, "the Taylor integrator")
 
@@ -280,7 +280,7 @@ class _Integration:
     ) -> int | None:
         """Integrate to the first stop's event or the launch, and say which; None without one."""
         while True:
-            start, crossing = float(integrator.time), self.crossings.of(initial)
+            start, crossing = float(integrator.time), self._crossing(initial)
             result = integrator.propagate_until(
                 self.real(until), c_output=record, callback=crossing
             )
@@ -296,6 +296,16 @@ class _Integration:
                     continue
             if index != len(self.stops) or self._is_launch(integrator):
                 return index
+
+    def _crossing(self, initial: PostEventState) -> Crossing | None:
+        """Crossing of the active set after a state; None without loops, which may lose rank."""
+        if not self.equations.n_loops:
+            return None
+        if self.last_crossing is None or self.last_crossing[0] is not initial:
+            functions = self.active_set.event_functions(initial)
+            finder = EventFinder(self.equations, initial, functions)
+            self.last_crossing = initial, Crossing(self.equations, initial, finder)
+        return self.last_crossing[1]
 
     def _cross(
         self,
@@ -526,25 +536,6 @@ class Crossing:
 
     def _state(self, integrator: Any) -> FloatArray:
         return np.array(integrator.state[: 2 * self.n_q], dtype=np.float64).reshape(2, -1)
-
-
-class Crossings:
-    """The crossing of each active set of a motion; None without loops of joints."""
-
-    def __init__(self, equations: Equations, active_set: ActiveSet) -> None:
-        self._equations, self._active_set = equations, active_set
-        self._last: tuple[PostEventState, Crossing] | None = None
-
-    def of(self, initial: PostEventState) -> Crossing | None:
-        """Crossing of the steps after a state."""
-        if not self._equations.n_loops:
-            return None
-        if self._last is None or self._last[0] is not initial:
-            finder = EventFinder(
-                self._equations, initial, self._active_set.event_functions(initial)
-            )
-            self._last = initial, Crossing(self._equations, initial, finder)
-        return self._last[1]
 
 
 class WindowOutput:

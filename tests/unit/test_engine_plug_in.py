@@ -120,7 +120,7 @@ def test_the_documented_examples_are_what_they_say() -> None:
         (ROOM.parents[1] / "docs" / f"{page}.md").read_text() for page in ("extending", "plugins")
     )
     scope: dict[str, Any] = {}
-    (mechanism,), (start, _, study) = (
+    (mechanism, *_), (start, _, study) = (
         re.findall(r"```python\n(.*?)```", page, re.DOTALL) for page in (own, text)
     )
     exec(study, scope)

@@ -18,6 +18,7 @@ from pydantic import BaseModel
 from trebucheck.cli.app import main
 from trebucheck.comparisons.data.certified import content
 from trebucheck.comparisons.judge import study as judge_study
+from trebucheck.comparisons.judge.read import read
 from trebucheck.comparisons.judge.study import NOT_GIVEN, Judgement, judge_file
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.pages.judge import document, headline
@@ -26,7 +27,7 @@ from trebucheck.comparisons.runs.study import Study
 from trebucheck.conformance.verdicts import Conformance
 from trebucheck.models.library.registry import library_problem
 from trebucheck.models.spec import schema_text
-from trebucheck.models.trajectory import save
+from trebucheck.models.trajectory import save, write_dataset
 from trebucheck.reference.solver import solve
 
 MODEL = "catapult"
@@ -160,6 +161,69 @@ def test_what_is_wrong_disagrees(
     found = _judged(_csv(tmp_path / "w.csv", motion, *columns, scale=1.01))
     assert found.outcome is Outcome.DISAGREES
     assert broken <= {metric.name for metric in found.broken}
+
+
+_SI = {
+    "time": ("ms", 1e3),
+    "q": ("deg (slides: mm)", 180 / np.pi),
+    "u": ("deg/s (slides: mm/s)", 180 / np.pi),
+    "position": ("mm", 1e3),
+    "velocity": ("cm/s", 1e2),
+    "joint_reaction": ("kN", 1e-3),
+    "kinetic_energy": ("kJ", 1e-3),
+    "potential_energy": ("kJ", 1e-3),
+    "release_time": ("ms", 1e3),
+}
+
+
+def test_units_of_netcdf_are_converted(motion: tb.Trajectory, tmp_path: Path) -> None:
+    """Degrees and millimetres are not read as rad and m."""
+    dataset = motion.to_dataset()
+    for name, (unit, factor) in _SI.items():
+        dataset[name] = dataset[name] * factor
+        dataset[name].attrs["units"] = unit
+    write_dataset(dataset, tmp_path / "m.nc")
+    found = read(tmp_path / "m.nc", motion.mechanism)
+    save(motion, tmp_path / "si.nc")
+    expected = read(tmp_path / "si.nc", motion.mechanism)
+    assert found.values.keys() == expected.values.keys()
+    assert found.releases == pytest.approx(expected.releases, rel=1e-12)
+    for name, values in expected.values.items():
+        assert found.values[name] == pytest.approx(values, rel=1e-12), name
+
+
+@pytest.mark.parametrize(
+    ("variable", "unit"),
+    [
+        ("time", "days"),
+        ("time", None),
+        ("q", "turns"),
+        ("q", "m"),
+        ("u", "rad"),
+        ("position", "mil"),
+        ("position", "rad"),
+        ("velocity", None),
+        ("kinetic_energy", "mJ"),
+        ("joint_reaction", "N m"),
+        ("release_time", "min"),
+    ],
+)
+def test_unknown_units_of_netcdf_are_refused_by_name(
+    variable: str, unit: str | None, motion: tb.Trajectory, tmp_path: Path
+) -> None:
+    dataset = motion.to_dataset()
+    dataset[variable].attrs = {} if unit is None else {"units": unit}
+    write_dataset(dataset, tmp_path / "m.nc")
+    given = "no unit" if unit is None else re.escape(f"[{unit}]")
+    with pytest.raises(tb.InputError, match=f"variable '{variable}'.*{given}; there are: "):
+        read(tmp_path / "m.nc", motion.mechanism)
+
+
+def test_speeds_without_coordinates_are_refused(motion: tb.Trajectory, tmp_path: Path) -> None:
+    """They would be judged with the reference's coordinates."""
+    path = _csv(tmp_path / "u.csv", motion, "u theta", "projectile x", "projectile y")
+    with pytest.raises(tb.InputError, match="'u theta' is there without 'q theta'"):
+        read(path, motion.mechanism)
 
 
 def test_units_are_converted(motion: tb.Trajectory, tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from trebucheck.comparisons.report.pages.run import certificate_report
 from trebucheck.comparisons.runs.results import Outcome
 from trebucheck.engines.options import default_text
 from trebucheck.engines.registry import option_table
-from trebucheck.models.problems.registry import benchmarks
+from trebucheck.models.library.registry import benchmarks
 from trebucheck.reference.certification.certificate import load_certificate
 
 WIDTHS = range(50, 201)

@@ -617,6 +617,8 @@ def test_momentum_is_measured_from_that_at_the_start() -> None:
 def test_a_stop_is_held_up_to_the_earlier_release() -> None:
     lifted = _own(q=OWN.q + _column(1, 0.01 * (T > 0.3)))
     assert _measured(lifted)["stop_gap_held (rest)"].value == pytest.approx(0.01)
+    at_release = _own(q=OWN.q + _column(1, 0.02 * (np.abs(T - RELEASE) < 1e-9)))
+    assert _measured(at_release)["stop_gap_held (rest)"].value == pytest.approx(0.02)
     early = replace(lifted, release_times={"rest": 0.3})
     assert _measured(early)["stop_gap_held (rest)"].value == 0.0
     pressed = _own(q=OWN.q - _column(1, 0.01 * (T < 0.2)))

@@ -138,6 +138,27 @@ def test_scales_of_a_mechanism_of_another_size_are_the_same_parts(factor: float)
         ), name
 
 
+def test_scales_of_a_small_trebuchet_are_the_same_parts() -> None:
+    """Every scale, those of stops among them, below 1: none of them is an absolute value."""
+    s, usual = 1e-3, tb.TrebuchetParameters()
+    lengths, masses = ("l1", "l2", "r", "h"), ("m_b", "m_cw", "m_a")
+    changes = {name: getattr(usual, name) * s for name in lengths}
+    changes |= {name: getattr(usual, name) * s**3 for name in masses}
+    small = tb.fixed(tb.TrebuchetParameters(**changes))
+    found, expected = (
+        scales_until(solve(tb.Problem(m, duration=end)), end).model_dump()
+        for m, end in ((small, 0.4 * math.sqrt(s)), (tb.fixed(), 0.4))
+    )
+    powers = {
+        "length": 1, "angle": 0, "time": 0.5, "speed": 0.5, "angular_speed": -0.5, "mass": 3,
+        "force": 3, "energy": 4, "largest_energy": 4,
+    }  # fmt: skip
+    torques, own = expected.pop("torques"), found.pop("torques")
+    assert found == pytest.approx({k: v * s ** powers[k] for k, v in expected.items()}, rel=1e-6)
+    assert own == pytest.approx({k: v * s**4 for k, v in torques.items()}, rel=1e-6, abs=0)
+    assert len(own) >= 2
+
+
 @pytest.mark.parametrize("start", [math.pi / 2, math.pi / 2 - 1e-6])
 def test_a_pendulum_at_its_lowest_point_has_scales(start: float) -> None:
     scales = scales_until(solve(tb.Problem(mechanisms.hanging_bob(start=start), duration=2.0)), 2.0)

@@ -204,6 +204,23 @@ def test_every_quantity_has_a_default_of_a_thousandth_of_its_scale() -> None:
     assert judged["position_max (hook)"].reason == "0.1 % of 3 m, for every engine"
 
 
+def test_defaults_of_a_small_machine_are_parts_of_its_scales() -> None:
+    """No tolerance is an absolute value, however far below 1 the scale is."""
+    part = 1e-6
+    fields = SCALES.model_dump()
+    small = {k: v * part for k, v in fields.items() if k != "torques"}
+    small["torques"] = {k: v * part for k, v in fields["torques"].items()}
+    machine = _machine(scales=Scales(**small))
+    found = measure(Formula().trajectory(times()), Formula(), END)  # type: ignore[arg-type]
+    judged = [m for m in found if _judged(m).tolerance is not None]
+    assert len(judged) > 15
+    for metric in judged:
+        squared = QUANTITIES[metric.name].scale == "momentum"  # mass times speed
+        usual, own = _judged(metric).tolerance, _judged(metric, machine).tolerance
+        assert usual is not None
+        assert own == pytest.approx(usual * (part**2 if squared else part), rel=1e-9, abs=0)
+
+
 def test_an_engine_that_does_not_locate_events_may_be_late_by_its_step() -> None:
     release = _metric("release_time", "rest", unit="s")
     settings = {"timestep": 1e-2}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,9 @@ import pytest
 import trebucheck as tb
 from pydantic import JsonValue
 from trebucheck.comparisons.runs.metrics import measure
+from trebucheck.comparisons.runs.process import TimeLimitError
 from trebucheck.comparisons.runs.record import EngineRuns, RunRecord, curves_of
+from trebucheck.comparisons.runs.results import Metric, Outcome
 from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.store import Store
 from trebucheck.models.arrays import FloatArray
@@ -120,3 +123,33 @@ def test_a_known_reference_changes_nothing() -> None:
     assert with_it == curves_of(off, solution, end)
     assert max(with_it.torques["sling rest"]) == pytest.approx(1.0)
     assert measure(off, solution, end, reference) == measure(off, solution, end)
+
+
+def test_a_run_that_timed_out_is_an_outcome_with_its_limit(trials: EngineRuns) -> None:
+    record = trials.record(Claims(timestep=0.01))
+    assert record.ran and record.time_limit is None
+    stopped = record.failed(TimeLimitError("it did not finish within 3 s and was stopped.", 3.0))
+    assert (stopped.outcome, stopped.time_limit) == (Outcome.TIMED_OUT, 3.0)
+    assert not stopped.ran and "3 s" in (stopped.message or "")
+    crashed = record.failed(SimulationError("it crashed"))
+    assert (crashed.outcome, crashed.time_limit) == (Outcome.FAILED, None)
+    assert pickle.loads(pickle.dumps(TimeLimitError("x", 3.0))).limit == 3.0
+
+
+def test_the_largest_value_is_of_one_metric_and_the_ones_that_are_known(
+    trials: EngineRuns,
+) -> None:
+    record = trials.record(Claims(timestep=0.01)).model_copy(
+        update={
+            "metrics": (
+                Metric(name="position_max", subject="a", value=1.0, unit="m"),
+                Metric(name="position_max", subject="b", value=None, unit="m"),
+                Metric(name="position_max", subject="c", value=3.0, unit="m"),
+                Metric(name="position_max_of_another", value=9.0, unit="m"),
+                Metric(name="release_time", subject="a", value=-2.0, unit="s"),
+            )
+        }
+    )
+    assert record.position == 3.0 and record.torque is None
+    assert record.value("release_time", "a") == -2.0
+    assert record.value("position_max", "b") is None and record.value("release_time") is None

@@ -576,4 +576,4 @@ def _ffmpeg() -> str:
 
 
 WRITERS: dict[str, Callable[[Stage], bytes]] = {".gif": _gif, ".mp4": _mp4, ".svg": _svg}
-"""By the ending of a file's name."""
+"""Writers by the ending of a file's name."""

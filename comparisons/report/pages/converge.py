@@ -19,10 +19,9 @@ from ...converge.results import (
     Study,
 )
 from .. import document as doc
-from ..document import Block, Cell, Column, Document, Heading, Note, Row, Table, Text, row, table
 from ..numbers import format_number, format_settings
 from ..plots import Axis, Label, Panels, Plot, Series, Style, run_style
-from ..tables import compared_time, provenance
+from .tables import compared_time, provenance
 
 _WHOLE = Style("#8a8f96")
 
@@ -51,7 +50,7 @@ def convergence(studies: Sequence[Study]) -> Panels:
 
 
 def swept_parameter(study: Study) -> Panels:
-    """Error against one parameter, and where it can be isolated, the part of it that the parameter makes."""
+    """Error against one parameter, and the part that the parameter makes where it is isolated."""
     name = "part of the parameter" if study.own else "error"
     return tuple(
         Plot(
@@ -109,7 +108,7 @@ def _error(curve: Curve) -> Axis:
 
 
 def _points(study: Study, column: int, name: str, *, whole: bool = False) -> Iterator[Series]:
-    """The errors, or where it can be isolated and unless the whole is asked for, the parameter's part of them."""
+    """The errors, or the parameter's part of them where it is isolated."""
     own, quantity = study.own and not whole, study.curves[column].quantity
     found = [(point.value, point.error(quantity, own)) for point in study.points]
     ran = np.array([(value, error) for value, error in found if error is not None], dtype=float)
@@ -136,34 +135,35 @@ def _slope(study: Study, column: int, at: float) -> Iterator[Label]:
 
 
 _INTRODUCTION = (
-    "Each parameter of each engine is swept through its values; the errors are the largest distances of any marker "
-    "(without markers, of any centre of mass) from the reference over the compared time. An exponent is the slope of "
-    "a straight line in the log-log plane with its 95 % confidence interval (Student t), over the run of points along "
-    "which the error changes most without its slope departing by more than 0.1; the rule knows of no expected "
-    "exponent. A floor is an error that the parameter does not lower; its cause is found by refining every other "
-    "parameter by one step there. “Stock” is what an engine's documentation leads a newcomer to, “tuned” the most "
-    "accurate settings found."
+    "Each parameter of each engine is swept through its values; the errors are the largest "
+    "distances of any marker (without markers, of any centre of mass) from the reference over the "
+    "compared time. An exponent is the slope of a straight line in the log-log plane with its 95 % "
+    "confidence interval (Student t), over the run of points along which the error changes most "
+    "without its slope departing by more than 0.1; the rule knows of no expected exponent. A floor "
+    "is an error that the parameter does not lower; its cause is found by refining every other "
+    "parameter by one step there. “Stock” is what an engine's documentation leads a newcomer to, "
+    "“tuned” the most accurate settings found."
 )
 _LIMITS = (
-    "Largest distance between the same markers of two runs over the compared time, with the time step extrapolated "
-    "away [m]. The "
-    "limits are chosen without the reference: of all three neighbouring steps whose successive differences show a "
-    "whole order, those whose limits from two and three levels lie nearest to each other."
+    "Largest distance between the same markers of two runs over the compared time, with the time "
+    "step extrapolated away [m]. The limits are chosen without the reference: of all three "
+    "neighbouring steps whose successive differences show a whole order, those whose limits from "
+    "two and three levels lie nearest to each other."
 )
 _WORK = (
-    "Error against wall time of the whole simulation, warm: median of the repeats, bars from the quickest to the "
-    "slowest."
+    "Error against wall time of the whole simulation, warm: median of the repeats, bars from the "
+    "quickest to the slowest."
 )
 _OTHERS = (
-    "Where the error of the swept parameter itself can be isolated, exponents are of that part: the distance from the "
-    "run without it. “What is left” is then the error of that run."
+    "Where the error of the swept parameter itself can be isolated, exponents are of that part: "
+    "the distance from the run without it. “What is left” is then the error of that run."
 )
 
 
-def document(studies: Studies) -> Document:
-    """All studies; the terminal has the orders, laws and limits of the positions, and what failed."""
-    failures = tuple(Text(sentence, "warning") for sentence in _failures(studies))
-    blocks: list[Block] = []
+def document(studies: Studies) -> doc.Document:
+    """All studies; a terminal has the orders, laws and limits of positions, and what failed."""
+    failures = tuple(doc.Text(sentence, "warning") for sentence in _failures(studies))
+    blocks: list[doc.Block] = []
     if failures:
         blocks.append(
             doc.Fold(
@@ -179,7 +179,7 @@ def document(studies: Studies) -> Document:
         for machine in studies.machines
         for study in machine.studies
     )
-    blocks += [Heading("How it is measured", 2), Note(_INTRODUCTION)]
+    blocks += [doc.Heading("How it is measured", 2), doc.Note(_INTRODUCTION)]
     blocks += provenance(
         studies, runs, [(machine.model, machine.mechanism) for machine in studies.machines]
     )
@@ -188,11 +188,11 @@ def document(studies: Studies) -> Document:
     models = ", ".join(machine.model for machine in studies.machines)
     verdict = f"{number} sweeps of {models or 'no machine'}; {len(failures)} things did not run"
     title = "How fast does each engine's error fall with its settings?"
-    return Document(title, tuple(blocks), "trebucheck converge", verdict=verdict)
+    return doc.Document(title, tuple(blocks), "trebucheck converge", verdict=verdict)
 
 
 def _failures(studies: Studies) -> Iterator[str]:
-    """One sentence a machine that could not be moved, an engine that is not installed, and a failed point."""
+    """Sentences on machines that failed, engines that are not installed, and failed points."""
     for model, message in studies.failures.items():
         yield f"{model}: {message}"
     for name in dict.fromkeys(name for machine in studies.machines for name in machine.absent):
@@ -206,20 +206,21 @@ def _failures(studies: Studies) -> Iterator[str]:
                     yield f"{machine.model}, {study.label}, {setting}: {point.message}"
 
 
-def _chapter(machine: MachineStudies) -> Iterator[Block]:
+def _chapter(machine: MachineStudies) -> Iterator[doc.Block]:
     steps = [study for study in machine.studies if study.knob == "timestep"]
     others = [study for study in machine.studies if study.knob != "timestep"]
     known = [
         f"{format_number(value)} {_unit(machine, name)}"
         for name, value in machine.uncertainty.items()
     ]
-    yield Heading(f"{machine.model.capitalize()} machine", 2, machine.model)
+    yield doc.Heading(f"{machine.model.capitalize()} machine", 2, machine.model)
     compared = compared_time(machine.launch_time, machine.compared_to, machine.judged_to)
-    yield Note(
-        f"{compared} The reference is known to {' and '.join(known)} (by {machine.uncertainty_source})."
+    yield doc.Note(
+        f"{compared} The reference is known to {' and '.join(known)} (by "
+        f"{machine.uncertainty_source})."
     )
     if steps:
-        yield Heading("Order in the time step")
+        yield doc.Heading("Order in the time step")
         yield _orders(machine, steps)
         drawn, anchor = partial(convergence, steps), f"{machine.model}-order"
         yield doc.Figure(drawn, "Error against the time step", anchor=anchor)
@@ -234,14 +235,12 @@ def _chapter(machine: MachineStudies) -> Iterator[Block]:
             f"{machine.model}-work-precision",
         )
     if others:
-        yield Heading("Other swept parameters")
-        yield Note(_OTHERS)
+        yield doc.Heading("Other swept parameters")
+        yield doc.Note(_OTHERS)
         yield _laws(machine, others)
         for study in others:
             yield doc.Figure(
-                partial(swept_parameter, study),
-                f"{study.label}: {study.title}",
-                _about(study),
+                partial(swept_parameter, study), f"{study.label}: {study.title}", _about(study)
             )
     yield doc.Fold("Every point", tuple(_point_table(study) for study in machine.studies))
 
@@ -250,28 +249,30 @@ def _unit(machine: MachineStudies, quantity: QuantityName) -> str:
     return "m" if quantity == "position" else machine.mechanism.force_unit
 
 
-def _orders(machine: MachineStudies, studies: Sequence[Study]) -> Table:
-    heads = "engine | (quantity) | (expected) | order | range [s] | floor | set by | limit to reference "
-    heads += "| (its own error [m]) | (finest level [s])"
+def _orders(machine: MachineStudies, studies: Sequence[Study]) -> doc.Table:
+    heads = (
+        "engine | (quantity) | (expected) | order | range [s] | floor | set by | "
+        "limit to reference | (its own error [m]) | (finest level [s])"
+    )
     rows = (
         _curve_row(study, curve, [study.label], *_limit(machine, study, curve))
         for study in studies
         for curve in study.curves
     )
     caption = f"{machine.model}: order of the position's error in the time step, 95 % confidence"
-    return table(doc.ranked(doc.columns(heads), range=2, order=0), rows, caption)
+    return doc.table(doc.ranked(doc.columns(heads), range=2, order=0), rows, caption)
 
 
-def _curve_row(study: Study, curve: Curve, names: Iterable[str], *end: str) -> Row:
-    """What was found of a quantity; the names of its study stand in the position's row, the only one in a terminal."""
+def _curve_row(study: Study, curve: Curve, names: Iterable[str], *end: str) -> doc.Row:
+    """Row of a quantity; only the position's has the study's names, and is shown in a terminal."""
     position = curve.quantity == "position"
     first = (name if position else "" for name in names)
-    return row(
+    return doc.row(
         *first, curve.quantity, *_law(study, curve), *end, medium="any" if position else "page"
     )
 
 
-def _law(study: Study, curve: Curve) -> tuple[str | Cell, ...]:
+def _law(study: Study, curve: Curve) -> tuple[str | doc.Cell, ...]:
     """Expected and found exponent, the range of the law, the floor and its cause."""
     expected = (
         f"{study.expected:g}"
@@ -282,12 +283,12 @@ def _law(study: Study, curve: Curve) -> tuple[str | Cell, ...]:
     span = "" if law is None else f"{format_number(law.high)} to {format_number(law.low)}"
     if floor is None:
         return expected, exponent(law), span, "not reached", ""
-    cause = Cell(floor.cause, hint=floor.evidence)
+    cause = doc.Cell(floor.cause, hint=floor.evidence)
     return expected, exponent(law), span, f"{format_number(floor.error)} {curve.unit}", cause
 
 
 def _limit(machine: MachineStudies, study: Study, curve: Curve) -> tuple[str, str, str]:
-    """Distance of Richardson's limit from the reference, the limit's own error, and the finest of its steps."""
+    """Distance of Richardson's limit from the reference, its own error, its finest step."""
     limit = machine.limit(study.label)
     if limit is not None and curve.quantity == "position":
         distance = f"{format_number(limit.position)} {curve.unit}"
@@ -297,8 +298,9 @@ def _limit(machine: MachineStudies, study: Study, curve: Curve) -> tuple[str, st
     return f"{format_number(limit.torque)} {curve.unit}", "", ""
 
 
-def _floors(studies: Sequence[Study]) -> Table:
-    heads = "engine | quantity | floor | at [s] | cause | measured there: share of the error that is left"
+def _floors(studies: Sequence[Study]) -> doc.Table:
+    measured = "measured there: share of the error that is left"
+    heads = f"engine | quantity | floor | at [s] | cause | {measured}"
     rows = [
         (
             study.label,
@@ -312,41 +314,41 @@ def _floors(studies: Sequence[Study]) -> Table:
         for curve in study.curves
         if (floor := curve.floor) is not None
     ]
-    return table(heads, rows, "Floors and their causes")
+    return doc.table(heads, rows, "Floors and their causes")
 
 
-def _limits(machine: MachineStudies) -> Iterator[Block]:
+def _limits(machine: MachineStudies) -> Iterator[doc.Block]:
     tuned = [
         pair
         for pair in machine.pairs
         if pair.first.endswith(" tuned") and pair.second.endswith(" tuned")
     ]
     to_reference = [
-        row(limit.label, "reference", format_number(limit.position), medium="page")
+        doc.row(limit.label, "reference", format_number(limit.position), medium="page")
         for limit in machine.limits
         if limit.preset == "tuned"
     ]
-    yield Heading("Limits against each other")
-    yield Note(_LIMITS)
+    yield doc.Heading("Limits against each other")
+    yield doc.Note(_LIMITS)
     yield _pairs(tuned, f"{machine.model}: Richardson limits against each other", to_reference)
     if len(machine.pairs) > len(tuned):
         yield doc.Fold("All pairs, stock presets among them", (_pairs(machine.pairs, "All pairs"),))
 
 
-def _pairs(pairs: Sequence[LimitPair], caption: str, before: Sequence[Row] = ()) -> Table:
+def _pairs(pairs: Sequence[LimitPair], caption: str, before: Sequence[doc.Row] = ()) -> doc.Table:
     rows = [
         *before,
-        *(row(pair.first, pair.second, format_number(pair.position)) for pair in pairs),
+        *(doc.row(pair.first, pair.second, format_number(pair.position)) for pair in pairs),
     ]
-    return table(
+    return doc.table(
         doc.ranked(doc.columns("first | second | position [m]"), second=0, position=0),
         rows,
         caption,
     )
 
 
-def _laws(machine: MachineStudies, studies: Sequence[Study]) -> Table:
-    parameter = Column("parameter", medium="terminal", wrap=False, rank=0)
+def _laws(machine: MachineStudies, studies: Sequence[Study]) -> doc.Table:
+    parameter = doc.Column("parameter", medium="terminal", wrap=False, rank=0)
     laws = doc.columns("(quantity) | expected | exponent | range | what is left | set by")
     rows = (
         _curve_row(study, curve, [study.label, study.title, _swept(study)])
@@ -355,7 +357,7 @@ def _laws(machine: MachineStudies, studies: Sequence[Study]) -> Table:
     )
     caption = f"{machine.model}: other swept parameters, exponent of the position's error"
     heads = (*doc.columns("engine | (swept parameter)"), parameter, *laws)
-    return table(doc.ranked(heads, range=2, expected=2, exponent=0), rows, caption)
+    return doc.table(doc.ranked(heads, range=2, expected=2, exponent=0), rows, caption)
 
 
 def _swept(study: Study) -> str:
@@ -377,13 +379,13 @@ def _about(study: Study) -> str:
     return " ".join(sentences)
 
 
-def _point_table(study: Study) -> Table:
+def _point_table(study: Study) -> doc.Table:
     whole = [f"{curve.quantity} [{curve.unit}]" for curve in study.curves]
     own = [f"of the parameter [{curve.unit}]" for curve in study.curves if study.own]
     heads = " | ".join(
         [f"{study.title} [{study.unit}]", "options", *whole, *own, "steps", "wall [s]"]
     )
-    return table(
+    return doc.table(
         heads,
         [_point(study, point) for point in study.points],
         f"{study.label}: {study.title}",
@@ -394,7 +396,7 @@ def _point_table(study: Study) -> Table:
 def _point(study: Study, point: Point) -> tuple[object, ...]:
     setting = f"{point.value:.5g}", format_settings(point.options)
     if point.message is not None:
-        return *setting, Cell(point.message, "warning")
+        return *setting, doc.Cell(point.message, "warning")
     parts = (False, True) if study.own else (False,)
     errors = (point.error(curve.quantity, own) for own in parts for curve in study.curves)
     return *setting, *map(format_number, errors), point.steps, _wall(point)

@@ -8,37 +8,16 @@ from functools import partial
 
 from ...diff.study import Difference, Fate, QuantityChange, RunChange
 from ...runs.results import Metric, Run
-from ..document import (
-    Block,
-    Cell,
-    Column,
-    Document,
-    Fold,
-    Heading,
-    Listing,
-    Mark,
-    Note,
-    Row,
-    Table,
-    Text,
-    Tile,
-    Tiles,
-    page_only,
-    row,
-    table,
-    terminal_only,
-    without_empty_columns,
-    words,
-)
+from .. import document as doc
 from ..numbers import format_number, format_step
-from .compare import cause, diagnosis
+from .tables import cause_text, diagnosis
 
 _QUESTION = "What moved from one comparison to the other, and what broke?"
 _SHOWN = 20
 """Rows of a table that are shown at once."""
 _NAMED = 4
 """Runs whose names are shown with a change of an option."""
-_MARKS: dict[Fate, Mark] = {
+_MARKS: dict[Fate, doc.Mark] = {
     Fate.SAME: "plain",
     Fate.BETTER: "good",
     Fate.WORSE: "bad",
@@ -48,22 +27,23 @@ _MARKS: dict[Fate, Mark] = {
     Fate.NOT_COMPARED: "warning",
 }
 _HOW = (
-    "Runs belong together by model, engine and preset. An error is the largest difference to the reference. It has "
-    "moved if it changed by more than both results leave unknown of it, and by more than a factor {factor:g}. Unknown "
-    "is the sum of the reference's uncertainty, of what the samples leave unknown, and of the rounding of the "
-    "engine's steps (the root of their number times 2.2e-16 of the scale, carried on by the motion's stretching), of "
-    "both results; a smaller error counts as that, and its factor is a bound (over). Tables show errors with "
-    "two digits, and a tenth is what their second digit tells: hence 1.1, unless another factor is asked for. "
-    "Quantities that follow from others, and wall times, are not judged. A verdict that held and is judged no longer "
-    "has got worse, too."
+    "Runs belong together by model, engine and preset. An error is the largest difference to the "
+    "reference. It has moved if it changed by more than both results leave unknown of it, and by "
+    "more than a factor {factor:g}. Unknown is the sum of the reference's uncertainty, of what the "
+    "samples leave unknown, and of the rounding of the engine's steps (the root of their number "
+    "times 2.2e-16 of the scale, carried on by the motion's stretching), of both results; a "
+    "smaller error counts as that, and its factor is a bound (over). Tables show errors with two "
+    "digits, and a tenth is what their second digit tells: hence 1.1, unless another factor is "
+    "asked for. Quantities that follow from others, and wall times, are not judged. A verdict that "
+    "held and is judged no longer has got worse, too."
 )
 
 
-def document(difference: Difference) -> Document:
+def document(difference: Difference) -> doc.Document:
     """All of it; a terminal has the tables in short, and the summary at their end."""
     found = difference
-    blocks: tuple[Block, ...] = (
-        Text(found.summary, "bad" if not found.passed else "good", medium="page"),
+    blocks: tuple[doc.Block, ...] = (
+        doc.Text(found.summary, "bad" if not found.passed else "good", medium="page"),
         _tiles(found),
         _versions(found),
         *_reference(found),
@@ -75,57 +55,62 @@ def document(difference: Difference) -> Document:
         *_diagnoses(found),
         *_conditions(found),
         *_times(found),
-        Note(_HOW.format(factor=found.factor)),
-        Text(found.summary, "bad" if not found.passed else "good", medium="terminal"),
+        doc.Note(_HOW.format(factor=found.factor)),
+        doc.Text(found.summary, "bad" if not found.passed else "good", medium="terminal"),
     )
-    return Document(_QUESTION, blocks, "trebucheck diff", verdict=found.summary)
+    return doc.Document(_QUESTION, blocks, "trebucheck diff", verdict=found.summary)
 
 
-def _tiles(found: Difference) -> Tiles:
-    """What changed, counted."""
+def _tiles(found: Difference) -> doc.Tiles:
+    """Numbers of changes."""
     lost = len(found.of_fate(Fate.WORSE, Fate.FAILS, Fate.VANISHED))
-    return Tiles(
+    return doc.Tiles(
         (
-            Tile(str(len(found.broken)), "verdicts broke", "bad" if found.broken else "plain"),
-            Tile(str(lost), "runs worse, failing or gone", "bad" if lost else "plain"),
-            Tile(str(len(found.mended)), "verdicts mended", "good" if found.mended else "plain"),
-            Tile(
+            doc.Tile(str(len(found.broken)), "verdicts broke", "bad" if found.broken else "plain"),
+            doc.Tile(str(lost), "runs worse, failing or gone", "bad" if lost else "plain"),
+            doc.Tile(
+                str(len(found.mended)), "verdicts mended", "good" if found.mended else "plain"
+            ),
+            doc.Tile(
                 str(len(found.moved)), "further errors moved", detail=f"of {len(found.quantities)}"
             ),
-            Tile(str(found.compared), "runs compared", detail=f"of {len(found.runs)}"),
+            doc.Tile(str(found.compared), "runs compared", detail=f"of {len(found.runs)}"),
         )
     )
 
 
-def _versions(found: Difference) -> Block:
+def _versions(found: Difference) -> doc.Block:
     if not found.versions:
-        return Text("The versions of engines, trebucheck, Python and platform are the same.")
+        return doc.Text("The versions of engines, trebucheck, Python and platform are the same.")
     rows = [(name, *both) for name, both in found.versions.items()]
-    return table(
-        [words("version of", wrap=False), words("old"), words("new")], rows, "Versions that changed"
+    return doc.table(
+        [doc.words("version of", wrap=False), doc.words("old"), doc.words("new")],
+        rows,
+        "Versions that changed",
     )
 
 
-def _reference(found: Difference) -> Iterator[Block]:
-    """Figures of the reference that moved: errors are measured from it, so all of them move with it."""
+def _reference(found: Difference) -> Iterator[doc.Block]:
+    """Figures of the reference that moved: all errors, measured from it, move with it."""
     if not found.references:
         return
     rows = [
-        row(
+        doc.row(
             c.model,
             c.name,
             _digits(c.old),
-            Cell(_digits(c.new), "bad"),
+            doc.Cell(_digits(c.new), "bad"),
             c.unit,
             format_number(c.unknown),
         )
         for c in found.references
     ]
-    yield Heading("The reference moved", 2, medium="any")
-    yield table("machine | figure | old | new | unit | uncertain by", rows)
-    yield Text(
-        "Its figures moved by more than they are uncertain by. The mechanism is the same, so the law of its stops is "
-        "another one, or one of the two references is wrong; errors that moved may only follow."
+    yield doc.Heading("The reference moved", 2, medium="any")
+    yield doc.table("machine | figure | old | new | unit | uncertain by", rows)
+    yield doc.Text(
+        "Its figures moved by more than they are uncertain by. The mechanism is the same, so the "
+        "law of its stops is another one, or one of the two references is wrong; errors that moved "
+        "may only follow."
     )
 
 
@@ -133,22 +118,24 @@ def _digits(value: float | None) -> str:
     return "none" if value is None else f"{value:.15g}"
 
 
-def _runs(found: Difference) -> Iterator[Block]:
+def _runs(found: Difference) -> Iterator[doc.Block]:
     """Runs whose verdict changed, or that have come or gone, and how much of each run changed."""
     fates = sorted((each for each in found.runs if each.fate is not Fate.SAME), key=_urgency)
-    heads = ("run | old | new", Column("what", rank=0), words("message"))
+    heads = ("run | old | new", doc.Column("what", rank=0), doc.words("message"))
     counted = [each for each in map(partial(_count_row, found), found.runs) if each is not None]
     if fates:
-        yield Heading(f"Runs that changed ({len(fates)})", 2, medium="any")
-        yield without_empty_columns(
-            table(_heads(*heads), map(_fate_row, fates), "Verdicts of whole runs, old and new")
+        yield doc.Heading(f"Runs that changed ({len(fates)})", 2, medium="any")
+        yield doc.without_empty_columns(
+            doc.table(_heads(*heads), map(_fate_row, fates), "Verdicts of whole runs, old and new")
         )
     if counted:
-        yield Heading("How much changed in each run", 2, medium="any")
-        yield table(_heads(_COUNTS, words("largest growth")), counted, "Numbers of quantities")
+        yield doc.Heading("How much changed in each run", 2, medium="any")
+        yield doc.table(
+            _heads(_COUNTS, doc.words("largest growth")), counted, "Numbers of quantities"
+        )
 
 
-def _heads(titles: str, *more: Column) -> list[Column | str]:
+def _heads(titles: str, *more: doc.Column) -> list[doc.Column | str]:
     return [*map(str.strip, titles.split("|")), *more]
 
 
@@ -159,10 +146,10 @@ def _urgency(each: RunChange) -> int:
     return _URGENT.index(each.fate)
 
 
-def _fate_row(each: RunChange) -> Row:
+def _fate_row(each: RunChange) -> doc.Row:
     message = each.reason or (each.new.message if each.new else None) or ""
     verdicts = (_outcome(each.old), _outcome(each.new))
-    return row(_name(each), *verdicts, Cell(each.fate.value, _MARKS[each.fate]), message)
+    return doc.row(_name(each), *verdicts, doc.Cell(each.fate.value, _MARKS[each.fate]), message)
 
 
 def _name(each: RunChange) -> str:
@@ -176,7 +163,7 @@ def _outcome(run: Run | None) -> str:
 _COUNTS = "run | broke | mended | grew | shrank | compared"
 
 
-def _count_row(found: Difference, each: RunChange) -> Row | None:
+def _count_row(found: Difference, each: RunChange) -> doc.Row | None:
     """How many of its quantities changed in which way; None if none did."""
     own = set(map(id, each.quantities))
     broke, mended, moved = (
@@ -199,40 +186,42 @@ def _count_row(found: Difference, each: RunChange) -> Row | None:
         if worst is None or _known_factor(worst) <= 1
         else f"{_factor(worst)} in {worst.either.label}"
     )
-    return row(_name(each), *counts, len(each.quantities), growth)
+    return doc.row(_name(each), *counts, len(each.quantities), growth)
 
 
 def _known_factor(change: QuantityChange) -> float:
     return change.factor or 0.0
 
 
-def _count(changes: Sequence[QuantityChange], mark: Mark = "plain") -> Cell:
-    return Cell(str(len(changes)), mark if changes else "plain")
+def _count(changes: Sequence[QuantityChange], mark: doc.Mark = "plain") -> doc.Cell:
+    return doc.Cell(str(len(changes)), mark if changes else "plain")
 
 
-def _quantities(title: str, changes: Sequence[QuantityChange]) -> Iterator[Block]:
+def _quantities(title: str, changes: Sequence[QuantityChange]) -> Iterator[doc.Block]:
     """The first ones in a table, the rest behind a fold."""
     if not changes:
         return
-    yield Heading(f"{title} ({len(changes)})", 2, medium="any")
-    yield table(_COLUMNS, changes[:_SHOWN], _CAPTION)
+    yield doc.Heading(f"{title} ({len(changes)})", 2, medium="any")
+    yield doc.table(_COLUMNS, changes[:_SHOWN], _CAPTION)
     rest = changes[_SHOWN:]
     if rest:
-        yield Fold(f"{len(rest)} more", (table(_COLUMNS, rest, _CAPTION),))
-        yield terminal_only(Text(f"and {len(rest)} more; --format html has all of them.", "muted"))
+        yield doc.Fold(f"{len(rest)} more", (doc.table(_COLUMNS, rest, _CAPTION),))
+        yield doc.terminal_only(
+            doc.Text(f"and {len(rest)} more; --format html has all of them.", "muted")
+        )
 
 
-def _value(metric: Metric | None) -> Cell:
+def _value(metric: Metric | None) -> doc.Cell:
     """A size, or why there is none."""
     if metric is None:
-        return Cell("–")
-    return Cell(
+        return doc.Cell("–")
+    return doc.Cell(
         format_number(None if metric.value is None else abs(metric.value)), hint=metric.note or ""
     )
 
 
 def _factor(change: QuantityChange) -> str:
-    """New over old, as a multiple or a part; a bound where one of the errors is below what is unknown."""
+    """New over old, as a multiple or a part; a bound where one error is below what is unknown."""
     ratio = change.factor
     if ratio is None or ratio == 1:
         return "–"
@@ -258,11 +247,13 @@ def _tolerance(change: QuantityChange) -> str:
     return " → ".join(dict.fromkeys(texts)) or "–"
 
 
-def _verdict(change: QuantityChange) -> Cell:
+def _verdict(change: QuantityChange) -> doc.Cell:
     old, new = _judged(change.old), _judged(change.new)
-    mark: Mark = "bad" if change.broke or new == "breaks" else "good" if change.mended else "plain"
+    mark: doc.Mark = (
+        "bad" if change.broke or new == "breaks" else "good" if change.mended else "plain"
+    )
     why = ", by its tolerance" if change.by_tolerance else ""
-    return Cell(new if old == new else f"{old} → {new}{why}", mark)
+    return doc.Cell(new if old == new else f"{old} → {new}{why}", mark)
 
 
 def _judged(metric: Metric | None) -> str:
@@ -273,64 +264,67 @@ def _judged(metric: Metric | None) -> str:
 
 _CAPTION = "Errors, those that matter most first"
 _COLUMNS = (
-    Column("run", of=lambda change: f"{change.model}, {change.run}", wrap=True),
-    terminal_only(
-        Column(
+    doc.Column("run", of=lambda change: f"{change.model}, {change.run}", wrap=True),
+    doc.terminal_only(
+        doc.Column(
             "quantity", of=lambda change: f"{change.either.label} [{change.either.unit}]", rank=0
         )
     ),
-    page_only(Column("quantity", of=lambda change: change.either.label, wrap=False)),
-    page_only(Column("unit", of=lambda change: change.either.unit)),
-    Column("old", align="right", of=lambda change: _value(change.old), rank=2),
-    Column("new", align="right", of=lambda change: _value(change.new), rank=0),
-    Column("factor", align="right", of=_factor, wrap=False),
-    Column("tolerance", align="right", of=_tolerance, medium="page"),
-    Column(
+    doc.page_only(doc.Column("quantity", of=lambda change: change.either.label, wrap=False)),
+    doc.page_only(doc.Column("unit", of=lambda change: change.either.unit)),
+    doc.Column("old", align="right", of=lambda change: _value(change.old), rank=2),
+    doc.Column("new", align="right", of=lambda change: _value(change.new), rank=0),
+    doc.Column("factor", align="right", of=_factor, wrap=False),
+    doc.Column("tolerance", align="right", of=_tolerance, medium="page"),
+    doc.Column(
         "unknown", align="right", of=lambda change: format_number(change.unknown), medium="page"
     ),
-    Column("verdict", of=_verdict, rank=0),
+    doc.Column("verdict", of=_verdict, rank=0),
 )
 
 
-def _reasons(found: Difference) -> Iterator[Block]:
+def _reasons(found: Difference) -> Iterator[doc.Block]:
     """Why runs disagree that did not before."""
     broken = {(change.model, change.run) for change in found.broken}
     runs = [
         each.new for each in found.runs if each.new and (each.run.model, each.run.label) in broken
     ]
     texts = (
-        Text(s, "strong", lead=f"{run.model}, {run.label}, why:")
+        doc.Text(s, "strong", lead=f"{run.model}, {run.label}, why:")
         for run in runs
         for s in diagnosis(run)
     )
-    yield Listing(tuple(texts))
+    yield doc.Listing(tuple(texts))
 
 
-def _diagnoses(found: Difference) -> Iterator[Block]:
+def _diagnoses(found: Difference) -> Iterator[doc.Block]:
     """Runs that disagreed before, and do so now in another quantity or for other causes."""
     changed = [(each.run, each.diagnoses) for each in found.runs if each.diagnoses is not None]
     texts = [
-        (f"{run.model}, {run.label}:", [cause(each) for each in both])
+        (f"{run.model}, {run.label}:", [cause_text(each) for each in both])
         for run, both in changed
         if both
     ]
     if texts:
-        yield Heading("Diagnoses that changed", 2, medium="any")
-        yield Listing(tuple(Text(f"was {old}; is {new}.", lead=lead) for lead, (old, new) in texts))
+        yield doc.Heading("Diagnoses that changed", 2, medium="any")
+        yield doc.Listing(
+            tuple(doc.Text(f"was {old}; is {new}.", lead=lead) for lead, (old, new) in texts)
+        )
 
 
-def _conditions(found: Difference) -> Iterator[Block]:
-    """Settings, tolerances asked for and horizons that are others: a change of ours, not of an engine."""
+def _conditions(found: Difference) -> Iterator[doc.Block]:
+    """Changed settings, tolerances and horizons: a change of ours, not of an engine."""
     sentences = [*found.conditions, *_settings(found.runs)]
     loosened = sum(_looser(change, found.factor) for change in found.quantities)
     if loosened:
         number = f"{loosened} of {len(found.quantities)}"
         sentences.append(
-            f"Tolerances of {number} quantities are looser now, by more than a factor {found.factor:g}."
+            f"Tolerances of {number} quantities are looser now, by more than a factor "
+            f"{found.factor:g}."
         )
     if sentences:
-        yield Heading("Conditions that changed", 2, medium="any")
-        yield Listing(tuple(map(Text, sentences)))
+        yield doc.Heading("Conditions that changed", 2, medium="any")
+        yield doc.Listing(tuple(map(doc.Text, sentences)))
 
 
 def _settings(runs: Iterable[RunChange]) -> Iterator[str]:
@@ -360,7 +354,7 @@ def _looser(change: QuantityChange, factor: float) -> bool:
     return old is not None and new is not None and new > factor * old
 
 
-def _times(found: Difference) -> Iterator[Block]:
+def _times(found: Difference) -> Iterator[doc.Block]:
     """Wall times beside each other; they depend on what else the machine did."""
     timed = [
         each
@@ -375,9 +369,9 @@ def _times(found: Difference) -> Iterator[Block]:
         ("new steps", lambda each: each.new.steps if each.new else None),
     )
     rows = [tuple(of(each) for _, of in columns) for each in timed]
-    shown: Table = page_only(table([title for title, _ in columns], rows))
+    shown: doc.Table = doc.page_only(doc.table([title for title, _ in columns], rows))
     if rows:
-        yield Fold("Wall times and steps, not judged", (shown,))
+        yield doc.Fold("Wall times and steps, not judged", (shown,))
 
 
 def _seconds(run: Run | None) -> str:

@@ -20,23 +20,9 @@ from ...explain.results import (
     StockAgainstTuned,
 )
 from .. import document as doc
-from ..document import (
-    Block,
-    Cell,
-    Column,
-    Document,
-    Heading,
-    Medium,
-    Note,
-    Row,
-    Table,
-    Text,
-    row,
-    table,
-)
 from ..numbers import format_number, format_percent
 from ..plots import Axis, Label, Panels, Plot, Series, Style
-from ..tables import compared_time, provenance
+from .tables import compared_time, provenance
 
 _FEW = 1e-3  # shares below this are left out in the terminal; the page's tables have them all
 _FIELDS = ("position", "torque", "release", "wall_time")
@@ -44,38 +30,43 @@ _FIELDS = ("position", "torque", "release", "wall_time")
 _COLOUR = Style("#3d7ab5")
 _ROW, _FRAME = 26, 60  # [pixels] of height
 _INTRODUCTION = (
-    "Each engine's distance from the reference, split among its causes. Nothing is assigned by guess: a cause's share "
-    "is what changes when that cause is taken out of the run, or made larger by a known factor."
+    "Each engine's distance from the reference, split among its causes. Nothing is assigned by "
+    "guess: a cause's share is what changes when that cause is taken out of the run, or made "
+    "larger by a known factor."
 )
 _HOW_TO_READ = (
-    "An error is a function of time, from the start to the end of what is compared; that of the position is of the "
-    "marker with the largest error (without markers, of such a centre of mass). A cause's share is its part of that "
-    "function; its percentage is signed (the projection on the whole error), so that causes that work against each "
-    "other show it, and all of them with the unexplained rest add up to 100 %. Causes interact: where two have to "
-    "come together to do harm, taking out either removes the same error. So all are taken out one after the other, "
-    "once in the order of the table and once in the reverse order; the share is the mean of both (for causes that "
-    "interact in pairs, Shapley's value), and the whiskers are half their difference. (Softness of constraints that "
-    "is as small as the step allows is measured by a shorter step and, in place of the reverse order, by doubling "
-    "it.) A wide whisker says: this and another cause share that error. “After” names causes that have to be out "
-    "first, because taking this one out alone would bring in an error the run does not have. What is explained is 1 - "
-    "|rest| / |error|, root mean square over time; roundoff, which is random, is taken off the rest in quadrature."
+    "An error is a function of time, from the start to the end of what is compared; that of the "
+    "position is of the marker with the largest error (without markers, of such a centre of mass). "
+    "A cause's share is its part of that function; its percentage is signed (the projection on the "
+    "whole error), so that causes that work against each other show it, and all of them with the "
+    "unexplained rest add up to 100 %. Causes interact: where two have to come together to do "
+    "harm, taking out either removes the same error. So all are taken out one after the other, "
+    "once in the order of the table and once in the reverse order; the share is the mean of both "
+    "(for causes that interact in pairs, Shapley's value), and the whiskers are half their "
+    "difference. (Softness of constraints that is as small as the step allows is measured by a "
+    "shorter step and, in place of the reverse order, by doubling it.) A wide whisker says: this "
+    "and another cause share that error. “After” names causes that have to be out first, because "
+    "taking this one out alone would bring in an error the run does not have. What is explained is "
+    "1 - |rest| / |error|, root mean square over time; roundoff, which is random, is taken off the "
+    "rest in quadrature."
 )
 _CHANGES = (
-    "Both presets at the same step; one option changed at a time, from stock towards tuned and from tuned back. "
-    "Largest distance of any marker, largest error of a stop's torque at any sample, largest error of a release "
-    "time, wall time (median of up to three). Factors are against the preset the line starts from (tuned: against "
-    "stock): ÷ smaller, × larger."
+    "Both presets at the same step; one option changed at a time, from stock towards tuned and "
+    "from tuned back. Largest distance of any marker, largest error of a stop's torque at any "
+    "sample, largest error of a release time, wall time (median of up to three). Factors are "
+    "against the preset the line starts from (tuned: against stock): ÷ smaller, × larger."
 )
 
 
-def document(explanation: Explanation) -> Document:
-    """All budgets; the terminal has them in short, what each option buys, what could not be measured, the verdict."""
-    blocks: list[Block] = [
-        Text(verdict(explanation), "strong", medium="page"),
-        doc.Fold("How to read it", (Note(_INTRODUCTION), Note(_HOW_TO_READ))),
+def document(explanation: Explanation) -> doc.Document:
+    """All budgets; a terminal has them in short, what options buy, what failed, the verdict."""
+    blocks: list[doc.Block] = [
+        doc.Text(verdict(explanation), "strong", medium="page"),
+        doc.Fold("How to read it", (doc.Note(_INTRODUCTION), doc.Note(_HOW_TO_READ))),
     ]
     blocks += [
-        Text(message, "bad", lead=f"{model}:") for model, message in explanation.failures.items()
+        doc.Text(message, "bad", lead=f"{model}:")
+        for model, message in explanation.failures.items()
     ]
     for machine in explanation.machines:
         blocks += _chapter(explanation, machine)
@@ -86,8 +77,8 @@ def document(explanation: Explanation) -> Document:
     blocks += provenance(
         explanation, runs, [(machine.model, machine.mechanism) for machine in explanation.machines]
     )
-    blocks.append(Text(verdict(explanation), medium="terminal"))
-    return Document(
+    blocks.append(doc.Text(verdict(explanation), medium="terminal"))
+    return doc.Document(
         "Where the errors come from",
         tuple(blocks),
         "trebucheck explain",
@@ -131,20 +122,20 @@ def _downwards(fraction: float) -> str:
     )
 
 
-def _chapter(explanation: Explanation, machine: Machine) -> Iterator[Block]:
+def _chapter(explanation: Explanation, machine: Machine) -> Iterator[doc.Block]:
     budgets = [budget for budget in explanation.budgets if budget.model == machine.model]
-    yield Heading(f"{machine.model.capitalize()} machine", 2, machine.model)
-    yield Note(compared_time(machine.launch_time, machine.compared_to, machine.judged_to))
+    yield doc.Heading(f"{machine.model.capitalize()} machine", 2, machine.model)
+    yield doc.Note(compared_time(machine.launch_time, machine.compared_to, machine.judged_to))
     yield _summary(machine, budgets)
     for budget in budgets:
         yield from _budget(budget)
-    yield Heading("Stock against tuned: what each option buys")
-    yield Note(_CHANGES)
+    yield doc.Heading("Stock against tuned: what each option buys")
+    yield doc.Note(_CHANGES)
     yield from (_changes(each) for each in explanation.comparisons if each.model == machine.model)
     yield doc.Listing(tuple(_failures(machine, budgets)), medium="terminal")
 
 
-def _summary(machine: Machine, budgets: Iterable[Budget]) -> Table:
+def _summary(machine: Machine, budgets: Iterable[Budget]) -> doc.Table:
     """The budgets in short, for the terminal."""
     rows = [
         (
@@ -164,7 +155,7 @@ def _summary(machine: Machine, budgets: Iterable[Budget]) -> Table:
         explained=2,
         causes=0,
     )
-    return table(heads, rows, caption, "terminal")
+    return doc.table(heads, rows, caption, "terminal")
 
 
 def _leading_causes(quantity: Quantity) -> str:
@@ -176,37 +167,38 @@ def _leading_causes(quantity: Quantity) -> str:
     return ", ".join(f"{cause} {format_percent(fraction)}" for fraction, cause in leading)
 
 
-def _failures(machine: Machine, budgets: Iterable[Budget]) -> Iterator[Text]:
+def _failures(machine: Machine, budgets: Iterable[Budget]) -> Iterator[doc.Text]:
     for budget in budgets:
         name = f"{machine.model}, {budget.label}"
         if budget.message:
-            yield Text(budget.message, "warning", lead=f"{name}:")
+            yield doc.Text(budget.message, "warning", lead=f"{name}:")
         for cause in budget.causes:
             if cause.message:
-                yield Text(
+                yield doc.Text(
                     f"not measured: {cause.message}", "warning", lead=f"{name}, {cause.name}:"
                 )
 
 
-def _budget(budget: Budget) -> Iterator[Block]:
+def _budget(budget: Budget) -> Iterator[doc.Block]:
     """One engine's budget on the page."""
     quantities, step = main_quantities(budget), budget.settings.get("timestep")
-    yield Heading(f"{budget.label}{_at(step if isinstance(step, int | float) else None)}")
+    yield doc.Heading(f"{budget.label}{_at(step if isinstance(step, int | float) else None)}")
     if budget.message:
-        yield Text(f"No budget: {budget.message}", "warning", medium="page")
+        yield doc.Text(f"No budget: {budget.message}", "warning", medium="page")
         return
     names = {"position": f"position of {budget.point}" if budget.point else "position"}
     sentences = (
-        f"{names.get(q.name, q.name)}: {_explained(q)} explained, largest error {format_number(q.largest)} {q.unit}"
+        f"{names.get(q.name, q.name)}: {_explained(q)} explained, largest error "
+        f"{format_number(q.largest)} {q.unit}"
         for q in quantities
     )
-    yield Note(f"{'; '.join(sentences)}." if quantities else "No error to explain.")
+    yield doc.Note(f"{'; '.join(sentences)}." if quantities else "No error to explain.")
     if quantities:
         yield doc.Figure(bars(quantities), columns=2)
     for cause in budget.causes:
         if cause.message:
             text = f"{cause.name} could not be measured and counts as unexplained: {cause.message}"
-            yield Text(text, "warning", medium="page")
+            yield doc.Text(text, "warning", medium="page")
     if quantities:
         others = [q for q in budget.quantities if q.rms > 0 and q not in quantities]
         tables = (_measurements(budget, quantities), *((_other_shares(others),) if others else ()))
@@ -218,7 +210,7 @@ def _at(step: float | None) -> str:
 
 
 def bars(quantities: Sequence[Quantity]) -> Panels:
-    """Signed share of each cause in the position's and the torques' errors, causes downwards, unexplained last.
+    """Signed share of each cause in the errors of position and torques; unexplained last.
 
     Shares add up to 100 %; whiskers are half the difference of a share's two measures.
     """
@@ -258,15 +250,19 @@ def _text(share: Share, quantity: Quantity) -> str:
     return f" {format_percent(share.fraction)} ({format_number(rms)} {quantity.unit}) "
 
 
-def _measurements(budget: Budget, quantities: Sequence[Quantity]) -> Table:
+def _measurements(budget: Budget, quantities: Sequence[Quantity]) -> doc.Table:
     heads = [*doc.columns("cause | what was done")]
     heads += [
-        Column(title, group=f"{quantity.name} [{quantity.unit}]")
+        doc.Column(title, group=f"{quantity.name} [{quantity.unit}]")
         for quantity in quantities
         for title in ("in order", "in reverse", "share", "rms")
     ]
     rows = [
-        row(Cell(cause.name, hint=cause.explanation), _done(cause), *_measured(cause, quantities))
+        doc.row(
+            doc.Cell(cause.name, hint=cause.explanation),
+            _done(cause),
+            *_measured(cause, quantities),
+        )
         for cause in budget.causes
         if cause.name != "roundoff" and not cause.message
     ]
@@ -274,14 +270,14 @@ def _measurements(budget: Budget, quantities: Sequence[Quantity]) -> Table:
     rest = (
         ("", "", format_percent(q.rest.fraction), format_number(q.rest_rms)) for q in quantities
     )
-    rows.append(row(Cell("unexplained", "strong"), text, *chain.from_iterable(rest)))
+    rows.append(doc.row(doc.Cell("unexplained", "strong"), text, *chain.from_iterable(rest)))
     for cause in (cause for cause in budget.causes if cause.name == "roundoff"):
         text = f"{cause.explanation}.\n{cause.done}; in the run, and in what is left"
         noise = (
             ("", "", format_number(q.roundoff), format_number(q.roundoff_left)) for q in quantities
         )
-        rows.append(row(cause.name, text, *chain.from_iterable(noise)))
-    return table(heads, rows, "Shares of the error, and how they were measured")
+        rows.append(doc.row(cause.name, text, *chain.from_iterable(noise)))
+    return doc.table(heads, rows, "Shares of the error, and how they were measured")
 
 
 def _done(cause: Measurement) -> str:
@@ -297,7 +293,7 @@ def _measured(cause: Measurement, quantities: Iterable[Quantity]) -> Iterator[st
         yield format_number(share.rms)
 
 
-def _other_shares(quantities: Sequence[Quantity]) -> Table:
+def _other_shares(quantities: Sequence[Quantity]) -> doc.Table:
     """Quantities that are single values; all have the same causes."""
     heads = [f"{q.name}: {format_number(q.rms)} {q.unit}" for q in quantities]
     all_shares = [(*quantity.shares, quantity.rest) for quantity in quantities]
@@ -306,11 +302,11 @@ def _other_shares(quantities: Sequence[Quantity]) -> Table:
         (cause, *(format_percent(shares[i].fraction) for shares in all_shares))
         for i, cause in enumerate(causes)
     ]
-    return table(["share of the error in", *heads], rows, "Other quantities")
+    return doc.table(["share of the error in", *heads], rows, "Other quantities")
 
 
-def _changes(comparison: StockAgainstTuned) -> Table:
-    """The presets and each option's change; the page has values with their factors, the terminal one of the two."""
+def _changes(comparison: StockAgainstTuned) -> doc.Table:
+    """The presets and each option's change: values with factors; a terminal has one of the two."""
     force = "force [N]" if comparison.force_unit == "N" else f"torque [{comparison.force_unit}]"
     titles = {
         "position": "position [m]",
@@ -320,12 +316,12 @@ def _changes(comparison: StockAgainstTuned) -> Table:
     }
     fields = _observed_fields(comparison)
     heads = doc.columns(" | ".join(["setting", *(titles[field] for field in fields)]))
-    media: tuple[Medium, ...] = ("page", "terminal")
+    media: tuple[doc.Medium, ...] = ("page", "terminal")
     both = [replace(head, medium=medium, wrap=False) for head in heads for medium in media]
     caption = (
         f"{comparison.model}, {comparison.engine}{_at(comparison.timestep)}: what each option buys"
     )
-    return table(both, _change_rows(comparison, fields), f"{caption} (÷ smaller, × larger)")
+    return doc.table(both, _change_rows(comparison, fields), f"{caption} (÷ smaller, × larger)")
 
 
 def _observed_fields(comparison: StockAgainstTuned) -> list[str]:
@@ -340,36 +336,36 @@ def _observed_fields(comparison: StockAgainstTuned) -> list[str]:
     ]
 
 
-def _change_rows(comparison: StockAgainstTuned, fields: Sequence[str]) -> Iterator[Row]:
+def _change_rows(comparison: StockAgainstTuned, fields: Sequence[str]) -> Iterator[doc.Row]:
     stock, tuned = comparison.stock, comparison.tuned
-    yield row(Cell("stock", "strong"), "stock", *_values(fields, stock, stock, preset=True))
+    yield doc.row(doc.Cell("stock", "strong"), "stock", *_values(fields, stock, stock, preset=True))
     for change in comparison.changes:
         labels = (
             f"stock, {change.option} = {_option_value(change.tuned)}",
             f"  {change.option} as tuned",
         )
-        yield row(*labels, *_values(fields, change.alone, stock))
-    yield row(Cell("tuned", "strong"), "tuned", *_values(fields, tuned, stock, preset=True))
+        yield doc.row(*labels, *_values(fields, change.alone, stock))
+    yield doc.row(doc.Cell("tuned", "strong"), "tuned", *_values(fields, tuned, stock, preset=True))
     for change in comparison.changes:
         labels = (
             f"tuned, {change.option} = {_option_value(change.stock)}",
             f"  {change.option} as stock",
         )
-        yield row(*labels, *_values(fields, change.back, tuned))
+        yield doc.row(*labels, *_values(fields, change.back, tuned))
 
 
 def _values(
     fields: Sequence[str], figures: Figures, against: Figures, *, preset: bool = False
-) -> Iterator[Cell]:
-    """For page and terminal in turn."""
+) -> Iterator[doc.Cell]:
+    """Cells for page and terminal in turn."""
     if figures.message:
-        yield Cell("failed", "warning", detail=figures.message)
+        yield doc.Cell("failed", "warning", detail=figures.message)
         return
     for field in fields:
         value, before = getattr(figures, field), getattr(against, field)
         factor = "" if figures is against else _factor(before, value)
-        yield Cell(format_number(value), detail=factor)
-        yield Cell(format_number(value) if preset else factor)
+        yield doc.Cell(format_number(value), detail=factor)
+        yield doc.Cell(format_number(value) if preset else factor)
 
 
 def _factor(before: float | None, after: float | None) -> str:

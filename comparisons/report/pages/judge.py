@@ -1,4 +1,4 @@
-"""What a file's motion comes to, in a table, and what it does not give."""
+"""The page of a judged file: its errors in a table, and what it does not give."""
 
 from __future__ import annotations
 
@@ -7,18 +7,17 @@ from collections.abc import Iterator
 from ...judge.study import NOT_GIVEN, Judgement
 from ...runs.quantities import QUANTITIES
 from ...runs.results import Metric, Outcome
-from ..document import Block, Cell, Column, Document, Row, Text, mark_of, row, table, words
+from .. import document as doc
 from ..numbers import format_number
-from ..tables import compared_time
-from .compare import why
+from .tables import compared_time, why
 
 _HEADS = (
-    words("quantity", wrap=False),
-    Column("error", align="right", rank=0),
-    Column("tolerance", align="right"),
-    words("unit", wrap=False),
-    Column("verdict", align="left", rank=0),
-    words("tolerance from", medium="page"),
+    doc.words("quantity", wrap=False),
+    doc.Column("error", align="right", rank=0),
+    doc.Column("tolerance", align="right"),
+    doc.words("unit", wrap=False),
+    doc.Column("verdict", align="left", rank=0),
+    doc.words("tolerance from", medium="page"),
 )
 
 
@@ -32,13 +31,14 @@ def headline(found: Judgement) -> str:
     verdict = (
         found.outcome.value if found.outcome is not Outcome.AGREES else "agrees in what it gives"
     )
-    return f"{found.file} {verdict} on {found.machine.model!r}: {held} of {judged} judged quantities hold{rest}."
+    counts = f"{held} of {judged} judged quantities hold{rest}"
+    return f"{found.file} {verdict} on {found.machine.model!r}: {counts}."
 
 
-def document(found: Judgement) -> Document:
+def document(found: Judgement) -> doc.Document:
     """The whole."""
     line = headline(found)
-    return Document(
+    return doc.Document(
         f"Judgement of {found.file}",
         tuple(_blocks(found, line)),
         command=found.command or "",
@@ -46,12 +46,12 @@ def document(found: Judgement) -> Document:
     )
 
 
-def _blocks(found: Judgement, line: str) -> Iterator[Block]:
+def _blocks(found: Judgement, line: str) -> Iterator[doc.Block]:
     machine = found.machine
-    yield Text(line, "good" if found.outcome is Outcome.AGREES else "bad")
-    yield Text(compared_time(machine.launch_time, machine.compared_to, machine.judged_to))
+    yield doc.Text(line, "good" if found.outcome is Outcome.AGREES else "bad")
+    yield doc.Text(compared_time(machine.launch_time, machine.compared_to, machine.judged_to))
     yield from why(found)
-    yield table(
+    yield doc.table(
         _HEADS,
         [_row(metric) for metric in found.metrics if metric.observed and metric.follows is None],
     )
@@ -60,19 +60,19 @@ def _blocks(found: Judgement, line: str) -> Iterator[Block]:
         if not metric.observed and QUANTITIES[metric.name].follows is None:
             untold.setdefault(metric.note or "", []).append(metric.label)
     for note, labels in untold.items():
-        yield Text(f"{', '.join(labels)}: {note}.", lead="Not judged:")
+        yield doc.Text(f"{', '.join(labels)}: {note}.", lead="Not judged:")
 
 
-def _row(metric: Metric) -> Row:
+def _row(metric: Metric) -> doc.Row:
     verdict = "not judged" if metric.holds is None else "holds" if metric.holds else "breaks it"
-    mark = "unjudged" if metric.holds is None else mark_of(metric.holds)
+    mark = "unjudged" if metric.holds is None else doc.mark_of(metric.holds)
     value = format_number(metric.value) if metric.value is not None else metric.note or "none"
     reason = metric.note or "" if metric.tolerance is None else f"{metric.source}: {metric.reason}"
-    return row(
+    return doc.row(
         metric.label,
         value,
         format_number(metric.tolerance),
         metric.unit,
-        Cell(verdict, mark),
+        doc.Cell(verdict, mark),
         reason,
     )

@@ -1,4 +1,4 @@
-"""What of its runs is each engine's own, and how many verdicts that concerns."""
+"""The page of the matrix: all problems, each quantity, what is missing, causes, schemes."""
 
 from __future__ import annotations
 
@@ -22,32 +22,16 @@ from ...matrix.study import (
     spreads,
 )
 from ...runs.results import COMPARED, Outcome
-from ..document import (
-    Block,
-    Cell,
-    Column,
-    Document,
-    Heading,
-    Listing,
-    Mark,
-    Note,
-    Row,
-    Table,
-    Text,
-    mark_of,
-    row,
-    table,
-    words,
-)
+from .. import document as doc
 from ..numbers import format_number
-from .compare import MARKS
+from .tables import MARKS
 
 READING = (
-    "Own: how much of its runs on a table's problems is the engine's. “all”; “most”: trebucheck decides when stops "
-    "open and are met, finds impulses of impacts, or adds or reads forces that the engine has no element for or does "
-    "not tell; “steps”: its dynamics and its integrator, but what stops, loops or springs do is trebucheck's; "
-    "“dynamics”: its mass matrix, forces, energies and points, in trebucheck's steps. Agreement speaks for an engine's "
-    "own parts alone."
+    "Own: how much of its runs on a table's problems is the engine's. “all”; “most”: trebucheck "
+    "decides when stops open and are met, finds impulses of impacts, or adds or reads forces that "
+    "the engine has no element for or does not tell; “steps”: its dynamics and its integrator, but "
+    "what stops, loops or springs do is trebucheck's; “dynamics”: its mass matrix, forces, "
+    "energies and points, in trebucheck's steps. Agreement speaks for an engine's own parts alone."
 )
 _UNSTATED = "not stated"
 
@@ -65,28 +49,31 @@ _DEGREES = (*map(str, Own), _UNSTATED)
 def _own(matrix: Matrix, run: MatrixRun) -> str:
     if run.supplied is None:
         return _UNSTATED
-    has = next(problem for problem in matrix.problems if problem.name == run.problem)
-    impacts = has.stop_law == StopLaw.UNILATERAL
-    return own(
-        run.supplied, concerned(stops=has.stops, impacts=impacts, loops=has.loops, elements=has.elements)
-    )  # fmt: skip
+    problem = next(each for each in matrix.problems if each.name == run.problem)
+    affected = concerned(
+        stops=problem.stops,
+        impacts=problem.stop_law == StopLaw.UNILATERAL,
+        loops=problem.loops,
+        elements=problem.elements,
+    )
+    return own(run.supplied, affected)
 
 
-def agreements(matrix: Matrix) -> Text:
+def agreements(matrix: Matrix) -> doc.Text:
     """How many agreements there are of each degree."""
     counts = Counter(_own(matrix, run) for run in matrix.runs if run.outcome is Outcome.AGREES)
     said = ", ".join(f"{name} in {counts[name]}" for name in _DEGREES if counts[name])
-    return Text(f"Of {counts.total()} agreements the engine's own is: {said or 'none'}.")
+    return doc.Text(f"Of {counts.total()} agreements the engine's own is: {said or 'none'}.")
 
 
-def table_of_parts(matrix: Matrix) -> Iterator[Block]:
+def table_of_parts(matrix: Matrix) -> Iterator[doc.Block]:
     """A row an engine and preset: what trebucheck supplies."""
     stated = {run.label: run.supplied for run in matrix.runs if run.supplied is not None}
     if stated:
-        yield Heading("What is the engine's own", 2)
-        yield Note("All but what trebucheck supplies, as each adapter says.")
+        yield doc.Heading("What is the engine's own", 2)
+        yield doc.Note("All but what trebucheck supplies, as each adapter says.")
         rows = [(label, parts(given) or "nothing") for label, given in sorted(stated.items())]
-        yield table([words("engine", wrap=False), words("trebucheck supplies")], rows)
+        yield doc.table([doc.words("engine", wrap=False), doc.words("trebucheck supplies")], rows)
 
 
 _SCHEME_UNSTATED = "scheme not stated"
@@ -98,12 +85,16 @@ _WORDS: dict[Outcome, str] = {
     Outcome.UNSUPPORTED: "refused",
 }
 _READING = (
-    "✓ every judged quantity holds its tolerance, ✗ at least one breaks it, ○ not judged (never counted as "
-    "agreement), refused: the engine cannot, in its own words below, not finished: a run had so much time and no "
-    "more. The number is the largest error of a marker's position in parts of the mechanism's size, which is the same "
-    "for all engines; tolerances are not: an engine's own claims, or a thousandth of each scale."
+    "✓ every judged quantity holds its tolerance, ✗ at least one breaks it, ○ not judged (never "
+    "counted as agreement), refused: the engine cannot, in its own words below, not finished: a "
+    "run had so much time and no more. The number is the largest error of a marker's position in "
+    "parts of the mechanism's size, which is the same for all engines; tolerances are not: an "
+    "engine's own claims, or a thousandth of each scale."
 )
-_QUANTITY = "Largest error in parts of the quantity's scale; ✓ and ✗ by the tolerances, ○ not judged, – not told."
+_QUANTITY = (
+    "Largest error in parts of the quantity's scale; ✓ and ✗ by the tolerances, ○ not judged, "
+    "– not told."
+)
 _KINDS: tuple[tuple[str, Callable[[MatrixProblem], bool]], ...] = (
     ("Without stops and loops", lambda problem: not problem.stops and not problem.loops),
     ("With loops", lambda problem: problem.loops and not problem.stops),
@@ -111,10 +102,10 @@ _KINDS: tuple[tuple[str, Callable[[MatrixProblem], bool]], ...] = (
 )
 
 
-def document(matrix: Matrix) -> Document:
+def document(matrix: Matrix) -> doc.Document:
     """The whole."""
     line = headline(matrix)
-    return Document(
+    return doc.Document(
         "Matrix", tuple(_blocks(matrix, line)), command=matrix.command or "", verdict=line
     )
 
@@ -127,34 +118,34 @@ def headline(matrix: Matrix) -> str:
     return f"{engines} engines on {len(matrix.problems)} problems, {len(matrix.runs)} runs: {said}."
 
 
-def _blocks(matrix: Matrix, line: str) -> Iterator[Block]:
-    yield Text(line)
-    yield Heading("Verdicts", 2)
-    yield Note(_READING)
+def _blocks(matrix: Matrix, line: str) -> Iterator[doc.Block]:
+    yield doc.Text(line)
+    yield doc.Heading("Verdicts", 2)
+    yield doc.Note(_READING)
     yield agreements(matrix)
-    yield Note(READING)
+    yield doc.Note(READING)
     yield from _tables(matrix, _verdict, partial(_leading, matrix))
     yield from table_of_parts(matrix)
     yield from _explained(matrix)
-    yield Heading("By quantity", 2)
-    yield Note(_QUANTITY)
+    yield doc.Heading("By quantity", 2)
+    yield doc.Note(_QUANTITY)
     for metric, title in SHOWN.items():
         if any(run.error(metric) for run in matrix.runs):
-            yield Heading(title.capitalize(), 3)
+            yield doc.Heading(title.capitalize(), 3)
             yield from _tables(matrix, _quantity(metric))
     yield from _missing(matrix)
     yield from _causes(matrix)
     yield from _provenance(matrix)
 
 
-_Show = Callable[[MatrixRun], Cell]
+_Show = Callable[[MatrixRun], doc.Cell]
 _Leading = Callable[[str, Sequence[MatrixProblem]], Sequence[object]]
-_LEADING = (words("own"), words("order", wrap=False), words("agrees"))
+_LEADING = (doc.words("own"), doc.words("order", wrap=False), doc.words("agrees"))
 _WIDEST = 6  # problems in a table, with which it fits a screen of 1280 pixels
 
 
-def _tables(matrix: Matrix, show: _Show, leading: _Leading | None = None) -> Iterator[Table]:
-    """One a kind of problem: rows of engines by scheme, columns of problems; what would be empty is left out."""
+def _tables(matrix: Matrix, show: _Show, leading: _Leading | None = None) -> Iterator[doc.Table]:
+    """A table for each kind of problem: engines by scheme against problems."""
     for title, belongs in _KINDS:
         runs = [
             run for problem in matrix.problems if belongs(problem) for run in _on(matrix, problem)
@@ -163,22 +154,22 @@ def _tables(matrix: Matrix, show: _Show, leading: _Leading | None = None) -> Ite
         problems = [
             problem for problem in matrix.problems if problem.name in shown and belongs(problem)
         ]
-        heads = [words("engine", wrap=False), *(_LEADING if leading else ())]
+        heads = [doc.words("engine", wrap=False), *(_LEADING if leading else ())]
         for part in _parts(problems):
             columns = [
                 *heads,
-                *(Column(problem.title, align="left", wrap=False) for problem in part),
+                *(doc.Column(problem.title, align="left", wrap=False) for problem in part),
             ]
             which = (
                 title
                 if len(part) == len(problems)
                 else f"{title}: {part[0].title} to {part[-1].title}"
             )
-            yield table(columns, _rows(matrix, part, show, leading), which)
+            yield doc.table(columns, _rows(matrix, part, show, leading), which)
 
 
 def _parts(problems: Sequence[MatrixProblem]) -> Iterator[Sequence[MatrixProblem]]:
-    """As many as a page is wide, about the same number each."""
+    """Problems in parts as wide as a page, about the same number each."""
     count = math.ceil(len(problems) / _WIDEST)
     ends = [round(k * len(problems) / count) for k in range(count + 1)] if count else []
     return (problems[start:end] for start, end in pairwise(ends))
@@ -190,29 +181,29 @@ def _on(matrix: Matrix, problem: MatrixProblem) -> Iterator[MatrixRun]:
 
 def _rows(
     matrix: Matrix, problems: Sequence[MatrixProblem], show: _Show, leading: _Leading | None
-) -> Iterator[Row]:
+) -> Iterator[doc.Row]:
     for scheme, labels in matrix.schemes().items():
         found = {
             label: [matrix.run(label, problem.name) for problem in problems] for label in labels
         }
         shown = {label: runs for label, runs in found.items() if leading or any(runs)}
         if shown:
-            yield row(Cell(scheme or _SCHEME_UNSTATED, "strong"))
+            yield doc.row(doc.Cell(scheme or _SCHEME_UNSTATED, "strong"))
         for label, runs in shown.items():
             first = leading(label, problems) if leading else ()
-            yield row(label, *first, *(_shown(run, show) for run in runs))
+            yield doc.row(label, *first, *(_shown(run, show) for run in runs))
 
 
-def _shown(run: MatrixRun | None, show: _Show) -> Cell:
-    return Cell("not run", "muted") if run is None else show(run)
+def _shown(run: MatrixRun | None, show: _Show) -> doc.Cell:
+    return doc.Cell("not run", "muted") if run is None else show(run)
 
 
 def _leading(matrix: Matrix, label: str, problems: Sequence[MatrixProblem]) -> Sequence[object]:
-    """What is its own on a table's problems, its order, and on how many of all its problems it agrees."""
+    """The engine's own share, its order, and on how many of all its problems it agrees."""
     return own_on(matrix, label, problems), _order(matrix, label), _agrees([*matrix.of(label)])
 
 
-def _order(matrix: Matrix, label: str) -> Cell:
+def _order(matrix: Matrix, label: str) -> doc.Cell:
     """Measured, or else as declared, which is said."""
     found = [order for order in matrix.orders if order.label == label]
     # Where a sweep begins at the floor of rounding it finds no power; another one may.
@@ -220,66 +211,68 @@ def _order(matrix: Matrix, label: str) -> Cell:
     if measured:
         return _measured(measured[0])
     declared = next(iter(matrix.of(label))).order
-    return Cell("none (declared)" if declared is None else f"{declared:g} (declared)")
+    return doc.Cell("none (declared)" if declared is None else f"{declared:g} (declared)")
 
 
-def _measured(order: MeasuredOrder) -> Cell:
-    """With its problem; where the error keeps to a floor, that."""
+def _measured(order: MeasuredOrder) -> doc.Cell:
+    """Measured order with its problem; where the error keeps to a floor, the floor."""
     what, hint = "none", ""
     if order.exponent is not None:
         what = f"{order.exponent:.3f} ± {order.half_width or 0.0:.3f}"
     elif order.floor is not None:
         what, hint = f"none: floor {format_number(order.floor)} m", f"set by: {order.floor_cause}"
-    return Cell(f"{what} ({order.problem})", hint=hint)
+    return doc.Cell(f"{what} ({order.problem})", hint=hint)
 
 
 def _agrees(runs: Sequence[MatrixRun]) -> str:
     return f"{sum(run.outcome is Outcome.AGREES for run in runs)} of {len(runs)}"
 
 
-def _verdict(run: MatrixRun) -> Cell:
+def _verdict(run: MatrixRun) -> doc.Cell:
     if run.outcome not in COMPARED:
         limit = "" if run.time_limit is None else f" in {run.time_limit:g} s"
-        return Cell(_WORDS[run.outcome] + limit, MARKS[run.outcome], hint=run.message or "")
+        return doc.Cell(_WORDS[run.outcome] + limit, MARKS[run.outcome], hint=run.message or "")
     error, worst = run.error("position_max"), run.worst
     text = format_number(None if error is None else error.part)
     hint = "" if worst is None else f"{worst.label}: {format_number(worst.ratio)} of its tolerance"
-    mark: Mark = "unjudged" if run.outcome is Outcome.NOT_JUDGED else MARKS[run.outcome]
+    mark: doc.Mark = "unjudged" if run.outcome is Outcome.NOT_JUDGED else MARKS[run.outcome]
     cause = (
         f"; likeliest cause: {' or '.join(run.causes) or 'unknown'}"
         if run.first_in is not None
         else ""
     )
-    return Cell(text, mark, hint=f"{run.held} of {run.judged} hold; farthest {hint}{cause}")
+    return doc.Cell(text, mark, hint=f"{run.held} of {run.judged} hold; farthest {hint}{cause}")
 
 
 def _quantity(metric: str) -> _Show:
-    def show(run: MatrixRun) -> Cell:
+    def show(run: MatrixRun) -> doc.Cell:
         error = run.error(metric)
-        return Cell("") if error is None else _error(error)
+        return doc.Cell("") if error is None else _error(error)
 
     return show
 
 
-def _error(error: Error) -> Cell:
+def _error(error: Error) -> doc.Cell:
     if not error.observed:
-        return Cell("–", "muted", hint=error.note or "")
-    mark: Mark = "unjudged" if error.holds is None else mark_of(error.holds)
+        return doc.Cell("–", "muted", hint=error.note or "")
+    mark: doc.Mark = "unjudged" if error.holds is None else doc.mark_of(error.holds)
     value = f"{format_number(error.value)} {error.unit}, tolerance {format_number(error.tolerance)}"
     text = "missing" if error.part is None else format_number(error.part)
-    return Cell(text, mark, hint=error.note or " ".join(filter(None, (error.subject, value))))
+    return doc.Cell(text, mark, hint=error.note or " ".join(filter(None, (error.subject, value))))
 
 
-def _explained(matrix: Matrix) -> Iterator[Block]:
-    """What differs by scheme and what by implementation."""
+def _explained(matrix: Matrix) -> Iterator[doc.Block]:
+    """Differences by scheme and by implementation."""
     found = [*spreads(matrix)]
     if found:
-        yield Heading("Scheme or implementation", 2)
-        yield Note(f"Errors below {FLOOR:g} of the size are rounding, and count as that.")
-        yield Listing(tuple(Text(sentence(spread), lead=f"{spread.scheme}:") for spread in found))
+        yield doc.Heading("Scheme or implementation", 2)
+        yield doc.Note(f"Errors below {FLOOR:g} of the size are rounding, and count as that.")
+        yield doc.Listing(
+            tuple(doc.Text(sentence(spread), lead=f"{spread.scheme}:") for spread in found)
+        )
 
 
-def _missing(matrix: Matrix) -> Iterator[Block]:
+def _missing(matrix: Matrix) -> Iterator[doc.Block]:
     """Refusals and failures in their own words, once each."""
     said = [run for run in matrix.runs if run.outcome not in COMPARED]
     groups = _grouped(
@@ -290,15 +283,20 @@ def _missing(matrix: Matrix) -> Iterator[Block]:
         for (engine, what, message), runs in groups.items()
     ]
     if rows:
-        yield Heading("What is missing", 2)
-        yield table(
-            [words("engine", wrap=False), words("why"), words("problems"), words("in its words")],
+        yield doc.Heading("What is missing", 2)
+        yield doc.table(
+            [
+                doc.words("engine", wrap=False),
+                doc.words("why"),
+                doc.words("problems"),
+                doc.words("in its words"),
+            ],
             rows,
         )
 
 
-def _causes(matrix: Matrix) -> Iterator[Block]:
-    """Of runs that disagree: causes by engine and preset."""
+def _causes(matrix: Matrix) -> Iterator[doc.Block]:
+    """Causes of runs that disagree, by engine and preset."""
     broken = [run for run in matrix.runs if run.first_in is not None]
     groups = _grouped(broken, lambda run: (run.label, " or ".join(run.causes) or "unknown"))
     rows = [
@@ -306,17 +304,18 @@ def _causes(matrix: Matrix) -> Iterator[Block]:
         for (label, cause), runs in groups.items()
     ]
     if rows:
-        yield Heading("Causes", 2)
-        yield Note(
-            "The suspects that account for the difference, solved again with the size found; or unknown."
+        yield doc.Heading("Causes", 2)
+        yield doc.Note(
+            "The suspects that account for the difference, solved again with the size found; or "
+            "unknown."
         )
         heads = [
-            words("engine", wrap=False),
-            words("likeliest cause"),
-            words("problems"),
-            words("farthest off"),
+            doc.words("engine", wrap=False),
+            doc.words("likeliest cause"),
+            doc.words("problems"),
+            doc.words("farthest off"),
         ]
-        yield table(heads, rows)
+        yield doc.table(heads, rows)
 
 
 def _grouped(
@@ -334,7 +333,7 @@ def _titles(matrix: Matrix, runs: Iterable[MatrixRun]) -> str:
 
 
 def _farthest(runs: Iterable[MatrixRun]) -> str:
-    """Of figures that break their tolerance: the label of the farthest, and how far."""
+    """The figure farthest beyond its tolerance, and how far."""
     found = [run.worst for run in runs if run.worst is not None]
     missing = next((each for each in found if each.ratio is None), None)
     if missing is not None:
@@ -347,19 +346,25 @@ def _farthest(runs: Iterable[MatrixRun]) -> str:
     )
 
 
-def _provenance(matrix: Matrix) -> Iterator[Block]:
-    yield Heading("Problems and versions", 2)
-    problems = [(p.number or "machine", p.name, f"{p.judged_to:.6g}", p.stop_law, p.mechanism_hash[:16])
-                for p in matrix.problems]  # fmt: skip
-    yield table("number | problem | judged to [s] | law of the stops | hash", problems)
+def _provenance(matrix: Matrix) -> Iterator[doc.Block]:
+    yield doc.Heading("Problems and versions", 2)
+    problems = [
+        (p.number or "machine", p.name, f"{p.judged_to:.6g}", p.stop_law, p.mechanism_hash[:16])
+        for p in matrix.problems
+    ]
+    yield doc.table("number | problem | judged to [s] | law of the stops | hash", problems)
     by_engine = _grouped(matrix.runs, lambda run: (run.engine, run.engine_version, run.made_by))
-    rows = [(engine, version, trebucheck, ", ".join(sorted({run.date for run in runs})), _steps(runs))
-            for (engine, version, trebucheck), runs in by_engine.items()]  # fmt: skip
-    yield table(["engine", "version", "trebucheck", "date of the runs", words("steps [s]")], rows)
+    rows = [
+        (*made_by, ", ".join(sorted({run.date for run in runs})), _steps(runs))
+        for made_by, runs in by_engine.items()
+    ]
+    yield doc.table(
+        ["engine", "version", "trebucheck", "date of the runs", doc.words("steps [s]")], rows
+    )
 
 
 def _steps(runs: Iterable[MatrixRun]) -> str:
-    """By preset, the shortest and the longest."""
+    """The shortest and the longest step, by preset."""
     groups = _grouped((run for run in runs if run.timestep), lambda run: (run.preset,))
     return "; ".join(
         f"{preset} {_range([run.timestep or 0.0 for run in of])}"

@@ -4,85 +4,72 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ....models.problems.benchmark import Benchmark
+from ....models.library.benchmark import Benchmark
 from ....models.spec import Spec
 from ...problems.study import Check, CheckedFigure
-from ..document import (
-    Block,
-    Cell,
-    Document,
-    Heading,
-    Row,
-    Text,
-    columns,
-    mark_of,
-    ranked,
-    row,
-    table,
-    words,
-)
+from .. import document as doc
 from ..numbers import format_number
 
 _TITLES = "figure | unit | expected | reference | error | tolerance | basis"
 
 
-def listing(benchmarks: Iterable[Benchmark]) -> Document:
+def listing(benchmarks: Iterable[Benchmark]) -> doc.Document:
     """Number, name, tags, a line and the source of each."""
     heads = [
-        words("no.", wrap=False),
-        words("name", wrap=False),
-        *map(words, ("tags", "problem", "source")),
+        doc.words("no.", wrap=False),
+        doc.words("name", wrap=False),
+        *map(doc.words, ("tags", "problem", "source")),
     ]
     rows = [
         (each.number, each.name, ", ".join(each.tags), each.text, each.source)
         for each in benchmarks
     ]
-    return Document("Problems", (table(heads, rows),))
+    return doc.Document("Problems", (doc.table(heads, rows),))
 
 
-def document(check: Check) -> Document:
-    """One problem: what it is, its parameters, its figures beside the reference's, and its source's conditions."""
-    return Document(f"{check.benchmark.number} {check.benchmark.name}", tuple(_blocks(check)))
+def document(check: Check) -> doc.Document:
+    """One problem: its parameters, figures beside the reference's, and its source's conditions."""
+    return doc.Document(f"{check.benchmark.number} {check.benchmark.name}", tuple(_blocks(check)))
 
 
-def library(checks: Iterable[Check]) -> Document:
+def library(checks: Iterable[Check]) -> doc.Document:
     """All problems with their figures."""
-    blocks: list[Block] = []
+    blocks: list[doc.Block] = []
     for each in checks:
         blocks += [
-            Heading(f"{each.benchmark.number} {each.benchmark.name}", 2, medium="any"),
+            doc.Heading(f"{each.benchmark.number} {each.benchmark.name}", 2, medium="any"),
             *_blocks(each),
         ]
-    return Document("", tuple(blocks))
+    return doc.Document("", tuple(blocks))
 
 
-def _blocks(check: Check) -> list[Block]:
+def _blocks(check: Check) -> list[doc.Block]:
     conditions = [
-        row(each.condition.text, each.condition.unit, format_number(each.condition.limit),
-            Cell(format_number(each.error), mark_of(each.holds)))
+        doc.row(each.condition.text, each.condition.unit, format_number(each.condition.limit),
+            doc.Cell(format_number(each.error), doc.mark_of(each.holds)))
         for each in check.conditions
     ]  # fmt: skip
     return [
         *_description(check.benchmark),
-        table("parameter | value | meaning", _parameters(check.parameters)),
-        table(
-            ranked(columns(_TITLES), reference=0, error=0, unit=2, tolerance=2, basis=3),
+        doc.table("parameter | value | meaning", _parameters(check.parameters)),
+        doc.table(
+            doc.ranked(doc.columns(_TITLES), reference=0, error=0, unit=2, tolerance=2, basis=3),
             map(_row, check.figures),
         ),
-        table(
+        doc.table(
             "condition of the source | unit | largest allowed | error of the reference", conditions
         ),
     ]
 
 
-def _description(benchmark: Benchmark) -> list[Block]:
+def _description(benchmark: Benchmark) -> list[doc.Block]:
     text = benchmark.text[:1].upper() + benchmark.text[1:]
     tags = ", ".join(benchmark.tags)
     law = f"stops: {benchmark.stop_law.value}"
     return [
-        Text(f"{text}."),
-        Text(benchmark.source, lead="Source:"),
-        Text(f"{tags}; {law}.", lead="Tags:"),
+        doc.Text(f"{text}."),
+        doc.Text(benchmark.source, lead="Source:"),
+        doc.Text(f"{tags}; {law}.", lead="Tags:"),
     ]
 
 
@@ -94,14 +81,14 @@ def _parameters(parameters: Spec) -> list[tuple[str, object, str]]:
     ]
 
 
-def _row(each: CheckedFigure) -> Row:
+def _row(each: CheckedFigure) -> doc.Row:
     figure = each.figure
-    return row(
+    return doc.row(
         figure.name,
         figure.unit,
         f"{figure.value:.15g}",
         f"{each.measured:.15g}" if figure.value else format_number(each.measured),
-        Cell(format_number(each.error), mark_of(each.holds)),
+        doc.Cell(format_number(each.error), doc.mark_of(each.holds)),
         format_number(figure.tolerance),
         figure.basis,
     )

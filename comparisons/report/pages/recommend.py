@@ -8,40 +8,26 @@ from ....models.mechanism import Mechanism
 from ...recommend.results import Advice, Asked, Attempt, Choice, EngineAdvice, Errors
 from ...recommend.search import unit_of
 from .. import document as doc
-from ..document import (
-    Block,
-    Code,
-    Document,
-    Fold,
-    Heading,
-    Listing,
-    Row,
-    Table,
-    Text,
-    page_only,
-    row,
-    table,
-)
 from ..numbers import format_number, format_step, sentence
-from ..tables import compared_time, provenance
+from .tables import compared_time, provenance
 
 
-def document(advice: Advice) -> Document:
+def document(advice: Advice) -> doc.Document:
     """One table of the settings; the page also has the texts to paste, and what was tried."""
     asked = _target(advice.asked, advice.mechanism)
-    blocks: list[Block] = [
-        Text(asked, "strong", lead=f"{advice.model}:"),
+    blocks: list[doc.Block] = [
+        doc.Text(asked, "strong", lead=f"{advice.model}:"),
         _settings(advice),
         *(
-            Text(e.message or "", "warning", lead=f"{e.engine}:")
+            doc.Text(e.message or "", "warning", lead=f"{e.engine}:")
             for e in advice.engines
             if e.choice is None
         ),
-        Text(f"{', '.join(files(advice)) or 'none'}.", lead="To copy, beside recommend.json:"),
-        *(page_only(block) for engine in advice.engines for block in _chapter(engine)),
-        Heading("How it was found", 2),
-        Text(compared_time(advice.launch_time, advice.compared_to, advice.judged_to)),
-        Text(sentence(advice.rule)),
+        doc.Text(f"{', '.join(files(advice)) or 'none'}.", lead="To copy, beside recommend.json:"),
+        *(doc.page_only(block) for engine in advice.engines for block in _chapter(engine)),
+        doc.Heading("How it was found", 2),
+        doc.Text(compared_time(advice.launch_time, advice.compared_to, advice.judged_to)),
+        doc.Text(sentence(advice.rule)),
     ]
     runs = (
         (advice.model, f"{e.engine} {e.choice.options}", e.engine_version, e.choice.settings)
@@ -56,15 +42,15 @@ def document(advice: Advice) -> Document:
         for name, c in choices
     )
     window, verdict = f"trebucheck recommend: {advice.model}", f"{advice.model}: {'; '.join(found)}"
-    return Document(title, tuple(blocks), window, verdict=verdict)
+    return doc.Document(title, tuple(blocks), window, verdict=verdict)
 
 
-def _settings(advice: Advice) -> Table:
+def _settings(advice: Advice) -> doc.Table:
     unit = advice.mechanism.force_unit
     heads = doc.ranked(
         doc.columns(
-            f"engine | settings | step [s] | position [m] | {'force' if unit == 'N' else 'torque'} [{unit}] | "
-            "release [s] | wall [s] | (worst neighbour)"
+            f"engine | settings | step [s] | position [m] | {'force' if unit == 'N' else 'torque'} "
+            f"[{unit}] | release [s] | wall [s] | (worst neighbour)"
         ),
         settings=0,
         step=0,
@@ -79,14 +65,14 @@ def _settings(advice: Advice) -> Table:
     caption = (
         "The cheapest measured settings of each engine, the quickest first; errors on this machine"
     )
-    return table(heads, rows, caption)
+    return doc.table(heads, rows, caption)
 
 
-def _row(engine: str, choice: Choice, mechanism: Mechanism) -> Row:
+def _row(engine: str, choice: Choice, mechanism: Mechanism) -> doc.Row:
     here, worst = choice.here, choice.worst_neighbour
     values = (format_number(value) for value in (here.position, here.torque, here.release))
     neighbour = "none measured" if worst is None else _errors(worst, mechanism)
-    return row(
+    return doc.row(
         engine,
         choice.options,
         format_step(choice.step),
@@ -96,17 +82,18 @@ def _row(engine: str, choice: Choice, mechanism: Mechanism) -> Row:
     )
 
 
-def _chapter(engine: EngineAdvice) -> Iterator[Block]:
-    yield Heading(f"{engine.engine} {engine.engine_version}", 2, engine.engine)
+def _chapter(engine: EngineAdvice) -> Iterator[doc.Block]:
+    yield doc.Heading(f"{engine.engine} {engine.engine_version}", 2, engine.engine)
     if engine.choice is not None:
         runs = len(engine.choice.wall_times)
         timed = f"median of {runs}" if runs > 1 else "one run"
-        text = f"({engine.choice.words}), step {engine.choice.step:g} s; wall time is the {timed}, warm, on this machine."
-        yield Text(text, "good", lead=engine.choice.options)
+        step = f"({engine.choice.words}), step {engine.choice.step:g} s"
+        text = f"{step}; wall time is the {timed}, warm, on this machine."
+        yield doc.Text(text, "good", lead=engine.choice.options)
     for title, text in engine.snippets.items():
-        yield Code(title, text)
-    tried = tuple(Text(_attempt(attempt), lead=attempt.options) for attempt in engine.attempts)
-    yield Fold(f"What was tried with {engine.engine}", (Listing(tried),))
+        yield doc.Code(title, text)
+    tried = tuple(doc.Text(_attempt(attempt), lead=attempt.options) for attempt in engine.attempts)
+    yield doc.Fold(f"What was tried with {engine.engine}", (doc.Listing(tried),))
 
 
 def files(advice: Advice) -> dict[str, str]:

@@ -12,22 +12,25 @@ from ....models.trajectory import Trajectory
 from ....reference.certification.certificate import Certificate
 from ...runs.balance import sampled_balance
 from ...runs.runner import Farthest
-from ..document import Animation, Document, Figure, Fold, Listing, Note, Text, page_only, table
+from .. import document as doc
 from ..drawing.scene import scene
 from ..numbers import format_number, format_settings, sentence
 from ..plots import Axis, Panels, Plot, Series, Style
-from ..tables import certified_figures
+from .tables import certified_figures
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _POINTS = 1000  # drawn per line, at most
 
 
-def document(trajectory: Trajectory) -> Document:
-    """Of one run, by itself: nothing is compared."""
+def document(trajectory: Trajectory) -> doc.Document:
+    """The page of one run by itself: nothing is compared."""
     shown = run_report(trajectory)
-    caption = "Paths of the markers, the generalized coordinates, what the stops push with, and the energies."
-    figure = Figure(_panels(trajectory), "The run", caption, "run", columns=2)
-    motion = Animation(lambda: (scene(trajectory),))
+    caption = (
+        "Paths of the markers, the generalized coordinates, what the stops push with, and the "
+        "energies."
+    )
+    figure = doc.Figure(_panels(trajectory), "The run", caption, "run", columns=2)
+    motion = doc.Animation(lambda: (scene(trajectory),))
     return replace(
         shown, blocks=(*shown.blocks, motion, figure), window=f"trebucheck: {shown.title}"
     )
@@ -70,14 +73,17 @@ def _lines(curves: Mapping[str, tuple[FloatArray, FloatArray]]) -> tuple[Series,
     )
 
 
-def certificate_report(certificate: Certificate) -> Document:
-    """Figures of events, and folded away, those at chosen times, the computations, and the mechanism."""
+def certificate_report(certificate: Certificate) -> doc.Document:
+    """Figures of events; folded away, those at chosen times and the computations."""
     number = sum(computation.independent for computation in certificate.computations)
-    title = f"{certificate.model}: {len(certificate.figures)} figures from {number} independent computations"
+    figures = f"{len(certificate.figures)} figures from {number} independent computations"
+    title = f"{certificate.model}: {figures}"
     events = [figure for figure in certificate.figures if figure.time is None]
     timed = [figure for figure in certificate.figures if figure.time is not None]
     further = f"{len(timed)} further figures, at chosen times"
-    left_out = tuple(Text(sentence, "warning", lead="left out:") for sentence in certificate.absent)
+    left_out = tuple(
+        doc.Text(sentence, "warning", lead="left out:") for sentence in certificate.absent
+    )
     heads = "computation | formulation | integrator | tolerance | independent"
     made = [
         (c.name, c.formulation, c.integrator, c.tolerance, c.independent)
@@ -85,23 +91,30 @@ def certificate_report(certificate: Certificate) -> Document:
     ]
     blocks = (
         certified_figures(events, "Figures of the motion and its events"),
-        Text(f"{further}, are in the file.", "muted", medium="terminal"),
-        Fold(further, (page_only(certified_figures(timed, further)),)),
-        Listing(left_out),
-        Fold(
+        doc.Text(f"{further}, are in the file.", "muted", medium="terminal"),
+        doc.Fold(further, (doc.page_only(certified_figures(timed, further)),)),
+        doc.Listing(left_out),
+        doc.Fold(
             "The computations",
-            (table(heads, made, "Each was made alone; the uncertainty is what they differ by"),),
+            (
+                doc.table(
+                    heads, made, "Each was made alone; the uncertainty is what they differ by"
+                ),
+            ),
         ),
-        Note(
-            f"Uncertainty: {sentence(certificate.rule)} Versions: {format_settings(certificate.versions)}."
+        doc.Note(
+            f"Uncertainty: {sentence(certificate.rule)} Versions: "
+            f"{format_settings(certificate.versions)}."
         ),
-        Note(f"Mechanism {certificate.mechanism_hash}."),
+        doc.Note(f"Mechanism {certificate.mechanism_hash}."),
     )
-    return Document(title, blocks, f"trebucheck certify: {certificate.model}", certificate.command)
+    return doc.Document(
+        title, blocks, f"trebucheck certify: {certificate.model}", certificate.command
+    )
 
 
-def run_report(trajectory: Trajectory, distance: Farthest | str | None = None) -> Document:
-    """What one run found.
+def run_report(trajectory: Trajectory, distance: Farthest | str | None = None) -> doc.Document:
+    """Quantities of one run.
 
     Args:
         distance: from the reference, or why that is not known; None: not asked for.
@@ -113,7 +126,7 @@ def run_report(trajectory: Trajectory, distance: Farthest | str | None = None) -
         *([] if distance is None else [("from the reference", _far(distance))]),
     ]
     verdict = "" if distance is None else f"{title}: {_far(distance)} from the reference"
-    return Document(title, (table("|", rows, title),), verdict=verdict)
+    return doc.Document(title, (doc.table("|", rows, title),), verdict=verdict)
 
 
 def _far(distance: Farthest | str) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ....models.arrays import FloatArray
 from ....models.elements import PinJoint
-from ....models.machines.trebuchet import FULCRUM
+from ....models.library.trebuchet import FULCRUM
 from ....models.mechanism import Mechanism
 from ....reference.throw.flight import Flight, Surroundings, fly
 from ....reference.throw.members import (
@@ -33,26 +33,11 @@ from ....reference.throw.throw import (
     spoken,
 )
 from ....version import __version__
-from ..document import (
-    Animation,
-    Block,
-    Cell,
-    Column,
-    Document,
-    Figure,
-    Note,
-    Row,
-    Text,
-    Tile,
-    Tiles,
-    page_only,
-    row,
-    table,
-)
+from .. import document as doc
 from ..drawing.scene import Scene, scene
 from ..numbers import sentence
 from ..plots import Axis, Band, Panels, Plot, Rule, Series, Style
-from ..tables import mechanism_as_data
+from .tables import mechanism_as_data
 
 _POINTS = 600
 _PROJECTILE, _BEST, _SOFT = "#D55E00", "#009E73", "#8a97a5"
@@ -89,7 +74,7 @@ Quantity = Callable[[FloatArray], FloatArray]
 
 
 def force_plots(performance: Performance) -> Panels:
-    """Axial forces, upward forces of the ground and torques (or forces) of the stops, up to the release."""
+    """Axial forces, upward forces of the ground and loads of the stops, up to the release."""
     times, colours = _force_times(performance), cycle(_COLOURS)
     rules = tuple(
         Rule(time, f"{name} opens")
@@ -156,37 +141,40 @@ def _panels(performance: Performance) -> Iterator[tuple[str, str, dict[str, Quan
 
 
 _Row = tuple[str, str]
-_FORCES = "Up to the release; shaded where a member is in compression (a rope would be slack) or wheels would lift off."
+_FORCES = (
+    "Up to the release; shaded where a member is in compression (a rope would be slack) or wheels "
+    "would lift off."
+)
 
 
-def document(performance: Performance, throw: Throw) -> Document:
-    """All values, warnings and pictures; `throw` is the performance's own, with sensitivities if wanted."""
+def document(performance: Performance, throw: Throw) -> doc.Document:
+    """All values, warnings and pictures; `throw` may have sensitivities."""
     title = _title(throw)
     measured = (
-        f"Computed by the Lagrangian reference. Positions are measured from where the {origin_name(throw.mechanism)} "
-        "stands at the start; SI units."
+        "Computed by the Lagrangian reference. Positions are measured from where the "
+        f"{origin_name(throw.mechanism)} stands at the start; SI units."
     )
     plots_of_forces = force_plots(performance)
     blocks = (
         *_first_screen(performance, throw),
-        Note(measured),
-        *(Text(sentence(warning), "warning", medium="page") for warning in throw.warnings),
-        table("|", _rows(throw), title),
+        doc.Note(measured),
+        *(doc.Text(sentence(warning), "warning", medium="page") for warning in throw.warnings),
+        doc.table("|", _rows(throw), title),
         *(
-            (Figure(plots_of_forces, "Forces", _FORCES, "forces", columns=2),)
+            (doc.Figure(plots_of_forces, "Forces", _FORCES, "forces", columns=2),)
             if plots_of_forces
             else ()
         ),
-        table(_columns(throw), throw.sensitivities, _DERIVATIVES),
-        Note(f"trebucheck {__version__}."),
+        doc.table(_columns(throw), throw.sensitivities, _DERIVATIVES),
+        doc.Note(f"trebucheck {__version__}."),
         mechanism_as_data(throw.mechanism.name, throw.mechanism),
         *(
-            Text(f"{warning}.", "warning", lead="warning:", medium="terminal")
+            doc.Text(f"{warning}.", "warning", lead="warning:", medium="terminal")
             for warning in throw.warnings
         ),
     )
     question = f"How far does {throw.mechanism.name} throw, and what must its members bear?"
-    return Document(
+    return doc.Document(
         question, blocks, f"trebucheck throw: {throw.mechanism.name}", verdict=_verdict(throw)
     )
 
@@ -196,28 +184,28 @@ def _verdict(throw: Throw) -> str:
     return f"{throw.mechanism.name}: {throw.flight.range:.6g} m, {at}"
 
 
-def _first_screen(performance: Performance, throw: Throw) -> tuple[Block, ...]:
+def _first_screen(performance: Performance, throw: Throw) -> tuple[doc.Block, ...]:
     """How far it throws, the machine in motion, and the flight."""
     launch, flight, longest = throw.launch, throw.flight, throw.best_flight
     figures = (
-        Tile(f"{flight.range:.2f} m", "range", detail=f"{flight.time:.2f} s of flight"),
-        Tile(
+        doc.Tile(f"{flight.range:.2f} m", "range", detail=f"{flight.time:.2f} s of flight"),
+        doc.Tile(
             f"{launch.speed:.3f} m/s",
             "launch speed",
             detail=f"at {math.degrees(launch.angle):.2f} deg",
         ),
-        Tile(f"{launch.time:.5f} s", "release"),
+        doc.Tile(f"{launch.time:.5f} s", "release"),
         *(
-            [Tile(f"{longest.range:.2f} m", "longest range")]
+            [doc.Tile(f"{longest.range:.2f} m", "longest range")]
             if longest and longest.range > flight.range
             else []
         ),
     )
     return (
-        page_only(Text(f"{_verdict(throw)}; {_conditions(throw)}.", "strong")),
-        Tiles(figures),
-        Animation(lambda: (motion(performance),)),
-        Figure(flight_plot(performance), "The flight", anchor="flight"),
+        doc.page_only(doc.Text(f"{_verdict(throw)}; {_conditions(throw)}.", "strong")),
+        doc.Tiles(figures),
+        doc.Animation(lambda: (motion(performance),)),
+        doc.Figure(flight_plot(performance), "The flight", anchor="flight"),
     )
 
 
@@ -235,7 +223,7 @@ def _conditions(throw: Throw) -> str:
 
 
 def origin_name(mechanism: Mechanism) -> str:
-    """What positions are measured from: the pin, or what a slot of another name guides."""
+    """Origin of positions: the pin, or what a slot of another name guides."""
     joint = origin(mechanism)
     if isinstance(joint, PinJoint) or joint.name == FULCRUM:
         return joint.name
@@ -245,7 +233,7 @@ def origin_name(mechanism: Mechanism) -> str:
     return next(markers, joint.name)
 
 
-def _rows(throw: Throw) -> Iterator[Row]:
+def _rows(throw: Throw) -> Iterator[doc.Row]:
     """All values in groups, each under its title."""
     density, area = throw.air.density, throw.air.drag_area
     drag = f"density {density:g} kg/m³, drag area {area:g} m²" if density * area else "no drag"
@@ -260,9 +248,9 @@ def _rows(throw: Throw) -> Iterator[Row]:
         ),
     )
     for title, values in groups:
-        rows = [row(f"  {name}", value) for name, value in values]
+        rows = [doc.row(f"  {name}", value) for name, value in values]
         if rows:
-            yield row(Cell(title, "strong"), "")
+            yield doc.row(doc.Cell(title, "strong"), "")
             yield from rows
 
 
@@ -352,14 +340,14 @@ def _signed(derivative: float | None, by: float | None, value: float) -> str:
 
 
 def _percent(each: Sensitivity) -> float | None:
-    """Of the value; none of a value that is zero."""
+    """One per cent of the value; None of a value that is zero."""
     return each.value / 100 or None
 
 
 _DERIVATIVES = (
-    "Sensitivities of the release, flight without drag: exact derivatives, event times included. What chose the "
-    "release is held, its angle or its time; with a number the start changes by the least that keeps loops and rests "
-    "closed"
+    "Sensitivities of the release, flight without drag: exact derivatives, event times included. "
+    "What chose the release is held, its angle or its time; with a number the start changes by the "
+    "least that keeps loops and rests closed"
 )
 _RANKS = {
     "range": 1,
@@ -369,7 +357,7 @@ _RANKS = {
 }  # what a narrow terminal leaves out first has the highest
 
 
-def _columns(throw: Throw) -> tuple[Column, ...]:
+def _columns(throw: Throw) -> tuple[doc.Column, ...]:
     """Per unit and per cent; without what the release holds."""
     figures: dict[str, tuple[str, Callable[[Sensitivity], float | None]]] = {
         "time": ("s", lambda each: each.launch_time),
@@ -387,8 +375,8 @@ def _columns(throw: Throw) -> tuple[Column, ...]:
     )
     per_cent = (_column(name, f"{unit} per %", of, _percent) for name, (unit, of) in shown.items())
     return (
-        Column("by", of=lambda each: each.name),
-        Column("value", of=lambda each: f"{each.value:.6g} {each.unit}"),
+        doc.Column("by", of=lambda each: each.name),
+        doc.Column("value", of=lambda each: f"{each.value:.6g} {each.unit}"),
         *per_unit,
         *per_cent,
     )
@@ -403,7 +391,7 @@ def _column(
     unit: str,
     of: Callable[[Sensitivity], float | None],
     by: Callable[[Sensitivity], float | None],
-) -> Column:
-    return Column(
+) -> doc.Column:
+    return doc.Column(
         name, unit, rank=_RANKS[name], of=lambda each: _signed(of(each), by(each), each.value)
     )

@@ -8,20 +8,28 @@ taken into half a turn where a body is made.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import (
+    FORCE_ELEMENTS,
     GROUND,
+    JOINTS,
+    STOPS,
     AnyForceElement,
     AnyJoint,
     AnyStop,
     ConstantForce,
     ConstantTorque,
+    CubicTorsionSpring,
+    ElementTable,
     FreeJoint,
     PinJoint,
+    PointStop,
+    PrismaticJoint,
+    RotationalSpringDamper,
     SlotJoint,
     SpringDamper,
     Stop,
@@ -64,8 +72,7 @@ class NodeScene:
         self.pins: dict[tuple[str, str], int] = {}
         """By the names of parent and child: the joint that carries their limits."""
         for joint in mechanism.joints:
-            if not isinstance(joint, FreeJoint):
-                self._join(joint, self._ends(joint))
+            getattr(self, _JOINTS[joint])(joint, self._ends(joint))
 
     def description(self, problem: Problem, timestep: float, steps: int) -> Json:
         """Input of node_scene.cjs; under release-once without stops open at the start."""
@@ -116,15 +123,14 @@ class NodeScene:
             "pointB": self.offset(joint.child, joint.child_point).tolist(),
         }
 
-    def _join(self, joint: AnyJoint, ends: Json) -> None:
-        if isinstance(joint, SlotJoint):
-            self._join_slot(joint, ends)
-        elif isinstance(joint, PinJoint):
-            self._pin(joint, ends)
-        elif isinstance(joint, WeldJoint):
-            self.joints.append(ends | {"kind": "weld"})
-        else:
-            self.joints.append(ends | {"kind": "slide", "axis": self.axis(joint).tolist()})
+    def _weld(self, joint: WeldJoint, ends: Json) -> None:
+        self.joints.append(ends | {"kind": "weld"})
+
+    def _slide(self, joint: PrismaticJoint, ends: Json) -> None:
+        self.joints.append(ends | {"kind": "slide", "axis": self.axis(joint).tolist()})
+
+    def _free(self, joint: FreeJoint, ends: Json) -> None:
+        """Add nothing: nothing is held."""
 
     def _pin(self, joint: AnyJoint, ends: Json) -> None:
         self.pins[joint.parent, joint.child] = len(self.joints)
@@ -136,8 +142,9 @@ class NodeScene:
 
     def _stop(self, stop: AnyStop) -> Json:
         """Limit of a pin on the child's angle less the parent's; side 1 is the least."""
+        _STOPS[stop]
         for (parent, child), joint in self.pins.items():
-            if isinstance(stop, Stop) and {parent, child} == {stop.body, stop.relative_to}:
+            if {parent, child} == {stop.body, stop.relative_to}:
                 side = stop.sense if child == stop.body else -stop.sense
                 between = self.angles[stop.body] - self.angles[stop.relative_to]
                 gap = 0.0 if stop.closed else stop.sense * between - stop.limit
@@ -148,23 +155,65 @@ class NodeScene:
 
     def _load(self, element: AnyForceElement) -> Json:
         own: Json = {"kind": element.kind, "body": self.index[element.body]}
-        if isinstance(element, ConstantForce):
-            force = (np.array(element.force) * MIRROR).tolist()
-            return own | {
-                "point": self.offset(element.body, element.point).tolist(),
-                "force": force,
-            }
-        return own | {"other": self.index[element.relative_to]} | dict(self._pair(element))
+        return own | _LOADS[element](self, element)
 
-    def _pair(self, element: Any) -> Iterator[tuple[str, Any]]:
-        yield "torque", element.torque if isinstance(element, ConstantTorque) else 0.0
-        held = not isinstance(element, ConstantTorque)
-        yield "stiffness", element.stiffness if held else 0.0
-        yield "damping", element.damping if held else 0.0
-        if isinstance(element, SpringDamper):
-            yield "rest", element.rest_length
-            yield "point", self.offset(element.body, element.point).tolist()
-            yield "otherPoint", self.offset(element.relative_to, element.relative_point).tolist()
-        else:
-            start = self.angles[element.body] - self.angles[element.relative_to]
-            yield "rest", element.rest_angle - start if held else 0.0
+
+def _force(scene: NodeScene, element: ConstantForce) -> Json:
+    point = scene.offset(element.body, element.point).tolist()
+    return {"point": point, "force": (np.array(element.force) * MIRROR).tolist()}
+
+
+def _torque(scene: NodeScene, element: ConstantTorque) -> Json:
+    other = scene.index[element.relative_to]
+    return {"other": other, "torque": element.torque} | dict.fromkeys(_SPRING, 0.0)
+
+
+def _spring(scene: NodeScene, element: SpringDamper) -> Json:
+    return {
+        "other": scene.index[element.relative_to],
+        "torque": 0.0,
+        **dict(
+            zip(_SPRING, (element.stiffness, element.damping, element.rest_length), strict=True)
+        ),
+        "point": scene.offset(element.body, element.point).tolist(),
+        "otherPoint": scene.offset(element.relative_to, element.relative_point).tolist(),
+    }
+
+
+def _rotational_spring(scene: NodeScene, element: RotationalSpringDamper) -> Json:
+    rest = element.rest_angle - (scene.angles[element.body] - scene.angles[element.relative_to])
+    return {
+        "other": scene.index[element.relative_to],
+        "torque": 0.0,
+        **dict(zip(_SPRING, (element.stiffness, element.damping, rest), strict=True)),
+    }
+
+
+_SPRING = ("stiffness", "damping", "rest")
+_WHO = "the scene for Node.js"
+_JOINTS: ElementTable[str] = ElementTable(
+    _WHO,
+    JOINTS,
+    {
+        SlotJoint: "_join_slot",
+        PinJoint: "_pin",
+        WeldJoint: "_weld",
+        PrismaticJoint: "_slide",
+        FreeJoint: "_free",
+    },
+)
+"""Names of methods, which scenes of engines may override."""
+_STOPS: ElementTable[str] = ElementTable(
+    _WHO, STOPS, {Stop: "limit of a pin"}, {PointStop: "it has no walls for points"}
+)
+_LOADS: ElementTable[Callable[[NodeScene, Any], Json]] = ElementTable(
+    _WHO,
+    FORCE_ELEMENTS,
+    {
+        ConstantForce: _force,
+        ConstantTorque: _torque,
+        SpringDamper: _spring,
+        RotationalSpringDamper: _rotational_spring,
+    },
+    {CubicTorsionSpring: "its springs are linear"},
+)

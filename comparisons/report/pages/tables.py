@@ -1,0 +1,264 @@
+"""Tables and paragraphs that several pages share: verdicts, causes, horizons, provenance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+from ....models.mechanism import Mechanism
+from ....reference.certification.certificate import Figure
+from ...diagnosis.rank import SAME
+from ...runs.results import (
+    Cause,
+    Diagnosis,
+    Machine,
+    Measured,
+    Metric,
+    Outcome,
+    ResultFile,
+    Run,
+    SingularPosition,
+)
+from .. import document as doc
+from ..numbers import format_number, format_settings
+
+Settings = tuple[str, str, str, Mapping[str, object]]
+"""Machine, engine (and what else names the run), version, and settings."""
+MARKS: dict[Outcome, doc.Mark] = {
+    Outcome.AGREES: "good",
+    Outcome.DISAGREES: "bad",
+    Outcome.NOT_JUDGED: "warning",
+    Outcome.NOT_EQUIVALENT: "bad",
+    Outcome.FAILED: "bad",
+    Outcome.TIMED_OUT: "bad",
+    Outcome.ABSENT: "warning",
+    Outcome.UNSUPPORTED: "warning",
+}
+"""Marks of verdicts."""
+_LISTED = 5  # singular positions whose times are stated
+_HORIZON = (
+    "there a hundred-thousandth of a body's inertia, or a millionth of the start, moves the "
+    "mechanism by a thousandth of its size, and any two integrators differ"
+)  # why nothing is compared beyond the predictability horizon
+_BEYOND = "beyond it only invariants and the time of first parting are judged"
+
+
+# --- Verdicts and causes
+
+
+def verdict_blocks(text: str, mark: doc.Mark) -> tuple[doc.Block, doc.Block]:
+    """The verdict in a line: first on a page, last in a terminal."""
+    return doc.Text(text, mark, medium="page"), doc.Text(text, mark, medium="terminal")
+
+
+def chapter(model: str) -> doc.Heading:
+    """Heading of a machine's chapter."""
+    return doc.Heading(f"{model.capitalize()} machine", 2, model)
+
+
+def capital(text: str) -> str:
+    """The text with a capital."""
+    return text[:1].upper() + text[1:]
+
+
+def complaints(run: Run, most: int | None = None) -> list[str]:
+    """One sentence for each broken tolerance, the worst first; of the rest their number.
+
+    Args:
+        run: a run of a comparison.
+        most: how many have a sentence; None: all.
+    """
+    broken = sorted(run.broken, key=lambda metric: metric.share or 0.0)
+    sentences = [_complaint(metric) for metric in broken[::-1][:most]]
+    rest = len(broken) - len(sentences)
+    if rest:
+        judged = len(run.judged)
+        sentences.append(f"{rest} more of {judged} judged quantities break their tolerance.")
+    return sentences
+
+
+def _complaint(metric: Metric) -> str:
+    unit = metric.unit
+    measured = metric.note or f"{format_number(metric.value)} {unit}"
+    allowed = f"{format_number(metric.tolerance)} {unit} ({metric.source}: {metric.reason})"
+    return f"{metric.label}: {measured}, tolerance {allowed}"
+
+
+def diagnosis(run: Measured) -> list[str]:
+    """When and why a run differs from the reference, in sentences; none for a run that agrees."""
+    diagnosed = run.diagnosis
+    if diagnosed is None:
+        return []
+    if diagnosed.note:
+        return [f"no cause is known: {diagnosed.note}."]
+    when = "in its motion" if run.metrics else "before any motion"
+    if diagnosed.parts_at is not None:
+        holding = ", ".join(diagnosed.holding) or "no stop"
+        when = f"from t = {diagnosed.parts_at:.6g} s, while {holding} held in the reference"
+    only = ""
+    if diagnosed.motion_agrees:
+        only = " The motion follows the reference: only what is read from it differs."
+    first = f"differs from the reference {when}, first in {diagnosed.leads}.{only}"
+    return [f"{first} {_likeliest(diagnosed)}"]
+
+
+def _likeliest(diagnosed: Diagnosis) -> str:
+    """The causes that explain enough of the deviation; without one, what the suspects explain."""
+    shares = "; ".join(_share(cause) for cause in diagnosed.named or diagnosed.causes[:3])
+    if diagnosed.named:
+        others = diagnosed.causes[diagnosed.likeliest :]
+        alike = ", ".join(cause.name for cause in others if cause.explained >= SAME)
+        return f"Likeliest: {shares}.{f' As well by: {alike}.' if alike else ''}"
+    if shares:
+        return (
+            "Cause unknown. No suspect accounts for enough of it, and clearly more than others: "
+            f"{shares}."
+        )
+    return "Cause unknown: no suspect accounts for it."
+
+
+def _share(cause: Cause) -> str:
+    """A suspect: what, how much of it, and how much of the deviation it explains."""
+    return f"{_amount(cause)}: {100 * cause.explained:.1f} % of it"
+
+
+def _amount(cause: Cause) -> str:
+    return f"{cause.name} ({cause.amount})" if cause.amount else cause.name
+
+
+def cause_text(diagnosed: Diagnosis) -> str:
+    """Quantity in which a run differs first, and the likeliest cause, in a line."""
+    if diagnosed.note:
+        return f"cause unknown: {diagnosed.note}"
+    named = " or ".join(map(_amount, diagnosed.named))
+    return f"first in {diagnosed.leads}, {f'likeliest: {named}' if named else 'cause unknown'}"
+
+
+def why(run: Measured) -> Iterator[doc.Text]:
+    """When and why a run differs from the reference, as paragraphs."""
+    for sentence in diagnosis(run):
+        yield doc.Text(capital(sentence), lead="Why:")
+
+
+def is_tuned(label: str) -> bool:
+    """Whether a run's label ends in the tuned preset."""
+    return label.endswith("tuned")
+
+
+# --- Times
+
+
+def compared_time(
+    launch_time: float | None, compared_to: float | None, judged_to: float | None
+) -> str:
+    """Until when motions are compared, and why not longer.
+
+    Args:
+        launch_time: of the reference [s]; None if it does not launch by the end.
+        compared_to: end of the compared motion [s]; None: the launch.
+        judged_to: that, or the predictability horizon if earlier [s]; None: the end.
+    """
+    end = compared_to or launch_time or 0.0
+    until = f"{end:.6g}"
+    if launch_time is not None and launch_time >= end * (1 - 1e-9):
+        until = f"the launch at {end:.6f}"
+    text = f"Compared from the start to {until} s."
+    if judged_to is None or judged_to >= end:
+        return text
+    return f"{text} Nothing is compared beyond {judged_to:.6g} s: {_HORIZON}."
+
+
+def predictable(machine: Machine) -> str:
+    """The predictability horizon, the growth of errors on the way, and singular positions."""
+    return " ".join([_horizon(machine), *_singular_positions(machine.singular_positions)])
+
+
+def _singular_positions(passed: Sequence[SingularPosition]) -> Iterator[str]:
+    if passed:
+        times = ", ".join(f"{each.time:.9g}" for each in passed[:_LISTED])
+        more = f" and {len(passed) - _LISTED} times more" if len(passed) > _LISTED else ""
+        uncertain = max(each.time_uncertainty for each in passed)
+        adds = max(each.uncertainty for each in passed)
+        yield (
+            "The reference passes singular positions, in which its constraints lose rank, on the "
+            f"smooth branch of its motion: at {times} s{more} (uncertain by {uncertain:.1g} s); "
+            f"each adds at most {adds:.1g} of the longest arm to the uncertainty behind it. Beside "
+            "them no forces are compared."
+        )
+
+
+def _horizon(machine: Machine) -> str:
+    text = f"Predictable to the end, {machine.compared_to:.6g} s."
+    if machine.judged_to < machine.compared_to:
+        text = f"Predictable until {machine.judged_to:.6g} s; {_BEYOND}: {_HORIZON}."
+    horizon = machine.predictability
+    if horizon is None:
+        return text
+    rows = zip(horizon.times, horizon.parameters, horizon.start, strict=True)
+    grown = ", ".join(f"{_growth(p)} ({_growth(s)}) by {t:.4g} s" for t, p, s in rows)
+    return f"{text} Relative errors of parameters (of the start) are stretched {grown}."
+
+
+def _growth(factor: float | None) -> str:
+    return "without limit" if factor is None else f"{factor:.2g} times"
+
+
+def partings(machine: Machine, runs: Iterable[Run]) -> Iterator[doc.Text]:
+    """When each run leaves the reference, where they are compared beyond the horizon."""
+    if machine.judged_to >= machine.compared_to:
+        return
+    times: list[str] = []
+    for run in runs:
+        time, error = run.metric("first_parting"), run.metric("base_error")
+        if time and error:
+            times.append(f"{run.label} {_parting(time, error)}")
+    yield doc.Text(
+        "First parting from the reference, by a thousandth of a scale: "
+        f"{', '.join(times) or 'none'}."
+    )
+
+
+def _parting(time: Metric, base_error: Metric) -> str:
+    if time.value is None:
+        return "not by the end"
+    return f"at {time.value:.4g} s (base error {format_number(base_error.value)})"
+
+
+# --- Evidence
+
+
+def provenance(
+    result: ResultFile, runs: Iterable[Settings], mechanisms: Sequence[tuple[str, Mechanism]]
+) -> tuple[doc.Block, ...]:
+    """The end of a page: versions, the settings of each run, and each machine's mechanism."""
+    versions = f"trebucheck {result.trebucheck_version}, Python {result.python_version}"
+    blocks: list[doc.Block] = [
+        doc.Heading("Provenance", 2),
+        doc.Note(f"{versions}, {result.platform}."),
+    ]
+    if result.jobs != 1:
+        text = f"Wall times: {result.jobs} runs at once, which disturb each other."
+        blocks.append(doc.Text(text))
+    if result.command is not None:
+        code = doc.Code("The command that makes this again", result.command)
+        blocks.append(doc.page_only(code))
+    rows = [
+        (model, label, version, format_settings(settings))
+        for model, label, version, settings in runs
+    ]
+    heads = "machine | engine | version | settings"
+    blocks.append(doc.table(heads, rows, "Settings of every run", "page"))
+    blocks += [mechanism_as_data(model, mechanism) for model, mechanism in mechanisms]
+    return tuple(blocks)
+
+
+def mechanism_as_data(model: str, mechanism: Mechanism) -> doc.Fold:
+    """A mechanism's JSON behind its hash."""
+    title = f"{model}: the mechanism as JSON, hash {mechanism.content_hash[:16]}"
+    return doc.Fold(title, (doc.Code("", mechanism.to_json()),))
+
+
+def certified_figures(figures: Iterable[Figure], caption: str) -> doc.Table:
+    """One row a figure: value, uncertainty, unit."""
+    rows = [(figure.label, *figure.texts, figure.unit) for figure in figures]
+    heads = doc.columns("figure | value | uncertainty | unit")
+    return doc.table(doc.ranked(heads, value=0, uncertainty=0, unit=0), rows, caption)
