@@ -15,7 +15,20 @@ _PACKAGE = __name__.rpartition(".")[0]
 
 # Old module: the modules that hold its names now; `trebucheck_*` are distributions of their own.
 RENAMED: dict[str, tuple[str, ...]] = {
+    "cli.animate": ("cli.motion",),
+    "cli.certify": ("cli.truth",),
+    "cli.conform": ("cli.agree",),
+    "cli.data": ("cli.truth",),
+    "cli.diff": ("cli.agree",),
+    "cli.figures": ("cli.agree",),
     "cli.importer": ("trebucheck_importers.command",),
+    "cli.judge": ("cli.agree",),
+    "cli.matrix": ("cli.agree",),
+    "cli.plugin": ("cli.catalogue",),
+    "cli.problems": ("cli.truth",),
+    "cli.run": ("cli.motion",),
+    "cli.studies": ("cli.agree", "cli.why"),
+    "cli.throw": ("cli.motion",),
     "comparisons.compare.agreement": ("comparisons.report.pages.compare",),
     "comparisons.compare.machine": ("comparisons.runs.record", "comparisons.compare.study"),
     "comparisons.compare.plots": ("comparisons.report.pages.compare",),
@@ -162,6 +175,7 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "models.drawing.vector": ("comparisons.report.drawing.files",),
     "models.drawing.video": ("comparisons.report.drawing.files",),
     "models.force_elements": ("models.elements", "models.elements.base"),
+    "models.given": ("models.library.given",),
     "models.joints": ("models.elements", "models.elements.base"),
     "models.machines": ("models.library",),
     "models.machines.catapult": ("models.library.catapult",),

@@ -13,7 +13,7 @@ import jsonschema
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
-from trebucheck.cli import diff as command
+from trebucheck.cli import agree as command
 from trebucheck.comparisons.diff.report import document
 from trebucheck.comparisons.diff.study import (
     FACTOR,
