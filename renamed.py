@@ -178,6 +178,7 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "models.drawing.vector": ("comparisons.report.drawing.files",),
     "models.drawing.video": ("comparisons.report.drawing.files",),
     "models.force_elements": ("models.elements", "models.elements.base"),
+    "models.given": ("models.library.given",),
     "models.joints": ("models.elements", "models.elements.base"),
     "models.machines": ("models.library",),
     "models.machines.catapult": ("models.library.catapult",),

@@ -30,13 +30,12 @@ def solve(
 ) -> ReferenceMotion:
     """Solve a mechanism by the reference: a motion that can be read at any time.
 
-        >>> import trebucheck as tb
         >>> from trebucheck.reference.motion import solve
-        >>> motion = solve("pendulum", 2.0)
-        >>> motion.q([0.0, 1.0, 2.0]).shape
-        (3, 1)
-        >>> [event.time for event in solve(tb.fixed(), 1.6).events]  # doctest: +ELLIPSIS
-        [...]
+        >>> motion = solve("fixed", 1.6)
+        >>> motion.q([0.0, 0.8, 1.6]).shape
+        (3, 3)
+        >>> [event.stop for event in motion.events]
+        ['hanger rest', 'sling rest']
 
     Args:
         mechanism: a mechanism, a problem, a name of the library, or the path of a JSON file.

@@ -121,7 +121,7 @@ def sensitivities(
         >>> from trebucheck.reference.sensitivity.sensitivities import sensitivities
         >>> table = sensitivities("pendulum", at=1.0, numbers=["gravity"])
         >>> [(row.quantity, row.of) for row in table.derivatives][:2]
-        [('coordinate', 'theta'), ('speed', 'theta')]
+        [('coordinate', 'phi'), ('speed', 'phi')]
 
     Args:
         mechanism: a mechanism, a problem, a name of the library, or the path of a JSON file.

@@ -1,4 +1,4 @@
-"""The problem library as documents: the list, and one problem with its figures."""
+"""Pages of the problem library: the list, and one problem with its figures."""
 
 from __future__ import annotations
 
