@@ -1,1 +1,1 @@
-"""The command line. Modules import what they need inside their commands: `--help` stays quick and engine-free."""
+"""Command line: options, commands by the question they answer, and their output."""

@@ -31,7 +31,8 @@ _WIDTH = 120
     folder("report", "Folder for report, summary.md, results.json and trajectories."),
 )
 def compare_command(call: Call) -> bool:
-    """Run engines on machines, measure them against the reference and each other, and write the report.
+    """Run engines on machines, measure them against the reference and each other, and write the
+    report.
 
     Writes report.html (self-contained), summary.md (for a pull request), results.json and one
     NetCDF file a run. Ends with exit code 1 if a run disagrees, is not equivalent or failed, or if
@@ -129,7 +130,8 @@ def judge_command(call: Call) -> bool:
     timeout=120.0,
 )
 def conform_command(call: Call) -> bool:
-    """Say what an engine keeps of what it declares, what is missing, and what to do next; write a certificate.
+    """Say what an engine keeps of what it declares, what is missing, and what to do next; write a
+    certificate.
 
     Exit codes: 0 everything that was judged is kept, 1 something is broken or could not be judged,
     or nothing was judged (an engine that is not installed), 2 wrong input.
@@ -179,11 +181,13 @@ _SUFFIXES_OF_MATRIX = (".html", ".md", ".json")
     folder(None, "File to write: .html, .md, or .json, which matrix reads again; none by default."),
     files=argument(
         list[Path],
-        help="results.json of compare, converge.json of converge, .json of matrix; or their folders.",
+        help="results.json of compare, converge.json of converge, .json of matrix; or their "
+        "folders.",
     ),
 )
 def matrix_command(call: Call) -> None:
-    """Show engine x problem x quantity of several comparisons: verdicts, errors, orders, causes, refusals.
+    """Show engine x problem x quantity of several comparisons: verdicts, errors, orders, causes,
+    refusals.
 
     Engines of one scheme stand together, and ratios of their errors say what differs by scheme and
     what by implementation. Nothing is run: engines that need environments of their own are compared
@@ -203,7 +207,8 @@ def matrix_command(call: Call) -> None:
     out: Path | None = call.out
     if out is not None and out.suffix not in _SUFFIXES_OF_MATRIX:
         raise InputError(
-            f"--out {output.printable(str(out))} must end in {', '.join(_SUFFIXES_OF_MATRIX[:-1])} or .json."
+            f"--out {output.printable(str(out))} must end in "
+            f"{', '.join(_SUFFIXES_OF_MATRIX[:-1])} or .json."
         )
     if out is not None:
         refuse_unwritable(out.parent, out.name)
@@ -219,7 +224,7 @@ def matrix_command(call: Call) -> None:
 
 
 def _matrix_text(matrix: Matrix, suffix: str) -> str:
-    """In the format of the file's name."""
+    """The matrix in the format of the file's name."""
     from ..comparisons.report import html, markdown
     from ..comparisons.report.pages.matrix import document
 
@@ -268,7 +273,8 @@ _FILE = argument(Path, help="results.json of compare, or the folder that holds i
     ),
 )
 def diff_command(call: Call) -> bool:
-    """Compare two results of compare: which verdicts broke, what moved, which runs have come or gone.
+    """Compare two results of compare: which verdicts broke, what moved, which runs have come or
+    gone.
 
     For upgrades of engines, of trebucheck, of a machine. Changes below what the reference's
     uncertainty, samples and rounding leave unknown are none. Exit codes: 0 nothing broke, 1 a

@@ -20,8 +20,10 @@ from .output import printable
 app = typer.Typer(
     name="trebucheck",
     help="How far can you trust a multibody engine, and why does it differ?\n\n"
-    "A trebuchet, fixed or rolling, and its relatives are solved by a Lagrangian reference and built again in MuJoCo, "
-    "pymunk and Exudyn. Exit codes: 0 fine, 1 a tolerance is broken or a run failed, 2 wrong input, 130 interrupted.",
+    "A trebuchet, fixed or rolling, and its relatives are solved by a Lagrangian reference and "
+    "built again in MuJoCo, "
+    "pymunk and Exudyn. Exit codes: 0 fine, 1 a tolerance is broken or a run failed, 2 wrong "
+    "input, 130 interrupted.",
     epilog="Examples:\n\n"
     "trebucheck compare --out report\n\n"
     "trebucheck compare --models rolling --engines mujoco,exudyn --preset tuned --timestep 5e-4\n\n"
@@ -174,7 +176,9 @@ def _refused(sentence: str, code: int = 2) -> int:
 
 
 def _sentence(error: TrebucheckError | MemoryError | OSError) -> str:
-    """What an error says to the user; the system's own, such as a full disk, become a sentence."""
+    """The sentence of an error for the user; the system's own, such as a full disk, become a
+    sentence.
+    """
     if isinstance(error, TrebucheckError):  # some are errors of the system's kinds as well
         return str(error)
     if isinstance(error, MemoryError):
@@ -190,7 +194,8 @@ def _sentence(error: TrebucheckError | MemoryError | OSError) -> str:
 def _interrupted() -> int:
     kept = ", ".join(_resumable())
     print(
-        f"interrupted; these commands keep the runs they have finished, and go on from there with --resume: {kept}.",
+        f"interrupted; these commands keep the runs they have finished, and go on from there "
+        f"with --resume: {kept}.",
         file=sys.stderr,
     )
     return _INTERRUPTED

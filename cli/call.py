@@ -59,7 +59,7 @@ class Call:
         return found.mechanism if isinstance(found, Problem) else found
 
     def parameters(self) -> options.Chosen:
-        """What --set and --beam say, before it is known of which model."""
+        """Values of --set and --beam, before it is known of which model."""
         return options.parameters(self.values.get("set"), self.values.get("beam"))
 
     def names(self, option: str) -> list[str] | None:

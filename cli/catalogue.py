@@ -65,7 +65,8 @@ def export_command(
     keyframes: Annotated[
         bool,
         typer.Option(
-            help="A keyframe at each release, impact and rest and at the launch, from the reference."
+            help="A keyframe at each release, impact and rest and at the launch, from the "
+            "reference."
         ),
     ] = True,
     sensors: Annotated[
@@ -81,7 +82,8 @@ def export_command(
         Path | None, options.out("Folder to write; the machine's name by default.")
     ] = None,
 ) -> None:
-    """Write a machine's MJCF: NAME.xml, and scene.xml with ground, light and camera to open it in the viewer.
+    """Write a machine's MJCF: NAME.xml, and scene.xml with ground, light and camera to open it in
+    the viewer.
 
     Example: trebucheck models export rolling --set r=7 --out my-rolling
     """
@@ -127,7 +129,8 @@ _EngineName = Annotated[
 
 
 def engines_command(name: _EngineName = None) -> None:
-    """List the engines, or the options of one: their defaults in each preset, what they can be, and what they mean.
+    """List the engines, or the options of one: their defaults in each preset, what they can be, and
+    what they mean.
 
     An option is set by `--option NAME=VALUE` (of one engine: `--option mujoco.solref=-40000,-400`).
 
@@ -215,7 +218,8 @@ def new_command(
     name: Annotated[str, typer.Argument(help="Of the engine: small letters, digits and hyphens.")],
     out: Annotated[Path | None, options.out("New folder; trebucheck-NAME by default.")] = None,
 ) -> None:
-    """Write a new folder with pyproject.toml, an engine to fill in, and its tests; an existing one is refused.
+    """Write a new folder with pyproject.toml, an engine to fill in, and its tests; an existing one
+    is refused.
 
     Example: trebucheck plugin new my-engine
     """
@@ -225,5 +229,6 @@ def new_command(
     for path in write_skeleton(name, folder):
         typer.echo(f"Wrote {output.printable(str(path))}")
     typer.echo(
-        f"\nNext: cd {output.printable(str(folder))}, pip install -e .[test], pytest; then fill in engine.py."
+        f"\nNext: cd {output.printable(str(folder))}, pip install -e .[test], pytest; then fill "
+        f"in engine.py."
     )

@@ -1,4 +1,6 @@
-"""What a shell completes: names of machines, engines, presets and options, also the last one of a comma list."""
+"""Completion in shells: names of machines, engines, presets and options, also the last one of a
+comma list.
+"""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ def throw_command(call: Call) -> None:
 def _with_sensitivities(
     performance: Performance, model: str, chosen: options.Chosen, worker: Worker
 ) -> Throw:
-    """Of the two whippers by Table I's parameters, of others by their physical numbers."""
+    """Add derivatives: by Table I's parameters for the two whippers, else by physical numbers."""
     from ..models.library.trebuchet import TrebuchetParameters
     from ..reference.sensitivity.release import sensitivities_of
 
@@ -242,7 +242,8 @@ _MODEL = argument(
     ),
 )
 def animate_command(call: Call) -> None:
-    """Write the motion of a machine: a page to play it in, or a GIF, MP4 or SVG that plays by itself.
+    """Write the motion of a machine: a page to play it in, or a GIF, MP4 or SVG that plays by
+    itself.
 
     The reference is drawn from the machine's description; runs of engines are drawn over it in
     their colours, their deviations magnified.

@@ -77,7 +77,8 @@ Until = Annotated[
     str | None,
     typer.Option(
         "--until",
-        help="End of the compared motion: launch, launch:MARKER, release:STOP, or a time (s); else the problem's own, "
+        help="End of the compared motion: launch, launch:MARKER, release:STOP, or a time (s); "
+        "else the problem's own, "
         "or the launch.",
     ),
 ]
@@ -86,7 +87,8 @@ Tolerance = Annotated[
     typer.Option(
         "--tolerance",
         metavar="QUANTITY=VALUE",
-        help="What is asked for, e.g. position=1e-3, energy=0.1%, release:STOP=1e-6, default=1%; repeatable.",
+        help="What is asked for, e.g. position=1e-3, energy=0.1%, release:STOP=1e-6, "
+        "default=1%; repeatable.",
     ),
 ]
 Tolerances = Annotated[
@@ -122,7 +124,8 @@ EngineOption = Annotated[
         "--option",
         metavar="[ENGINE.]NAME=VALUE",
         autocompletion=completion.options,
-        help="A numerical option, of every engine that has it, or of ENGINE; lists as 1,2,3; repeatable. "
+        help="A numerical option, of every engine that has it, or of ENGINE; lists as 1,2,3; "
+        "repeatable. "
         "`trebucheck engines ENGINE` lists them.",
     ),
 ]
@@ -216,7 +219,7 @@ def assignments(texts: list[str] | None, option: str) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Chosen:
-    """What --set and --beam say, before it is known of which machine."""
+    """Values of --set and --beam, before it is known of which machine."""
 
     numbers: dict[str, float]
     beam: float | None
@@ -237,7 +240,8 @@ class Chosen:
         for given in self.numbers:
             if given not in known:
                 raise InputError(
-                    f"--set {given}: there is no such parameter; there are: {', '.join(known)} (of {name})."
+                    f"--set {given}: there is no such parameter; there are: {', '.join(known)} "
+                    f"(of {name})."
                 )
         if not self:
             return None
@@ -258,7 +262,8 @@ class Chosen:
             return {}
         if "l1" not in kind.model_fields or "l2" not in kind.model_fields:
             raise InputError(
-                f"--beam {self.beam!r} keeps l1 + l2 of a trebuchet; these parameters have no l1 and l2."
+                f"--beam {self.beam!r} keeps l1 + l2 of a trebuchet; these parameters have no "
+                f"l1 and l2."
             )
         l1 = self.numbers["l1"] if "l1" in self.numbers else float(kind.model_fields["l1"].default)
         if "l2" in self.numbers:
@@ -294,7 +299,8 @@ def number(text: str, what: str) -> float:
 
 
 def given(text: str, texts: list[str] | None, beam: float | None) -> list[Mechanism | Problem]:
-    """Mechanisms by name or from files, and the library's problems; named ones with the parameters of --set and --beam.
+    """Mechanisms by name or from files, and the library's problems; named ones with the parameters
+    of --set and --beam.
 
     Raises:
         InputError: a name is unknown, a parameter is not valid, or a file cannot be read or is not
@@ -320,7 +326,7 @@ def given(text: str, texts: list[str] | None, beam: float | None) -> list[Mechan
 def only(
     text: str, texts: list[str] | None, beam: float | None, command: str
 ) -> Mechanism | Problem:
-    """As :func:`given`, of a command that takes one.
+    """Read the one model of a command that takes one; see :func:`given`.
 
     Raises:
         InputError: as :func:`given`, or there are several.
@@ -381,7 +387,7 @@ def engine_options(
 
 
 def _value(text: str) -> object:
-    """Of an option."""
+    """Value of an option: JSON where it is, else text."""
     import json
 
     for form in (text, f"[{text}]") if "," in text else (text,):

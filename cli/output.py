@@ -1,4 +1,4 @@
-"""What the commands share on the way out: the progress bar, the files, and the closing line."""
+"""Output that commands share: the progress bar, the files, and the closing line."""
 
 from __future__ import annotations
 
@@ -38,7 +38,8 @@ ALL = Told()
 
 @contextmanager
 def progress(what: str = "reference", width: int = 40, told: Told = ALL) -> Generator[Progress]:
-    """A bar on standard error, where that is a terminal, with the time left as it follows from what is done.
+    """A bar on standard error, where that is a terminal, with the time left as it follows from what
+    is done.
 
     Elsewhere, as in CI, a line now and then, once the work has gone on for that long.
 
@@ -107,7 +108,8 @@ def publish(
     beside: Mapping[str, tuple[Path, str]] | None = None,
     told: Told = ALL,
 ) -> None:
-    """Write a command's data and page, each whole or not at all, and show the report with the paths.
+    """Write a command's data and page, each whole or not at all, and show the report with the
+    paths.
 
     Args:
         data: path and text.

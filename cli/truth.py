@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     ),
 )
 def certify_command(call: Call) -> bool:
-    """Compute each machine's figures in every independent way there is; write values and uncertainties.
+    """Compute each machine's figures in every independent way there is; write values and
+    uncertainties.
 
     Formulations: minimal and redundant coordinates, the paper's equations. Integrators: DOP853 over
     a ladder of tolerances, and Taylor series in double and extended precision where heyoka is
@@ -89,7 +90,7 @@ def _publish_certificate(certificate: Certificate, path: Path, told: output.Told
 def _line(
     name: str, assignments: list[str] | None, beam: float | None, duration: float | None
 ) -> str:
-    """What makes the same figures again."""
+    """The line that makes the same figures again."""
     words = ["trebucheck", "certify", "--models", name]
     for text in assignments or []:
         words += ["--set", text]
@@ -160,8 +161,10 @@ def _list_trajectories() -> bool:
     from ..comparisons.report.document import Cell, Column, Document, ranked, table, words
 
     found = list(states())
-    rows = [(name, f"{size / 1024:.0f}", digest, Cell(state, "good" if state == "good" else "bad"))
-            for name, digest, size, state in found]  # fmt: skip
+    rows = [
+        (name, f"{size / 1024:.0f}", digest, Cell(state, "good" if state == "good" else "bad"))
+        for name, digest, size, state in found
+    ]
     heads = [
         words("name", wrap=False),
         Column("size", "kB"),
@@ -183,7 +186,8 @@ def _list_trajectories() -> bool:
     tag=option(str | None, None, "--tag", help="List only problems with this tag, e.g. loop."),
 )
 def problems_command(call: Call) -> bool:
-    """List the benchmark problems, or show one: its source, its figures beside the reference's, and its conditions.
+    """List the benchmark problems, or show one: its source, its figures beside the reference's, and
+    its conditions.
 
     A problem's name stands wherever a machine's does; it brings its own duration and stop law. Of
     one problem, the exit code is 1 if the reference misses a figure or a condition.

@@ -46,7 +46,8 @@ def explain_command(call: Call) -> bool:
     ),
 )
 def converge_command(call: Call) -> bool:
-    """Turn each engine's knobs and see how its error falls: orders, floors and their causes, Richardson limits.
+    """Turn each engine's knobs and see how its error falls: orders, floors and their causes,
+    Richardson limits.
 
     Writes converge.html (self-contained) and converge.json; prints orders and laws. A run that
     fails is a failed point of its study; a machine whose reference fails is left out with its
@@ -74,7 +75,8 @@ def converge_command(call: Call) -> bool:
 
 
 @command(
-    "model position torque release engines until set beam neighbours resume jobs timeout quiet json",
+    "model position torque release engines until set beam neighbours resume jobs timeout quiet "
+    "json",
     folder("recommend", "Folder for recommend.html, recommend.json, the texts and the trials."),
     position=option(
         float | None,
@@ -86,7 +88,8 @@ def converge_command(call: Call) -> bool:
         str | None,
         None,
         "--torque",
-        help="Largest error of any stop's torque: N m (N on points), or a share of the largest: 0.1%.",
+        help="Largest error of any stop's torque: N m (N on points), or a share of the largest: "
+        "0.1%.",
     ),
     release=option(
         float | None, None, "--release", help="Largest error of any stop's release (s)."
@@ -100,7 +103,8 @@ def converge_command(call: Call) -> bool:
     resume=option(bool, False, "--resume", help="Take finished trials from the folder again."),
 )
 def recommend_command(call: Call) -> None:
-    """Find, for each engine, the cheapest measured settings that reach an accuracy, up to the launch or to --until.
+    """Find, for each engine, the cheapest measured settings that reach an accuracy, up to the
+    launch or to --until.
 
     Writes recommend.html (self-contained), recommend.json, and beside them the texts to paste into
     the MJCF, the pymunk or the Exudyn script; says what stands in the way where there are no such

@@ -41,7 +41,7 @@ _RANKS = {
 
 
 class Fate(StrEnum):
-    """What became of a run; the text is what tables show."""
+    """Change of a run's verdict; the text is what tables show."""
 
     SAME = "same verdict"
     BETTER = "better"
@@ -73,7 +73,9 @@ class QuantityChange:
 
     @property
     def broke(self) -> bool:
-        """A verdict that is worse now: it breaks its tolerance, or it held it and is judged no longer."""
+        """A verdict that is worse now: it breaks its tolerance, or it held it and is judged no
+        longer.
+        """
         return _verdict_rank(self.new) > _verdict_rank(self.old)
 
     @property
@@ -88,7 +90,9 @@ class QuantityChange:
 
     @property
     def by_tolerance(self) -> bool:
-        """Whether the verdict is another one, and would be the old one had the tolerance not changed."""
+        """Whether the verdict is another one, and would be the old one had the tolerance not
+        changed.
+        """
         old, size = self.old, _size(self.new)
         if (
             old is None
@@ -102,7 +106,9 @@ class QuantityChange:
 
     @property
     def factor(self) -> float | None:
-        """New error over old one, errors below what is unknown taken as that; None where one of them has no value."""
+        """New error over old one, errors below what is unknown taken as that; None where one of
+        them has no value.
+        """
         old, new = _size(self.old), _size(self.new)
         if old is None or new is None:
             return None
@@ -111,11 +117,15 @@ class QuantityChange:
 
     @property
     def bounded(self) -> bool:
-        """Whether one of the errors is below what is unknown, so that the factor is at least as far from one."""
+        """Whether one of the errors is below what is unknown, so that the factor is at least as far
+        from one.
+        """
         return any((size or 0.0) < self.unknown for size in (_size(self.old), _size(self.new)))
 
     def moved(self, factor: float) -> bool:
-        """Whether the error changed by more than what is unknown and by more than the factor, or has come or gone."""
+        """Whether the error changed by more than what is unknown and by more than the factor, or
+        has come or gone.
+        """
         old, new = _size(self.old), _size(self.new)
         if old is None or new is None:
             return (old is None) != (new is None)
@@ -124,7 +134,9 @@ class QuantityChange:
 
     @property
     def distance(self) -> float:
-        """How far the worse of both errors is beyond its tolerance, as a factor; infinite for a missing event."""
+        """How far the worse of both errors is beyond its tolerance, as a factor; infinite for a
+        missing event.
+        """
         return max(_excess(self.old), _excess(self.new))
 
 
@@ -197,7 +209,9 @@ class RunChange:
 
 
 def _rank(run: Run | None) -> int | None:
-    """Of its outcome; None for a run that is not there, or whose engine is not installed or not able to."""
+    """Of its outcome; None for a run that is not there, or whose engine is not installed or not
+    able to.
+    """
     return None if run is None else _RANKS.get(run.outcome)
 
 
@@ -220,7 +234,7 @@ class ReferenceChange:
 
 @dataclass(frozen=True, repr=False)
 class Difference(Reported):
-    """What changed from one comparison to another."""
+    """Changes from one comparison to another."""
 
     factor: float
     """Least by which an error must change to have moved."""
@@ -268,7 +282,9 @@ class Difference(Reported):
 
     @property
     def worse(self) -> bool:
-        """Something broke: a verdict, a run that is worse, fails or is gone, or the reference itself."""
+        """Something broke: a verdict, a run that is worse, fails or is gone, or the reference
+        itself.
+        """
         return bool(
             self.broken or self.references or self.of_fate(Fate.WORSE, Fate.FAILS, Fate.VANISHED)
         )
@@ -355,10 +371,12 @@ class Quantity(Spec):
     old: Side | None = Field(description="null: that result has no such quantity")
     new: Side | None
     unknown: Real | None = Field(
-        description="what both results leave unknown of the difference, in the quantity's unit; null: all of it"
+        description="what both results leave unknown of the difference, in the quantity's unit; "
+        "null: all of it"
     )
     factor: Real | None = Field(
-        description="new error over old one, errors below what is unknown taken as that; null: one has no value, or "
+        description="new error over old one, errors below what is unknown taken as that; null: "
+        "one has no value, or "
         "the old one is zero"
     )
     bounded: bool = Field(
@@ -399,7 +417,7 @@ class Reference(Spec):
 
 
 class DifferenceData(Spec):
-    """What moved and what broke from one comparison to another."""
+    """Movements and breaks from one comparison to another."""
 
     format: Literal["trebucheck-diff-1"] = "trebucheck-diff-1"
     passed: bool = Field(description="nothing broke, and something was compared")
@@ -443,9 +461,15 @@ def _run(each: RunChange) -> RunFate:
     old, new = (None if run is None else run.outcome for run in (each.old, each.new))
     message = None if each.new is None else each.new.message
     return RunFate(
-        model=each.run.model, run=each.run.label, old=old, new=new, fate=each.fate, reason=each.reason,
-        message=message, settings=each.settings,
-    )  # fmt: skip
+        model=each.run.model,
+        run=each.run.label,
+        old=old,
+        new=new,
+        fate=each.fate,
+        reason=each.reason,
+        message=message,
+        settings=each.settings,
+    )
 
 
 def _quantity(each: QuantityChange, factor: float) -> Quantity:
@@ -479,10 +503,14 @@ def _side(metric: Metric | None) -> Side | None:
 
 
 FACTOR = 1.1
-"""Least factor of a movement: tables show errors with two digits, and a tenth is what their second digit tells."""
+"""Least factor of a movement: tables show errors with two digits, and a tenth is what their second
+digit tells.
+"""
 _EPS = float(np.finfo(np.float64).eps)
 _SAME_END = 1e-6
-"""Of the end of a compared motion: largest errors up to ends that differ by less are those of the same motion."""
+"""Of the end of a compared motion: largest errors up to ends that differ by less are those of the
+same motion.
+"""
 
 
 def diff(
@@ -490,7 +518,7 @@ def diff(
     new: Results | Comparison | str | Path,
     factor: float = FACTOR,
 ) -> Difference:
-    """What moved and what broke from one comparison to another.
+    """Compare two results of `compare`: errors that moved, verdicts that broke.
 
         >>> import trebucheck as tb
         >>> difference = tb.diff("before", "after/results.json")  # doctest: +SKIP
@@ -621,14 +649,18 @@ def _quantity_change(
 
 
 def _unknown(metric: Metric, run: Run, machine: Machine) -> float:
-    """What is not known of an error: by the reference's uncertainty, by the samples, and by rounding of the steps."""
+    """What is not known of an error: by the reference's uncertainty, by the samples, and by
+    rounding of the steps.
+    """
     known = machine.reference_uncertainty
     uncertainty = known.get(metric.label, known.get(metric.name, 0.0))
     return uncertainty + (metric.sampling_error or 0.0) + _rounding(metric, run, machine)
 
 
 def _rounding(metric: Metric, run: Run, machine: Machine) -> float:
-    """Rounding of one part of the scale in each step, random and so as the root of their number, carried on."""
+    """Rounding of one part of the scale in each step, random and so as the root of their number,
+    carried on.
+    """
     quantity = QUANTITIES.get(metric.name)
     if quantity is None or (
         quantity.scale in ("stop", "gap") and metric.subject not in machine.scales.torques

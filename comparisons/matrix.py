@@ -83,7 +83,8 @@ class MatrixRun(Spec):
     )
     supplied: dict[str, str] | None = Field(
         default=None,
-        description="what trebucheck does in the engine's place, by part, and of what; None: not stated",
+        description="what trebucheck does in the engine's place, by part, and of what; None: "
+        "not stated",
     )
     timestep: Positive | None = Field(default=None, description="[s]")
     outcome: Outcome
@@ -109,7 +110,7 @@ class MatrixRun(Spec):
         return f"{self.engine} {self.preset}"
 
     def error(self, metric: str) -> Error | None:
-        """Of a quantity; None if the run has none."""
+        """Error of a quantity; None if the run has none."""
         return next((error for error in self.errors if error.metric == metric), None)
 
 
@@ -129,7 +130,7 @@ class MatrixProblem(Spec):
 
     @property
     def title(self) -> str:
-        """Of a column."""
+        """Title of a column."""
         return self.number or self.name
 
 
@@ -167,7 +168,9 @@ class Matrix(ResultFile):
         )
 
     def schemes(self) -> dict[str, list[str]]:
-        """Engines with their presets by scheme, in alphabetical order; those that state none come last."""
+        """Engines with their presets by scheme, in alphabetical order; those that state none come
+        last.
+        """
         found: dict[str, set[str]] = {}
         for run in self.runs:
             found.setdefault(run.scheme, set()).add(run.label)
@@ -223,20 +226,24 @@ def _once(
             before, _ = merged.setdefault((part.label, part.problem), (path, part))
             if merged[part.label, part.problem][1] is not part:
                 raise InputError(
-                    f"{what} {part.label} on {part.problem} is in {before} and in {path}; once is needed."
+                    f"{what} {part.label} on {part.problem} is in {before} and in {path}; once "
+                    f"is needed."
                 )
     return tuple(part for _, part in merged.values())
 
 
 def _problems(found: _Found) -> tuple[MatrixProblem, ...]:
-    """In the order of the library, others first; one name stands for one mechanism and motion."""
+    """Problems in the order of the library, others first; one name stands for one mechanism and
+    motion.
+    """
     merged: dict[str, tuple[Path, MatrixProblem]] = {}
     for path, matrix in found:
         for problem in matrix.problems:
             before, other = merged.setdefault(problem.name, (path, problem))
             if not _same(problem, other):
                 raise InputError(
-                    f"{problem.name!r} is another mechanism or motion in {path} than in {before}; a matrix compares "
+                    f"{problem.name!r} is another mechanism or motion in {path} than in "
+                    f"{before}; a matrix compares "
                     "engines on the same."
                 )
     return tuple(
@@ -250,7 +257,9 @@ def _same(a: MatrixProblem, b: MatrixProblem) -> bool:
 
 
 _SAME_END = 1e-6
-"""Of the end: the horizon follows from variational equations, which other versions of libraries round otherwise."""
+"""Of the end: the horizon follows from variational equations, which other versions of libraries
+round otherwise.
+"""
 
 
 def _one(path: Path) -> Matrix:
@@ -278,7 +287,8 @@ def _file(path: Path) -> Path:
     ]
     if len(inside) != 1:
         raise InputError(
-            f"{path} holds {len(inside)} of results.json, converge.json and matrix.json; name one file."
+            f"{path} holds {len(inside)} of results.json, converge.json and matrix.json; name "
+            f"one file."
         )
     return inside[0]
 
@@ -294,7 +304,7 @@ def _format(path: Path) -> object:
 
 
 def orders_of(studies: Studies) -> Iterator[MeasuredOrder]:
-    """Of the sweeps of the time step in which something moved."""
+    """Orders of the sweeps of the time step in which something moved."""
     for machine in studies.machines:
         for study in machine.studies:
             curve = study.curve("position")
@@ -303,15 +313,18 @@ def orders_of(studies: Studies) -> Iterator[MeasuredOrder]:
                 point.position is not None for point in study.points
             ):
                 yield MeasuredOrder(
-                    engine=study.engine, preset=study.preset, problem=machine.model,
+                    engine=study.engine,
+                    preset=study.preset,
+                    problem=machine.model,
                     exponent=None if law is None else law.exponent,
                     half_width=None if law is None else law.half_width,
-                    floor=None if floor is None else floor.error, floor_cause="" if floor is None else floor.cause,
-                )  # fmt: skip
+                    floor=None if floor is None else floor.error,
+                    floor_cause="" if floor is None else floor.cause,
+                )
 
 
 def distilled(results: Results, date: str) -> Matrix:
-    """What a matrix needs of a comparison; the reference against itself is left out."""
+    """The part of a comparison that a matrix needs; the reference against itself is left out."""
     machines = {machine.model: machine for machine in results.machines}
     runs = [run for run in results.runs if run.engine != REFERENCE]
     return Matrix.made_here(
@@ -325,23 +338,42 @@ def distilled(results: Results, date: str) -> Matrix:
 def _problem(machine: Machine) -> MatrixProblem:
     mechanism, entry = machine.mechanism, find_benchmark(machine.model)
     return MatrixProblem(
-        name=machine.model, number="" if entry is None else entry.number, mechanism_hash=machine.mechanism_hash,
-        stop_law=machine.stop_law, judged_to=machine.judged_to, stops=bool(mechanism.stops),
-        loops=bool(mechanism.loop_joints), elements=bool(mechanism.force_elements),
-    )  # fmt: skip
+        name=machine.model,
+        number="" if entry is None else entry.number,
+        mechanism_hash=machine.mechanism_hash,
+        stop_law=machine.stop_law,
+        judged_to=machine.judged_to,
+        stops=bool(mechanism.stops),
+        loops=bool(mechanism.loop_joints),
+        elements=bool(mechanism.force_elements),
+    )
 
 
 def _run(run: Run, machine: Machine | None, date: str, version: str) -> MatrixRun:
     found, step = run.diagnosis, run.settings.get("timestep")
     named = () if found is None else found.named
     return MatrixRun(
-        problem=run.model, engine=run.engine, preset=run.preset, engine_version=run.engine_version, scheme=run.scheme,
-        order=run.order, supplied=run.supplied, timestep=step if isinstance(step, float) else None, outcome=run.outcome,
-        message=run.message, time_limit=run.time_limit, judged=len(run.judged), held=len(run.judged) - len(run.broken), worst=_worst(run.judged),
+        problem=run.model,
+        engine=run.engine,
+        preset=run.preset,
+        engine_version=run.engine_version,
+        scheme=run.scheme,
+        order=run.order,
+        supplied=run.supplied,
+        timestep=step if isinstance(step, float) else None,
+        outcome=run.outcome,
+        message=run.message,
+        time_limit=run.time_limit,
+        judged=len(run.judged),
+        held=len(run.judged) - len(run.broken),
+        worst=_worst(run.judged),
         errors=() if machine is None else tuple(_errors(run, machine)),
-        first_in=None if found is None or found.note else found.leads, causes=tuple(cause.name for cause in named),
-        explained=named[0].explained if named else None, date=date, made_by=version,
-    )  # fmt: skip
+        first_in=None if found is None or found.note else found.leads,
+        causes=tuple(cause.name for cause in named),
+        explained=named[0].explained if named else None,
+        date=date,
+        made_by=version,
+    )
 
 
 def _worst(judged: Sequence[Metric]) -> Breach | None:
@@ -351,7 +383,9 @@ def _worst(judged: Sequence[Metric]) -> Breach | None:
 
 
 def _ratio(metric: Metric) -> float:
-    """Of the error to its tolerance: a figure that is missing is farther beyond than any other."""
+    """Ratio of the error to its tolerance: a figure that is missing is farther beyond than any
+    other.
+    """
     if metric.value is None:
         return math.inf
     return (
@@ -378,10 +412,16 @@ def _errors(run: Run, machine: Machine) -> Iterator[Error]:
         verdicts = [metric.holds for metric in of if metric.holds is not None]
         undecided = any(metric.unjudged for metric in of)
         yield Error(
-            metric=name, subject=worst.subject, value=worst.value, unit=worst.unit, part=_part(worst, machine),
-            observed=worst.observed, tolerance=worst.tolerance, note=worst.note,
+            metric=name,
+            subject=worst.subject,
+            value=worst.value,
+            unit=worst.unit,
+            part=_part(worst, machine),
+            observed=worst.observed,
+            tolerance=worst.tolerance,
+            note=worst.note,
             holds=False if not all(verdicts) else True if verdicts and not undecided else None,
-        )  # fmt: skip
+        )
 
 
 def _part(metric: Metric, machine: Machine) -> float | None:
@@ -399,7 +439,7 @@ _METRIC = "position_max"
 
 @dataclass(frozen=True)
 class Ratio:
-    """Of two errors, the larger by the smaller."""
+    """Ratio of two errors, the larger by the smaller."""
 
     value: float
     runs: str
@@ -408,7 +448,7 @@ class Ratio:
 
 @dataclass(frozen=True)
 class Ratios:
-    """Of pairs of runs on one problem."""
+    """Ratios of errors of pairs of runs on one problem."""
 
     found: tuple[Ratio, ...]
 
@@ -423,7 +463,7 @@ class Ratios:
 
 @dataclass(frozen=True)
 class Spread:
-    """Of one scheme, on problems with stops or loops or on those without."""
+    """Spread of one scheme, on problems with stops or loops or on those without."""
 
     scheme: str
     constrained: bool
@@ -437,7 +477,7 @@ class Spread:
 
 
 def spreads(matrix: Matrix) -> Iterator[Spread]:
-    """Of every scheme that two engines have, where there are pairs."""
+    """Spread of every scheme that two engines have, where there are pairs."""
     for scheme, labels in matrix.schemes().items():
         engines = sorted({run.engine for label in labels for run in matrix.of(label)})
         if not scheme or len(engines) < 2:
@@ -500,6 +540,8 @@ def sentence(spread: Spread) -> str:
         else ""
     )
     return (
-        f"position errors of two of its engines ({', '.join(spread.engines)}) on one problem {where}, at equal steps, "
-        f"have a ratio of {spread.within}; those of one of them and one of another scheme {spread.between}{one}."
+        f"position errors of two of its engines ({', '.join(spread.engines)}) on one problem "
+        f"{where}, at equal steps, "
+        f"have a ratio of {spread.within}; those of one of them and one of another scheme "
+        f"{spread.between}{one}."
     )

@@ -1,4 +1,4 @@
-"""MJCF of machines, problems and mechanisms, with the events of the certified motion as keyframes."""
+"""MJCF of machines, problems and mechanisms, events of the certified motion as keyframes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ _MOST = 100  # events: what bounces to rest has no end of them
 
 
 def record_motion(given: Mechanism | Problem) -> RecordedMotion:
-    """The events of a problem's motion, or of a mechanism's up to its launch or for some characteristic times.
+    """The events of a problem's motion, or of a mechanism's up to its launch or for some
+    characteristic times.
 
     Those behind the predictability horizon are left out: they would not be certain.
 
@@ -153,7 +154,8 @@ def mjcf(
 def step_and_motion(
     given: Mechanism | Problem, timestep: float | None, *, keyframes: bool
 ) -> tuple[float, RecordedMotion | None]:
-    """The step [s], one that suits the motion if none is given, and the motion if there are to be keyframes.
+    """The step [s], one that suits the motion if none is given, and the motion if there are to be
+    keyframes.
 
     The motion is the stored one of exactly this mechanism, or else a new one.
 

@@ -21,7 +21,7 @@ class CheckedFigure:
 
     @property
     def error(self) -> float:
-        """In the figure's unit."""
+        """Error in the figure's unit."""
         return abs(self.measured - self.figure.value)
 
     @property
@@ -58,7 +58,7 @@ class Check:
 
     @cached_property
     def figures(self) -> tuple[CheckedFigure, ...]:
-        """Of the parameters, beside the motion's."""
+        """Figures of the parameters, beside the motion's."""
         return tuple(
             CheckedFigure(each, each.read(self.motion))
             for each in self.benchmark.figures(self.parameters)
@@ -66,7 +66,7 @@ class Check:
 
     @cached_property
     def conditions(self) -> tuple[CheckedCondition, ...]:
-        """Of the source, beside the motion's errors."""
+        """Conditions of the source, beside the motion's errors."""
         conditions = self.benchmark.conditions(self.parameters)
         return tuple(CheckedCondition(each, each.error(self.motion)) for each in conditions)
 

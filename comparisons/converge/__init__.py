@@ -1,1 +1,3 @@
-"""Convergence studies: how an engine's error falls as one of its knobs is turned, where that ends, and why."""
+"""Convergence studies: how an engine's error falls as one of its knobs is turned, where that ends,
+and why.
+"""

@@ -48,11 +48,14 @@ from .results import Study as ParameterStudy
 CONFIDENCE = 0.95
 FEWEST = 4  # points of a line: two make it, two more can gainsay it
 SLOPE = 0.1
-"""How far the local slope may depart from a line's along its run: the bar the suite states for orders. A parabola that
+"""How far the local slope may depart from a line's along its run: the bar the suite states for
+orders. A parabola that
 is off a line by r at worst, over a length L of the logarithm, has slopes that are off by 6 r / L at
 its ends; so a run is taken for straight if its worst point is off by no more than SLOPE * L / 6."""
 TENFOLD = 10.0
-"""An exponent is only claimed where the error changes at least so much: less may be a floor with a slope."""
+"""An exponent is only claimed where the error changes at least so much: less may be a floor with a
+slope.
+"""
 
 
 def power_law(
@@ -112,7 +115,9 @@ def _line(x: FloatArray, y: FloatArray) -> tuple[PowerLaw, float]:
 
 
 ASYMPTOTIC = 0.1
-"""How far an observed order may lie from a whole number: the bar the suite states for orders themselves."""
+"""How far an observed order may lie from a whole number: the bar the suite states for orders
+themselves.
+"""
 _LOWEST, _HIGHEST = 0.1, 8.0  # orders that are looked for
 _NEAR, _CANDIDATES = (
     0.03,
@@ -146,7 +151,9 @@ class Extrapolated:
 
     @property
     def estimate(self) -> float:
-        """The limit's own error [m], without the reference: its distance from the one of three levels."""
+        """The limit's own error [m], without the reference: its distance from the one of three
+        levels.
+        """
         return largest(self.position - self.position_three)
 
 
@@ -177,7 +184,8 @@ def limit(levels: Sequence[Level]) -> Extrapolated | None:
 
 
 def observed_order(steps: Sequence[float], first: float, second: float) -> float | None:
-    """The order p for which (h0^p - h1^p) / (h1^p - h2^p) is the ratio of two successive differences.
+    """The order p for which (h0^p - h1^p) / (h1^p - h2^p) is the ratio of two successive
+    differences.
 
     Args:
         steps: three, from coarse to fine [s]; their ratios need not be the same.
@@ -198,7 +206,7 @@ def observed_order(steps: Sequence[float], first: float, second: float) -> float
 
 
 def weights(steps: Sequence[float], powers: Sequence[int]) -> FloatArray:
-    """What to add the levels up with, so that the given powers of the step cancel; they sum to 1.
+    """Weights of the levels, so that the given powers of the step cancel; they sum to 1.
 
     Args:
         steps: one more than there are powers [s].
@@ -227,7 +235,8 @@ def _extrapolated(triple: tuple[Level, Level, Level]) -> Extrapolated | None:
 
 
 def fitting(step: float, end: float, events: Sequence[float], longest: float = math.inf) -> float:
-    """The step near the one asked for of which whole numbers come nearest to filling what remains after each event.
+    """The step near the one asked for of which whole numbers come nearest to filling what remains
+    after each event.
 
     Engines fit a whole number of equal steps between an event and the end, and so shorten them by
     up to one part in that number. Unequal shortening would spoil the ratio of the steps, on which
@@ -247,7 +256,8 @@ def fitting(step: float, end: float, events: Sequence[float], longest: float = m
 
 
 LOWERED = 0.8
-"""A refinement that leaves less than this share of an error has lowered it: the smallest one, a halving at first order,
+"""A refinement that leaves less than this share of an error has lowered it: the smallest one, a
+halving at first order,
 leaves 0.5, and 0.8 where only two fifths of the error are of its making."""
 _SINGLE = float(np.finfo(np.float32).epsneg)
 _NAMED = 3  # refinements in the evidence
@@ -258,7 +268,8 @@ GROWN = 1.5
 def refinements(
     name: str, settings: Options, swept: Sequence[str], constraints: ConstraintKinds
 ) -> Iterator[tuple[Refinement, dict[str, Any]]]:
-    """Every refinement at an engine's settings, and every option the tuned preset has otherwise, one at a time.
+    """Every refinement at an engine's settings, and every option the tuned preset has otherwise,
+    one at a time.
 
     Args:
         name: of the engine.
@@ -388,7 +399,7 @@ def converge(
 
 
 def converge_study(study: Study, chosen: Sequence[str] | None = None) -> Studies:
-    """As :func:`converge`, of a study.
+    """Carry out the sweeps of a study; see :func:`converge`.
 
     Args:
         study: mechanisms, engines (all known ones but the reference if None; those not installed
@@ -439,7 +450,7 @@ def converge_study(study: Study, chosen: Sequence[str] | None = None) -> Studies
 def _uncertainties(
     moved: Iterable[EngineRuns], failures: dict[str, str]
 ) -> Iterator[tuple[str, dict[QuantityName, float]]]:
-    """Of each machine's reference, by the machine's name; notes where that failed."""
+    """Uncertainty of each machine's reference, by the machine's name; notes where that failed."""
     for trials in moved:
         mechanism = trials.mechanism
         quantities: list[QuantityName] = [q for q in _METRICS if q == "position" or mechanism.stops]
@@ -456,14 +467,20 @@ def _uncertainties(
 def _timestep(engine: str, preset: str) -> SweptParameter:
     expected = engine_study(engine).step_orders.get(preset, _UNKNOWN)
     return SweptParameter(
-        name="timestep", title="time step h", unit="s", options=lambda h: {"timestep": h},
-        values=_STEPS if preset == "tuned" else _STOCK_STEPS, expected=expected.order, why=expected.reason,
-        preset=preset, repeats=3,
-    )  # fmt: skip
+        name="timestep",
+        title="time step h",
+        unit="s",
+        options=lambda h: {"timestep": h},
+        values=_STEPS if preset == "tuned" else _STOCK_STEPS,
+        expected=expected.order,
+        why=expected.reason,
+        preset=preset,
+        repeats=3,
+    )
 
 
 def parameter_names() -> tuple[str, ...]:
-    """What `--knobs` can ask for."""
+    """Names that `--knobs` can have."""
     own = [
         parameter.name
         for name in engine_names()
@@ -473,7 +490,8 @@ def parameter_names() -> tuple[str, ...]:
 
 
 def swept_parameters(name: str, names: list[str] | None = None) -> list[SweptParameter]:
-    """Every swept parameter of an engine, or those asked for, without those whose options its version does not have.
+    """Every swept parameter of an engine, or those asked for, without those whose options its
+    version does not have.
 
     Raises:
         InputError: there is no such engine or parameter.
@@ -509,7 +527,8 @@ def _plan(study: Study, chosen: Sequence[str] | None) -> tuple[list[str], _Plan]
     ]
     if not every:
         raise InputError(
-            f"none of the engines {', '.join(names)} has any of the knobs {', '.join(chosen or ())}."
+            f"none of the engines {', '.join(names)} has any of the knobs "
+            f"{', '.join(chosen or ())}."
         )
     absent = [name for name in names if not engine_class(name).is_installed()]
     plan = [(name, parameter) for name, parameter in every if name not in absent]
@@ -524,7 +543,8 @@ def _refuse_options(name: str, parameter: SweptParameter, own: Mapping[str, Any]
     for option in own:
         if option in swept:
             raise InputError(
-                f"option {option} of {name} is what its knob {parameter.name!r} turns; leave the option out, or choose "
+                f"option {option} of {name} is what its knob {parameter.name!r} turns; leave "
+                f"the option out, or choose "
                 "other knobs."
             )
     if own:
@@ -588,7 +608,8 @@ class _Sweep:
             self._coarsen()
 
     def _coarsen(self) -> None:
-        """Go on at the coarse end while too few errors stand above the reference's uncertainty to show an order.
+        """Go on at the coarse end while too few errors stand above the reference's uncertainty to
+        show an order.
 
         A high order is at rounding with every step that a low one is measured at.
         """
@@ -620,15 +641,15 @@ class _Sweep:
         self.points.append(_point(value, self.parameter, trial, message, self.without))
 
     def engine(self, options: Mapping[str, Any]) -> Engine:
-        """With the options that stay, and these over them."""
+        """The engine with the options that stay, and these over them."""
         return engine(self.name, self.parameter.preset, **{**self.fixed, **options})
 
     def trial(self, options: Mapping[str, Any], repeats: int) -> RunRecord:
-        """Of the engine with these options."""
+        """Run of the engine with these options."""
         return self.machine.record(self.engine(options), repeats)
 
     def study(self) -> ParameterStudy:
-        """As data, with laws and floors."""
+        """The sweep as data, with laws and floors."""
         return ParameterStudy(
             engine=self.name,
             engine_version=engine_class(self.name).version(),
@@ -666,7 +687,7 @@ class _Sweep:
         return Curve(quantity=quantity, force_unit=unit, law=law, floor=explained)
 
     def _floor_without(self, quantity: QuantityName) -> Floor | None:
-        """What sets the error that is left with the parameter's own error taken out."""
+        """Find what sets the error that is left with the parameter's own error taken out."""
         left = None if self.without is None else _whole(self.without, quantity)
         return (
             None
@@ -677,7 +698,7 @@ class _Sweep:
     def _floor_along(
         self, quantity: QuantityName, law: PowerLaw | None, ran: Sequence[tuple[float, float]]
     ) -> Floor | None:
-        """What sets the least error, unless it still falls at the finest value."""
+        """Find what sets the least error, unless it still falls at the finest value."""
         # The law's finest point is one of these: beyond it errors may only grow.
         beyond = ran if law is None else ran[_finest(law, [value for value, _ in ran]) :]
         if len(beyond) < (1 if law is None else 2) or _still_falls(ran):
@@ -694,7 +715,7 @@ class _Sweep:
         at: tuple[float | None, float],
         finer: Sequence[tuple[float, float]] = (),
     ) -> Floor:
-        """What sets an error, found by changing other options there."""
+        """Find what sets an error by changing other options there."""
 
         def measure(change: Mapping[str, Any]) -> float | None:
             return _whole(self.trial({**options, **change}, 1), quantity)
@@ -710,7 +731,7 @@ class _Sweep:
         return floor(site, self.uncertainty[quantity], finer)
 
     def limit(self) -> Extrapolated | None:
-        """Of a sweep of the time step with the preset's other options."""
+        """Limit of a sweep of the time step with the preset's other options."""
         if not self.of_step or self.parameter.base:
             return None
         return limit(
@@ -729,7 +750,9 @@ def _finest(law: PowerLaw, values: Sequence[float]) -> int:
 
 
 def _still_falls(ran: Sequence[tuple[float, float]]) -> bool:
-    """Whether the error goes on falling at the finest values, with half a power or more: then there is no floor yet."""
+    """Whether the error goes on falling at the finest values, with half a power or more: then there
+    is no floor yet.
+    """
     if len(ran) < 2 or ran[-1][1] > min(error for _, error in ran):
         return False
     (before, larger), (last, smaller) = ran[-2:]

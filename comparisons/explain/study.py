@@ -56,7 +56,8 @@ from .results import (
 )
 
 LAST_BITS = 1e-15
-"""Relative change of gravity (without it, of the start speeds), a few units in the last place: what it does to a run is
+"""Relative change of gravity (without it, of the start speeds), a few units in the last place: what
+it does to a run is
 roundoff."""
 _SHAPIRO = np.array([-1.0, 4.0, 10.0, 4.0, -1.0]) / 16.0
 _EVEN = 1e-6  # relative difference of steps that are meant to be equal: rounding of the times
@@ -245,8 +246,10 @@ def _measurement(cause: Cause, engine: Engine, failure: str | None) -> Measureme
 def _roundoff(study: _Study) -> Measurement:
     return Measurement(
         name=_ROUNDOFF,
-        explanation="the random part: what changes when the machine's data change in their last bits",
-        done=f"{'gravity' if study.trials.mechanism.gravity else 'start speeds'} changed by ±{LAST_BITS:g} of itself",
+        explanation="the random part: what changes when the machine's data change in their last "
+        "bits",
+        done=f"{'gravity' if study.trials.mechanism.gravity else 'start speeds'} changed by "
+        f"±{LAST_BITS:g} of itself",
         message=study.failed.get(_ROUNDOFF),
     )
 
@@ -259,7 +262,9 @@ class _Chain:
     deviations: list[Curves]
 
     def part(self, cause: str, quantity: str) -> FloatArray:
-        """What taking out one more cause changed, extrapolated where it leaves a known part of it."""
+        """The change from taking out one more cause changed, extrapolated where it leaves a known
+        part of it.
+        """
         i = next(i for i, known in enumerate(self.causes) if known.name == cause)
         removal = self.causes[i].removal
         assert removal is not None
@@ -412,7 +417,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Observed:
-    """What a deviation says of one quantity."""
+    """Error of one quantity, from a deviation."""
 
     unit: str
     values: FloatArray
@@ -420,7 +425,9 @@ class Observed:
     """Of a vector quantity: its values are all x, then all y."""
 
     def size(self, values: FloatArray) -> tuple[float, float]:
-        """Root mean square over time and largest value of a function like this one, Euclidean over components."""
+        """Root mean square over time and largest value of a function like this one, Euclidean over
+        components.
+        """
         lengths = np.linalg.norm(values.reshape(self.components, -1), axis=0)
         return float(np.sqrt(np.mean(lengths**2))), float(lengths.max())
 
@@ -451,7 +458,8 @@ def _single(value: float | None) -> FloatArray:
 
 
 def orders(causes: Sequence[Cause]) -> tuple[tuple[Cause, ...], tuple[Cause, ...]]:
-    """The two orders in which causes are taken out: the given one, and its reverse as far as `after` allows.
+    """The two orders in which causes are taken out: the given one, and its reverse as far as
+    `after` allows.
 
     Causes an `after` names that are not among these are taken for absent.
     """
@@ -522,13 +530,16 @@ def _share(cause: str, part: Measured, whole: Observed) -> Share:
 
 
 def _fraction(part: FloatArray, whole: FloatArray) -> float | None:
-    """Signed share of the whole: the part's projection on it; all shares and the rest add up to one."""
+    """Signed share of the whole: the part's projection on it; all shares and the rest add up to
+    one.
+    """
     square = float(whole @ whole)
     return float(part @ whole) / square if square else None
 
 
 def noise_between(base: FloatArray, others: Sequence[FloatArray], whole: Observed) -> float:
-    """Size of the random part of a run [rms], from runs that differ from it in their last bits only.
+    """Size of the random part of a run [rms], from runs that differ from it in their last bits
+    only.
 
     The difference of two such runs has twice the variance of one.
     """
@@ -564,7 +575,7 @@ def explain(
 
 
 def explain_study(study: Study) -> Explanation:
-    """As :func:`explain`, of a study.
+    """Measure the budgets of a study; see :func:`explain`.
 
     Args:
         study: mechanisms, engines (all known ones but the reference if None), presets for which a
@@ -625,7 +636,9 @@ _REPEATS = 3  # timed runs of each setting: a median of fewer says little of run
 
 
 def stock_against_tuned(trials: EngineRuns, stock: Engine, tuned: Engine) -> StockAgainstTuned:
-    """Set an engine's two presets side by side, at the stock one's step, and change one option at a time."""
+    """Set an engine's two presets side by side, at the stock one's step, and change one option at a
+    time.
+    """
     at_stock = stock.settings
     step = at_stock.get("timestep")
     if step is not None:

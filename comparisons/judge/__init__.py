@@ -1,1 +1,3 @@
-"""Motions from files that somebody else made: every quantity that a file gives, against the reference."""
+"""Motions from files that somebody else made: every quantity that a file gives, against the
+reference.
+"""

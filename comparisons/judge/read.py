@@ -45,7 +45,7 @@ class Impact:
 
 
 def merged(impacts: Sequence[Impact]) -> tuple[tuple[float, dict[str, float]], ...]:
-    """As a trajectory has them; an impulse that is not given counts as one that pushes."""
+    """Impacts as a trajectory has them; an impulse that is not given counts as one that pushes."""
     found: dict[float, dict[str, float]] = {}
     for impact in sorted(impacts, key=lambda impact: impact.time):
         found.setdefault(impact.time, {})[impact.stop] = (
@@ -57,7 +57,8 @@ def merged(impacts: Sequence[Impact]) -> tuple[tuple[float, dict[str, float]], .
 def jumps(
     t: FloatArray, q: FloatArray, u: FloatArray, kinematics: Kinematics, arm: float
 ) -> list[Impact]:
-    """Impacts that speeds show: two samples at one time, between which the speed into a stop that is met jumps up.
+    """Impacts that speeds show: two samples at one time, between which the speed into a stop that
+    is met jumps up.
 
     Args:
         t: times [s], shape (n,).
@@ -81,7 +82,8 @@ def jumps(
 def metrics(
     given: Trajectory, impacts: Sequence[Impact], solution: Solution, end: float
 ) -> Iterator[Metric]:
-    """Impulses of each stop, and the speeds beside impacts of each coordinate and of each marker: the largest errors.
+    """Impulses of each stop, and the speeds beside impacts of each coordinate and of each marker:
+    the largest errors.
 
     Args:
         given: the file's motion, with its impacts.
@@ -132,7 +134,9 @@ def _impulses(
 def _speeds(
     given: Trajectory, pairs: Sequence[tuple[float, float]], solution: Solution
 ) -> Iterator[Metric]:
-    """Where the file has two samples at an impact: of both, from the reference's speeds at its own impact."""
+    """Where the file has two samples at an impact: of both, from the reference's speeds at its own
+    impact.
+    """
     mechanism, kinematics = given.mechanism, Kinematics(given.mechanism)
     errors: dict[tuple[str, str], list[float]] = {}
     for own, other in pairs:
@@ -192,13 +196,16 @@ class Kind:
         if unit not in self.units:
             given = f"the unit [{unit[:30]}]" if unit else "no unit"
             raise InputError(
-                f"column {self.name!r} has {given}; there are: {', '.join(f'[{u}]' for u in self.units)}"
+                f"column {self.name!r} has {given}; there are: "
+                f"{', '.join(f'[{u}]' for u in self.units)}"
             )
         return self.units[unit]
 
 
 def columns_of(mechanism: Mechanism) -> dict[str, Kind]:
-    """Every column that a file on a mechanism may have, by name; those of a data frame of a trajectory, and no more."""
+    """Every column that a file on a mechanism may have, by name; those of a data frame of a
+    trajectory, and no more.
+    """
     kinds = [Kind(TIME, _TIME), Kind("kinetic energy", _ENERGY), Kind("potential energy", _ENERGY)]
     for name in mechanism.coordinates:
         units = _ANGLE if name in mechanism.angles else _LENGTH
@@ -243,7 +250,7 @@ _SIZE = 1e100  # in SI units: its square is still a number
 
 @dataclass(frozen=True)
 class Given:
-    """What a file gives of a motion, in SI units."""
+    """Content of a file of a motion, in SI units."""
 
     values: Mapping[str, FloatArray]
     """By column, each of shape (n,), `t` among them."""
@@ -304,7 +311,7 @@ def _csv(content: bytes, mechanism: Mechanism) -> _Read:
 
 
 def _at(line: int, make: Any) -> Any:
-    """What is made of a line; its errors with the line's number."""
+    """Result of reading a line; its errors with the line's number."""
     try:
         return make()
     except (InputError, csv.Error) as error:
@@ -322,7 +329,7 @@ def _release(line: str, mechanism: Mechanism) -> dict[str, float | None]:
 
 
 def _time(what: str, unit: str, value: str) -> float:
-    """Of an event [s]."""
+    """Time of an event [s]."""
     at = Kind(what, _TIME).factor(unit) * _number(value, what)
     if at < 0:
         raise InputError(f"{what} is {at:.6g} s; a time from 0 on is needed")
@@ -352,7 +359,8 @@ def _impact(line: str, mechanism: Mechanism) -> list[Impact]:
     what, unit = split_heading(told)
     if what != "impulse":
         raise InputError(
-            f"{rest.strip()[:40]!r} follows the time of an impact; 'impulse [N s] = 1.0' is understood"
+            f"{rest.strip()[:40]!r} follows the time of an impact; 'impulse [N s] = 1.0' is "
+            f"understood"
         )
     return [Impact(name, at, _impulse_of(stop).factor(unit) * _number(size, "impulse"))]
 
@@ -441,7 +449,8 @@ def _refuse_halves(values: Mapping[str, FloatArray], mechanism: Mechanism) -> No
         for name in (place, *(first for first, _ in pairs[: 2 * len(mechanism.markers)]))
     ):
         raise InputError(
-            "it gives neither the coordinates nor the position of a marker: there is nothing to judge"
+            "it gives neither the coordinates nor the position of a marker: there is nothing to "
+            "judge"
         )
     if speed in values and place not in values:
         # Without them energies and points would be those of the reference's coordinates.
@@ -518,7 +527,9 @@ def _unknown(column: str, columns: Mapping[str, Kind]) -> str:
 
 
 def _series(dataset: Any) -> Iterator[tuple[str, str, FloatArray]]:
-    """Variable, column and values, in the file's units, of all that is sampled and has a known name."""
+    """Variable, column and values, in the file's units, of all that is sampled and has a known
+    name.
+    """
     for name, (dim, column) in _VARIABLES.items():
         if name not in dataset:
             continue
@@ -552,7 +563,7 @@ def _releases(dataset: Any, mechanism: Mechanism) -> dict[str, float | None]:
 
 
 def _impacts(dataset: Any, mechanism: Mechanism) -> list[Impact]:
-    """Of a published file in variables, of one that `save` has written in an attribute."""
+    """Impacts of a published file in variables, of one that `save` has written in an attribute."""
     known_stops = {stop.name for stop in mechanism.stops}
     try:
         if "impact_time" in dataset and "impact_impulse" in dataset:
@@ -583,7 +594,8 @@ def _impacts(dataset: Any, mechanism: Mechanism) -> list[Impact]:
             0 <= impact.time <= _SIZE and abs(impact.impulse) <= _SIZE
         ):
             raise InputError(
-                f"its impact of {impact.stop[:60]!r} at {impact.time:.6g} s is of no stop, or no number"
+                f"its impact of {impact.stop[:60]!r} at {impact.time:.6g} s is of no stop, or "
+                f"no number"
             )
     return impacts
 

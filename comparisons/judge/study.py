@@ -1,4 +1,6 @@
-"""A file's motion against the reference: every metric of what it gives, and a sentence on what it does not give."""
+"""A file's motion against the reference: every metric of what it gives, and a sentence on what it
+does not give.
+"""
 
 from __future__ import annotations
 
@@ -112,7 +114,7 @@ def judge(
 
 
 def judge_file(path: Path, study: Study, diagnosed: bool = True) -> Judgement:
-    """As :func:`judge`, on the one mechanism of a study.
+    """Judge a file on the one mechanism of a study; see :func:`judge`.
 
     Nothing that the file says of itself is believed: mechanism, engine and settings are not read;
     points and energies that it does not give follow from its coordinates and speeds, if it gives
@@ -137,14 +139,25 @@ def judge_file(path: Path, study: Study, diagnosed: bool = True) -> Judgement:
     measured = [*runner.measured(own.trajectory), *own.beside_impacts()]
     metrics = tuple(metric if own.tells(metric) else untold(metric) for metric in measured)
     # Of no engine: nobody's claims apply, and an event that is given is taken as located.
-    run = Run(model=mechanism.name, engine=REFERENCE, preset="file", outcome=Outcome.NOT_JUDGED, engine_version="",
-              metrics=metrics)  # fmt: skip
+    run = Run(
+        model=mechanism.name,
+        engine=REFERENCE,
+        preset="file",
+        outcome=Outcome.NOT_JUDGED,
+        engine_version="",
+        metrics=metrics,
+    )
     counter.start("causes")
     judged = run.model_copy(update={"metrics": judge_run(run, machine, study.needs)})
     return Judgement.made_here(
-        file=path.name, sha256=given.sha256, machine=machine, samples=len(given.t), given=tuple(sorted(own.told)),
-        metrics=judged.metrics, diagnosis=own.diagnosed(judged.broken) if diagnosed and judged.broken else None,
-    )  # fmt: skip
+        file=path.name,
+        sha256=given.sha256,
+        machine=machine,
+        samples=len(given.t),
+        given=tuple(sorted(own.told)),
+        metrics=judged.metrics,
+        diagnosis=own.diagnosed(judged.broken) if diagnosed and judged.broken else None,
+    )
 
 
 def untold(metric: Metric) -> Metric:
@@ -154,7 +167,9 @@ def untold(metric: Metric) -> Metric:
 
 @dataclass
 class _Motion:
-    """The file's motion as a trajectory; in the place of what it does not tell stands the reference's, unjudged."""
+    """The file's motion as a trajectory; in the place of what it does not tell stands the
+    reference's, unjudged.
+    """
 
     given: Given
     runner: Runner
@@ -184,20 +199,34 @@ class _Motion:
         q = self._columns([f"q {name}" for name in m.coordinates], r.q)
         u = self._columns([f"u {name}" for name in m.coordinates], r.u)
         return Trajectory(
-            mechanism=m, t=self.t, q=q, u=u, markers=self._markers(q, u),
-            kinetic_energy=self._energy("kinetic energy", self._moving, Kinematics(m).kinetic_energy(q, u)),
-            potential_energy=self._energy("potential energy", self._placed, Equations(m).potential_energy(q)),
-            stop_torques={s.name: v for s in m.stops if (v := self._column(f"stop {s.name}")) is not None},
-            release_times={**r.release_times, **self.given.releases}, impacts=merged(self.impacts),
+            mechanism=m,
+            t=self.t,
+            q=q,
+            u=u,
+            markers=self._markers(q, u),
+            kinetic_energy=self._energy(
+                "kinetic energy", self._moving, Kinematics(m).kinetic_energy(q, u)
+            ),
+            potential_energy=self._energy(
+                "potential energy", self._placed, Equations(m).potential_energy(q)
+            ),
+            stop_torques={
+                s.name: v for s in m.stops if (v := self._column(f"stop {s.name}")) is not None
+            },
+            release_times={**r.release_times, **self.given.releases},
+            impacts=merged(self.impacts),
             joint_reactions={
                 j.name: self._columns([f"joint {j.name} {axis}" for axis in "xy"], r.t)
-                for j in m.joints if f"joint {j.name} x" in self.told
+                for j in m.joints
+                if f"joint {j.name} x" in self.told
             },
-            provenance=Provenance("file", "", "", {}, m.content_hash, float(self.t[-1]), "", 0, 0.0),
-        )  # fmt: skip
+            provenance=Provenance(
+                "file", "", "", {}, m.content_hash, float(self.t[-1]), "", 0, 0.0
+            ),
+        )
 
     def _impacts(self) -> tuple[Impact, ...]:
-        """As the file names them, or as its speeds show them."""
+        """Impacts as the file names them, or as its speeds show them."""
         names = self.mechanism.coordinates
         if self.given.impacts or not self._moving:
             return self.given.impacts
@@ -226,7 +255,7 @@ class _Motion:
             return failed_diagnosis(broken, error)
 
     def _quantities(self) -> Iterator[str]:
-        """What the file itself gives, by the names that a diagnosis has for it.
+        """Quantities that the file itself gives, by the names that a diagnosis has for it.
 
         Without what follows from that: a mistake in its coordinates would show in all points, as a
         wrong motion does.
@@ -285,19 +314,30 @@ class _Motion:
         state = [f"{kind} {each}" for kind in "qu" for each in self.mechanism.coordinates]
         placed = state[: len(state) // 2]
         needed = {
-            "position_max": [f"{subject} x"], "position_rms": [f"{subject} x"], "velocity_max": [f"{subject} vx"],
-            "angle_max": [f"q {subject}"], "slide_max": [f"q {subject}"],
-            "angular_speed_max": [f"u {subject}"], "slide_speed_max": [f"u {subject}"],
+            "position_max": [f"{subject} x"],
+            "position_rms": [f"{subject} x"],
+            "velocity_max": [f"{subject} vx"],
+            "angle_max": [f"q {subject}"],
+            "slide_max": [f"q {subject}"],
+            "angular_speed_max": [f"u {subject}"],
+            "slide_speed_max": [f"u {subject}"],
             "launch_time": [f"{thrown} x", f"{thrown} vx", *closed],
             "launch_speed": [f"{thrown} x", f"{thrown} vx", *closed],
             "release_time": [f"release {subject}"],
             "impact_time": [f"impact {subject}"],
-            "impact_speed": [f"u {subject}" if subject in self.mechanism.coordinates else f"{subject} vx"],
-            "kinetic_energy_max": energies[:1], "potential_energy_max": energies[1:],
-            "energy_balance": energies, "energy_drift": energies, "energy_drift_kinetic": energies,
+            "impact_speed": [
+                f"u {subject}" if subject in self.mechanism.coordinates else f"{subject} vx"
+            ],
+            "kinetic_energy_max": energies[:1],
+            "potential_energy_max": energies[1:],
+            "energy_balance": energies,
+            "energy_drift": energies,
+            "energy_drift_kinetic": energies,
             "horizontal_momentum": state,
-            "stop_gap_held": [*placed, f"release {subject}"], "stop_penetration": placed,
+            "stop_gap_held": [*placed, f"release {subject}"],
+            "stop_penetration": placed,
             "complementarity": [*placed, f"stop {subject}"],
-            "stop_torque_max": [f"stop {subject}"], "joint_reaction_max": [f"joint {subject} x"],
-        }  # fmt: skip
+            "stop_torque_max": [f"stop {subject}"],
+            "joint_reaction_max": [f"joint {subject} x"],
+        }
         return needed.get(name, [])

@@ -32,7 +32,8 @@ class Asked(Spec):
     )
     torque_share: Positive | None = Field(
         default=None,
-        description="the same, as a share of the largest stop torque of each machine's own reference",
+        description="the same, as a share of the largest stop torque of each machine's own "
+        "reference",
     )
     release: Positive | None = Field(default=None, description="of any stop's release [s]")
 

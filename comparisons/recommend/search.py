@@ -67,7 +67,8 @@ class Case:
         return {name: value for name, value in limits.items() if value is not None}
 
     def refuse_what_cannot_be_judged(self) -> None:
-        """Refuse a quantity that the machine does not have, or that its reference is not certain enough to judge.
+        """Refuse a quantity that the machine does not have, or that its reference is not certain
+        enough to judge.
 
         Raises:
             InputError: the sentence names the quantity.
@@ -77,16 +78,19 @@ class Case:
             self.allowed
         ):
             raise InputError(
-                f"{mechanism.name!r} has no stop that is closed at the start: only a position can be asked."
+                f"{mechanism.name!r} has no stop that is closed at the start: only a position "
+                f"can be asked."
             )
         if "release" in self.allowed and not self._due:
             raise InputError(
-                f"no stop of {mechanism.name!r} releases within the compared {self.trials.end:.6g} s: no error of a "
+                f"no stop of {mechanism.name!r} releases within the compared "
+                f"{self.trials.end:.6g} s: no error of a "
                 "release can be asked."
             )
         if self.target.torque_share is not None and self.largest_torque == 0:
             raise InputError(
-                f"no stop of {mechanism.name!r} pushes: its torque can only be asked in {self.unit('torque')}."
+                f"no stop of {mechanism.name!r} pushes: its torque can only be asked in "
+                f"{self.unit('torque')}."
             )
         for quantity, value in self.allowed.items():
             refused = refusal(
@@ -96,11 +100,11 @@ class Case:
                 raise InputError(f"{quantity} = {value:g} {self.unit(quantity)}: {refused}.")
 
     def unit(self, quantity: str) -> str:
-        """Of a quantity, on this machine."""
+        """Unit of a quantity, on this machine."""
         return unit_of(quantity, self.trials.mechanism)
 
     def errors(self, trial: RunRecord) -> dict[str, float]:
-        """By quantity; infinite where the run failed or a release did not come."""
+        """Errors by quantity; infinite where the run failed or a release did not come."""
         if not trial.ran:
             return dict.fromkeys(_METRICS, math.inf)
         position, torque = trial.position, trial.torque
@@ -142,12 +146,13 @@ class Case:
 
 
 def unit_of(quantity: str, mechanism: Mechanism) -> str:
-    """Of a quantity that can be asked for."""
+    """Unit of a quantity that can be asked for."""
     return {"position": "m", "torque": mechanism.force_unit, "release": "s"}[quantity]
 
 
 def read_torque(text: str) -> dict[str, float]:
-    """'1e-3' as N m (or N), '0.1%' as a share of the largest: the field of :class:`Asked` and its value.
+    """'1e-3' as N m (or N), '0.1%' as a share of the largest: the field of :class:`Asked` and its
+    value.
 
     Raises:
         InputError: it is no number.
@@ -158,13 +163,16 @@ def read_torque(text: str) -> dict[str, float]:
         value = float(number.removesuffix("%"))
     except ValueError:
         raise InputError(
-            f"--torque {text!r} is not a number of N m, or N (1e-3), nor a share of the largest stop torque (0.1%)."
+            f"--torque {text!r} is not a number of N m, or N (1e-3), nor a share of the largest "
+            f"stop torque (0.1%)."
         ) from None
     return {"torque_share": value / 100} if share else {"torque": value}
 
 
 LENGTH, MASS, ANGLE, GRAVITY = 1.4, 2.5, 0.3, 1.4
-"""Lengths, masses and gravity are varied up to these factors, up and down; start angles by that much [rad]."""
+"""Lengths, masses and gravity are varied up to these factors, up and down; start angles by that
+much [rad].
+"""
 _LENGTHS, _MASSES, _ANGLES = (
     ("l1", "l2", "r", "h"),
     ("m_b", "m_cw", "m_a"),
@@ -190,7 +198,9 @@ def of_parameters(name: str, parameters: Spec | None) -> Iterator[Neighbour]:
 
 
 def of_mechanism(mechanism: Mechanism) -> Iterator[Neighbour]:
-    """Endless neighbours of any mechanism: masses (inertia with them) and gravity; its geometry is its own."""
+    """Endless neighbours of any mechanism: masses (inertia with them) and gravity; its geometry is
+    its own.
+    """
     random = np.random.default_rng(_SEED)
     while True:
         factors = {f"mass of {body.name}": _factor(random, MASS) for body in mechanism.bodies}
@@ -245,7 +255,7 @@ _TIE = 1.2  # times of runs of some 10 ms repeat no better than to this factor
 
 
 def option_sets(name: str) -> tuple[OptionSet, ...]:
-    """Of an engine, from plain to tuned; its presets where its study has none."""
+    """Option sets of an engine, from plain to tuned; its presets where its study has none."""
     presets = engine_class(name).presets()
     return engine_study(name).option_sets or tuple(
         OptionSet(preset, f"its preset {preset!r}", preset) for preset in sorted(presets)
@@ -330,7 +340,9 @@ class Search:
     """Index of the machine the first set did worst on."""
 
     def sweep(self, options: OptionSet) -> Sweep:
-        """Give up at once, or measure all machines at one step, estimate the step needed and refine from there."""
+        """Give up at once, or measure all machines at one step, estimate the step needed and refine
+        from there.
+        """
         sweep = Sweep(options)
         sweep.dropped = self._hardest is not None and self._is_hopeless(sweep, self._hardest)
         if sweep.dropped:
@@ -344,7 +356,9 @@ class Search:
         return sweep
 
     def _is_hopeless(self, sweep: Sweep, case: int) -> bool:
-        """Whether the machine that the first set did worst on rules the set out, as any machine must reach it."""
+        """Whether the machine that the first set did worst on rules the set out, as any machine
+        must reach it.
+        """
         screened = self._level(sweep, [case], SCREENED_AT)
         if screened.reached or not math.isfinite(screened.worst):
             return False
@@ -355,13 +369,17 @@ class Search:
         return guess is None
 
     def _is_dearer(self, screened: RunRecord, index: int) -> bool:
-        """Whether a step must cost more than the cheapest settings found, by the time of the screened one."""
+        """Whether a step must cost more than the cheapest settings found, by the time of the
+        screened one.
+        """
         return (
             _wall(screened) * self.steps[SCREENED_AT] / self.steps[index] > _DEARER * self.cheapest
         )
 
     def _screen(self, sweep: Sweep) -> list[int]:
-        """Run all machines at one step; the machine itself and its hardest neighbours, the hardest first."""
+        """Run all machines at one step; the machine itself and its hardest neighbours, the hardest
+        first.
+        """
         step = self.steps[SCREENED_AT]
         # The machine's own run is timed, with nothing beside it; of the others only the errors are
         # asked for.
@@ -438,7 +456,9 @@ class Search:
         sweep.note = "not reached at the shortest step tried"
 
     def _level(self, sweep: Sweep, panel: list[int], index: int) -> Level:
-        """Run the panel at a step, the hardest first, up to the first that does not reach what is asked."""
+        """Run the panel at a step, the hardest first, up to the first that does not reach what is
+        asked.
+        """
         step = self.steps[index]
         if step in sweep.levels:
             return sweep.levels[step]
@@ -455,7 +475,9 @@ class Search:
         return sweep.levels[step]
 
     def chosen(self, sweeps: Sequence[Sweep]) -> tuple[Sweep, Level, RunRecord] | None:
-        """The cheapest that reaches it, with its repeated trial; the plainest of those as cheap as can be told."""
+        """The cheapest that reaches it, with its repeated trial; the plainest of those as cheap as
+        can be told.
+        """
         candidates: list[tuple[Sweep, Level, RunRecord]] = []
         for sweep in sweeps:
             level = sweep.reached
@@ -509,8 +531,11 @@ def classify(steps: Sequence[float], errors: Sequence[float], allowed: float, un
     flat = [h for h, e in kept if e <= _FLAT * least]
     if len(flat) == len(kept):
         span = f"from {kept[0][0]:g} s to {kept[-1][0]:g} s"
-        return Verdict(Obstacle.CONSTANT, f"it does not depend on the step ({least:.1e} {unit} {span}): another option "
-                       f"or the method itself sets it")  # fmt: skip
+        return Verdict(
+            Obstacle.CONSTANT,
+            f"it does not depend on the step ({least:.1e} {unit} {span}): another option "
+            f"or the method itself sets it",
+        )
     order = _slope(kept[-2:])
     if order >= _FALLS:
         return _falling(kept, order, allowed, unit)
@@ -524,8 +549,10 @@ def _rounding(after: Sequence[tuple[float, float]], unit: str) -> Verdict:
     (step, least), (last, grown) = after[0], after[-1]
     return Verdict(
         Obstacle.ROUNDING,
-        f"it grows again below a step of {step:g} s ({least:.1e} {unit}, but {grown:.1e} {unit} at {last:g} s, "
-        f"as 1/step^{-_slope(after):.1f}), as rounding or what is left by the solver's iteration does",
+        f"it grows again below a step of {step:g} s ({least:.1e} {unit}, but {grown:.1e} {unit} "
+        f"at {last:g} s, "
+        f"as 1/step^{-_slope(after):.1f}), as rounding or what is left by the solver's "
+        f"iteration does",
     )
 
 
@@ -536,7 +563,8 @@ def _falling(
     needed = step * (allowed / error) ** (1 / order)
     return Verdict(
         Obstacle.STEP,
-        f"it is still falling at the shortest step tried ({error:.1e} {unit} at {step:g} s, order {order:.1f}); by "
+        f"it is still falling at the shortest step tried ({error:.1e} {unit} at {step:g} s, "
+        f"order {order:.1f}); by "
         f"that order some {needed:.1g} s would do, which was not measured",
     )
 
@@ -547,7 +575,8 @@ def _slope(points: Sequence[tuple[float, float]]) -> float:
 
 
 def explain(search: Search, sweeps: Sequence[Sweep]) -> Verdict:
-    """Why none of an engine's sets reaches what is asked: by the best of them, on the machine it did worst on.
+    """Why none of an engine's sets reaches what is asked: by the best of them, on the machine it
+    did worst on.
 
     The whole ladder of steps is measured for it.
     """
@@ -579,6 +608,7 @@ def _reached(sweep: Sweep, case: Case, name: str, error: float, step: float, ind
     where = "this machine" if index == 0 else "its hardest neighbour"
     unit, allowed = case.unit(name), case.allowed[name]
     return (
-        f"the best, {sweep.options.name!r} at {step:g} s, has an error of the {name} of {error:.1e} {unit} on {where}"
+        f"the best, {sweep.options.name!r} at {step:g} s, has an error of the {name} of "
+        f"{error:.1e} {unit} on {where}"
         f", where {allowed:.1e} {unit} are asked"
     )

@@ -61,7 +61,8 @@ class _Family:
 
 
 _MakeCase = Callable[[Mechanism, Until, bool], Case]
-"""Of a mechanism, the end of its motion, and whether that is known to be predictable up to there."""
+"""Of a mechanism, the end of its motion, and whether that is known to be predictable up to there.
+"""
 
 
 def recommend(
@@ -74,7 +75,8 @@ def recommend(
     neighbours: int = NEIGHBOURS,
     **how: Unpack[RunOptions],
 ) -> Advice:
-    """Find, for each engine, the cheapest measured settings that reach an accuracy, or what bars it.
+    """Find, for each engine, the cheapest measured settings that reach an accuracy, or what bars
+    it.
 
         >>> import trebucheck as tb
         >>> advice = tb.recommend("rolling", "mujoco", position=1e-3)  # doctest: +SKIP
@@ -105,7 +107,7 @@ def recommend(
 
 
 def recommend_study(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advice:
-    """As :func:`recommend`, of a study of one model.
+    """Search settings for a study of one model; see :func:`recommend`.
 
     They are measured on the machine and on the worst of its neighbours, machines of the same kind
     with other parameters (:mod:`.cases`), so that they hold on another machine, too.
@@ -302,7 +304,8 @@ def _rule(family: _Family, count: int) -> str:
     if not count:
         return "measured on this machine alone: nothing is said of any other"
     return (
-        f"measured on this machine and the worst {min(HARDEST, count)} of {count} neighbours drawn at random "
+        f"measured on this machine and the worst {min(HARDEST, count)} of {count} neighbours "
+        f"drawn at random "
         f"({family.varied}); one in {count + 1} machines so drawn is worse than all of these"
     )
 
