@@ -222,6 +222,11 @@ def _torsion_time(
     return _root(min(inertias), spring.stiffness + 3 * cubic * turned**2)
 
 
+def _no_time(mechanism: Mechanism, element: ConstantForce | ConstantTorque) -> float:
+    """Infinite: constant forces and torques have no characteristic time."""
+    return math.inf
+
+
 def _root(inertia: float, stiffness: float) -> float:
     return math.sqrt(inertia / stiffness) if inertia > 0 and stiffness > 0 else math.inf
 
@@ -233,8 +238,8 @@ _CHARACTERISTIC_TIMES: ElementTable[Callable[[Mechanism, Any], float]] = Element
         SpringDamper: _spring_time,
         RotationalSpringDamper: _torsion_time,
         CubicTorsionSpring: _torsion_time,
-        ConstantForce: lambda *_: math.inf,
-        ConstantTorque: lambda *_: math.inf,
+        ConstantForce: _no_time,
+        ConstantTorque: _no_time,
     },
 )
 
