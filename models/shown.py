@@ -82,7 +82,7 @@ class Shown:
     """A description or a result with a `headline` in a line and `facts` in a small table."""
 
     def headline(self) -> str:
-        """What it is, in a line."""
+        """The description in a line."""
         raise NotImplementedError
 
     def facts(self) -> Iterable[tuple[str, str]]:
@@ -115,11 +115,11 @@ class Reported(Shown):
         return renderer().document(self)
 
     def rows(self) -> Iterable[Mapping[str, object]]:
-        """What was found, a mapping a row."""
+        """Rows of data, a mapping each."""
         raise NotImplementedError
 
     def to_dataframe(self) -> pd.DataFrame:
-        """What was found as a pandas data frame."""
+        """Rows of data as a pandas data frame."""
         import pandas as pd
 
         return pd.DataFrame(list(self.rows()))

@@ -17,8 +17,8 @@ import numpy as np
 
 from ..models.arrays import ComplexArray, FloatArray, IndexArray
 from ..models.errors import SimulationError
+from ..models.functions import AngleFunction, PointFunction, ScalarFunction
 from ..models.kinematics import Kinematics
-from ..models.scalar_functions import AngleFunction, PointFunction, ScalarFunction
 
 MOST_UNKNOWNS = 24
 """Accelerations and multipliers up to which this is faster than NumPy's assembly and LAPACK."""

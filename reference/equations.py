@@ -35,9 +35,9 @@ import numpy as np
 from ..models.applied_forces import AppliedForces
 from ..models.arrays import ComplexArray, FloatArray
 from ..models.errors import SimulationError
+from ..models.functions import AngleFunction, PointFunction, ScalarFunction
 from ..models.kinematics import Kinematics, immovable_stops
 from ..models.mechanism import Mechanism
-from ..models.scalar_functions import AngleFunction, PointFunction, ScalarFunction
 from .compiled import Added, CompiledEquations, compiled_equations, not_unique
 
 _ITERATIONS = 30  # from a slightly changed mechanism's start it takes three or four

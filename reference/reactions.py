@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..models.arrays import FloatArray
-from ..models.elements import STOPS, ElementTable, PointStop, Stop
+from ..models.elements import GROUND, STOPS, ElementTable, PointStop, Stop
 from ..models.errors import UnsupportedProblemError
-from ..models.joints import GROUND
 from ..models.kinematics import Kinematics
 from .equations import Equations
 

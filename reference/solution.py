@@ -11,8 +11,8 @@ from scipy.integrate import OdeSolution
 
 from ..models.arrays import FloatArray, IndexArray, as_vectors
 from ..models.errors import InputError
+from ..models.functions import PointCoefficients, weighted
 from ..models.launch import LAUNCH_ANGLE, Launch, SmoothVelocity, first_launch, rest_opened
-from ..models.phasors import PointCoefficients, weighted
 from ..models.problem import Problem
 from ..models.shown import Shown
 from ..models.trajectory import PointMotion, Provenance, Trajectory

@@ -1,1 +1,1 @@
-"""Why a run is not what it should be: when it parts from the reference, what leads, and who is suspect."""
+"""Model-equivalence check, onset of a deviation from the reference, and suspected causes."""

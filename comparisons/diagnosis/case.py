@@ -1,4 +1,4 @@
-"""A trajectory's deviation from the reference as one array, every kind of quantity in units of its size.
+"""A trajectory's deviation from the reference as one array, in units of sizes.
 
 Deviations grow towards the launch, and late ones look alike whatever their cause. So all times are
 weighted alike: the deviation at a time is divided by its largest value up to then. A suspect's
@@ -90,7 +90,7 @@ def _sizes(trajectory: Trajectory) -> dict[str, float | FloatArray]:
 
 
 def _stops(trajectory: Trajectory) -> dict[str, float]:
-    """Torques and forces of the stops that are closed at the start, in parts of the largest of their unit."""
+    """Sizes of the closed stops' torques and forces: the largest of their unit."""
     stops = [
         s for s in trajectory.mechanism.stops if s.closed and s.name in trajectory.stop_torques
     ]
@@ -108,10 +108,10 @@ def _largest(values: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class Channels:
-    """The quantities of a deviation and their sizes; the same for all trajectories that are compared."""
+    """Quantities of a deviation and their sizes, the same for all compared trajectories."""
 
     sizes: Mapping[str, float | FloatArray]
-    """By quantity, of the reference; of energies that of the larger of the two motions."""
+    """Size of each quantity in the reference; of an energy that of the larger motion."""
     unusable: Mapping[str, float]
     """Quantities that are not finite, and from which time on [s]."""
 
@@ -140,7 +140,7 @@ class Channels:
         return cls(sizes, unusable)
 
     def parts(self, one: Trajectory, other: Trajectory) -> dict[str, FloatArray]:
-        """One minus the other at the same times in units of their size, each of shape (n, n_components)."""
+        """Differences at the same times in units of size, each of shape (n, n_components)."""
         first, second = _values(one), _values(other)
         # A suspect may have lost the stop or the joint: then it carries nothing.
         return {
@@ -153,7 +153,7 @@ class Channels:
 
 
 def weights(deviation: FloatArray) -> FloatArray:
-    """Of each time: one over how large the deviation has become by then, shape (n, 1)."""
+    """One over how large the deviation has become by each time, shape (n, 1)."""
     grown = np.maximum.accumulate(np.abs(deviation).max(axis=1))
     return 1.0 / np.maximum(grown, _FAINT * (grown[-1] or 1.0))[:, None]
 
@@ -163,9 +163,9 @@ class Match:
     """A suspect's signature fitted to a deviation."""
 
     factor: float
-    """Of the signature."""
+    """Factor of the signature."""
     explained: float
-    """1 - |deviation - factor signature| / |deviation|; negative where the suspect makes it worse."""
+    """1 - |deviation - factor signature| / |deviation|; negative where it makes it worse."""
 
 
 def match(deviation: FloatArray, signature: FloatArray, fixed: bool = False) -> Match:
@@ -184,7 +184,7 @@ def match(deviation: FloatArray, signature: FloatArray, fixed: bool = False) -> 
 
 
 def fit(deviation: FloatArray, signatures: FloatArray) -> tuple[FloatArray, float]:
-    """Fit several signatures at once by least squares: their factors, and the share that they explain.
+    """Fit several signatures at once by least squares: factors, and the share they explain.
 
     Args:
         deviation: shape (m,).
@@ -242,7 +242,7 @@ ROUGH = 1e-6
 PATIENCE = 20
 
 
-"""Steps of a motion with a fault, in parts of the reference's (whose tolerance is finer: it takes twice as many)."""
+"""Steps of a motion with a fault, in parts of the reference's, which takes twice as many."""
 
 
 @dataclass(frozen=True)
@@ -255,11 +255,11 @@ class Case:
     broken: frozenset[str] = frozenset()
     """Names of the metrics that violate their tolerances."""
     told: frozenset[str] | None = None
-    """Quantities that the trajectory tells, where others in it stand in for what nobody has told; None: all of them."""
+    """Quantities that the trajectory records, where others only stand in; None: all of them."""
 
     @property
     def mechanism(self) -> Mechanism:
-        """As the reference moves it."""
+        """The mechanism as the reference moves it."""
         return self.solution.problem.mechanism
 
     @property
@@ -274,7 +274,7 @@ class Case:
 
     @property
     def misshapen(self) -> dict[str, str]:
-        """Coordinates or speeds that are not of the mechanism's shape, and what they are instead."""
+        """Coordinates or speeds of another shape than the mechanism's, and their shape."""
         right = (len(self.whole.t), len(self.mechanism.coordinates))
         given = {"coordinates": self.whole.q.shape, "speeds of coordinates": self.whole.u.shape}
         return {
@@ -292,13 +292,13 @@ class Case:
 
     @cached_property
     def trajectory(self) -> Trajectory:
-        """As given, at some of its times."""
+        """The recorded trajectory at some of its times."""
         chosen = self._away[np.unique(np.linspace(0, len(self._away) - 1, _SAMPLES).astype(int))]
         return thinned(self.whole, chosen)
 
     @property
     def _away(self) -> IndexArray:
-        """Compared samples that are not beside an event of either, where speeds or forces jump; all if few are left."""
+        """Compared samples that are not beside an event of either; all if few are left."""
         every = np.arange(
             1, self.compared
         )  # without the start: an engine that records its states late starts there
@@ -342,17 +342,17 @@ class Case:
 
     @cached_property
     def channels(self) -> Channels:
-        """What is compared."""
+        """Quantities that are compared."""
         return Channels.of(self.trajectory, self.reference, self.told)
 
     @cached_property
     def weights(self) -> FloatArray:
-        """Of each time, shape (n, 1)."""
+        """Weight of each time, shape (n, 1)."""
         return weights(self.channels.stacked(self.trajectory, self.reference))
 
     @cached_property
     def deviation(self) -> FloatArray:
-        """To be explained, flat."""
+        """The deviation to be explained, flat."""
         return self.signature(self.trajectory)
 
     @cached_property
@@ -372,7 +372,7 @@ class Case:
         return {name: float(np.abs(part).max(initial=0.0)) for name, part in parts.items()}
 
     def signature(self, wrong: Trajectory) -> FloatArray:
-        """Of a trajectory at the same times, flat."""
+        """Signature of a trajectory at the same times, flat."""
         return (self.weights * self.channels.stacked(wrong, self.reference)).ravel()
 
     @property
@@ -381,7 +381,7 @@ class Case:
         return float(np.median(np.diff(self.whole.t)))
 
     def carried(self, other: Trajectory) -> FloatArray:
-        """Signature of a trajectory at other times, interpolated between those of its samples that are next to ours."""
+        """Signature of a trajectory at other times, interpolated between its nearest samples."""
         after = np.minimum(np.searchsorted(other.t, self.t), len(other.t) - 1)
         near = thinned(other, np.unique([np.maximum(after - 1, 0), after]))
         difference = self.channels.stacked(near, self.solution.trajectory(near.t))
@@ -389,7 +389,7 @@ class Case:
         return (self.weights * np.stack(columns, axis=1)).ravel()
 
     def problem(self, mechanism: Mechanism) -> Problem:
-        """To be solved as far as is compared."""
+        """Problem of a mechanism, solved as far as is compared."""
         law = StopLaw(self.solution.problem.stop_law)
         return Problem(mechanism, duration=float(self.t[-1]), stop_law=law)
 
@@ -441,7 +441,7 @@ class Case:
             return None
 
     def seen(self, wrong: Solution, motion: Motion) -> tuple[FloatArray, FloatArray]:
-        """Signatures of a faulty motion, as an engine reads it that believes in the fault, and as others do.
+        """Signatures of a faulty motion, read by an engine with the fault, and by others.
 
         An engine with a wrong body computes markers and energies by that; an adapter that gets
         coordinates from the engine computes them from the right description.

@@ -181,7 +181,10 @@ _ENERGIES = {
 
 
 def growth(solution: Solution, t: FloatArray) -> FloatArray:
-    """To which share of its size at the end an error has grown by t on the certified motion, at most 1, shape (n,)."""
+    """Share of its size at the end to which an error has grown by t, shape (n,).
+
+    It is measured on the certified motion, against a coarser integration; at most 1.
+    """
     problem = solution.problem
     coarse = solve(
         Problem(problem.mechanism, duration=problem.duration, stop_law=problem.stop_law),
@@ -224,7 +227,7 @@ def diagnose_motion(
     rerun: Rerun | None = None,
     told: frozenset[str] | None = None,
 ) -> Diagnosis:
-    """The onset of the divergence from the reference, the first violated quantity, and the likeliest causes.
+    """Find the onset of the divergence, the first violated quantity and the likeliest causes.
 
     Args:
         broken: metrics of the motion that violate their tolerances, at least one.
@@ -252,13 +255,13 @@ def diagnose_motion(
 
 
 def failed_diagnosis(broken: Sequence[Metric], error: Exception) -> Diagnosis:
-    """In the place of a diagnosis that raised: it must not cost the motion that it is about, and it says why."""
+    """A diagnosis that says why it failed: it must not cost the motion that it is about."""
     worst = max(broken, key=lambda metric: metric.share or 0.0)
     return Diagnosis(leads=worst.label, note=failure(error)[1].removesuffix("."))
 
 
 def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[Cause, ...], int]:
-    """Suspects in the order of what they cost, and the next kind only if the last explains too little.
+    """Suspects in the order of their cost; the next kind only if the last explains too little.
 
     Mistakes of reading cost next to nothing. An engine is run again only if nothing else explains
     its deviation.
@@ -300,7 +303,10 @@ def _misshapen(case: Case) -> Iterator[Cause]:
 
 
 def _outright_causes(case: Case) -> Iterator[Cause]:
-    """What a trajectory shows by itself: an early end, values that are no numbers, markers that it does not have."""
+    """Causes that a trajectory shows by itself.
+
+    An early end, values that are no numbers, and markers that it does not have.
+    """
     for name in case.missing_markers:
         yield Cause(name=f"no marker {name}", kind="reading", explained=1.0)
     last, step = float(case.whole.t[-1]), case.step
@@ -323,7 +329,7 @@ def _outright_causes(case: Case) -> Iterator[Cause]:
 
 
 def _first_sample(case: Case) -> Iterator[Cause]:
-    """Quantities that are wrong at t = 0 and nowhere else, as of engines that compute them in a step."""
+    """Quantities that are wrong at t = 0 alone, as of engines that compute them in a step."""
     error, later = (
         case.first_errors,
         float(np.abs(case.channels.stacked(case.trajectory, case.reference)).max()),
@@ -399,7 +405,7 @@ def _law_causes(case: Case) -> Iterator[Cause | Estimate]:
 
 
 def _open_stops(case: Case) -> Iterator[Cause]:
-    """Releases told of stops that are open at the start, where nothing else is wrong and the law knows none."""
+    """Releases recorded of stops that are open at the start, where nothing else is wrong."""
     wrong = [
         s.name
         for s in case.mechanism.stops
@@ -620,7 +626,7 @@ def check_and_diagnose(engine: Engine, mechanism: Mechanism) -> tuple[Equality, 
 
 @one_thread()
 def diagnose_model(engine: Engine, mechanism: Mechanism, broken: Equality) -> Diagnosis:
-    """What may have been built wrong, the most likely first."""
+    """Suspected mistakes of a built model, the most likely first."""
     worst = max(
         broken.broken,
         key=lambda check: math.inf if check.value is None else check.value / check.tolerance,
@@ -658,7 +664,7 @@ def _unknown_stops(
 def _plain(
     mechanism: Mechanism, states: Sequence[State], inspection: Inspection
 ) -> Iterator[Cause]:
-    """Causes that single quantities show: a wrong start, a stop at a wrong position, a missing stop."""
+    """Causes that single quantities show: a wrong start, a misplaced stop, a missing one."""
     for i, (name, value, right) in enumerate(
         zip(mechanism.coordinates, inspection.start, mechanism.start, strict=True)
     ):
@@ -689,14 +695,14 @@ def _plain(
 
 
 def _difference(value: float, unit: str) -> str:
-    """As text, unless it is an angle of more than a turn, whose size says nothing."""
+    """A difference in words; nothing for an angle of more than a turn."""
     return "" if unit == "rad" and abs(value) > 2 * math.pi else f"{value:+.3g} {unit}"
 
 
 def _walls(
     mechanism: Mechanism, states: Sequence[State], inspection: Inspection
 ) -> Iterator[Cause]:
-    """Walls at wrong positions, by the gaps alone: no other quantity may show a point that is off its wall."""
+    """Walls at wrong positions, by the gaps alone: nothing else may show them."""
     right = expected(mechanism, states)
     deviation = _gaps(right, inspection.dynamics, inspection.dynamics)
     if np.abs(deviation).max(initial=0.0) <= EXACT:
@@ -729,7 +735,7 @@ def _mistaken(angle: float, right: float) -> str:
 def _fitted_model(
     mechanism: Mechanism, states: Sequence[State], inspection: Inspection
 ) -> Iterator[Cause]:
-    """Suspects whose mechanisms differ from the right one in the same way, start and stops included."""
+    """Suspects whose mechanisms differ from the right one alike, start and stops included."""
     right = expected(mechanism, states)
     gaps = _gaps(right, inspection.dynamics, inspection.dynamics)
     start = inspection.start - np.array(mechanism.start)
@@ -765,7 +771,7 @@ def _gross(mechanism: Mechanism) -> Iterator[tuple[str, Kind, Equations]]:
 def _measured(
     hypothesis: Hypothesis, deviation: FloatArray, signatures: Callable[[Equations], FloatArray]
 ) -> Found | None:
-    """A hypothesis of the size that fits, with the share that it accounts for at that size; None if it does not fit.
+    """A hypothesis of the size that fits, with the share that it explains; None if none fits.
 
     Args:
         hypothesis: with a size of one number or several.
@@ -805,7 +811,7 @@ def _measured(
 def _columns(
     hypothesis: Hypothesis, factors: FloatArray, signatures: Callable[[Equations], FloatArray]
 ) -> FloatArray | None:
-    """Change of the signatures with each component, shape (n_components, n_ways, n); None where there is none."""
+    """Change of the signatures with each component, shape (n_components, n_ways, n), or None."""
     units = np.eye(len(factors))
     made = [hypothesis.make(each.tolist()) for each in (factors, *(factors + units))]
     if any(equations is None for equations in made):
@@ -815,7 +821,7 @@ def _columns(
 
 
 def _sensible(hypothesis: Hypothesis, factors: FloatArray, step: FloatArray) -> FloatArray | None:
-    """The factors after the step, or after so small a part of it that the size makes sense; None where none does."""
+    """The factors after the step, or after a part of it for which the size makes sense."""
     for part in _PARTS:
         if hypothesis.equations((factors + part * step).tolist()) is not None:
             return factors + part * step
@@ -829,7 +835,7 @@ def _signatures(
     states: Sequence[State],
     inspection: Inspection,
 ) -> Iterator[FloatArray]:
-    """Signatures of wrong equations, in an engine with absolute coordinates and in one that counts from its start.
+    """Signatures of wrong equations, in absolute coordinates and in those from the start.
 
     The latter's coordinates are off by the error of its start. And a stop at a wrong position need
     not have moved the start with it.
@@ -853,7 +859,7 @@ def _signatures(
 
 
 def _gaps(right: Expected, dynamics: Sequence[Dynamics], like: Sequence[Dynamics]) -> FloatArray:
-    """Errors of the stops' gaps [rad or m] where an engine exposes them; all states together count as one."""
+    """Errors of the stops' gaps [rad or m] that an engine exposes; all states count as one."""
     errors = [
         engine_values.stop_gaps[name] - reference_gaps[name]
         for engine_values, reference_gaps, exposed in zip(dynamics, right.gaps, like, strict=True)

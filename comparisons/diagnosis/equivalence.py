@@ -1,4 +1,10 @@
-"""States in which a built model is looked into: random ones, under every set of stops that are closed at the start."""
+"""The model-equivalence check: is the built model the mechanism, before any motion?
+
+The built model is inspected in random states under every set of the stops that are closed at the
+start, and compared with the reference's equations. What an engine exposes must agree to `EXACT`. A
+run whose check fails is not compared: the motion of another mechanism says nothing about the
+engine.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +56,7 @@ SPEED = 1.0  # [rad/s or m/s]
 _ROUNDING = 1e-12  # [rad/s or m/s], or of the terms whose sum is a gap speed
 
 
-_OPEN = 0.02  # [rad] least gap of an open stop: well beyond the margin at which any engine makes a contact
+_OPEN = 0.02  # [rad] least gap of an open stop: beyond the margin at which engines make a contact
 
 
 _DRAWS = 60  # for one set of stops; if they are never all active, those that are are taken
@@ -106,7 +112,7 @@ def _rests(equations: Equations, stop: str, q: FloatArray, u: FloatArray) -> boo
 def _state(
     equations: Equations, touching: tuple[str, ...], random: np.random.Generator
 ) -> State | None:
-    """A state in which exactly these stops are active; else one with fewer; None if there is none."""
+    """A state in which exactly these stops are active, else one with fewer; None if none."""
     fallback: State | None = None
     for q, u in _draws(equations, touching, random):
         if active_contacts(equations, q, u, touching) == touching:
@@ -137,13 +143,13 @@ def _draws(
 EXACT = 1e-10
 
 
-"""Of a quantity's size: four digits above rounding, and six below the smallest fault that is seeded."""
+"""Relative tolerance: four digits above rounding, six below the smallest seeded fault."""
 
 
 ROUNDING = 1e-14
 
 
-"""Of sums and solutions of well conditioned equations, of a quantity's size."""
+"""Relative error of sums and solutions of well conditioned equations."""
 
 
 DOUBLE = 2.0**-53
@@ -152,9 +158,11 @@ DOUBLE = 2.0**-53
 _ROUNDINGS = 1000
 
 
-"""Of an engine's numbers: ten bodies with ten operations each, and a digit that absolute angles lose, being differences
-of joint angles. Of single precision that is 6e-5: below the smallest fault that is seeded, 1e-4."""
+"""Roundings of an engine's numbers that a check allows, each in units of its roundoff.
 
+Ten bodies with ten operations each, and a digit that absolute angles lose, being differences of
+joint angles. In single precision that is 6e-5, below the smallest seeded fault of 1e-4.
+"""
 
 _EXACT_REASON = "the engine's own quantities, to rounding"
 
@@ -214,7 +222,10 @@ def check_model(engine: Engine, mechanism: Mechanism) -> Equality:
     equality = Equality(exposed=True, states=len(states), checks=checks)
     if len(states) == asked or not equality.holds:
         return equality
-    note = f"equivalent in {len(states)} of {asked} states; in the others {engine.name} finds no accelerations"
+    note = (
+        f"equivalent in {len(states)} of {asked} states; "
+        f"in the others {engine.name} finds no accelerations"
+    )
     return equality.model_copy(update={"note": note})
 
 
@@ -251,19 +262,21 @@ class Expected:
     accelerations: FloatArray
     torques: tuple[dict[str, float], ...]
     gaps: tuple[dict[str, float], ...]
-    """Of all stops, by state [rad]."""
+    """Gaps of all stops, by state [rad or m]."""
     bodies: tuple[str, ...]
     centres: FloatArray
     """Shape (n_states, n_bodies, 2) [m]."""
     inertial: FloatArray
-    """What the inertia of each coordinate makes of its largest speed, or of 1 in its units, squared; shape (n_q,)."""
+    """Inertia times the largest speed, or 1 in its units, squared; by coordinate, (n_q,)."""
     inertial_torques: dict[str, float]
     """The same by stop, of the lightest coordinate that it acts on."""
     independence: float = math.inf
-    """Least singular value of the constraints in all states, with lengths in parts of the mechanism's size; for
-    :attr:`solved` only."""
+    """Least singular value of the constraints in all states, for :attr:`solved` only.
+
+    Lengths are in parts of the mechanism's size.
+    """
     weights: FloatArray | None = None
-    """At most what gravity does to each coordinate, shape (n_q,); given where forces are sums of rounded terms."""
+    """Bounds of gravity's forces, shape (n_q,); given where forces are sums of rounded terms."""
 
     @property
     def solved(self) -> float:
@@ -295,14 +308,14 @@ class Expected:
 
     @cached_property
     def torque_scales(self) -> dict[str, float]:
-        """Size of each stop's torques; one that carries nothing in any state is scaled by the inertial forces."""
+        """Size of each stop's torques; of one that carries nothing, from inertial forces."""
         sizes = {name: _LEAST * inertial for name, inertial in self.inertial_torques.items()}
         for torques in self.torques:
             sizes |= {name: max(sizes[name], abs(torque)) for name, torque in torques.items()}
         return sizes
 
     def as_dynamics(self, like: Sequence[Dynamics]) -> tuple[Dynamics, ...]:
-        """As an engine would expose them that exposes the same as another one, and the gaps of all stops."""
+        """The same quantities as another engine exposes, and the gaps of all stops."""
         return tuple(
             Dynamics(
                 accelerations=self.accelerations[k],
@@ -325,7 +338,7 @@ class Expected:
 def expected(
     mechanism: Mechanism, states: Sequence[State], equations: Equations | None = None
 ) -> Expected:
-    """The reference's quantities in the states; or of other equations, to compute the effect of a fault."""
+    """The reference's quantities in the states, or those of other equations."""
     equations = equations or Equations(mechanism)
     q, u = np.array([state.q for state in states]), np.array([state.u for state in states])
     kinematics = equations.kinematics
@@ -380,7 +393,7 @@ def _solved(
 
 
 def scaled_differences(reference: Expected, dynamics: Sequence[Dynamics]) -> FloatArray:
-    """All exposed differences as one flat vector, each kind in units of its size: M, f, a, torques, centres."""
+    """All exposed differences, flat, in units of their sizes: M, f, a, torques, centres."""
     reach = float(np.abs(reference.centres).max()) or 1.0
     diagonals = np.sqrt(np.diagonal(reference.mass, axis1=1, axis2=2))
     sizes, scales = diagonals[:, :, None] * diagonals[:, None, :], reference.torque_scales
@@ -414,18 +427,23 @@ def scaled_differences(reference: Expected, dynamics: Sequence[Dynamics]) -> Flo
 def _differences(
     exposed: Sequence[tuple[int, FloatArray]], right: FloatArray, sizes: FloatArray
 ) -> FloatArray:
-    """Of what is exposed in some of the states, each with its index, in units of sizes, shape like `right`."""
+    """Differences of what is exposed in some states, each with its index, in units of sizes.
+
+    `sizes` has the shape of `right`.
+    """
     if not exposed:
         return np.zeros(0)
     states = [k for k, _ in exposed]
     return (np.array([values for _, values in exposed]) - right[states]) / sizes[states]
 
 
-_LEAST = 1e-3  # of the inertial forces: where less acts (no gravity, a balanced rotor), rounding is all there is
+_LEAST = (
+    1e-3  # of the inertial forces: where less acts, as without gravity, rounding is all there is
+)
 
 
 def _scale_of(values: FloatArray, inertial: FloatArray) -> FloatArray:
-    """Size of each component over all states; a component on which hardly anything acts is scaled by the others.
+    """Size of each component over all states; the others' where hardly anything acts on it.
 
     Args:
         values: shape (n_states, n_components).
@@ -538,7 +556,7 @@ def _exactly(name: str, subject: str | None, value: float | None, unit: str = "1
 
 
 def _of_solution(check: Check, reference: Expected) -> Check:
-    """With the tolerance of what solves the equations of motion."""
+    """The check with the tolerance of what solves the equations of motion."""
     if reference.solved == EXACT:
         return check
     reason = f"rounding, over the {reference.independence:.2g} by which constraints are independent"
@@ -546,13 +564,16 @@ def _of_solution(check: Check, reference: Expected) -> Check:
 
 
 def _weights(mechanism: Mechanism, mass: FloatArray) -> FloatArray:
-    """Gravity's generalized forces at most: by Schwarz' inequality sum m g J <= g sqrt(sum m) sqrt(sum m J^2)."""
+    """Bounds of gravity's generalized forces, shape (n_q,).
+
+    Schwarz' inequality: sum m g J <= g sqrt(sum m) sqrt(sum m J^2).
+    """
     total = sum(body.mass for body in mechanism.bodies)
     return mechanism.gravity * np.sqrt(total * np.einsum("nii->ni", mass).max(axis=0))
 
 
 def _of_few_digits(check: Check, roundoff: float) -> Check:
-    """With the tolerance of an engine whose numbers have fewer digits than double precision."""
+    """The check with the tolerance of an engine whose numbers have fewer digits than double."""
     digits = max(check.tolerance, _ROUNDINGS * roundoff * check.tolerance / EXACT)
     reason = f"{_ROUNDINGS} roundings of the engine's numbers, {roundoff:.1e} each"
     return check.model_copy(update={"tolerance": digits, "reason": reason})
@@ -561,7 +582,10 @@ def _of_few_digits(check: Check, roundoff: float) -> Check:
 def _by_name(
     name: str, subjects: Sequence[str], difference: FloatArray, scale: FloatArray
 ) -> Check:
-    """The worst of all states and subjects; `difference` has shape (n_states, n_subjects), `scale` (n_subjects,)."""
+    """The worst of all states and subjects, relative to `scale`, shape (n_subjects,).
+
+    `difference` has shape (n_states, n_subjects).
+    """
     relative = difference.max(axis=0) / np.where(scale > 0, scale, 1.0)
     worst = int(np.argmax(np.nan_to_num(relative, nan=np.inf)))
     value = float(relative[worst])

@@ -1,4 +1,10 @@
-"""Mechanisms of changed data whose closed stops touch and whose loops close at the start."""
+"""Mechanisms and forces with a fault, whose effects are compared with a deviation.
+
+Every single number of a mechanism is a suspect, and so are its parameters where a named builder
+makes it, because a wrong length changes a mass and an inertia, too. Consistent initialisation makes
+the stops, or the start, fit what was changed. Other faults are made in every body, force element or
+stop alike, as one line of a builder makes them, or in the equations: a further or a missing force.
+"""
 
 from __future__ import annotations
 
@@ -84,7 +90,7 @@ def consistent_mechanism(fields: dict[str, Any], start_moves: bool = False) -> M
 
 
 def with_closed_loops(mechanism: Mechanism) -> Mechanism | None:
-    """The mechanism with its start moved to the nearest one at which its loops close; None if there is none.
+    """The mechanism with its start moved to the nearest one where loops close; None if none.
 
     Closed stops stay where they are, and still touch.
     """
@@ -151,7 +157,7 @@ _SMALL = 1e-6  # relative, or [rad] or [m]: well above rounding and linear
 
 @dataclass(frozen=True)
 class Suspect:
-    """A mechanism with one thing wrong by a small amount (or, where `scale` is 0, something missing or replaced)."""
+    """A mechanism with one thing wrong by a small amount; missing or replaced if `scale` is 0."""
 
     name: str
     kind: Kind
@@ -159,11 +165,11 @@ class Suspect:
     scale: float = _SMALL
     """How wrong `wrong` is; 0: not a matter of degree."""
     unit: str = ""
-    """Of the amount; '': relative."""
+    """Unit of the amount; '': relative."""
     start_moves: bool = False
-    """Where a closed stop no longer touches: whether the start is moved to where it does, instead of the stop."""
+    """Whether the start, not the stop, is moved where a closed stop no longer touches."""
     group: str = ""
-    """Suspects of one group are components of one mistake, such as a point that is wrong along x and along y."""
+    """Suspects of one group are components of one mistake, as a point off along x and y."""
 
     def amount(self, factor: float) -> str:
         """The error that explains the deviation, `factor` times `scale`, as text."""
@@ -173,7 +179,7 @@ class Suspect:
         return f"{100 * size:+.3g} %" if not self.unit else f"{size:+.3g} {self.unit}"
 
     def cause(self, factor: float, explained: float) -> Cause:
-        """As a cause of the share `explained` of a deviation, by `factor` times its amount."""
+        """The cause that explains a share of a deviation by `factor` times its amount."""
         return Cause(
             name=self.name, kind=self.kind, amount=self.amount(factor), explained=explained
         )
@@ -201,7 +207,7 @@ def machine_suspects(mechanism: Mechanism) -> tuple[Suspect, ...]:
 def combined(
     mechanism: Mechanism, suspects: Sequence[Suspect], factors: Sequence[float]
 ) -> Mechanism | None:
-    """The mechanism with several suspects at once, each with so many times its amount; None where there is none."""
+    """The mechanism with so many times each suspect's amount; None where there is none."""
     if any(suspect.scale == 0 for suspect in suspects):
         return None
     right, *wrong = _with_speeds(
@@ -212,7 +218,7 @@ def combined(
 
 
 def _with_speeds(every: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """With start speeds of zero where those are left out, if one of them has any."""
+    """Fields with start speeds of zero where those are left out, if one of them has any."""
     n = max(len(fields["start_speeds"]) for fields in every)
     return [fields | {"start_speeds": fields["start_speeds"] or (0.0,) * n} for fields in every]
 
@@ -261,7 +267,7 @@ def _with_part(
     fields: Mapping[str, Any],
     start_moves: bool = False,
 ) -> Mechanism | None:
-    """With one of the bodies, joints or stops changed."""
+    """The mechanism with one of its bodies, joints or stops changed."""
     every = [
         part.model_dump() | (dict(fields) if part.name == name else {})
         for part in getattr(mechanism, parts)
@@ -347,7 +353,7 @@ def _moves(mechanism: Mechanism, point: tuple[float, float]) -> Iterator[_Move]:
 
 
 def mechanism_length(mechanism: Mechanism) -> float:
-    """The largest distance of any of its points from the origin of its body [m]; 1 where all are at the origins."""
+    """The largest distance of a point from the origin of its body [m]; 1 where all are zero."""
     points = [joint.parent_point for joint in mechanism.joints] + [
         joint.child_point for joint in mechanism.joints
     ]
@@ -358,7 +364,7 @@ def mechanism_length(mechanism: Mechanism) -> float:
 
 
 def _shifted(mechanism: Mechanism, joint: AnyJoint) -> Iterator[Suspect]:
-    """A loop joint's points, moved a little along each axis of their frames: more than a change of length."""
+    """A loop joint's points, moved a little along each axis of their frames."""
     for end in ("parent", "child"):
         for point, axis in zip(_aside(getattr(joint, f"{end}_point")), "xy", strict=True):
             if end == "parent" and _HAS_AXIS[joint] and abs(np.dot(_AXES[axis], joint.axis)) == 1.0:
@@ -391,7 +397,7 @@ def _aside(point: tuple[float, float]) -> tuple[tuple[float, float], tuple[float
 
 
 def _turned(direction: tuple[float, float]) -> tuple[float, float]:
-    """A direction turned anticlockwise by a small angle; its length is corrected where a mechanism is built from it."""
+    """A direction turned anticlockwise by a small angle; it is brought to length one later."""
     x, y = direction
     return x - _SMALL * y, y + _SMALL * x
 
@@ -636,7 +642,7 @@ def _each(parts: Sequence[Any], changes: Changes) -> list[dict[str, Any]]:
 
 
 def _parallel(m: Mechanism, body: Body) -> float:
-    """What the inertia about the joint has more than that about the centre of mass [kg m^2]."""
+    """Inertia about the joint less that about the centre of mass [kg m^2]."""
     arm = np.subtract(body.centre, m.joint_of(body.name).child_point)
     return body.mass * float(arm @ arm)
 
@@ -654,7 +660,7 @@ _BODIES: dict[str, Callable[[Mechanism, Body], dict[str, Any]]] = {
 }
 
 
-"""By name."""
+"""Mistakes in all bodies, by name."""
 
 
 def _zero(*fields: str) -> Callable[[AnyForceElement], dict[str, Any]]:
@@ -687,7 +693,7 @@ _ELEMENTS: dict[str, Callable[[AnyForceElement], dict[str, Any]]] = {
 }
 
 
-"""By name."""
+"""Mistakes in all force elements, by name."""
 
 
 _MOST = 10.0  # times the right value: a parameter that is wrong by more is no small mistake of it
@@ -732,10 +738,10 @@ class Hypothesis:
     group: str
     """Hypotheses of one group are the same mistake with more or fewer components."""
     make: Callable[[Sequence[float]], Equations | None]
-    """Equations with so many times each component's small size; None where there is no such mechanism."""
+    """Equations with so many times each component's small size; None where there are none."""
 
     def equations(self, factors: Sequence[float]) -> Equations | None:
-        """With a fault of that size; None where the size makes no sense, or there is no such mechanism."""
+        """Equations with a fault of that size; None where there is no such mechanism."""
         pairs = zip(self.components, factors, strict=True)
         return self.make(factors) if all(c.is_sensible(factor) for c, factor in pairs) else None
 
@@ -860,7 +866,7 @@ def _turning(mechanism: Mechanism) -> list[AnyJoint]:
 
 
 def armatures(mechanism: Mechanism) -> Iterator[Hypothesis]:
-    """Rotors' inertias on the joints, which engines have: in a motion they are like inertias of bodies."""
+    """Rotors' inertias on the joints, which engines have; they move like bodies' inertias."""
     size = _SMALL * sum(body.mass for body in mechanism.bodies) * mechanism_length(mechanism) ** 2
     for joint in _turning(mechanism):
         name, element = f"armature of the {joint.name}", partial(WithJoint, mechanism, joint.name)

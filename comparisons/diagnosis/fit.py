@@ -1,16 +1,20 @@
-r"""What small faults do to the reference motion, to first order: the variational equations along it.
+r"""Faults of mechanisms and forces that fit a deviation.
 
-With y = (q, u) and the accelerations a(y) under the stops that are closed, a fault of size e moves
-the state by e s(t):
+First all of them are fitted to first order, to the first part of the motion, to more of it, and to
+all of it: what is wrong by much is still small at first. Then those that fit best are solved with
+the size found, which is corrected until it fits. Only what has been solved is reported, with the
+share of the deviation that it then explains.
+
+First order is that of the variational equations along the reference motion. With y = (q, u) and the
+accelerations a(y) under the stops that are closed, a fault of size e moves the state by e s(t):
 
     s' = da/dy s + (a_fault - a) / e,        s(0) = (start_fault - start) / e.
 
 A stop opens where its torque is zero, so that the accelerations have no jump there, and neither has
 s: a shift of the release is of second order. Impacts have a jump of s; motions with impacts are
-solved anew instead (:mod:`.motion`). All faults are integrated together, by the classical
-Runge-Kutta method on the times asked for, the events, and the steps of the reference's own
-integrator, which are fine where the motion is fast. It serves to find suspects: what is reported of
-one has been measured by solving the equations with the fault (:mod:`.motion`).
+solved anew instead. All faults are integrated together, by the classical Runge-Kutta method on the
+times asked for, the events, and the steps of the reference's own integrator, which are fine where
+the motion is fast.
 """
 
 from __future__ import annotations
@@ -38,7 +42,7 @@ _STEP = 1e-6  # of a state, in parts of its size, for central differences
 
 @dataclass(frozen=True)
 class _Path:
-    """The reference in one segment: at the ends of its intervals and in their middles, 2 m + 1 times."""
+    """The reference in one segment, at the ends and the middles of its m intervals."""
 
     times: FloatArray
     y: FloatArray
@@ -85,7 +89,7 @@ def _path(segment: Segment, t: FloatArray) -> _Path:
 def _integrated(
     right: Equations, faulty: Sequence[Equations], path: _Path, s: FloatArray
 ) -> FloatArray:
-    """The change at the end of each interval, shape (m, 2 n_q, n_faulty), from that at the start of the first."""
+    """The change at the end of each interval, shape (m, 2 n_q, n_faulty), from that at first."""
     jacobian, forcing = _jacobian(right, path), _forcing(right, faulty, path)
     results: list[FloatArray] = []
     for i, h in zip(
@@ -122,7 +126,7 @@ def _jacobian(right: Equations, path: _Path) -> FloatArray:
 
 
 def _forcing(right: Equations, faulty: Sequence[Equations], path: _Path) -> FloatArray:
-    """What each fault adds to the rates of the same state, shape (2 m + 1, 2 n_q, n_faulty)."""
+    """Rates that each fault adds in the same state, shape (2 m + 1, 2 n_q, n_faulty)."""
     n = path.y.shape[1] // 2
     own = _accelerations(right, path.y, path.closed)
     forcing = np.zeros((len(path.y), 2 * n, len(faulty)))
@@ -149,7 +153,7 @@ _WORTH_SOLVING = 0.98  # of the best share in its group: of a member of it
 _HOPELESS = 0.5  # share to first order, below which a size is not corrected
 
 
-_IMPATIENCE = 3  # times the reference's steps: what fits so badly to first order is not solved where it is stiff
+_IMPATIENCE = 3  # times the reference's steps: what fits badly is not solved where it is stiff
 
 
 _GAIN = 0.003  # in share: corrections that gain less are at an end
@@ -169,7 +173,7 @@ class _Lead:
 
     hypothesis: Hypothesis
     signatures: FloatArray
-    """Of its components, shape (n, m)."""
+    """Signatures of its components, shape (n, m)."""
     reading: int
     """0: as an engine reads it that believes in the fault; 1: as others do."""
     factors: FloatArray
@@ -186,7 +190,7 @@ class Found:
 
     @property
     def cause(self) -> Cause:
-        """As reported."""
+        """The cause as reported."""
         text = self.hypothesis.text(self.factors.tolist())
         return Cause(
             name=self.hypothesis.name,
@@ -212,7 +216,7 @@ def fitting_faults(case: Case) -> list[Cause]:
 
 
 def faults_at_the_same_motion(case: Case) -> Iterator[Cause]:
-    """Faults that change forces or energies and no acceleration: no motion tells them from a mistake of reading."""
+    """Faults that change forces or energies and no motion, as mistakes of reading do."""
     for hypothesis in hypotheses(case.mechanism):
         units = np.eye(len(hypothesis.components)).tolist()
         found = [_unmoved(case, hypothesis.make(unit)) for unit in units]
@@ -235,7 +239,7 @@ def faults_at_the_same_motion(case: Case) -> Iterator[Cause]:
 
 
 def _unmoved(case: Case, equations: Equations | None) -> FloatArray | None:
-    """Both readings of the reference's own motion by other equations; None if those would not move it so."""
+    """Both readings of the reference's motion by other equations; None if those move it."""
     if equations is None or equations.mechanism.start != case.mechanism.start:
         return None
     wrong = replace(case.solution, problem=_problem(case, equations), equations=equations)
@@ -271,7 +275,7 @@ def _leads(
 
 
 def _fitted(case: Case, hypothesis: Hypothesis, readings: FloatArray, part: float) -> _Lead:
-    """To the first part of the motion, by whichever reading fits better."""
+    """The lead fitted to the first part of the motion, by the reading that fits better."""
     n = _first(case, part)
     fits = [fit(case.deviation[:n], signatures[:, :n]) for signatures in readings]
     best = max(range(len(fits)), key=lambda k: fits[k][1])
@@ -322,7 +326,7 @@ def _problem(case: Case, equations: Equations) -> Problem:
 
 
 def _solved_response(case: Case, equations: Equations) -> FloatArray:
-    """The same from the solved motion, for motions with impacts; nothing where it cannot be solved."""
+    """The same from the solved motion, for motions with impacts; zero where it has none."""
     solution = case.solved(equations)
     if solution is None:
         return np.zeros((2, len(case.deviation)))
@@ -330,7 +334,7 @@ def _solved_response(case: Case, equations: Equations) -> FloatArray:
 
 
 def _solved(case: Case, lead: _Lead, part: float) -> Found | None:
-    """The hypothesis as large as it fits best, by solving and correcting; None where no size can be solved.
+    """The hypothesis of the size that fits best; None where no size can be solved.
 
     It is corrected by that part of the motion to which it was fitted, then by more of it: what is
     wrong by much may be of no use as a measure of a size at the end.
@@ -362,7 +366,7 @@ def _solved(case: Case, lead: _Lead, part: float) -> Found | None:
 
 
 def _share(case: Case, signature: FloatArray, part: float) -> float:
-    """Of the deviation in the first part of the motion, that a signature accounts for."""
+    """Share of the deviation in the first part of the motion that a signature explains."""
     n = _first(case, part)
     return match(case.deviation[:n], signature[:n], fixed=True).explained
 
@@ -386,7 +390,7 @@ def _measured(case: Case, lead: _Lead, factors: FloatArray, patience: int) -> Fl
 def _corrected(
     case: Case, lead: _Lead, factors: FloatArray, signature: FloatArray, part: float
 ) -> FloatArray:
-    """The size corrected: of one number by the secant through zero, of several by the first-order signatures."""
+    """The corrected size: one number by the secant through zero, several to first order."""
     n = _first(case, part)
     if len(factors) == 1:
         return factors * fit(case.deviation[:n], signature[None, :n])[0]

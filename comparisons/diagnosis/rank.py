@@ -33,7 +33,7 @@ class Estimate:
     """A cause whose share was computed roughly; it is measured only if it may be listed."""
 
     cause: Cause
-    """With the rough share."""
+    """The cause with its rough share."""
     error: float
     """Bound of its error."""
     measured: Callable[[], Cause]

@@ -53,11 +53,11 @@ class Reading:
 
     name: str
     wrong: tuple[Trajectory, ...]
-    """With a mistake of size one; of several numbers, with each of them. Linear, but for times."""
+    """The mistake of size one; of several numbers, each of them. Linear, but for times."""
     text: Callable[[Sequence[float]], str] | None = None
     """The size, from the fitted factors; None: it has none."""
     at: Callable[[float], Trajectory | None] | None = None
-    """With a mistake of another size, where that is not linear; None where that makes no sense."""
+    """The mistake of another size, where that is not linear; None where it makes no sense."""
     least: float = -math.inf
     """The smallest factor that makes sense."""
 
@@ -276,7 +276,7 @@ def _of_coordinates(r: Trajectory) -> Iterator[Reading]:
         yield Reading(f"angles wrapped to {what}", (replace(r, q=q),))
 
 
-# -------------------------------------------------------------------------- precision, and no motion
+# ------------------------------------------------------------------------- precision, and no motion
 
 
 def _rounded(r: Trajectory, recorded: Trajectory) -> Iterator[Reading]:
@@ -514,7 +514,7 @@ def partly_late_readings(
         yield times.shifted("speeds, and the energy of them, shifted in time", times.later(), fast)
 
 
-# ------------------------------------------------------------- other names, frames, points and zeros
+# ------------------------------------------------------------ other names, frames, points and zeros
 
 
 def _apart(one: FloatArray, other: FloatArray) -> float:
@@ -734,7 +734,7 @@ def _conventions(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
 
 
 def _by(r: Trajectory, given: Trajectory, wrong: _Convention) -> Iterator[Reading]:
-    """Coordinates and speeds, or that of the two that is nearer so, by a convention and its zeros."""
+    """Coordinates and speeds, or the one that is nearer so, by a convention and its zeros."""
     zeros = _zeros(given.q - wrong.q, np.ptp(wrong.q, axis=0))
     misread = _apart(given.q, wrong.q + zeros) < _apart(given.q, r.q)
     fast = _apart(given.u, wrong.u) < _apart(given.u, r.u)

@@ -1,4 +1,4 @@
-"""Causes that only the engine can show: it is run again with other settings, and what then vanishes was theirs."""
+"""Causes that only the engine shows: run with other settings, what then vanishes is theirs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,9 @@ from .rank import SUFFICIENT
 Simulate = Callable[[Engine, Problem], Trajectory]
 
 _STEP = "timestep"
-_FIRST_ORDER = 0.8  # share that an eighth of the step takes out of an error of first order, 7/8, less what rounding may
+_FIRST_ORDER = (
+    0.8  # share that an eighth of the step takes out of a first-order error: 7/8, rounded
+)
 _MOST_OF_IT = 0.5  # share of a deviation from which on a cause may be one of two
 
 
@@ -54,7 +56,7 @@ class Rerun:
     simulate: Simulate
 
     def causes(self, case: Case) -> Iterator[Cause]:
-        """The causes of the engine's error budget, removed one at a time: each explains the part that then vanishes.
+        """Causes of the engine's error budget, removed one at a time, by what then vanishes.
 
         Where none does alone, what explains most is taken out with each of the others.
         """
@@ -106,7 +108,9 @@ class Rerun:
     def _beside_first_order(
         self, case: Case, problem: Problem, finer: Engine, left: FloatArray
     ) -> float:
-        """How much of a deviation is no error of first order in the step, of which a finer step leaves a part.
+        """Part of a deviation that is no error of first order in the step.
+
+        A finer step leaves a part of such an error.
 
         With d(h) = c h + rest, steps h and r h tell rest = (d(r h) - r d(h)) / (1 - r): the larger
         one of two, with r of the finer engine and with a half, so that only what falls as the step
@@ -124,7 +128,9 @@ class Rerun:
     def _beside_all_orders(
         self, case: Case, problem: Problem, finer: Engine, left: FloatArray
     ) -> float:
-        """The same of an error of several orders, such as a rule's of second and a soft contact's of first.
+        """Part of a deviation that is no error of several orders in the step.
+
+        Such is a rule's of second and a soft contact's of first order.
 
         Of the finer engine's error the first order is most, so that half of its step h tells what
         stays: 2 d(h / 2) - d(h) has all of what no step takes out, and of the second order a 128th
@@ -161,7 +167,9 @@ def _other_settings(engine: Engine, mechanism: Mechanism) -> Iterator[_Setting]:
 
 
 def _of_one_knob(removal: Intervention, settings: Options) -> Intervention:
-    """A removal that shortens the step, with what follows the step (options that are None) left to follow it.
+    """A removal that shortens the step, with what follows the step left to follow it.
+
+    What follows it are options that are None.
 
     An error budget keeps that, to tell the parts of an error. Who looks for a cause has the step
     alone to turn, and neither part explains a deviation that both make.

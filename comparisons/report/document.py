@@ -28,7 +28,7 @@ SIGNS: dict[Mark, str] = {"good": "✓", "bad": "✗", "warning": "!", "unjudged
 
 
 def mark_of(holds: bool | None) -> Mark:
-    """Of a value by its tolerance; plain where it has none."""
+    """Mark of a value by its tolerance; plain where it has none."""
     return "plain" if holds is None else "good" if holds else "bad"
 
 
@@ -46,7 +46,7 @@ class Placed:
 
 @dataclass(frozen=True)
 class Heading(Placed):
-    """A heading; level 2 opens a chapter, 3 a section, 4 a part of one. The title of the document is level 1.
+    """A heading; level 2 opens a chapter, 3 a section, 4 a part of one; the title is level 1.
 
     Without an anchor it has one from its text.
     """
@@ -59,7 +59,7 @@ class Heading(Placed):
 
 @dataclass(frozen=True)
 class Text(Placed):
-    """A paragraph. The mark applies to `lead`, the words it begins with, or without them to all of it."""
+    """A paragraph. The mark applies to `lead`, its first words, or without them to all of it."""
 
     text: str
     mark: Mark = "plain"
@@ -131,7 +131,7 @@ class Column(Placed):
         return self.short or self.title
 
     def laid_out(self, number: int, cells: Sequence[str]) -> Column:
-        """With alignment and wrapping by its cells, and the first column, which names the rows, to the left."""
+        """The column with alignment and wrapping by its cells; the first one to the left."""
         values = [_NUMBER.match(cell) is not None for cell in cells if cell not in ("", "–")]
         align = "left" if number == 0 or 2 * sum(values) < len(values) else "right"
         wrap = number > 0 and any(" " in cell for cell in cells)
@@ -144,7 +144,7 @@ _NUMBER = re.compile(r"(over )?[-+÷×<]?\s?\d")
 
 
 def columns(titles: str) -> tuple[Column, ...]:
-    """Columns from a line like "engine | step [s] | (steps)"; those in round brackets are for the page only."""
+    """Columns from a line like "engine | step [s] | (steps)"; in round brackets: for pages only."""
     parts = map(str.strip, titles.split("|"))
     return tuple(
         page_only(_column(part[1:-1])) if part.startswith("(") else _column(part) for part in parts
@@ -171,7 +171,7 @@ def words(title: str, *, wrap: bool = True, medium: Medium = "any") -> Column:
 
 @dataclass(frozen=True)
 class Cell:
-    """A value; the page also shows its detail, small and below it, and its hint, where it is pointed at."""
+    """A value; pages also show its detail, small below it, and its hint where it is pointed at."""
 
     text: str
     mark: Mark = "plain"
@@ -185,7 +185,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Row(Placed):
-    """A row of a table; where it has fewer cells than there are columns, the last one spans the rest."""
+    """A row of a table; with fewer cells than columns, the last one spans the rest."""
 
     cells: tuple[Cell, ...]
     anchor: str = ""
@@ -209,7 +209,7 @@ class Table(Placed):
         return in_medium(self.columns, medium)
 
     def rows_in(self, medium: Medium) -> list[tuple[Row, list[tuple[Cell, int]]]]:
-        """Rows that the medium shows, with their cells, each with the number of shown columns that it spans."""
+        """Rows that the medium shows; each cell with the number of shown columns that it spans."""
         visible = [column.medium in ("any", medium) for column in self.columns]
         rows: list[tuple[Row, list[tuple[Cell, int]]]] = []
         for row in in_medium(self.rows, medium):
@@ -220,7 +220,7 @@ class Table(Placed):
         return rows
 
     def groups(self) -> list[tuple[str, int]]:
-        """Headings over several of the page's columns, with their numbers of columns; none if there are none."""
+        """Headings over several of the page's columns, with their numbers of columns."""
         groups = [
             (group, len(list(of_it)))
             for group, of_it in groupby(self.columns_in("page"), lambda c: c.group)
@@ -255,7 +255,7 @@ def table(
 
 
 def without_empty_columns(shown: Table) -> Table:
-    """The table without the columns, but for the first, in which no row has a value or a verdict."""
+    """The table without columns in which no row has a value or a verdict; the first one stays."""
     count = len(shown.columns)
     whole = [each.cells for each in shown.rows if len(each.cells) == count]
     kept = {0, *(i for i in range(count) if any(_says_something(cells[i]) for cells in whole))}
@@ -357,7 +357,7 @@ class Document:
     blocks: tuple[Block, ...]
     window: str = "trebucheck"
     command: str = ""
-    """What makes this very report again."""
+    """Command line that makes this report again."""
     verdict: str = ""
     """The whole in a line, for who asks for no more; the title where it is empty."""
 

@@ -1,4 +1,4 @@
-"""Plots as pictures for papers, notebooks and the README, by Matplotlib: the same data that a page draws."""
+"""Plots of pages as pictures by Matplotlib, for papers, notebooks and the README."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FORMATS = ("svg", "png", "pdf")
 
 
 def figures_of(document: Document) -> dict[str, Plots]:
-    """All figures of a report, those of folds too, by their anchors; of those without one, by their titles."""
+    """All figures of a report, those of folds too, by their anchors or else titles."""
     named: dict[str, Plots] = {}
     for block in _figures(document.blocks):
         name = block.anchor or re.sub(r"\W+", "-", block.title.lower()).strip("-") or "figure"
@@ -100,7 +100,8 @@ def write_picture(figure: Figure, path: str | Path) -> None:
     kind = Path(path).suffix.removeprefix(".").lower()
     if kind not in FORMATS:
         raise InputError(
-            f"picture {str(path)!r} must end with one of {', '.join(f'.{each}' for each in FORMATS)}."
+            f"picture {str(path)!r} must end with one of "
+            f"{', '.join(f'.{each}' for each in FORMATS)}."
         )
     out = io.BytesIO()
     dates: dict[str, Any] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}
@@ -158,7 +159,8 @@ def _series(series: Series, on: Axes) -> None:
     look: dict[str, Any] = {
         "color": colour, "label": series.name if series.listed else None,
         "linestyle": "none" if series.mark == "points" else ("--" if style.dashed else "-"),
-        "linewidth": style.width * 0.75, "alpha": 0.4 if style.colour == INK and not style.dashed else 1.0,
+        "linewidth": style.width * 0.75,
+        "alpha": 0.4 if style.colour == INK and not style.dashed else 1.0,
         "marker": _SYMBOLS[style.symbol] if points else "", "markersize": 4.5,
         "markerfacecolor": "white" if style.dashed else colour,
     }  # fmt: skip

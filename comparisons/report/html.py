@@ -78,14 +78,14 @@ class Drawn:
 
 @dataclass
 class _Page:
-    """What is collected while blocks are rendered: contents, arrays that several plots share."""
+    """Contents and shared arrays, collected while blocks are rendered."""
 
     outline: list[Entry] = field(default_factory=list["Entry"])
     arrays: list[str] = field(default_factory=list[str])
     taken: set[str] = field(default_factory=set[str])
     has_plots: bool = False
     level: int = 1
-    """Of the last heading."""
+    """Level of the last heading."""
     _index: dict[str, int] = field(default_factory=dict[str, int])
 
     def anchor(self, heading: Heading) -> str:
@@ -128,18 +128,20 @@ class _Page:
         }
         series = [self._series(each) for each in plot.series]
         return parts | {
-            "x": _axis(plot.x), "y": _axis(plot.y), "series": series, "equal": plot.equal, "height": plot.height
+            "x": vars(plot.x), "y": vars(plot.y), "series": series, "equal": plot.equal,
+            "height": plot.height,
         }  # fmt: skip
 
     def _series(self, series: Series) -> dict[str, Any]:
         low, high = (None, None) if series.spread is None else map(self._add, series.spread)
         return {
-            "name": series.name, "x": self._add(series.x), "y": self._add(series.y), "low": low, "high": high,
+            "name": series.name, "x": self._add(series.x), "y": self._add(series.y), "low": low,
+            "high": high,
             "style": vars(series.style), "mark": series.mark, "hints": series.hints,
         }  # fmt: skip
 
     def _add(self, values: FloatArray) -> int:
-        """Number of an array among those of the page, each of which is there once, in single precision."""
+        """Index of an array among those of the page; each is there once, in single precision."""
         text = b64encode(np.asarray(values, dtype="<f4").tobytes()).decode()
         if text not in self._index:
             self._index[text] = len(self.arrays)
@@ -150,12 +152,8 @@ class _Page:
 _PARTS = ("labels", "rules", "bands")
 
 
-def _axis(axis: Axis) -> dict[str, Any]:
-    return vars(axis)
-
-
 def _alt(block: Figure, plot: Plot) -> str:
-    """What a plot shows, for those who do not see it."""
+    """A plot in words, for those who do not see it."""
     names = ", ".join(dict.fromkeys(series.name for series in plot.series if series.name))
     title = ", ".join(filter(None, (block.title, plot.title))) or "Plot"
     return f"{title}: {_title(plot.y)} against {_title(plot.x)}; {names}."
@@ -210,7 +208,7 @@ def _animated(block: Animation) -> Markup:
 
 
 def _with_code(text: object) -> Markup:
-    """What stands between backquotes is code."""
+    """Text in which parts between backquotes are code."""
     parts = str(text).split("`")
     if len(parts) % 2 == 0:  # one is left over: they mean something else
         return escape(text)

@@ -1,4 +1,4 @@
-"""How a table fits into a number of characters: no word is cut, and what has no room is left out and named.
+"""Layout of a table in a number of characters: no word is cut; what is left out is named.
 
 Tried in this order, until the table fits: two spaces between columns, or one; texts on several
 lines, broken at spaces; fewer columns, those of the highest `Column.rank` first, and of one rank
@@ -37,7 +37,7 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Layout:
-    """What is shown of a table, with how many spaces between its columns, and what is not."""
+    """Columns of a table that are shown, the spaces between them, and what is left out."""
 
     columns: tuple[Fitted, ...]
     gap: int
@@ -49,7 +49,7 @@ class Layout:
         return self.gap * (len(self.columns) - 1)
 
     def within(self, width: int) -> Layout | None:
-        """The columns made narrower, the widest first, until they fit; None if they cannot be read then."""
+        """The columns narrowed, the widest first, until they fit; None if that is unreadable."""
         over = sum(column.width for column in self.columns) + self.room - width
         widths = [column.width for column in self.columns]
         for _ in range(over):
@@ -88,7 +88,7 @@ def fitted(table: Table, width: int) -> Layout:
 
 
 def _as_it_is(layout: Layout, width: int) -> Layout | None:
-    """With all its columns; texts stay on one line if they can."""
+    """The layout with all its columns; texts stay on one line if they can."""
     whole = replace(
         layout, columns=tuple(replace(column, least=column.width) for column in layout.columns)
     )

@@ -51,7 +51,7 @@ def format_settings(settings: Mapping[str, object]) -> str:
 
 
 def sentence(text: str) -> str:
-    """With a capital and a full stop; a text that begins with a symbol (G is not g), such as l1, keeps it."""
+    """A sentence with a capital and a full stop; a symbol at its beginning, such as l1, is kept."""
     first = re.match(r"\w*", text)
     word = first.group() if first else ""
     capital = text[:1].upper() + text[1:] if len(word) > 1 and word.isalpha() else text

@@ -26,7 +26,7 @@ INK = "currentColor"
 
 
 def engine_colour(name: str) -> str:
-    """The engine's own colour, the same on every page; of one that brings none, a colour that follows from its name."""
+    """The engine's own colour; for one that brings none, a colour that follows from its name."""
     return engine_study(name).colour or _COLOURS[sum(map(ord, name)) % len(_COLOURS)]
 
 
@@ -40,7 +40,7 @@ class Style:
     colour: str = INK
     dashed: bool = False
     width: float = 1.6
-    """Of a line [px]."""
+    """Width of a line [px]."""
     symbol: Symbol = "circle"
 
 
@@ -56,7 +56,7 @@ def run_style(engine: str, preset: str) -> Style:
 
 @dataclass(frozen=True)
 class Axis:
-    """What an axis measures; a pure number has no unit."""
+    """Title and unit of an axis; a pure number has no unit."""
 
     title: str
     unit: str = ""
@@ -77,11 +77,11 @@ class Series:
     mark: Literal["line", "points", "both", "bar"] = "line"
     """Bars stand on the categories of one axis, and begin at zero of the other."""
     hints: tuple[str, ...] = ()
-    """What is said of each point where it is pointed at, besides its numbers."""
+    """Texts that show where a point is pointed at, besides its numbers."""
     spread: tuple[FloatArray, FloatArray] | None = None
     """Least and largest x of each point; of a bar along x, too."""
     listed: bool = True
-    """In the legend."""
+    """Whether the legend lists it."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class Label:
     text: str
     colour: str = INK
     beside: bool = False
-    """To the right of the point, not above it."""
+    """Whether the text stands to the right of the point, not above it."""
 
 
 @dataclass(frozen=True)

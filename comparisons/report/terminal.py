@@ -36,7 +36,7 @@ _STYLES: dict[Mark, str] = {
 
 
 def console() -> Console:
-    """Standard output; into a file or a pipe whose width nobody states, each sentence is one line."""
+    """Standard output; in a file or a pipe of unstated width each sentence is one line."""
     to = Console(highlight=False)
     to.soft_wrap = not to.is_terminal and "COLUMNS" not in os.environ
     return to
@@ -87,7 +87,7 @@ def _paragraph(block: Text) -> Styled:
 
 
 def _show_table(block: Table, to: Console) -> None:
-    """The table under its caption, as wide as there is room; what was left out is said in a line below it."""
+    """The table under its caption; what had no room is named in a line below it."""
     layout = fitted(block, to.width)
     if block.caption:
         to.print(Styled(block.caption, style="bold"))

@@ -13,6 +13,10 @@ constraints' least singular value s:
   should cross, however short the step is. So the drift is taken away a few steps before the
   position. It is not taken away elsewhere: the rule's drift follows the accelerations and vanishes
   again with them, and what a projection takes away of a part of it does not.
+
+Where constraints depend on each other in every position, those that follow from others are not
+built (:func:`implied_angles`): they contradict the others by the drift of the positions, and
+Newton's iteration does not get below that.
 """
 
 from __future__ import annotations

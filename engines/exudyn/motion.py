@@ -308,9 +308,9 @@ class ExudynMotion:
         q, u = reader.coordinates()[0], reader.speeds()[0]
         values = self.solver.values(self.tables[-1][-1])
         restitution = rule(self._gap_speeds(touching, values), q, u)
-        self.now, impulses = resolve_impact(self.system, self.now, restitution)
-        self._impacts.append(self.now.t)
         with self._explained():
+            self.now, impulses = resolve_impact(self.system, self.now, restitution)
+            self._impacts.append(self.now.t)
             values = self.solver.values(self.solver.balance(self.now, ()).row)
         return impulses, resting(self._gap_speeds(touching, values))
 

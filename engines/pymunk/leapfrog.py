@@ -1,7 +1,11 @@
 """Steps of a Chipmunk space as a leapfrog, with joints kept to a higher order than by Chipmunk.
 
-They are moved by the bodies' states in rows of x, y, angle, vx, vy and angular velocity, one body
-after the other.
+A step of Chipmunk moves the bodies with their old velocities, then finds impulses at the new
+position. So a velocity increment at a given position is that of a step for which the bodies have
+been moved back by one step before.
+
+States are rows of x, y, angle, vx, vy and angular velocity, one body after the other; corrections
+of rods and pins follow from them.
 """
 
 from __future__ import annotations

@@ -35,8 +35,8 @@ from ...models.arrays import FloatArray
 from ...models.errors import InputError
 from ...models.kinematics import initial_state
 from ...models.launch import Launch
-from ...models.machines.parameters import TrebuchetParameters
-from ...models.machines.registry import model
+from ...models.library.registry import model
+from ...models.library.trebuchet import TrebuchetParameters
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..equations import Equations

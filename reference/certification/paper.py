@@ -18,8 +18,7 @@ import sympy as sp
 
 from ...models.arrays import FloatArray
 from ...models.launch import Launch
-from ...models.machines.parameters import TrebuchetParameters
-from ...models.machines.trebuchet import ARM_STOP, HANGER_REST, SLING_REST
+from ...models.library.trebuchet import ARM_STOP, HANGER_REST, SLING_REST, TrebuchetParameters
 from .constrained import ConstrainedMotion, integrate
 from .quantities import COUNTERWEIGHT, PROJECTILE, PointState
 

@@ -29,8 +29,10 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.elements import (
     FORCE_ELEMENTS,
+    GROUND,
     JOINTS,
     STOPS,
+    AnyJoint,
     ConstantForce,
     ConstantTorque,
     CubicTorsionSpring,
@@ -46,7 +48,6 @@ from ...models.elements import (
     WeldJoint,
 )
 from ...models.errors import SimulationError, UnsupportedProblemError
-from ...models.joints import GROUND, AnyJoint
 from ...models.launch import Launch, rest_opened
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
@@ -377,9 +378,13 @@ class RedundantMotion:
         gaps = [abs(self.system.gap(x, name)) for name in self.motion.active(t)]
         return max([float(np.abs(self.system.joint_errors(x)).max()), *gaps])
 
-    @cached_property
+    @property
     def launch(self) -> Launch | None:
         """The launch at 45 degrees after the projectile's stops have opened."""
+        return self._launch
+
+    @cached_property
+    def _launch(self) -> Launch | None:
         mechanism = self.system.mechanism
         projectile = mechanism.marker("projectile")
         if projectile is None:

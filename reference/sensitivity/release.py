@@ -17,12 +17,12 @@ from typing import Any, cast
 import numpy as np
 
 from ...models.arrays import FloatArray
+from ...models.elements import AnyJoint
 from ...models.errors import InputError, UnsupportedProblemError
-from ...models.joints import AnyJoint
 from ...models.kinematics import Kinematics, initial_state
 from ...models.launch import LAUNCH_ANGLE, lead
-from ...models.machines.parameters import TrebuchetParameters
-from ...models.machines.registry import model
+from ...models.library.registry import model
+from ...models.library.trebuchet import TrebuchetParameters
 from ...models.mechanism import Marker, Mechanism
 from ...models.problem import Problem
 from ..solution import Solution

@@ -31,10 +31,9 @@ import numpy as np
 from ...models.applied_forces import AppliedForces
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
+from ...models.functions import Phasors, PointCoefficients, ScalarFunction
 from ...models.kinematics import initial_state
 from ...models.mechanism import Mechanism
-from ...models.phasors import Phasors, PointCoefficients
-from ...models.scalar_functions import ScalarFunction
 from ...models.spec import Spec
 from ..equations import Equations, kkt_matrix, least_step
 from .dual import Dual, value_of

@@ -149,7 +149,7 @@ class _Kind:
 
     @staticmethod
     def _of(mechanism: Mechanism) -> tuple[object, ...]:
-        stops = [(type(stop), _reader(type(stop))(stop.__dict__)) for stop in mechanism.stops]
+        stops = [(type(stop), _reader(type(stop))(vars(stop))) for stop in mechanism.stops]
         thrown = [marker.body for marker in mechanism.markers if marker.name == PROJECTILE]
         return (
             mechanism.coordinates,

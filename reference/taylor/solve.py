@@ -17,8 +17,8 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
+from ...models.functions import PointCoefficients
 from ...models.launch import Launch, is_launch, lead
-from ...models.phasors import PointCoefficients
 from ...models.problem import Problem
 from ..contact import ActiveSet, EventFunction, PostEventState
 from ..equations import Equations

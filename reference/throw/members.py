@@ -19,7 +19,9 @@ from scipy.optimize import brentq, minimize_scalar
 
 from ...models.arrays import FloatArray
 from ...models.elements import (
+    GROUND,
     JOINTS,
+    AnyJoint,
     ElementTable,
     FreeJoint,
     PinJoint,
@@ -28,7 +30,6 @@ from ...models.elements import (
     WeldJoint,
 )
 from ...models.errors import InputError
-from ...models.joints import GROUND, AnyJoint
 from ...models.mechanism import Body, Mechanism
 from ...models.spec import Real, Spec, Vector
 from ..solution import Solution

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from ...models.arrays import FloatArray
+from ...models.elements import GROUND
 from ...models.errors import InputError
-from ...models.joints import GROUND
 from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Body, Marker, Mechanism
 from ...models.problem import StopLaw

@@ -10,8 +10,8 @@ import pytest
 import trebucheck as tb
 from mechanisms import body_of, everything, hanging_bob, parallel_cranks, pin
 from random_mechanisms import random_mechanism
+from trebucheck.models.elements import SpringDamper
 from trebucheck.models.errors import UnsupportedProblemError
-from trebucheck.models.force_elements import SpringDamper
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Marker, Mechanism
 from trebucheck.models.problem import Problem, StopLaw

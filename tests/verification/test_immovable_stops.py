@@ -7,12 +7,11 @@ import math
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.equivalence.checks import check_model
-from trebucheck.models.joints import PinJoint, PrismaticJoint, WeldJoint
+from trebucheck.comparisons.diagnosis.equivalence import check_model
+from trebucheck.models.elements import PinJoint, PointStop, PrismaticJoint, Stop, WeldJoint
 from trebucheck.models.kinematics import Kinematics, immovable_stops
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.stops import PointStop, Stop
 from trebucheck.reference.solver import solve
 
 ANGLE, RAIL = -1.07, 0.4

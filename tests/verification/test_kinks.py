@@ -10,7 +10,7 @@ import trebucheck as tb
 from directions import derivatives, random_direction, stepped
 from mechanisms import G, bouncing
 from random_mechanisms import random_mechanism
-from trebucheck.models.force_elements import ConstantForce
+from trebucheck.models.elements import ConstantForce
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.reference.sensitivity.kinks import Kink, one_sided, sides

@@ -11,7 +11,7 @@ import trebucheck as tb
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
-from trebucheck.models.machines.registry import model, models, parameters_type
+from trebucheck.models.library.registry import model, models, parameters_type
 from trebucheck.reference.certification.certificate import load_certificate
 from trebucheck.reference.certification.redundant import solve_redundant
 from trebucheck.reference.solver import solve, solve_to_launch

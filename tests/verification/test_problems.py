@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.problems.study import Check, check
+from trebucheck.comparisons.problems import Check, check
 from trebucheck.comparisons.runs.study import Study
-from trebucheck.models.problems.pendulum_motion import swing, swing_period, turn, turn_period
-from trebucheck.models.problems.pendulums import HIGH_PENDULUM
-from trebucheck.models.problems.registry import benchmark, benchmarks
-from trebucheck.models.problems.squeezer import SQUEEZER
+from trebucheck.models.library.closed_forms import swing, swing_period, turn, turn_period
+from trebucheck.models.library.pendulums import HIGH_PENDULUM
+from trebucheck.models.library.registry import benchmark, benchmarks
+from trebucheck.models.library.squeezer import SQUEEZER
 from trebucheck.reference.certification.redundant import solve_redundant
 from trebucheck.reference.taylor.solve import solve_taylor
 

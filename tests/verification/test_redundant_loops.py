@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from mechanisms import G, four_bar, parallel_cranks, pin
+from trebucheck.models.elements import SlotJoint, WeldJoint
 from trebucheck.models.errors import SimulationError, UnsupportedProblemError
-from trebucheck.models.joints import SlotJoint, WeldJoint
-from trebucheck.models.machines.trebuchet import HANGER_REST, fixed
+from trebucheck.models.library.trebuchet import HANGER_REST, fixed
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.reference.certification.redundant import solve_redundant

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.models.machines.registry import library_problem, model
+from trebucheck.models.library.registry import library_problem, model
 from trebucheck.reference import solver
 from trebucheck.reference.motion import StopImpact, StopOpening, problem_of, solve
 from trebucheck.reference.sensitivity.release import whipper_sensitivities

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from mechanisms import angle_stop, hanging_bob
-from trebucheck.models.problems.contacts import BOUNCING, BouncingParameters
-from trebucheck.models.problems.pendulums import pin_links, rods
+from trebucheck.models.library.contacts import BOUNCING, BouncingParameters
+from trebucheck.models.library.pendulums import pin_links, rods
 from trebucheck.reference import contact as bouncing
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve

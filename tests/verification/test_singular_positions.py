@@ -10,11 +10,11 @@ import pytest
 from mechanisms import G, parallel_cranks, pin
 from scipy.integrate import quad
 from scipy.special import ellipj, ellipk
-from trebucheck.comparisons.report.sections import predictable
+from trebucheck.comparisons.report.tables import predictable
 from trebucheck.comparisons.runs.results import Machine, SingularPosition
 from trebucheck.models.arrays import FloatArray
+from trebucheck.models.elements import SlotJoint
 from trebucheck.models.errors import SimulationError
-from trebucheck.models.joints import SlotJoint
 from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.reference.equations import Equations, consistent_coordinates

@@ -10,11 +10,10 @@ import trebucheck as tb
 from directions import derivatives, random_direction, stepped
 from mechanisms import G, bouncing, everything, hanging_bob, parallel_cranks, pin
 from random_mechanisms import random_mechanism
-from trebucheck.models.force_elements import RotationalSpringDamper
-from trebucheck.models.joints import GROUND
+from trebucheck.models.elements import GROUND, RotationalSpringDamper
+from trebucheck.models.library.registry import benchmark
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.problems.registry import benchmark
 from trebucheck.reference.sensitivity.tangent import marker_tangent, state_tangent
 from trebucheck.reference.sensitivity.variational import VariationalEquations, consistent_direction
 from trebucheck.reference.solver import solve

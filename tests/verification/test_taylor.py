@@ -28,7 +28,7 @@ from mechanisms import (
 from random_mechanisms import random_mechanism
 from scipy.special import ellipk
 from trebucheck.engines.reference.engine import ReferenceEngine
-from trebucheck.models.joints import PrismaticJoint, SlotJoint
+from trebucheck.models.elements import PrismaticJoint, SlotJoint
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve

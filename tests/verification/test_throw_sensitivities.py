@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from directions import stepped
 from mechanisms import parallel_cranks
-from trebucheck.models.force_elements import RotationalSpringDamper, SpringDamper
-from trebucheck.models.machines.registry import model
+from trebucheck.models.elements import RotationalSpringDamper, SpringDamper
+from trebucheck.models.library.registry import benchmark, model
 from trebucheck.models.mechanism import Marker, Mechanism
-from trebucheck.models.problems.registry import benchmark
 from trebucheck.reference.sensitivity.release import physical_numbers, sensitivities_of
 from trebucheck.reference.throw.throw import Performance, Sensitivity, perform
 

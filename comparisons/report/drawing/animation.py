@@ -1,7 +1,7 @@
-"""An animation as HTML: the data of its scenes beside one script and one style sheet, which ask for nothing else.
+"""An animation as HTML: the data of its scenes beside one script and one style sheet.
 
-The script moves the points by the same rows as :class:`....models.kinematics.Kinematics`: position = offset
-+ sum of coefficients times exp(-i q) (a slide: q, along a line that turns: q exp(-i q_c)).
+The script moves the points by the rows of :class:`....models.kinematics.Kinematics`: position =
+offset + sum of coefficients times exp(-i q) (a slide: q, along a line that turns: q exp(-i q_c)).
 """
 
 from __future__ import annotations
@@ -98,7 +98,8 @@ class Animation:
             return
         if len(self.scenes) != 1:
             raise InputError(
-                f"{path} can show one mechanism, not {len(self.scenes)}; a page (.html) shows several."
+                f"{path} can show one mechanism, not {len(self.scenes)}; a page (.html) shows "
+                "several."
             )
         end = float(self.scenes[0].t[-1])
         for time in instants:
@@ -111,13 +112,13 @@ class Animation:
         return f"Animation of {names}"
 
     def _repr_html_(self) -> str:
-        """In a notebook: the page in a frame of its own."""
+        """The page in a frame of its own, for a notebook."""
         page = _template("frame.html.j2").render(page=self.to_html(), title=self.title)
         return str(page)
 
     @property
     def _data(self) -> Markup:
-        """As JSON that may stand in a script element."""
+        """The scenes as JSON that may stand in a script element."""
         if "data" not in self._cache:
             text = json.dumps(
                 [scene_data(each) for each in self.scenes], separators=(",", ":"), allow_nan=False
@@ -164,7 +165,7 @@ def _template(name: str) -> Any:
 
 
 def scene_data(shown: Scene) -> dict[str, Any]:
-    """What the script draws a scene from; arrays in base64, little-endian, by frame."""
+    """Data from which the script draws a scene; arrays in base64, little-endian, by frame."""
     drawing, reference = shown.drawing, shown.reference
     kinematics = drawing.kinematics
     stops = [name for name in drawing.stops if name in reference.stop_torques]
@@ -213,7 +214,7 @@ def _stop(drawing: Drawing, name: str) -> list[Any]:
 
 
 def _points(drawing: Drawing) -> list[list[Any]]:
-    """Of each point its offset x, y and triples of coordinate and coefficient."""
+    """Offset x, y of each point, and triples of coordinate and coefficient."""
     rows: list[list[Any]] = []
     for row in drawing.rows:
         terms = [
@@ -262,7 +263,7 @@ def _run(
 def _told(
     names: Sequence[str], told: Mapping[str, FloatArray], nothing: FloatArray
 ) -> list[Any] | None:
-    """Forces in half precision, enough to draw them, beside the unit they are in; None if none of them is told."""
+    """Forces in half precision, beside their unit; None if the run tells none of them."""
     if not any(name in told for name in names):
         return None
     values = np.hstack(
@@ -289,5 +290,5 @@ def _packed(values: FloatArray, kind: str = "<f4") -> str:
 
 
 def _short(number: float) -> float:
-    """To the digits that are drawn."""
+    """A number to the digits that are drawn."""
     return float(f"{number:.{_DIGITS}g}") if math.isfinite(number) else 0.0

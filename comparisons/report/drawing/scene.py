@@ -18,18 +18,18 @@ from .sketch import MOVING, Box, Drawing
 from .symbols import draw
 
 _MOST_IMPACTS = 12
-"""Of each stop; a bouncing body has any number of them."""
+"""Impacts of a stop that are shown; a bouncing body has any number of them."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """What happens once in a motion, and when in each solver's."""
+    """A release, an impact or the launch, and its time in each solver's motion."""
 
     kind: Literal["release", "impact", "launch"]
     name: str
-    """In words."""
+    """The event in words."""
     time: float
-    """In the reference, or in the first run that has it [s]."""
+    """Time in the reference, or in the first run that has it [s]."""
     reference: float | None
     """[s]; None: it does not happen there."""
     runs: Mapping[str, float | None]
@@ -139,7 +139,7 @@ class RunLook:
 
     trajectory: Trajectory
     colour: str
-    """As in CSS, '#1f77b4'."""
+    """Colour of CSS, '#1f77b4'."""
     dashed: bool = False
 
 
@@ -151,11 +151,11 @@ class RunMotion:
     colour: str
     dashed: bool
     d: FloatArray
-    """Of the coordinates, shape (n, n_q) [rad or m]."""
+    """Deviation of the coordinates, shape (n, n_q) [rad or m]."""
     aside: Mapping[str, FloatArray]
-    """Marker's own position less that which its coordinates give, shape (n, 2) [m]; only markers that have it."""
+    """Position of a marker less that by its coordinates, shape (n, 2) [m]; where they differ."""
     torques: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
-    """Of the stops whose torques [N m], or forces [N] on points, the run tells, shape (n,)."""
+    """Torques of stops [N m], or forces [N] on points, where the run tells them, shape (n,)."""
     forces: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
     """On the children of the joints whose forces it tells, shape (n, 2) [N]."""
 
@@ -167,7 +167,7 @@ class Scene:
     name: str
     drawing: Drawing
     t: FloatArray
-    """Of the frames [s], shape (n,)."""
+    """Times of the frames [s], shape (n,)."""
     reference: Trajectory
     """At the frames."""
     runs: tuple[RunMotion, ...]
@@ -175,7 +175,7 @@ class Scene:
     notes: str = field(default="", kw_only=True)
     """A sentence on what is seen, such as which runs are missing."""
     magnify: float | None = field(default=None, kw_only=True)
-    """By what deviations are magnified at first; None: so that they are seen."""
+    """Factor of deviations at first; None: such that they are seen."""
 
     @property
     def mechanism_title(self) -> str:
@@ -189,7 +189,7 @@ class Scene:
 
     @cached_property
     def box(self) -> Box:
-        """The part of the plane that is shown: the drawing's, and what runs need beside it at first."""
+        """Part of the plane that is shown: the drawing's, and what runs need beside it at first."""
         x0, y0, x1, y1 = self.drawing.box
         moving = sorted(
             {i for shape in self.drawing.shapes if shape.role in MOVING for i in shape.points}
@@ -213,7 +213,7 @@ class Scene:
 
     @cached_property
     def fine(self) -> FloatArray:
-        """Instants [s], so close that straight lines between them are smooth traces of the compared points."""
+        """Instants [s] so close that straight lines between them are smooth traces."""
         middle = (self.t[1:] + self.t[:-1]) / 2
         points = self.points[:, list(self.drawing.compared)]
         off = (
@@ -232,7 +232,7 @@ class Scene:
     def at(
         self, time: FloatArray, run: RunMotion | None = None, magnification: float = 1.0
     ) -> FloatArray:
-        """Positions of all points [m] at instants [s], shape (n, n_points, 2); of a run with magnified deviations."""
+        """Positions of all points [m] at instants [s], (n, n_points, 2); a run's magnified."""
         q = self.states(time)
         xy = self.drawing.positions(q)
         if run is None:
@@ -243,7 +243,7 @@ class Scene:
         return xy + magnification * shift
 
     def deviation(self, run: RunMotion) -> FloatArray:
-        """Of a run's points from the reference's [m], shape (n, n_points, 2)."""
+        """Deviation of a run's points from the reference's [m], shape (n, n_points, 2)."""
         deviation = self.drawing.deviations(self.reference.q, run.d)
         for name, aside in run.aside.items():
             deviation[:, self.drawing.markers[name]] += aside
@@ -256,7 +256,7 @@ class Scene:
 
     @cached_property
     def magnification(self) -> float:
-        """By what deviations are magnified at first.
+        """Factor by which deviations are magnified at first.
 
         As asked for, or the power of ten that makes the largest deviation of any run at most an
         eighth of the size.
@@ -275,7 +275,7 @@ class Scene:
 
 
 def refuse_magnification(magnify: float | None) -> None:
-    """Raise InputError if deviations cannot be magnified by that; None, which leaves it open, may stand."""
+    """Raise InputError if deviations cannot be magnified by that; None leaves it open."""
     if magnify is not None and not 1 <= magnify <= _MOST:
         raise InputError(f"magnify = {magnify!r} must be between 1 and {_MOST:g}.")
 
@@ -318,7 +318,8 @@ def scene(
     for label, run in runs.items():
         if run.trajectory.mechanism.coordinates != first.mechanism.coordinates:
             raise InputError(
-                f"run {label!r} is of another mechanism than the reference, and cannot be drawn over it."
+                f"run {label!r} is of another mechanism than the reference, and cannot be drawn "
+                "over it."
             )
     thrown = thrown if thrown in first.markers else None
     t = _grid(end, _event_times(first, runs, end), len(first.q[0]) * (len(runs) + 1))
@@ -434,7 +435,7 @@ def _linear(t: FloatArray, samples: FloatArray, values: FloatArray) -> FloatArra
 
 
 def resampled(trajectory: Trajectory) -> States:
-    """A trajectory at any times: states by cubic pieces through coordinates and speeds, forces linearly."""
+    """A trajectory at any times: states by cubic splines, forces and energies linearly."""
     spline = CubicHermiteSpline(trajectory.t, trajectory.q, trajectory.u)
 
     def at_q(marker: str, q: FloatArray) -> FloatArray:
@@ -449,11 +450,12 @@ def resampled(trajectory: Trajectory) -> States:
     }
 
     def linear(t: FloatArray, values: FloatArray) -> FloatArray:
-        return (
-            np.interp(t, trajectory.t, values)
-            if values.ndim == 1
-            else _linear(t, trajectory.t, values)
-        )
+        if values.ndim == 1:
+            return np.interp(t, trajectory.t, values)
+        return _linear(t, trajectory.t, values)
+
+    def each_linear(t: FloatArray, values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        return {name: linear(t, one) for name, one in values.items()}
 
     def at(t: FloatArray) -> Trajectory:
         t = np.clip(t, trajectory.t[0], trajectory.t[-1])
@@ -463,19 +465,23 @@ def resampled(trajectory: Trajectory) -> States:
             for name, motion in trajectory.markers.items()
         }
         return dataclasses.replace(
-            trajectory, t=t, q=q, u=u, markers=markers,
+            trajectory,
+            t=t,
+            q=q,
+            u=u,
+            markers=markers,
             kinetic_energy=linear(t, trajectory.kinetic_energy),
             potential_energy=linear(t, trajectory.potential_energy),
-            stop_torques={name: linear(t, values) for name, values in trajectory.stop_torques.items()},
-            joint_reactions={name: linear(t, values) for name, values in trajectory.joint_reactions.items()},
-            joint_gaps={name: linear(t, values) for name, values in trajectory.joint_gaps.items()},
-        )  # fmt: skip
+            stop_torques=each_linear(t, trajectory.stop_torques),
+            joint_reactions=each_linear(t, trajectory.joint_reactions),
+            joint_gaps=each_linear(t, trajectory.joint_gaps),
+        )
 
     return at
 
 
 def play_times(scene: Scene, rate: float) -> list[float]:
-    """Instants of the motion [s] that are shown at a constant rate [1/s]: about events they are closer."""
+    """Instants of the motion [s] that are shown at a constant rate [1/s]; closer about events."""
     end, events = float(scene.t[-1]), [event.time for event in scene.events]
     times, time = [0.0], 0.0
     while time < end:

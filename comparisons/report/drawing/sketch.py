@@ -1,4 +1,4 @@
-"""What a drawing is made of: points that move with bodies, and shapes over indices of these points.
+"""Parts of a drawing: points that move with bodies, and shapes over indices of these points.
 
 Every renderer (canvas in a page, SVG, raster) draws the same shapes from the positions of the
 points alone. So the drawing of a run with magnified deviations is that of the points z + k (z' -
@@ -65,7 +65,7 @@ Role = Literal[
 ROLES: tuple[Role, ...] = Role.__args__
 """From what is drawn first, farthest behind, to what is drawn last."""
 MOVING: frozenset[Role] = frozenset({"rope", "body", "mass", "spring", "damper", "marker"})
-"""What is drawn again for each run, over the reference."""
+"""Roles that are drawn again for each run, over the reference."""
 Box = tuple[float, float, float, float]
 """Least x and y, greatest x and y [m]."""
 
@@ -76,10 +76,10 @@ class Point:
 
     body: str
     at: complex
-    """In the body's frame [m]."""
+    """Place in the body's frame [m]."""
     frame: str = GROUND
     arm: complex = 0j
-    """In the frame of `frame` [m]."""
+    """Vector in the frame of `frame` [m]."""
 
     def coefficients(self, kinematics: Kinematics) -> PointCoefficients:
         """Its position's coefficients."""
@@ -111,20 +111,20 @@ class Drawing:
     markers: dict[str, int]
     """Index of each marker's point, by name."""
     compared: tuple[int, ...]
-    """Indices of the points whose distance from the reference's counts: the markers', or without any, of the bodies'
-    centres of mass."""
+    """Indices of the points whose distance from the reference's counts: the markers', else the
+    bodies' centres of mass."""
     joints: dict[str, int]
     """Index of the point at which each joint's force acts."""
     stops: dict[str, tuple[int, int]]
-    """Index of the point at which each stop acts; for one on a point also of a point along its normal, else the same
-    index again."""
+    """Index of the point at which each stop acts; for a stop on a point also of a point along its
+    normal, else the same index again."""
     box: Box
     size: float
     """A length [m] of the whole, from which the sizes of symbols follow."""
 
     @cached_property
     def kinematics(self) -> Kinematics:
-        """Of the mechanism."""
+        """Kinematics of the mechanism."""
         return Kinematics(self.mechanism)
 
     @cached_property
@@ -137,7 +137,7 @@ class Drawing:
         return positions(self.kinematics, self.rows, q)
 
     def deviations(self, q: FloatArray, d: FloatArray) -> FloatArray:
-        """Positions in states q + d less those in q [m], shape (n, n_points, 2), to the digits of d.
+        """Positions in states q + d less those in q [m], (n, n_points, 2), to the digits of d.
 
         Subtracting the positions would leave the rounding of q + d; exp(-i d) - 1 is formed as
         -2 sin^2(d / 2) - i sin(d) instead.
@@ -208,7 +208,7 @@ class Sketch:
 
     @cached_property
     def kinematics(self) -> Kinematics:
-        """Of the mechanism."""
+        """Kinematics of the mechanism."""
         return Kinematics(self.mechanism)
 
     @cached_property
@@ -218,7 +218,7 @@ class Sketch:
 
     @cached_property
     def size(self) -> float:
-        """The longer side of what the bodies' points and centres sweep [m]; of a point that rests, 1."""
+        """Longer side of what the bodies' points and centres sweep [m]; 1 for a point at rest."""
         points = [(name, at) for name, ats in self.outlines.items() for at in ats]
         points += [(body.name, complex(*body.centre)) for body in self.mechanism.bodies]
         xy = positions(
@@ -267,12 +267,12 @@ class Sketch:
     def component(
         self, direction: complex, of: str, body: str, point: Vector, origin: Vector = (0.0, 0.0)
     ) -> FloatArray:
-        """How far a body's point is along a direction of another body's frame, during the motion [m]."""
+        """A body's point along a direction of another body's frame, during the motion [m]."""
         vector = self.kinematics.between(body, point, of, origin)
         return self.kinematics.component(direction, of, vector).value(self.q)
 
     def hinge(self, body: str, other: str) -> tuple[complex, AnyJoint]:
-        """Where a body turns against another one, in its own frame: at their joint, or else at its joint in the tree.
+        """Where a body turns against another one, in its frame: their joint, or else its own one.
 
         The joint comes with it.
         """
@@ -284,7 +284,7 @@ class Sketch:
         return complex(*(joint.child_point if joint.child == body else joint.parent_point)), joint
 
     def positions(self) -> FloatArray:
-        """Of all points so far, during the motion [m], shape (n, n_points, 2)."""
+        """Positions of all points so far, during the motion [m], shape (n, n_points, 2)."""
         return positions(
             self.kinematics, (p.coefficients(self.kinematics) for p in self.points), self.q
         )
@@ -294,7 +294,7 @@ _MOST_HATCHES = 400
 
 
 def polylines(shape: Shape, z: ComplexArray) -> list[ComplexArray]:
-    """The lines of a shape [m], x + i y; of a disc and the rim of a wheel none, for they are circles.
+    """Lines of a shape [m], x + i y; none of a disc and the rim of a wheel, which are circles.
 
     Args:
         shape: but for arrows and turns.

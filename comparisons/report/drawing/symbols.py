@@ -80,7 +80,7 @@ class _Parts:
             self._plate(body, points, centre)
 
     def _shows_no_turn(self, body: Body, centre: complex) -> bool:
-        """Whether a disc would say little: its joint holds its angle, or a stop its centre, and a wall crosses it."""
+        """Whether a disc would say little: its joint holds its angle, or a stop its centre."""
         mechanism = self.sketch.mechanism
         stops = (stop for stop in mechanism.point_stops if stop.body == body.name)
         return mechanism.joint_of(body.name).holds_angle or any(
@@ -106,7 +106,7 @@ class _Parts:
         self.centre(middle)
 
     def _rod(self, body: Body, point: complex, centre: complex) -> None:
-        """A uniform rod of the body's inertia through its one point; a bob on a link where that is too long."""
+        """A uniform rod of the body's inertia through its point; else a bob on a link."""
         half = math.sqrt(3 * body.inertia / body.mass)
         arm = centre - point
         if half >= abs(arm) * (1 - _UNIFORM):
@@ -121,7 +121,7 @@ class _Parts:
         self.masses.append((ends[1], body.mass))
 
     def _loaded_rod(self, body: Body, points: list[complex], centre: complex) -> None:
-        """A uniform rod with a point mass at each end, if the body is one; else a beam with its centre of mass."""
+        """A uniform rod with point masses at its ends, if the body is one; else a beam."""
         ends = _extremes([*points, centre])
         indices = tuple(self.sketch.point(body.name, end) for end in ends)
         shares = loaded_rod(body, *ends)
@@ -363,9 +363,8 @@ def _add_spring_damper(sketch: Sketch, element: SpringDamper) -> None:
 
 
 def _zigzag(width: float, aside: float) -> tuple[tuple[float, float], ...]:
-    teeth = (
-        (0.2 + 0.6 * (k + 0.5) / _TEETH, aside + (width if k % 2 else -width)) for k in range(_TEETH)
-    )  # fmt: skip
+    sides = (aside - width, aside + width)
+    teeth = ((0.2 + 0.6 * (k + 0.5) / _TEETH, sides[k % 2]) for k in range(_TEETH))
     return (
         (0, 0),
         (0.1, 0),
@@ -461,7 +460,7 @@ def draw(mechanism: Mechanism, q: FloatArray | None = None) -> Drawing:
 
 
 def _box(sketch: Sketch, shapes: tuple[Shape, ...]) -> Box:
-    """Around all that is drawn, during the whole motion; of stops only what is not far beside the rest."""
+    """Box around all that is drawn during the motion, but for stops far beside the rest."""
     xy = sketch.positions()
     least, most = xy.min(axis=0), xy.max(axis=0)
     low, high = _around([shape for shape in shapes if shape.role != "stop"], least, most)
@@ -488,7 +487,7 @@ def _around(
 
 
 _ENDS = {"disc": 1, "spiral": 1, "wheel": 1, "turn": 1}
-"""How many of a shape's points are drawn themselves; all of those not listed. The others give directions."""
+"""Number of a shape's points that are drawn; the others give directions. Not listed: all."""
 
 
 def _reach(shape: Shape) -> float:

@@ -140,7 +140,7 @@ def _headline(results: Results, judged: bool) -> str:
 
 
 def _findings(results: Results) -> Iterator[doc.Text]:
-    """What broke or did not run, and why."""
+    """Broken tolerances and failed runs, with causes."""
     for run in results.runs:
         name = f"{run.model}, {run.label}"
         for line in complaints(run, _MOST):
@@ -155,7 +155,7 @@ def _findings(results: Results) -> Iterator[doc.Text]:
 
 
 def _differing(results: Results) -> Iterator[doc.Block]:
-    """What broke in each run that does not agree, what could not be judged, and why."""
+    """A section for each run that does not agree: broken tolerances and causes."""
     for run in results.runs:
         if run.outcome is Outcome.AGREES:
             continue
@@ -175,7 +175,7 @@ def _unjudged(run: Run) -> str:
 
 
 def _assistance(results: Results) -> doc.Listing:
-    """What trebucheck does in each engine's place."""
+    """Assistance of trebucheck, by engine and preset."""
     stated = {run.label: run.supplied for run in results.runs if run.supplied is not None}
     items = (
         doc.Text(supplied_sentence(assistance), lead=f"{label}:")
@@ -510,7 +510,7 @@ class ErrorColumn:
     short: str = ""
     """Title in a terminal; '' leaves the column out there."""
     rank: int = 1
-    """As that of its column."""
+    """Rank of its column."""
     plot: str = ""
     """Name of the figure that shows it over time."""
 
@@ -755,7 +755,7 @@ def _reference_sentences(machine: Machine) -> Iterator[str]:
 
 
 def _evidence(comparison: Comparison, machine: Machine) -> list[doc.Block]:
-    """What stands behind the machine's verdicts, folded away."""
+    """Evidence for the machine's verdicts, folded away."""
     runs = [run for run in comparison.results.runs if run.model == machine.model]
     pairs = [pair for pair in comparison.results.pairs if pair.model == machine.model]
     title = f"{machine.model.capitalize()} machine: the evidence"

@@ -1,4 +1,4 @@
-"""Plots of the studies."""
+"""The page of convergence studies: orders, laws, floors, limits, plots."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ...converge.results import (
 from .. import document as doc
 from ..numbers import format_number, format_settings
 from ..plots import Axis, Label, Panels, Plot, Series, Style, run_style
-from .tables import compared_time, provenance
+from .tables import chapter, compared_time, is_tuned, provenance
 
 _WHOLE = Style("#8a8f96")
 
@@ -50,7 +50,7 @@ def convergence(studies: Sequence[Study]) -> Panels:
 
 
 def swept_parameter(study: Study) -> Panels:
-    """Error against one parameter, and where it can be isolated, the part of it that the parameter makes."""
+    """Error against one parameter, and the part that the parameter makes where it is isolated."""
     name = "part of the parameter" if study.own else "error"
     return tuple(
         Plot(
@@ -108,7 +108,7 @@ def _error(curve: Curve) -> Axis:
 
 
 def _points(study: Study, column: int, name: str, *, whole: bool = False) -> Iterator[Series]:
-    """The errors, or where it can be isolated and unless the whole is asked for, the parameter's part of them."""
+    """The errors, or the parameter's part of them where it is isolated."""
     own, quantity = study.own and not whole, study.curves[column].quantity
     found = [(point.value, point.error(quantity, own)) for point in study.points]
     ran = np.array([(value, error) for value, error in found if error is not None], dtype=float)
@@ -135,32 +135,33 @@ def _slope(study: Study, column: int, at: float) -> Iterator[Label]:
 
 
 _INTRODUCTION = (
-    "Each parameter of each engine is swept through its values; the errors are the largest distances of any marker "
-    "(without markers, of any centre of mass) from the reference over the compared time. An exponent is the slope of "
-    "a straight line in the log-log plane with its 95 % confidence interval (Student t), over the run of points along "
-    "which the error changes most without its slope departing by more than 0.1; the rule knows of no expected "
-    "exponent. A floor is an error that the parameter does not lower; its cause is found by refining every other "
-    "parameter by one step there. “Stock” is what an engine's documentation leads a newcomer to, “tuned” the most "
-    "accurate settings found."
+    "Each parameter of each engine is swept through its values; the errors are the largest "
+    "distances of any marker (without markers, of any centre of mass) from the reference over the "
+    "compared time. An exponent is the slope of a straight line in the log-log plane with its 95 % "
+    "confidence interval (Student t), over the run of points along which the error changes most "
+    "without its slope departing by more than 0.1; the rule knows of no expected exponent. A floor "
+    "is an error that the parameter does not lower; its cause is found by refining every other "
+    "parameter by one step there. “Stock” is what an engine's documentation leads a newcomer to, "
+    "“tuned” the most accurate settings found."
 )
 _LIMITS = (
-    "Largest distance between the same markers of two runs over the compared time, with the time step extrapolated "
-    "away [m]. The "
-    "limits are chosen without the reference: of all three neighbouring steps whose successive differences show a "
-    "whole order, those whose limits from two and three levels lie nearest to each other."
+    "Largest distance between the same markers of two runs over the compared time, with the time "
+    "step extrapolated away [m]. The limits are chosen without the reference: of all three "
+    "neighbouring steps whose successive differences show a whole order, those whose limits from "
+    "two and three levels lie nearest to each other."
 )
 _WORK = (
-    "Error against wall time of the whole simulation, warm: median of the repeats, bars from the quickest to the "
-    "slowest."
+    "Error against wall time of the whole simulation, warm: median of the repeats, bars from the "
+    "quickest to the slowest."
 )
 _OTHERS = (
-    "Where the error of the swept parameter itself can be isolated, exponents are of that part: the distance from the "
-    "run without it. “What is left” is then the error of that run."
+    "Where the error of the swept parameter itself can be isolated, exponents are of that part: "
+    "the distance from the run without it. “What is left” is then the error of that run."
 )
 
 
 def document(studies: Studies) -> doc.Document:
-    """All studies; the terminal has the orders, laws and limits of the positions, and what failed."""
+    """All studies; a terminal has the orders, laws and limits of positions, and what failed."""
     failures = tuple(doc.Text(sentence, "warning") for sentence in _failures(studies))
     blocks: list[doc.Block] = []
     if failures:
@@ -191,7 +192,7 @@ def document(studies: Studies) -> doc.Document:
 
 
 def _failures(studies: Studies) -> Iterator[str]:
-    """One sentence a machine that could not be moved, an engine that is not installed, and a failed point."""
+    """Sentences on machines that failed, engines that are not installed, and failed points."""
     for model, message in studies.failures.items():
         yield f"{model}: {message}"
     for name in dict.fromkeys(name for machine in studies.machines for name in machine.absent):
@@ -212,10 +213,11 @@ def _chapter(machine: MachineStudies) -> Iterator[doc.Block]:
         f"{format_number(value)} {_unit(machine, name)}"
         for name, value in machine.uncertainty.items()
     ]
-    yield doc.Heading(f"{machine.model.capitalize()} machine", 2, machine.model)
+    yield chapter(machine.model)
     compared = compared_time(machine.launch_time, machine.compared_to, machine.judged_to)
     yield doc.Note(
-        f"{compared} The reference is known to {' and '.join(known)} (by {machine.uncertainty_source})."
+        f"{compared} The reference is known to {' and '.join(known)} (by "
+        f"{machine.uncertainty_source})."
     )
     if steps:
         yield doc.Heading("Order in the time step")
@@ -248,8 +250,10 @@ def _unit(machine: MachineStudies, quantity: QuantityName) -> str:
 
 
 def _orders(machine: MachineStudies, studies: Sequence[Study]) -> doc.Table:
-    heads = "engine | (quantity) | (expected) | order | range [s] | floor | set by | limit to reference "
-    heads += "| (its own error [m]) | (finest level [s])"
+    heads = (
+        "engine | (quantity) | (expected) | order | range [s] | floor | set by | "
+        "limit to reference | (its own error [m]) | (finest level [s])"
+    )
     rows = (
         _curve_row(study, curve, [study.label], *_limit(machine, study, curve))
         for study in studies
@@ -260,7 +264,7 @@ def _orders(machine: MachineStudies, studies: Sequence[Study]) -> doc.Table:
 
 
 def _curve_row(study: Study, curve: Curve, names: Iterable[str], *end: str) -> doc.Row:
-    """What was found of a quantity; the names of its study stand in the position's row, the only one in a terminal."""
+    """Row of a quantity; only the position's has the study's names, and is shown in a terminal."""
     position = curve.quantity == "position"
     first = (name if position else "" for name in names)
     return doc.row(
@@ -284,7 +288,7 @@ def _law(study: Study, curve: Curve) -> tuple[str | doc.Cell, ...]:
 
 
 def _limit(machine: MachineStudies, study: Study, curve: Curve) -> tuple[str, str, str]:
-    """Distance of Richardson's limit from the reference, the limit's own error, and the finest of its steps."""
+    """Distance of Richardson's limit from the reference, its own error, its finest step."""
     limit = machine.limit(study.label)
     if limit is not None and curve.quantity == "position":
         distance = f"{format_number(limit.position)} {curve.unit}"
@@ -295,7 +299,8 @@ def _limit(machine: MachineStudies, study: Study, curve: Curve) -> tuple[str, st
 
 
 def _floors(studies: Sequence[Study]) -> doc.Table:
-    heads = "engine | quantity | floor | at [s] | cause | measured there: share of the error that is left"
+    measured = "measured there: share of the error that is left"
+    heads = f"engine | quantity | floor | at [s] | cause | {measured}"
     rows = [
         (
             study.label,
@@ -313,11 +318,7 @@ def _floors(studies: Sequence[Study]) -> doc.Table:
 
 
 def _limits(machine: MachineStudies) -> Iterator[doc.Block]:
-    tuned = [
-        pair
-        for pair in machine.pairs
-        if pair.first.endswith(" tuned") and pair.second.endswith(" tuned")
-    ]
+    tuned = [pair for pair in machine.pairs if is_tuned(pair.first) and is_tuned(pair.second)]
     to_reference = [
         doc.row(limit.label, "reference", format_number(limit.position), medium="page")
         for limit in machine.limits

@@ -1,4 +1,4 @@
-"""The difference of two comparisons as a document, what matters most first."""
+"""The page of the difference of two comparisons, what matters most first."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 
-from ...diff.study import Difference, Fate, QuantityChange, RunChange
+from ...diff import Difference, Fate, QuantityChange, RunChange
 from ...runs.results import Metric, Run
 from .. import document as doc
 from ..numbers import format_number, format_step
-from .tables import cause_text, diagnosis
+from .tables import cause_text, diagnosis, verdict_blocks
 
 _QUESTION = "What moved from one comparison to the other, and what broke?"
 _SHOWN = 20
@@ -27,22 +27,24 @@ _MARKS: dict[Fate, doc.Mark] = {
     Fate.NOT_COMPARED: "warning",
 }
 _HOW = (
-    "Runs belong together by model, engine and preset. An error is the largest difference to the reference. It has "
-    "moved if it changed by more than both results leave unknown of it, and by more than a factor {factor:g}. Unknown "
-    "is the sum of the reference's uncertainty, of what the samples leave unknown, and of the rounding of the "
-    "engine's steps (the root of their number times 2.2e-16 of the scale, carried on by the motion's stretching), of "
-    "both results; a smaller error counts as that, and its factor is a bound (over). Tables show errors with "
-    "two digits, and a tenth is what their second digit tells: hence 1.1, unless another factor is asked for. "
-    "Quantities that follow from others, and wall times, are not judged. A verdict that held and is judged no longer "
-    "has got worse, too."
+    "Runs belong together by model, engine and preset. An error is the largest difference to the "
+    "reference. It has moved if it changed by more than both results leave unknown of it, and by "
+    "more than a factor {factor:g}. Unknown is the sum of the reference's uncertainty, of what the "
+    "samples leave unknown, and of the rounding of the engine's steps (the root of their number "
+    "times 2.2e-16 of the scale, carried on by the motion's stretching), of both results; a "
+    "smaller error counts as that, and its factor is a bound (over). Tables show errors with two "
+    "digits, and a tenth is what their second digit tells: hence 1.1, unless another factor is "
+    "asked for. Quantities that follow from others, and wall times, are not judged. A verdict that "
+    "held and is judged no longer has got worse, too."
 )
 
 
 def document(difference: Difference) -> doc.Document:
     """All of it; a terminal has the tables in short, and the summary at their end."""
     found = difference
+    first_verdict, last_verdict = verdict_blocks(found.summary, doc.mark_of(found.passed))
     blocks: tuple[doc.Block, ...] = (
-        doc.Text(found.summary, "bad" if not found.passed else "good", medium="page"),
+        first_verdict,
         _tiles(found),
         _versions(found),
         *_reference(found),
@@ -55,13 +57,13 @@ def document(difference: Difference) -> doc.Document:
         *_conditions(found),
         *_times(found),
         doc.Note(_HOW.format(factor=found.factor)),
-        doc.Text(found.summary, "bad" if not found.passed else "good", medium="terminal"),
+        last_verdict,
     )
     return doc.Document(_QUESTION, blocks, "trebucheck diff", verdict=found.summary)
 
 
 def _tiles(found: Difference) -> doc.Tiles:
-    """What changed, counted."""
+    """Numbers of changes."""
     lost = len(found.of_fate(Fate.WORSE, Fate.FAILS, Fate.VANISHED))
     return doc.Tiles(
         (
@@ -90,7 +92,7 @@ def _versions(found: Difference) -> doc.Block:
 
 
 def _reference(found: Difference) -> Iterator[doc.Block]:
-    """Figures of the reference that moved: errors are measured from it, so all of them move with it."""
+    """Figures of the reference that moved: all errors, measured from it, move with it."""
     if not found.references:
         return
     rows = [
@@ -107,8 +109,9 @@ def _reference(found: Difference) -> Iterator[doc.Block]:
     yield doc.Heading("The reference moved", 2, medium="any")
     yield doc.table("machine | figure | old | new | unit | uncertain by", rows)
     yield doc.Text(
-        "Its figures moved by more than they are uncertain by. The mechanism is the same, so the law of its stops is "
-        "another one, or one of the two references is wrong; errors that moved may only follow."
+        "Its figures moved by more than they are uncertain by. The mechanism is the same, so the "
+        "law of its stops is another one, or one of the two references is wrong; errors that moved "
+        "may only follow."
     )
 
 
@@ -179,11 +182,9 @@ def _count_row(found: Difference, each: RunChange) -> doc.Row | None:
     worst = max(
         (q for q in each.quantities if q in broke or q in grew), key=_known_factor, default=None
     )
-    growth = (
-        ""
-        if worst is None or _known_factor(worst) <= 1
-        else f"{_factor(worst)} in {worst.either.label}"
-    )
+    growth = ""
+    if worst is not None and _known_factor(worst) > 1:
+        growth = f"{_factor(worst)} in {worst.either.label}"
     return doc.row(_name(each), *counts, len(each.quantities), growth)
 
 
@@ -219,23 +220,20 @@ def _value(metric: Metric | None) -> doc.Cell:
 
 
 def _factor(change: QuantityChange) -> str:
-    """New over old, as a multiple or a part; a bound where one of the errors is below what is unknown."""
+    """New over old, as a multiple or a part; a bound where one error is below what is unknown."""
     ratio = change.factor
     if ratio is None or ratio == 1:
         return "–"
+    if ratio == 0 or math.isinf(ratio):
+        return "from 0"
     bound = "over " if change.bounded else ""
-    times = ratio if ratio > 1 else 1 / ratio if ratio else math.inf
-    return "from 0" if math.isinf(times) else f"{bound}{'×' if ratio > 1 else '÷'} {_short(times)}"
+    return f"{bound}× {_short(ratio)}" if ratio > 1 else f"{bound}÷ {_short(1 / ratio)}"
 
 
 def _short(value: float) -> str:
-    return (
-        f"{value:.1f}"
-        if value < 9.95
-        else f"{value:.0f}"
-        if value < 9999.5
-        else format_number(value)
-    )
+    if value < 9.95:
+        return f"{value:.1f}"
+    return f"{value:.0f}" if value < 9999.5 else format_number(value)
 
 
 def _tolerance(change: QuantityChange) -> str:
@@ -247,9 +245,9 @@ def _tolerance(change: QuantityChange) -> str:
 
 def _verdict(change: QuantityChange) -> doc.Cell:
     old, new = _judged(change.old), _judged(change.new)
-    mark: doc.Mark = (
-        "bad" if change.broke or new == "breaks" else "good" if change.mended else "plain"
-    )
+    mark: doc.Mark = "good" if change.mended else "plain"
+    if change.broke or new == "breaks":
+        mark = "bad"
     why = ", by its tolerance" if change.by_tolerance else ""
     return doc.Cell(new if old == new else f"{old} → {new}{why}", mark)
 
@@ -311,13 +309,14 @@ def _diagnoses(found: Difference) -> Iterator[doc.Block]:
 
 
 def _conditions(found: Difference) -> Iterator[doc.Block]:
-    """Settings, tolerances asked for and horizons that are others: a change of ours, not of an engine."""
+    """Changed settings, tolerances and horizons: a change of ours, not of an engine."""
     sentences = [*found.conditions, *_settings(found.runs)]
     loosened = sum(_looser(change, found.factor) for change in found.quantities)
     if loosened:
         number = f"{loosened} of {len(found.quantities)}"
         sentences.append(
-            f"Tolerances of {number} quantities are looser now, by more than a factor {found.factor:g}."
+            f"Tolerances of {number} quantities are looser now, by more than a factor "
+            f"{found.factor:g}."
         )
     if sentences:
         yield doc.Heading("Conditions that changed", 2, medium="any")
@@ -337,13 +336,9 @@ def _settings(runs: Iterable[RunChange]) -> Iterator[str]:
 
 
 def _setting(value: object) -> str:
-    return (
-        "none"
-        if value is None
-        else format_step(value)
-        if isinstance(value, float) and value
-        else str(value)
-    )
+    if value is None:
+        return "none"
+    return format_step(value) if isinstance(value, float) and value else str(value)
 
 
 def _looser(change: QuantityChange, factor: float) -> bool:

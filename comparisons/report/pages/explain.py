@@ -1,4 +1,4 @@
-"""Error budgets as a document, each with its bar chart."""
+"""The page of error budgets, each with its bar chart."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ...explain.results import (
 from .. import document as doc
 from ..numbers import format_number, format_percent
 from ..plots import Axis, Label, Panels, Plot, Series, Style
-from .tables import compared_time, provenance
+from .tables import chapter, compared_time, provenance, verdict_blocks
 
 _FEW = 1e-3  # shares below this are left out in the terminal; the page's tables have them all
 _FIELDS = ("position", "torque", "release", "wall_time")
@@ -30,34 +30,39 @@ _FIELDS = ("position", "torque", "release", "wall_time")
 _COLOUR = Style("#3d7ab5")
 _ROW, _FRAME = 26, 60  # [pixels] of height
 _INTRODUCTION = (
-    "Each engine's distance from the reference, split among its causes. Nothing is assigned by guess: a cause's share "
-    "is what changes when that cause is taken out of the run, or made larger by a known factor."
+    "Each engine's distance from the reference, split among its causes. Nothing is assigned by "
+    "guess: a cause's share is what changes when that cause is taken out of the run, or made "
+    "larger by a known factor."
 )
 _HOW_TO_READ = (
-    "An error is a function of time, from the start to the end of what is compared; that of the position is of the "
-    "marker with the largest error (without markers, of such a centre of mass). A cause's share is its part of that "
-    "function; its percentage is signed (the projection on the whole error), so that causes that work against each "
-    "other show it, and all of them with the unexplained rest add up to 100 %. Causes interact: where two have to "
-    "come together to do harm, taking out either removes the same error. So all are taken out one after the other, "
-    "once in the order of the table and once in the reverse order; the share is the mean of both (for causes that "
-    "interact in pairs, Shapley's value), and the whiskers are half their difference. (Softness of constraints that "
-    "is as small as the step allows is measured by a shorter step and, in place of the reverse order, by doubling "
-    "it.) A wide whisker says: this and another cause share that error. “After” names causes that have to be out "
-    "first, because taking this one out alone would bring in an error the run does not have. What is explained is 1 - "
-    "|rest| / |error|, root mean square over time; roundoff, which is random, is taken off the rest in quadrature."
+    "An error is a function of time, from the start to the end of what is compared; that of the "
+    "position is of the marker with the largest error (without markers, of such a centre of mass). "
+    "A cause's share is its part of that function; its percentage is signed (the projection on the "
+    "whole error), so that causes that work against each other show it, and all of them with the "
+    "unexplained rest add up to 100 %. Causes interact: where two have to come together to do "
+    "harm, taking out either removes the same error. So all are taken out one after the other, "
+    "once in the order of the table and once in the reverse order; the share is the mean of both "
+    "(for causes that interact in pairs, Shapley's value), and the whiskers are half their "
+    "difference. (Softness of constraints that is as small as the step allows is measured by a "
+    "shorter step and, in place of the reverse order, by doubling it.) A wide whisker says: this "
+    "and another cause share that error. “After” names causes that have to be out first, because "
+    "taking this one out alone would bring in an error the run does not have. What is explained is "
+    "1 - |rest| / |error|, root mean square over time; roundoff, which is random, is taken off the "
+    "rest in quadrature."
 )
 _CHANGES = (
-    "Both presets at the same step; one option changed at a time, from stock towards tuned and from tuned back. "
-    "Largest distance of any marker, largest error of a stop's torque at any sample, largest error of a release "
-    "time, wall time (median of up to three). Factors are against the preset the line starts from (tuned: against "
-    "stock): ÷ smaller, × larger."
+    "Both presets at the same step; one option changed at a time, from stock towards tuned and "
+    "from tuned back. Largest distance of any marker, largest error of a stop's torque at any "
+    "sample, largest error of a release time, wall time (median of up to three). Factors are "
+    "against the preset the line starts from (tuned: against stock): ÷ smaller, × larger."
 )
 
 
 def document(explanation: Explanation) -> doc.Document:
-    """All budgets; the terminal has them in short, what each option buys, what could not be measured, the verdict."""
+    """All budgets; a terminal has them in short, what options buy, what failed, the verdict."""
+    first_verdict, last_verdict = verdict_blocks(verdict(explanation), "strong")
     blocks: list[doc.Block] = [
-        doc.Text(verdict(explanation), "strong", medium="page"),
+        first_verdict,
         doc.Fold("How to read it", (doc.Note(_INTRODUCTION), doc.Note(_HOW_TO_READ))),
     ]
     blocks += [
@@ -73,7 +78,7 @@ def document(explanation: Explanation) -> doc.Document:
     blocks += provenance(
         explanation, runs, [(machine.model, machine.mechanism) for machine in explanation.machines]
     )
-    blocks.append(doc.Text(verdict(explanation), medium="terminal"))
+    blocks.append(last_verdict)
     return doc.Document(
         "Where the errors come from",
         tuple(blocks),
@@ -113,14 +118,14 @@ def _explained(quantity: Quantity) -> str:
 
 
 def _downwards(fraction: float) -> str:
-    return (
-        "over 99.9 %" if fraction > 0.999 else f"{math.floor(1000 * max(0.0, fraction)) / 10:.1f} %"
-    )
+    if fraction > 0.999:
+        return "over 99.9 %"
+    return f"{math.floor(1000 * max(0.0, fraction)) / 10:.1f} %"
 
 
 def _chapter(explanation: Explanation, machine: Machine) -> Iterator[doc.Block]:
     budgets = [budget for budget in explanation.budgets if budget.model == machine.model]
-    yield doc.Heading(f"{machine.model.capitalize()} machine", 2, machine.model)
+    yield chapter(machine.model)
     yield doc.Note(compared_time(machine.launch_time, machine.compared_to, machine.judged_to))
     yield _summary(machine, budgets)
     for budget in budgets:
@@ -184,7 +189,8 @@ def _budget(budget: Budget) -> Iterator[doc.Block]:
         return
     names = {"position": f"position of {budget.point}" if budget.point else "position"}
     sentences = (
-        f"{names.get(q.name, q.name)}: {_explained(q)} explained, largest error {format_number(q.largest)} {q.unit}"
+        f"{names.get(q.name, q.name)}: {_explained(q)} explained, largest error "
+        f"{format_number(q.largest)} {q.unit}"
         for q in quantities
     )
     yield doc.Note(f"{'; '.join(sentences)}." if quantities else "No error to explain.")
@@ -205,7 +211,7 @@ def _at(step: float | None) -> str:
 
 
 def bars(quantities: Sequence[Quantity]) -> Panels:
-    """Signed share of each cause in the position's and the torques' errors, causes downwards, unexplained last.
+    """Signed share of each cause in the errors of position and torques; unexplained last.
 
     Shares add up to 100 %; whiskers are half the difference of a share's two measures.
     """
@@ -301,7 +307,7 @@ def _other_shares(quantities: Sequence[Quantity]) -> doc.Table:
 
 
 def _changes(comparison: StockAgainstTuned) -> doc.Table:
-    """The presets and each option's change; the page has values with their factors, the terminal one of the two."""
+    """The presets and each option's change: values with factors; a terminal has one of the two."""
     force = "force [N]" if comparison.force_unit == "N" else f"torque [{comparison.force_unit}]"
     titles = {
         "position": "position [m]",
@@ -352,7 +358,7 @@ def _change_rows(comparison: StockAgainstTuned, fields: Sequence[str]) -> Iterat
 def _values(
     fields: Sequence[str], figures: Figures, against: Figures, *, preset: bool = False
 ) -> Iterator[doc.Cell]:
-    """For page and terminal in turn."""
+    """Cells for page and terminal in turn."""
     if figures.message:
         yield doc.Cell("failed", "warning", detail=figures.message)
         return
@@ -372,9 +378,9 @@ def _factor(before: float | None, after: float | None) -> str:
 
 
 def _two_digits(value: float) -> str:
-    return (
-        f"{value:.2g}" if value < 100 else (f"{value:.0f}" if value < 1e4 else format_number(value))
-    )
+    if value < 100:
+        return f"{value:.2g}"
+    return f"{value:.0f}" if value < 1e4 else format_number(value)
 
 
 def _option_value(value: object) -> str:

@@ -1,4 +1,4 @@
-"""What a file's motion comes to, in a table, and what it does not give."""
+"""The page of a judged file: its errors in a table, and what it does not give."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from ...runs.quantities import QUANTITIES
 from ...runs.results import Metric, Outcome
 from .. import document as doc
 from ..numbers import format_number
-from .tables import compared_time
-from .tables import why
+from .tables import compared_time, why
 
 _HEADS = (
     doc.words("quantity", wrap=False),
@@ -32,7 +31,8 @@ def headline(found: Judgement) -> str:
     verdict = (
         found.outcome.value if found.outcome is not Outcome.AGREES else "agrees in what it gives"
     )
-    return f"{found.file} {verdict} on {found.machine.model!r}: {held} of {judged} judged quantities hold{rest}."
+    counts = f"{held} of {judged} judged quantities hold{rest}"
+    return f"{found.file} {verdict} on {found.machine.model!r}: {counts}."
 
 
 def document(found: Judgement) -> doc.Document:

@@ -1,4 +1,4 @@
-"""What of its runs is each engine's own, and how many verdicts that concerns."""
+"""The page of the matrix: all problems, each quantity, what is missing, causes, schemes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from itertools import pairwise
 
 from ....engines.supplied import Own, concerned, own, parts
 from ....models.problem import StopLaw
-from ...matrix.study import (
+from ...matrix import (
     FLOOR,
     SHOWN,
     Error,
@@ -27,11 +27,11 @@ from ..numbers import format_number
 from .tables import MARKS
 
 READING = (
-    "Own: how much of its runs on a table's problems is the engine's. “all”; “most”: trebucheck decides when stops "
-    "open and are met, finds impulses of impacts, or adds or reads forces that the engine has no element for or does "
-    "not tell; “steps”: its dynamics and its integrator, but what stops, loops or springs do is trebucheck's; "
-    "“dynamics”: its mass matrix, forces, energies and points, in trebucheck's steps. Agreement speaks for an engine's "
-    "own parts alone."
+    "Own: how much of its runs on a table's problems is the engine's. “all”; “most”: trebucheck "
+    "decides when stops open and are met, finds impulses of impacts, or adds or reads forces that "
+    "the engine has no element for or does not tell; “steps”: its dynamics and its integrator, but "
+    "what stops, loops or springs do is trebucheck's; “dynamics”: its mass matrix, forces, "
+    "energies and points, in trebucheck's steps. Agreement speaks for an engine's own parts alone."
 )
 _UNSTATED = "not stated"
 
@@ -49,11 +49,14 @@ _DEGREES = (*map(str, Own), _UNSTATED)
 def _own(matrix: Matrix, run: MatrixRun) -> str:
     if run.supplied is None:
         return _UNSTATED
-    has = next(problem for problem in matrix.problems if problem.name == run.problem)
-    impacts = has.stop_law == StopLaw.UNILATERAL
-    return own(
-        run.supplied, concerned(stops=has.stops, impacts=impacts, loops=has.loops, elements=has.elements)
-    )  # fmt: skip
+    problem = next(each for each in matrix.problems if each.name == run.problem)
+    affected = concerned(
+        stops=problem.stops,
+        impacts=problem.stop_law == StopLaw.UNILATERAL,
+        loops=problem.loops,
+        elements=problem.elements,
+    )
+    return own(run.supplied, affected)
 
 
 def agreements(matrix: Matrix) -> doc.Text:
@@ -82,12 +85,16 @@ _WORDS: dict[Outcome, str] = {
     Outcome.UNSUPPORTED: "refused",
 }
 _READING = (
-    "✓ every judged quantity holds its tolerance, ✗ at least one breaks it, ○ not judged (never counted as "
-    "agreement), refused: the engine cannot, in its own words below, not finished: a run had so much time and no "
-    "more. The number is the largest error of a marker's position in parts of the mechanism's size, which is the same "
-    "for all engines; tolerances are not: an engine's own claims, or a thousandth of each scale."
+    "✓ every judged quantity holds its tolerance, ✗ at least one breaks it, ○ not judged (never "
+    "counted as agreement), refused: the engine cannot, in its own words below, not finished: a "
+    "run had so much time and no more. The number is the largest error of a marker's position in "
+    "parts of the mechanism's size, which is the same for all engines; tolerances are not: an "
+    "engine's own claims, or a thousandth of each scale."
 )
-_QUANTITY = "Largest error in parts of the quantity's scale; ✓ and ✗ by the tolerances, ○ not judged, – not told."
+_QUANTITY = (
+    "Largest error in parts of the quantity's scale; ✓ and ✗ by the tolerances, ○ not judged, "
+    "– not told."
+)
 _KINDS: tuple[tuple[str, Callable[[MatrixProblem], bool]], ...] = (
     ("Without stops and loops", lambda problem: not problem.stops and not problem.loops),
     ("With loops", lambda problem: problem.loops and not problem.stops),
@@ -138,7 +145,7 @@ _WIDEST = 6  # problems in a table, with which it fits a screen of 1280 pixels
 
 
 def _tables(matrix: Matrix, show: _Show, leading: _Leading | None = None) -> Iterator[doc.Table]:
-    """One a kind of problem: rows of engines by scheme, columns of problems; what would be empty is left out."""
+    """A table for each kind of problem: engines by scheme against problems."""
     for title, belongs in _KINDS:
         runs = [
             run for problem in matrix.problems if belongs(problem) for run in _on(matrix, problem)
@@ -162,7 +169,7 @@ def _tables(matrix: Matrix, show: _Show, leading: _Leading | None = None) -> Ite
 
 
 def _parts(problems: Sequence[MatrixProblem]) -> Iterator[Sequence[MatrixProblem]]:
-    """As many as a page is wide, about the same number each."""
+    """Problems in parts as wide as a page, about the same number each."""
     count = math.ceil(len(problems) / _WIDEST)
     ends = [round(k * len(problems) / count) for k in range(count + 1)] if count else []
     return (problems[start:end] for start, end in pairwise(ends))
@@ -192,7 +199,7 @@ def _shown(run: MatrixRun | None, show: _Show) -> doc.Cell:
 
 
 def _leading(matrix: Matrix, label: str, problems: Sequence[MatrixProblem]) -> Sequence[object]:
-    """What is its own on a table's problems, its order, and on how many of all its problems it agrees."""
+    """The engine's own share, its order, and on how many of all its problems it agrees."""
     return own_on(matrix, label, problems), _order(matrix, label), _agrees([*matrix.of(label)])
 
 
@@ -208,7 +215,7 @@ def _order(matrix: Matrix, label: str) -> doc.Cell:
 
 
 def _measured(order: MeasuredOrder) -> doc.Cell:
-    """With its problem; where the error keeps to a floor, that."""
+    """Measured order with its problem; where the error keeps to a floor, the floor."""
     what, hint = "none", ""
     if order.exponent is not None:
         what = f"{order.exponent:.3f} ± {order.half_width or 0.0:.3f}"
@@ -255,7 +262,7 @@ def _error(error: Error) -> doc.Cell:
 
 
 def _explained(matrix: Matrix) -> Iterator[doc.Block]:
-    """What differs by scheme and what by implementation."""
+    """Differences by scheme and by implementation."""
     found = [*spreads(matrix)]
     if found:
         yield doc.Heading("Scheme or implementation", 2)
@@ -289,7 +296,7 @@ def _missing(matrix: Matrix) -> Iterator[doc.Block]:
 
 
 def _causes(matrix: Matrix) -> Iterator[doc.Block]:
-    """Of runs that disagree: causes by engine and preset."""
+    """Causes of runs that disagree, by engine and preset."""
     broken = [run for run in matrix.runs if run.first_in is not None]
     groups = _grouped(broken, lambda run: (run.label, " or ".join(run.causes) or "unknown"))
     rows = [
@@ -299,7 +306,8 @@ def _causes(matrix: Matrix) -> Iterator[doc.Block]:
     if rows:
         yield doc.Heading("Causes", 2)
         yield doc.Note(
-            "The suspects that account for the difference, solved again with the size found; or unknown."
+            "The suspects that account for the difference, solved again with the size found; or "
+            "unknown."
         )
         heads = [
             doc.words("engine", wrap=False),
@@ -325,7 +333,7 @@ def _titles(matrix: Matrix, runs: Iterable[MatrixRun]) -> str:
 
 
 def _farthest(runs: Iterable[MatrixRun]) -> str:
-    """Of figures that break their tolerance: the label of the farthest, and how far."""
+    """The figure farthest beyond its tolerance, and how far."""
     found = [run.worst for run in runs if run.worst is not None]
     missing = next((each for each in found if each.ratio is None), None)
     if missing is not None:
@@ -340,19 +348,23 @@ def _farthest(runs: Iterable[MatrixRun]) -> str:
 
 def _provenance(matrix: Matrix) -> Iterator[doc.Block]:
     yield doc.Heading("Problems and versions", 2)
-    problems = [(p.number or "machine", p.name, f"{p.judged_to:.6g}", p.stop_law, p.mechanism_hash[:16])
-                for p in matrix.problems]  # fmt: skip
+    problems = [
+        (p.number or "machine", p.name, f"{p.judged_to:.6g}", p.stop_law, p.mechanism_hash[:16])
+        for p in matrix.problems
+    ]
     yield doc.table("number | problem | judged to [s] | law of the stops | hash", problems)
     by_engine = _grouped(matrix.runs, lambda run: (run.engine, run.engine_version, run.made_by))
-    rows = [(engine, version, trebucheck, ", ".join(sorted({run.date for run in runs})), _steps(runs))
-            for (engine, version, trebucheck), runs in by_engine.items()]  # fmt: skip
+    rows = [
+        (*made_by, ", ".join(sorted({run.date for run in runs})), _steps(runs))
+        for made_by, runs in by_engine.items()
+    ]
     yield doc.table(
         ["engine", "version", "trebucheck", "date of the runs", doc.words("steps [s]")], rows
     )
 
 
 def _steps(runs: Iterable[MatrixRun]) -> str:
-    """By preset, the shortest and the longest."""
+    """The shortest and the longest step, by preset."""
     groups = _grouped((run for run in runs if run.timestep), lambda run: (run.preset,))
     return "; ".join(
         f"{preset} {_range([run.timestep or 0.0 for run in of])}"

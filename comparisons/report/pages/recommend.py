@@ -1,4 +1,4 @@
-"""Advice as a document."""
+"""The page of advice: settings that reach a target, texts to copy, what was tried."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def _settings(advice: Advice) -> doc.Table:
     unit = advice.mechanism.force_unit
     heads = doc.ranked(
         doc.columns(
-            f"engine | settings | step [s] | position [m] | {'force' if unit == 'N' else 'torque'} [{unit}] | "
-            "release [s] | wall [s] | (worst neighbour)"
+            f"engine | settings | step [s] | position [m] | {'force' if unit == 'N' else 'torque'} "
+            f"[{unit}] | release [s] | wall [s] | (worst neighbour)"
         ),
         settings=0,
         step=0,
@@ -87,7 +87,8 @@ def _chapter(engine: EngineAdvice) -> Iterator[doc.Block]:
     if engine.choice is not None:
         runs = len(engine.choice.wall_times)
         timed = f"median of {runs}" if runs > 1 else "one run"
-        text = f"({engine.choice.words}), step {engine.choice.step:g} s; wall time is the {timed}, warm, on this machine."
+        step = f"({engine.choice.words}), step {engine.choice.step:g} s"
+        text = f"{step}; wall time is the {timed}, warm, on this machine."
         yield doc.Text(text, "good", lead=engine.choice.options)
     for title, text in engine.snippets.items():
         yield doc.Code(title, text)

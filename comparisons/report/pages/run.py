@@ -23,9 +23,12 @@ _POINTS = 1000  # drawn per line, at most
 
 
 def document(trajectory: Trajectory) -> doc.Document:
-    """Of one run, by itself: nothing is compared."""
+    """The page of one run by itself: nothing is compared."""
     shown = run_report(trajectory)
-    caption = "Paths of the markers, the generalized coordinates, what the stops push with, and the energies."
+    caption = (
+        "Paths of the markers, the generalized coordinates, what the stops push with, and the "
+        "energies."
+    )
     figure = doc.Figure(_panels(trajectory), "The run", caption, "run", columns=2)
     motion = doc.Animation(lambda: (scene(trajectory),))
     return replace(
@@ -71,9 +74,10 @@ def _lines(curves: Mapping[str, tuple[FloatArray, FloatArray]]) -> tuple[Series,
 
 
 def certificate_report(certificate: Certificate) -> doc.Document:
-    """Figures of events, and folded away, those at chosen times, the computations, and the mechanism."""
+    """Figures of events; folded away, those at chosen times and the computations."""
     number = sum(computation.independent for computation in certificate.computations)
-    title = f"{certificate.model}: {len(certificate.figures)} figures from {number} independent computations"
+    figures = f"{len(certificate.figures)} figures from {number} independent computations"
+    title = f"{certificate.model}: {figures}"
     events = [figure for figure in certificate.figures if figure.time is None]
     timed = [figure for figure in certificate.figures if figure.time is not None]
     further = f"{len(timed)} further figures, at chosen times"
@@ -99,7 +103,8 @@ def certificate_report(certificate: Certificate) -> doc.Document:
             ),
         ),
         doc.Note(
-            f"Uncertainty: {sentence(certificate.rule)} Versions: {format_settings(certificate.versions)}."
+            f"Uncertainty: {sentence(certificate.rule)} Versions: "
+            f"{format_settings(certificate.versions)}."
         ),
         doc.Note(f"Mechanism {certificate.mechanism_hash}."),
     )
@@ -109,7 +114,7 @@ def certificate_report(certificate: Certificate) -> doc.Document:
 
 
 def run_report(trajectory: Trajectory, distance: Farthest | str | None = None) -> doc.Document:
-    """What one run found.
+    """Quantities of one run.
 
     Args:
         distance: from the reference, or why that is not known; None: not asked for.

@@ -1,4 +1,4 @@
-"""Pictures of one throw: the machine in motion, the flight, and the forces over time."""
+"""The page of one throw: the machine in motion, its figures, the flight, forces over time."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ Quantity = Callable[[FloatArray], FloatArray]
 
 
 def force_plots(performance: Performance) -> Panels:
-    """Axial forces, upward forces of the ground and torques (or forces) of the stops, up to the release."""
+    """Axial forces, upward forces of the ground and loads of the stops, up to the release."""
     times, colours = _force_times(performance), cycle(_COLOURS)
     rules = tuple(
         Rule(time, f"{name} opens")
@@ -141,15 +141,18 @@ def _panels(performance: Performance) -> Iterator[tuple[str, str, dict[str, Quan
 
 
 _Row = tuple[str, str]
-_FORCES = "Up to the release; shaded where a member is in compression (a rope would be slack) or wheels would lift off."
+_FORCES = (
+    "Up to the release; shaded where a member is in compression (a rope would be slack) or wheels "
+    "would lift off."
+)
 
 
 def document(performance: Performance, throw: Throw) -> doc.Document:
-    """All values, warnings and pictures; `throw` is the performance's own, with sensitivities if wanted."""
+    """All values, warnings and pictures; `throw` may have sensitivities."""
     title = _title(throw)
     measured = (
-        f"Computed by the Lagrangian reference. Positions are measured from where the {origin_name(throw.mechanism)} "
-        "stands at the start; SI units."
+        "Computed by the Lagrangian reference. Positions are measured from where the "
+        f"{origin_name(throw.mechanism)} stands at the start; SI units."
     )
     plots_of_forces = force_plots(performance)
     blocks = (
@@ -220,7 +223,7 @@ def _conditions(throw: Throw) -> str:
 
 
 def origin_name(mechanism: Mechanism) -> str:
-    """What positions are measured from: the pin, or what a slot of another name guides."""
+    """Origin of positions: the pin, or what a slot of another name guides."""
     joint = origin(mechanism)
     if isinstance(joint, PinJoint) or joint.name == FULCRUM:
         return joint.name
@@ -337,14 +340,14 @@ def _signed(derivative: float | None, by: float | None, value: float) -> str:
 
 
 def _percent(each: Sensitivity) -> float | None:
-    """Of the value; none of a value that is zero."""
+    """One per cent of the value; None of a value that is zero."""
     return each.value / 100 or None
 
 
 _DERIVATIVES = (
-    "Sensitivities of the release, flight without drag: exact derivatives, event times included. What chose the "
-    "release is held, its angle or its time; with a number the start changes by the least that keeps loops and rests "
-    "closed"
+    "Sensitivities of the release, flight without drag: exact derivatives, event times included. "
+    "What chose the release is held, its angle or its time; with a number the start changes by the "
+    "least that keeps loops and rests closed"
 )
 _RANKS = {
     "range": 1,
