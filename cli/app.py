@@ -14,22 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from ..models.errors import InputError, SimulationError, TrebucheckError, shortened
-from . import (
-    animate,
-    catalogue,
-    certify,
-    conform,
-    data,
-    diff,
-    figures,
-    judge,
-    matrix,
-    plugin,
-    problems,
-    run,
-    studies,
-    throw,
-)
+from . import agree, catalogue, motion, truth, why
 from .output import printable
 
 app = typer.Typer(
@@ -56,28 +41,28 @@ _THERE = "What is there?"
 _MORE = "From other distributions"
 _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
     _AGREE: {
-        "compare": studies.compare_command,
-        "judge": judge.judge_command,
-        "conform": conform.conform_command,
-        "matrix": matrix.matrix_command,
-        "diff": diff.diff_command,
-        "figures": figures.figures_command,
+        "compare": agree.compare_command,
+        "judge": agree.judge_command,
+        "conform": agree.conform_command,
+        "matrix": agree.matrix_command,
+        "diff": agree.diff_command,
+        "figures": agree.figures_command,
     },
     _WHY: {
-        "explain": studies.explain_command,
-        "converge": studies.converge_command,
-        "recommend": studies.recommend_command,
+        "explain": why.explain_command,
+        "converge": why.converge_command,
+        "recommend": why.recommend_command,
     },
     _MOTION: {
-        "throw": throw.throw_command,
-        "run": run.run_command,
-        "animate": animate.animate_command,
-        "view": animate.view_command,
+        "throw": motion.throw_command,
+        "run": motion.run_command,
+        "animate": motion.animate_command,
+        "view": motion.view_command,
     },
     _TRUTH: {
-        "certify": certify.certify_command,
-        "data": data.data_command,
-        "problems": problems.problems_command,
+        "certify": truth.certify_command,
+        "data": truth.data_command,
+        "problems": truth.problems_command,
     },
     _THERE: {"engines": catalogue.engines_command},
 }
@@ -85,7 +70,7 @@ for _panel, _commands in _COMMANDS.items():
     for _name, _command in _commands.items():
         app.command(_name, rich_help_panel=_panel)(_command)
 app.add_typer(catalogue.models_app, name="models", rich_help_panel=_THERE)
-app.add_typer(plugin.plugin_app, name="plugin", rich_help_panel=_THERE)
+app.add_typer(catalogue.plugin_app, name="plugin", rich_help_panel=_THERE)
 
 
 def add_satellites(to: typer.Typer, points: Iterable[importlib.metadata.EntryPoint]) -> None:

@@ -1,4 +1,4 @@
-"""`trebucheck engines` and `trebucheck models`: what is here, and what it can do."""
+"""`trebucheck engines`, `models` and `plugin`: what is there, and what it can do."""
 
 from __future__ import annotations
 
@@ -36,8 +36,10 @@ def show_command(name: _Name, assignments: options.Set = None, beam: options.Bea
 
     Example: trebucheck models show rolling --set l1=9.5
     """
-    for mechanism in options.machines(name, assignments, beam):
-        typer.echo(mechanism.to_json())
+    from ..models.problem import Problem
+
+    for given in options.given(name, assignments, beam):
+        typer.echo((given.mechanism if isinstance(given, Problem) else given).to_json())
 
 
 @models_app.command("schema")
@@ -201,3 +203,27 @@ def _defaults(option: OptionRow) -> str:
 
 def _sentence(option: OptionRow) -> str:
     return "\n".join(filter(None, (option.meaning, option.values)))
+
+
+plugin_app = typer.Typer(
+    help="Engines of your own: write the skeleton of a plug-in.", no_args_is_help=True
+)
+
+
+@plugin_app.command("new")
+def new_command(
+    name: Annotated[str, typer.Argument(help="Of the engine: small letters, digits and hyphens.")],
+    out: Annotated[Path | None, options.out("New folder; trebucheck-NAME by default.")] = None,
+) -> None:
+    """Write a new folder with pyproject.toml, an engine to fill in, and its tests; an existing one is refused.
+
+    Example: trebucheck plugin new my-engine
+    """
+    from ..conformance.skeleton import write_skeleton
+
+    folder = out or Path(f"trebucheck-{name}")
+    for path in write_skeleton(name, folder):
+        typer.echo(f"Wrote {output.printable(str(path))}")
+    typer.echo(
+        f"\nNext: cd {output.printable(str(folder))}, pip install -e .[test], pytest; then fill in engine.py."
+    )

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,7 +12,6 @@ from ..models.errors import InputError
 from . import completion
 
 if TYPE_CHECKING:
-    from ..comparisons.runs.study import Study
     from ..models.library.trebuchet import TrebuchetParameters
     from ..models.mechanism import Mechanism
     from ..models.problem import Problem
@@ -128,6 +126,41 @@ EngineOption = Annotated[
         "`trebucheck engines ENGINE` lists them.",
     ),
 ]
+
+
+@dataclass(frozen=True)
+class Declared:
+    """An option as a command takes it: its annotated type, and its default."""
+
+    annotation: Any
+    default: Any
+
+    def by_default(self, default: object) -> Declared:
+        """The same with another default."""
+        return replace(self, default=default)
+
+
+# The options that several commands share, by the names that their values have in a call.
+OPTIONS = {
+    "models": Declared(Models, "fixed,rolling"),
+    "model": Declared(Model, "fixed"),
+    "engines": Declared(Engines, None),
+    "preset": Declared(Preset, "tuned,stock"),
+    "timestep": Declared(Timestep, None),
+    "duration": Declared(Duration, None),
+    "until": Declared(Until, None),
+    "set": Declared(Set, None),
+    "beam": Declared(Beam, None),
+    "tolerance": Declared(Tolerance, None),
+    "tolerances": Declared(Tolerances, None),
+    "option": Declared(EngineOption, None),
+    "stop_law": Declared(StopLaw, None),
+    "resume": Declared(Resume, False),
+    "jobs": Declared(Jobs, 1),
+    "timeout": Declared(Timeout, 600.0),
+    "quiet": Declared(Quiet, False),
+    "json": Declared(Json, False),
+}
 
 
 def out(text: str) -> Any:
@@ -284,13 +317,6 @@ def given(text: str, texts: list[str] | None, beam: float | None) -> list[Mechan
     return found
 
 
-def machines(text: str, texts: list[str] | None, beam: float | None) -> list[Mechanism]:
-    """As :func:`given`, the mechanisms alone."""
-    from ..models.problem import Problem
-
-    return [one.mechanism if isinstance(one, Problem) else one for one in given(text, texts, beam)]
-
-
 def only(
     text: str, texts: list[str] | None, beam: float | None, command: str
 ) -> Mechanism | Problem:
@@ -305,14 +331,6 @@ def only(
     return found[0]
 
 
-def machine(text: str, texts: list[str] | None, beam: float | None, command: str) -> Mechanism:
-    """As :func:`only`, the mechanism alone."""
-    from ..models.problem import Problem
-
-    found = only(text, texts, beam, command)
-    return found.mechanism if isinstance(found, Problem) else found
-
-
 def chosen_names(text: str | None, what: str) -> list[str] | None:
     """Split a comma list; None, which stands for all, where nothing is said.
 
@@ -320,41 +338,6 @@ def chosen_names(text: str | None, what: str) -> list[str] | None:
         InputError: the list is empty.
     """
     return None if text is None else names(text, what)
-
-
-def study(
-    models: Sequence[str | Mechanism | Problem],
-    engines: str | None,
-    out: Path,
-    resume: bool,
-    timeout: float,
-    jobs: int = 1,
-    **others: Any,
-) -> Study:
-    """A study whose runs are kept in the folder of its results.
-
-    Args:
-        engines: comma list; None: all.
-        others: as :class:`..comparisons.runs.study.Study` takes them.
-
-    Raises:
-        InputError: a name or a value is not valid, or the folder cannot be written to.
-    """
-    from ..comparisons.runs.store import Store
-    from ..comparisons.runs.study import Study
-    from ..models.files import refuse_unwritable
-
-    store = Store(out / "trials", resume, out / "trials")
-    study = Study(
-        models,
-        chosen_names(engines, "--engines"),
-        store=store,
-        timeout=timeout,
-        jobs=jobs,
-        **others,
-    )
-    refuse_unwritable(out)
-    return study
 
 
 def needs(texts: list[str] | None, file: Path | None) -> dict[str, float | str]:

@@ -413,10 +413,8 @@ class Suite:
         isolate: bool = True,
     ) -> None:
         self.target, self.problems, self.required = target, tuple(problems), required
-        self._references, self._worker = (
-            references or References(),
-            Worker(timeout, isolate, fresh=True),
-        )
+        self._references = references or References()
+        self._worker = Worker(timeout, isolate, fresh=True)
         self._known: dict[str, dict[str, Verdict]] = {}
         self._diagnosed = 0
         self.ids = tuple(
@@ -479,103 +477,90 @@ class Suite:
         return map(self.verdict, self.ids)
 
     def _judged(self, problem: str) -> dict[str, Verdict]:
-        if not is_installed(engine_class(self.target.engine)):
-            text = absence(engine_class(self.target.engine)).removesuffix(".")
-            return self._all(problem, State.BROKEN if self.required else State.SKIPPED, text)
+        cls = engine_class(self.target.engine)
+        if not is_installed(cls):
+            state = State.BROKEN if self.required else State.SKIPPED
+            return self._all(problem, state, absence(cls).removesuffix("."))
         if problem == INTERFACE:
-            found = check_interface(
-                self.target.engine, self.target.preset, self.problems, self._worker
-            )
             return {
-                c: Verdict(id=self._id(problem, c), state=state, text=text)
-                for c, (state, text) in found.items()
+                check: self._verdict(problem, check, state, text)
+                for check, (state, text) in check_interface(
+                    self.target.engine, self.target.preset, self.problems, self._worker
+                ).items()
             }
         lacking = missing(*given(problem), self.capabilities)
         if lacking:
             return self._all(problem, State.SKIPPED, f"it has no {', no '.join(lacking)}")
         return self._run(problem)
 
+    def _verdict(self, problem: str, check: str, state: State, text: str = "") -> Verdict:
+        return Verdict(id=self._id(problem, check), state=state, text=text)
+
     def _all(self, problem: str, state: State, text: str) -> dict[str, Verdict]:
         return {
-            c: Verdict(id=self._id(problem, c), state=state, text=text)
-            for c in self._checks[problem]
+            check: self._verdict(problem, check, state, text) for check in self._checks[problem]
         }
 
     def _failed(self, problem: str, text: str, check: str = "runs") -> dict[str, Verdict]:
         """One check broken, and the others without a motion to look at."""
-        others = self._all(
-            problem,
-            State.SKIPPED,
-            "there is no motion to judge; see the first check of this problem",
-        )
-        return others | {check: Verdict(id=self._id(problem, check), state=State.BROKEN, text=text)}
+        nothing = "there is no motion to judge; see the first check of this problem"
+        others = self._all(problem, State.SKIPPED, nothing)
+        return others | {check: self._verdict(problem, check, State.BROKEN, text)}
 
     def _run(self, problem: str) -> dict[str, Verdict]:
-        study = Study([problem], [self.target.engine], [self.target.preset])
+        target = self.target
+        study = Study([problem], [target.engine], [target.preset])
         runs = self._references.of(study, problem)
         runs.diagnoses = self._diagnosed < _DIAGNOSED
         runs.runner.worker = self._worker
         try:
-            made = study.engine(self.target.engine, self.target.preset)
-            own = study.engine_for(problem, runs.machine.scales.time, made)
+            made = study.engine(target.engine, target.preset)
+            engine = study.engine_for(problem, runs.machine.scales.time, made)
         except (TrebucheckError, TypeError, ValueError) as error:
             return self._failed(problem, f"the engine cannot be made: {error}")
-        run = runs.run(Case(problem, self.target.engine, self.target.preset), own).run
+        run = runs.run(Case(problem, target.engine, target.preset), engine).run
+        message = f"{run.message}"
+        if run.outcome is Outcome.TIMED_OUT:
+            longer = "a longer --timeout [s] (of pytest: --trebucheck-timeout) may let it"
+            return self._failed(problem, f"{message.removesuffix('.')}; {longer}")
         if run.outcome in FAILURES:
-            slow = run.outcome is Outcome.TIMED_OUT
-            longer = (
-                "; a longer --timeout [s] (of pytest: --trebucheck-timeout) may let it"
-                if slow
-                else ""
-            )
-            return self._failed(
-                problem, f"{(run.message or '').removesuffix('.') if slow else run.message}{longer}"
-            )
+            return self._failed(problem, message)
         if run.outcome is Outcome.UNSUPPORTED:
-            return self._failed(problem, f"it refuses what it declares: {run.message}")
+            return self._failed(problem, f"it refuses what it declares: {message}")
         if run.outcome is Outcome.NOT_EQUIVALENT:
-            return self._failed(problem, " ".join([f"{run.message}", *diagnosis(run)]), "model")
+            return self._failed(problem, " ".join([message, *diagnosis(run)]), "model")
         self._diagnosed += bool(run.broken)
-        scaled = own.timestep != made.timestep
-        return self._of_run(problem, run, f" at steps of {own.timestep:g} s" if scaled else "")
+        verdicts = self._of_run(problem, run)
+        if engine.timestep != made.timestep:  # then failures say at which steps
+            steps = f" at steps of {engine.timestep:g} s"
+            for check, verdict in verdicts.items():
+                if verdict.failed:
+                    verdicts[check] = verdict.model_copy(update={"text": verdict.text + steps})
+        return verdicts
 
-    def _of_run(self, problem: str, run: Run, steps: str) -> dict[str, Verdict]:
-        """Verdicts; failed ones name the steps where these are not the preset's."""
-        verdicts = {
-            check: self._of_quantity(problem, check, run) for check in self._checks[problem][2:]
-        }
-        found = {
-            "runs": self._of_rest(problem, run),
-            "model": self._of_model(problem, run),
-        } | verdicts
-        broken = {
-            check: v.model_copy(update={"text": v.text + steps})
-            for check, v in found.items()
-            if v.failed
-        }
-        return found | broken
+    def _of_run(self, problem: str, run: Run) -> dict[str, Verdict]:
+        """Verdicts on a run, its built model, and each quantity."""
+        runs, model, *checks = self._checks[problem]
+        verdicts = {runs: self._of_rest(problem, run), model: self._of_model(problem, run)}
+        for check in checks:
+            verdict = judgement([m for m in run.metrics if check_name(m.name) == check], run)
+            verdicts[check] = verdict.model_copy(update={"id": self._id(problem, check)})
+        return verdicts
 
     def _of_rest(self, problem: str, run: Run) -> Verdict:
         """Verdict on the run itself, and on metrics that have no check of their own."""
         rest = [m for m in run.metrics if check_name(m.name) not in self._checks[problem]]
-        found = judgement(rest, run)
-        kept = found.state is State.SKIPPED
-        update = {"id": self._id(problem, "runs"), "wall_time": run.wall_time}
-        return found.model_copy(update=update | ({"state": State.KEPT, "text": ""} if kept else {}))
+        verdict = judgement(rest, run)
+        changes: dict[str, object] = {"id": self._id(problem, "runs"), "wall_time": run.wall_time}
+        if verdict.state is State.SKIPPED:  # nothing else was judged: it ran
+            changes |= {"state": State.KEPT, "text": ""}
+        return verdict.model_copy(update=changes)
 
     def _of_model(self, problem: str, run: Run) -> Verdict:
-        equality = run.equality
-        shown = equality is not None and equality.exposed
-        text = (
-            "" if shown else "it does not show its built model (`inspect`): only its motion tells"
-        )
-        return Verdict(
-            id=self._id(problem, "model"), state=State.KEPT if shown else State.SKIPPED, text=text
-        )
-
-    def _of_quantity(self, problem: str, check: str, run: Run) -> Verdict:
-        found = judgement([m for m in run.metrics if check_name(m.name) == check], run)
-        return found.model_copy(update={"id": self._id(problem, check)})
+        if run.equality is not None and run.equality.exposed:
+            return self._verdict(problem, "model", State.KEPT)
+        text = "it does not show its built model (`inspect`): only its motion tells"
+        return self._verdict(problem, "model", State.SKIPPED, text)
 
 
 def judgement(metrics: Iterable[Metric], run: Run) -> Verdict:

@@ -92,6 +92,7 @@ class _Options(Protocol):
 
 _O = TypeVar("_O", bound=_Options)
 _S = TypeVar("_S", bound=Spec)
+_V = TypeVar("_V", float, FloatArray)
 
 
 @dataclass(frozen=True)
@@ -211,11 +212,9 @@ class Units:
     def recording(self, recording: Recording, problem: Problem) -> Recording:
         """A recording in these units, converted to SI."""
         mechanism = problem.mechanism
-        q, efforts = (
-            self.coordinates(mechanism),
-            {stop.name: self.effort(stop) for stop in mechanism.stops},
-        )
-        speed = self.length / self.time
+        q, speed = self.coordinates(mechanism), self.length / self.time
+        efforts = {stop.name: self.effort(stop) for stop in mechanism.stops}
+        impulses = {name: effort * self.time for name, effort in efforts.items()}
         # The last time is the problem's end to the bit: the units are powers of two.
         return Recording(
             t=recording.t * self.time,
@@ -227,26 +226,16 @@ class Units:
             },
             kinetic_energy=recording.kinetic_energy * self.energy,
             potential_energy=recording.potential_energy * self.energy,
-            stop_torques={
-                name: torque * efforts[name] for name, torque in recording.stop_torques.items()
-            },
+            stop_torques=_in_units(recording.stop_torques, efforts),
             release_times={
                 name: None if time is None else time * self.time
                 for name, time in recording.release_times.items()
             },
-            joint_reactions={
-                name: force * self.force for name, force in recording.joint_reactions.items()
-            },
-            joint_gaps={name: gap * self.length for name, gap in recording.joint_gaps.items()},
+            joint_reactions=_in_units(recording.joint_reactions, self.force),
+            joint_gaps=_in_units(recording.joint_gaps, self.length),
             impacts=tuple(
-                (
-                    time * self.time,
-                    {
-                        name: impulse * efforts[name] * self.time
-                        for name, impulse in impulses.items()
-                    },
-                )
-                for time, impulses in recording.impacts
+                (time * self.time, _in_units(of_stops, impulses))
+                for time, of_stops in recording.impacts
             ),
             steps=recording.steps,
         )
@@ -268,28 +257,24 @@ class Units:
 
     def _dynamics(self, dynamics: Dynamics, mechanism: Mechanism) -> Dynamics:
         q, inertia = self.coordinates(mechanism), self.mass * self.length**2
-        stops = {stop.name: stop for stop in mechanism.stops}
+        efforts = {stop.name: self.effort(stop) for stop in mechanism.stops}
+        gaps = {s.name: self.length if s.gap_unit == "m" else 1.0 for s in mechanism.stops}
         mass, forces = dynamics.mass_matrix, dynamics.forces
         return Dynamics(
             accelerations=dynamics.accelerations * q / self.time**2,
-            stop_torques=_in_units(
-                dynamics.stop_torques, {name: self.effort(stop) for name, stop in stops.items()}
-            ),
+            stop_torques=_in_units(dynamics.stop_torques, efforts),
             mass_matrix=None if mass is None else mass * inertia / np.outer(q, q),
             forces=None if forces is None else forces * self.energy / q,
-            centres={name: centre * self.length for name, centre in dynamics.centres.items()},
-            stop_gaps=_in_units(
-                dynamics.stop_gaps,
-                {
-                    name: self.length if stop.gap_unit == "m" else 1.0
-                    for name, stop in stops.items()
-                },
-            ),
+            centres=_in_units(dynamics.centres, self.length),
+            stop_gaps=_in_units(dynamics.stop_gaps, gaps),
         )
 
 
-def _in_units(values: Mapping[str, float], units: Mapping[str, float]) -> dict[str, float]:
-    return {name: value * units[name] for name, value in values.items()}
+def _in_units(values: Mapping[str, _V], units: float | Mapping[str, float]) -> dict[str, _V]:
+    """Values times a unit, or each times its own."""
+    if isinstance(units, Mapping):
+        return {name: value * units[name] for name, value in values.items()}
+    return {name: value * units for name, value in values.items()}
 
 
 SI = Units()

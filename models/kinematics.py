@@ -147,11 +147,9 @@ class Kinematics(Phasors):
         That of the body which has the largest, if it is larger: a point that loops hold fast has
         but rounding for one.
         """
-        own, of_bodies = (
-            self._speed_scales(row.coefficients[..., None, :]),
-            self._speed_scales(self.centres),
-        )
-        return cast("float", np.maximum(own[..., 0], of_bodies.max(axis=-1)))
+        of_point = self._speed_scales(row.coefficients[..., None, :])[..., 0]
+        of_bodies = self._speed_scales(self.centres).max(axis=-1)
+        return cast("float", np.maximum(of_point, of_bodies))
 
     def _speed_scales(self, coefficients: ComplexArray) -> FloatArray:
         arms, speeds = np.abs(coefficients), np.abs(initial_state(self.mechanism)[1])[..., None, :]
@@ -243,10 +241,9 @@ class Kinematics(Phasors):
             ]
             if joint.turned_by is not None:
                 angle = self.angle(joint.child, joint.parent)
-                apart = angle.value(initial_state(self.mechanism)[0]) - joint.turned_by
-                constant = (
-                    angle.constant - joint.turned_by - np.round(apart / (2 * math.pi)) * 2 * math.pi
-                )
+                error = angle.value(initial_state(self.mechanism)[0]) - joint.turned_by
+                full_turns = np.round(error / (2 * math.pi)) * 2 * math.pi
+                constant = angle.constant - joint.turned_by - full_turns
                 closures.append(AngleFunction(cast("float", constant), angle.coefficients))
         return tuple(closures)
 

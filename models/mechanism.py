@@ -190,12 +190,12 @@ class Mechanism(Shown, Spec):
         tree, residuals = self.tree, dict[str, float]()
         start = tree.configuration(self.start)
         for joint in tree.loop_joints:
-            apart = start.point(joint.child, joint.child_point) - start.point(
+            vector = start.point(joint.child, joint.child_point) - start.point(
                 joint.parent, joint.parent_point
             )
-            apart *= cmath.exp(1j * start.angles[joint.parent])
+            vector *= cmath.exp(1j * start.angles[joint.parent])
             residuals[joint.name] = math.hypot(
-                *((apart * d.conjugate()).real for d in joint.held_directions)
+                *((vector * d.conjugate()).real for d in joint.held_directions)
             )
         return residuals
 

@@ -32,8 +32,8 @@ class Configuration:
 
     def point(self, body: str, point: Vector) -> complex:
         """World position of a body's point, x + i y [m]."""
-        at, own = self.carried[body]
-        return at + (complex(*point) - own) * cmath.exp(-1j * self.angles[body])
+        at, body_point = self.carried[body]
+        return at + (complex(*point) - body_point) * cmath.exp(-1j * self.angles[body])
 
 
 @dataclass(frozen=True)
@@ -102,13 +102,13 @@ class Tree:
             body: turned if index is None else q[index] + turned
             for body, (index, turned) in self.attitudes.items()
         }
-        found = Configuration(angles, {GROUND: (0j, 0j)})
+        configuration = Configuration(angles, {GROUND: (0j, 0j)})
         for joint in self.joints:
             at, turned = (
-                found.point(joint.parent, joint.parent_point),
+                configuration.point(joint.parent, joint.parent_point),
                 cmath.exp(-1j * angles[joint.parent]),
             )
             for name, direction in zip(joint.slides, joint.free_directions, strict=True):
                 at += values[name] * direction * turned
-            found.carried[joint.child] = at, complex(*joint.child_point)
-        return found
+            configuration.carried[joint.child] = at, complex(*joint.child_point)
+        return configuration

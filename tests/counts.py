@@ -1,4 +1,4 @@
-"""What the code weighs and how it reads, counted: `python tests/counts.py`; the ceilings are tested.
+"""Counts of what the code weighs and how it reads: `python tests/counts.py`; ceilings are tested.
 
 A count that falls is written down here as the new ceiling; one that has to rise needs a reason in
 the commit that raises it.
@@ -23,6 +23,7 @@ CORE = (
     "comparisons",
     "conformance",
     "cli",
+    "api",
     "docs",
     "benchmarks",
     "examples",

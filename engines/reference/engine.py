@@ -67,7 +67,7 @@ class ReferenceEngine(BuiltinEngine):
 
     @classmethod
     def version(cls) -> str:
-        """Of trebucheck, whose solver it is."""
+        """Version of trebucheck, whose solver it is."""
         return __version__
 
     def solve(self, problem: Problem) -> Solution:

@@ -72,8 +72,9 @@ ELEMENTS: tuple[type, ...] = (*JOINTS, *STOPS, *FORCE_ELEMENTS)
 AnyJoint = PinJoint | WeldJoint | SlotJoint | PrismaticJoint | FreeJoint
 Joint = Annotated[AnyJoint, Field(discriminator="kind")]
 
+# In the order of the schemas, in which an element of a later release comes last.
 AnyForceElement = (
-    SpringDamper | RotationalSpringDamper | CubicTorsionSpring | ConstantForce | ConstantTorque
+    SpringDamper | RotationalSpringDamper | ConstantForce | ConstantTorque | CubicTorsionSpring
 )
 ForceElement = Annotated[AnyForceElement, Field(discriminator="kind")]
 

@@ -59,8 +59,8 @@ class Stop(BaseStop):
         self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]
     ) -> float:
         """The relative angle, or its derivative, in the sense of the gap; linear in the motion."""
-        own, other = (0.0 if body == GROUND else angle(body) for body in self.bodies)
-        return self.sense * (own - other)
+        first, second = (0.0 if body == GROUND else angle(body) for body in self.bodies)
+        return self.sense * (first - second)
 
     def gap(self, geometry: Geometry) -> AngleFunction:
         """Its gap as a function of the coordinates [rad]."""

@@ -93,8 +93,8 @@ class Benchmark:
         Args:
             parameters: of the benchmark's own type; the published ones where left out.
         """
-        given = parameters or self.parameters()
-        return Problem(self.build(given), duration=given.duration, stop_law=self.stop_law)
+        values = parameters or self.parameters()
+        return Problem(self.build(values), duration=values.duration, stop_law=self.stop_law)
 
 
 _GRID = 500  # samples among which sign changes are looked for

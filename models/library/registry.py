@@ -93,8 +93,12 @@ def library_problem(name: str, parameters: Spec | None = None) -> Problem | None
         InputError: as :func:`model`.
     """
     _entry(name, parameters)
-    found = find_benchmark(name)
-    return None if found is None else found.problem(cast("BenchmarkParameters | None", parameters))
+    problem_entry = find_benchmark(name)
+    return (
+        None
+        if problem_entry is None
+        else problem_entry.problem(cast("BenchmarkParameters | None", parameters))
+    )
 
 
 def _entry(name: str, parameters: Spec | None = None) -> _Model:
@@ -113,10 +117,14 @@ def _entry(name: str, parameters: Spec | None = None) -> _Model:
 
 
 def _of_library(name: str) -> _Model | None:
-    found = find_benchmark(name)
-    if found is None:
+    problem_entry = find_benchmark(name)
+    if problem_entry is None:
         return None
-    return _Model(lambda given: found.problem(given).mechanism, found.parameters, found.text)
+    return _Model(
+        lambda given: problem_entry.problem(given).mechanism,
+        problem_entry.parameters,
+        problem_entry.text,
+    )
 
 
 _BENCHMARKS = {
@@ -155,10 +163,10 @@ def benchmark(name: str) -> Benchmark:
     Raises:
         InputError: there is none; the sentence lists those there are.
     """
-    found = find_benchmark(name)
-    if found is None:
+    problem_entry = find_benchmark(name)
+    if problem_entry is None:
         close = get_close_matches(name, _BENCHMARKS, n=1)
         hint = f" (did you mean {close[0]!r}?)" if close else ""
         known = ", ".join(f"{entry.number} {entry.name}" for entry in _BENCHMARKS.values())
         raise InputError(f"there is no problem {name!r}{hint}; there are: {known}.")
-    return found
+    return problem_entry

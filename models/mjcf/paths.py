@@ -49,8 +49,8 @@ def mjcf_path(name: str, *, scene: bool = False) -> str:
     Raises:
         InputError: it is none of the machines; :func:`mjcf` writes the MJCF of any other.
     """
-    found = description(name)
-    return found.MJCF_PATH_SCENE if scene else found.MJCF_PATH
+    paths = description(name)
+    return paths.MJCF_PATH_SCENE if scene else paths.MJCF_PATH
 
 
 def as_spec(text: str) -> Any:

@@ -68,33 +68,33 @@ class MassProperties:
 
 def inertias(mechanism: Mechanism, variant: Variant) -> dict[str, MassProperties]:
     """Mass, centre and inertia of each body by name, as they are written."""
-    found = {
+    properties = {
         body.name: MassProperties(body.mass, complex(*body.centre), body.inertia)
         for body in mechanism.bodies
     }
     if variant.finite_inertia:
         for body in reversed(mechanism.bodies):
-            _enlarge(mechanism, found, mechanism.joint_of(body.name))
-    return found
+            _enlarge(mechanism, properties, mechanism.joint_of(body.name))
+    return properties
 
 
-def _enlarge(mechanism: Mechanism, found: dict[str, MassProperties], joint: AnyJoint) -> None:
+def _enlarge(mechanism: Mechanism, properties: dict[str, MassProperties], joint: AnyJoint) -> None:
     """Move as much mass from the parent to the child of a pin as gives the child its least inertia.
 
     Not if the parent then had a negative inertia that it could not get from the ground: the third
     point mass of a chain stays one.
     """
-    child, at = found[joint.child], complex(*joint.child_point)
+    child, at = properties[joint.child], complex(*joint.child_point)
     needed = _SHARE * child.second_moment(at)
     if joint.kind != "pin" or child.inertia >= needed:
         return
     first = child.mass * abs(child.centre - at)
     moved = first**2 / (child.second_moment(at) - needed) - child.mass
     if joint.parent != GROUND:
-        smaller = found[joint.parent].with_mass_at(complex(*joint.parent_point), -moved)
+        smaller = properties[joint.parent].with_mass_at(complex(*joint.parent_point), -moved)
         carrier = mechanism.joint_of(joint.parent)
         from_ground = carrier.kind == "pin" and carrier.parent == GROUND
         if smaller.mass <= 0 or (smaller.inertia <= 0 and not from_ground):
             return
-        found[joint.parent] = smaller
-    found[joint.child] = child.with_mass_at(at, moved)
+        properties[joint.parent] = smaller
+    properties[joint.child] = child.with_mass_at(at, moved)

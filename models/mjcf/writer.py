@@ -54,7 +54,7 @@ KINETIC_ENERGY, POTENTIAL_ENERGY = "energy/kinetic", "energy/potential"
 _HINGE = "0 1 0"
 
 FAR = 1e10
-"""Where a limit stands that is none [rad]: MuJoCo's ranges have two ends."""
+"""Limit [rad] that stands for none: MuJoCo's ranges have two ends."""
 
 MARGIN = 1e-12
 """Distance from a limit below which it acts [rad]; strictly below, so 0 would miss the start."""

@@ -129,7 +129,7 @@ def perform(
 
 
 def _held(chosen: dict[str, float]) -> Held:
-    """What the release holds; the best one its time, which to first order leaves its range."""
+    """Quantity that the release holds; the best one its time: to first order its range stays."""
     if "sling_angle" in chosen:
         return "sling"
     return "time" if {"release_time", "best"} & chosen.keys() else "velocity"

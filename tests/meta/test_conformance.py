@@ -529,7 +529,7 @@ def own_engine(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 
 
 def test_the_guides_engine_is_whole_and_right(own_engine: str) -> None:
-    assert (TESTS.parent / "examples" / "own_engine.py").read_text().count("\n") <= 150
+    assert (TESTS.parent / "examples" / "own_engine.py").read_text().count("\n") <= 190
     found = list(_suite(own_engine).verdicts())
     assert not [verdict for verdict in found if verdict.failed]
     kept = {

@@ -16,6 +16,7 @@ from typing import Any, cast
 import jsonschema
 import pytest
 import trebucheck as tb
+import typer
 from trebucheck.__main__ import main
 from trebucheck.comparisons.recommend import Advice, Asked
 from trebucheck.comparisons.recommend import search as family
@@ -353,7 +354,9 @@ def test_an_engine_that_is_not_here_is_a_row(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_the_command_takes_as_many_neighbours_as_the_function() -> None:
-    from trebucheck.cli import studies as command
+    from trebucheck.cli.app import app
     from trebucheck.comparisons.recommend import study as recommending
 
-    assert command._NEIGHBOURS == recommending.NEIGHBOURS
+    commands: Any = typer.main.get_command(app)
+    defaults = {each.name: each.default for each in commands.commands["recommend"].params}
+    assert defaults["neighbours"] == recommending.NEIGHBOURS

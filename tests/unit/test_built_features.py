@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import importlib
 from typing import Any
 
 import pytest
 import trebucheck as tb
 from trebucheck.engines.protocol import built_features
 from trebucheck.engines.units import DIMENSIONS, Units
-from trebucheck.models.elements import ELEMENTS, FORCE_ELEMENTS, Feature, FreeJoint
+from trebucheck.models.elements import ELEMENTS, FORCE_ELEMENTS, ElementTable, Feature, FreeJoint
 
 # Fields of elements that are names, choices, or numbers without dimension.
 PLAIN = {
@@ -50,3 +51,14 @@ def test_an_unknown_element_has_no_units() -> None:
     mechanism = mechanism.model_copy(update={"joints": (rubber,)})
     with pytest.raises(tb.UnsupportedProblemError, match="odd one"):
         Units(2.0, 2.0, 2.0).mechanism(mechanism)
+
+
+@pytest.mark.parametrize("name", ["exudyn", "pymunk"])
+def test_classes_that_an_engine_claims_are_those_of_its_builders(name: str) -> None:
+    pytest.importorskip(name)
+    build = importlib.import_module(f"trebucheck.engines.{name}.build")
+    handled = set[type]()
+    for table in vars(build).values():
+        if isinstance(table, ElementTable):
+            handled |= table.handlers.keys()
+    assert handled == tb.engines()[name].capabilities.elements

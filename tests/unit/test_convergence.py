@@ -454,7 +454,7 @@ def test_an_interrupt_is_exit_code_130(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(studying, "converge_study", interrupted)
+    monkeypatch.setattr(studying, "converge", interrupted)
     assert main(["converge", "--out", str(tmp_path / "out")]) == 130
     assert "--resume" in capsys.readouterr().err
     assert not (tmp_path / "out" / "converge.html").exists()

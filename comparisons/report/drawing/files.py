@@ -171,7 +171,7 @@ class Stage:
     def pixels(self, z: ComplexArray) -> ComplexArray:
         """Points of the world [m] in the picture: x + i y [px], y down."""
         left, top = self.stage.get_xlim()[0], self.stage.get_ylim()[1]
-        return np.asarray(self.scale * np.conj(z - complex(left, top)))
+        return np.asarray(self.scale * np.conj(z - complex(left, top)), dtype=np.complex128)
 
     def draw_reference(self, time: float, opacity: float = 1.0) -> None:
         """Draw the mechanism; stops that have opened are faint."""
@@ -320,7 +320,7 @@ class Stage:
         end = math.pi / 2 - sweep
         back = end + sign * min(9.0 * pixel, 0.6 * radius) / radius
         arc = centre + radius * np.exp(1j * np.linspace(math.pi / 2, back, 33))
-        self._lines([np.asarray(arc)], PALETTE["force"], 2.0, opacity)
+        self._lines([np.asarray(arc, dtype=np.complex128)], PALETTE["force"], 2.0, opacity)
         corners = [(radius, end), (radius - 4 * pixel, back), (radius + 4 * pixel, back)]
         head = np.array([centre + r * np.exp(1j * angle) for r, angle in corners])
         self._area(head, PALETTE["force"], opacity)
@@ -438,7 +438,7 @@ def still(stage: Stage, times: Sequence[float]) -> bytes:
     return _svg_of(stage)
 
 
-_SVG_STYLE = {
+_SVG_STYLE: Any = {
     "svg.hashsalt": "trebucheck",
     "svg.fonttype": "none",
     "font.sans-serif": ["DejaVu Sans"],

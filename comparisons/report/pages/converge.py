@@ -1,4 +1,4 @@
-"""Plots of the studies."""
+"""The page of convergence studies: orders, laws, floors, limits, plots."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ...converge.results import (
 from .. import document as doc
 from ..numbers import format_number, format_settings
 from ..plots import Axis, Label, Panels, Plot, Series, Style, run_style
-from .tables import compared_time, provenance
+from .tables import chapter, compared_time, is_tuned, provenance
 
 _WHOLE = Style("#8a8f96")
 
@@ -213,7 +213,7 @@ def _chapter(machine: MachineStudies) -> Iterator[doc.Block]:
         f"{format_number(value)} {_unit(machine, name)}"
         for name, value in machine.uncertainty.items()
     ]
-    yield doc.Heading(f"{machine.model.capitalize()} machine", 2, machine.model)
+    yield chapter(machine.model)
     compared = compared_time(machine.launch_time, machine.compared_to, machine.judged_to)
     yield doc.Note(
         f"{compared} The reference is known to {' and '.join(known)} (by "
@@ -318,11 +318,7 @@ def _floors(studies: Sequence[Study]) -> doc.Table:
 
 
 def _limits(machine: MachineStudies) -> Iterator[doc.Block]:
-    tuned = [
-        pair
-        for pair in machine.pairs
-        if pair.first.endswith(" tuned") and pair.second.endswith(" tuned")
-    ]
+    tuned = [pair for pair in machine.pairs if is_tuned(pair.first) and is_tuned(pair.second)]
     to_reference = [
         doc.row(limit.label, "reference", format_number(limit.position), medium="page")
         for limit in machine.limits

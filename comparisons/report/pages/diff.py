@@ -1,4 +1,4 @@
-"""The difference of two comparisons as a document, what matters most first."""
+"""The page of the difference of two comparisons, what matters most first."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 
-from ...diff.study import Difference, Fate, QuantityChange, RunChange
+from ...diff import Difference, Fate, QuantityChange, RunChange
 from ...runs.results import Metric, Run
 from .. import document as doc
 from ..numbers import format_number, format_step
-from .tables import cause_text, diagnosis
+from .tables import cause_text, diagnosis, verdict_blocks
 
 _QUESTION = "What moved from one comparison to the other, and what broke?"
 _SHOWN = 20
@@ -42,8 +42,9 @@ _HOW = (
 def document(difference: Difference) -> doc.Document:
     """All of it; a terminal has the tables in short, and the summary at their end."""
     found = difference
+    first_verdict, last_verdict = verdict_blocks(found.summary, doc.mark_of(found.passed))
     blocks: tuple[doc.Block, ...] = (
-        doc.Text(found.summary, "bad" if not found.passed else "good", medium="page"),
+        first_verdict,
         _tiles(found),
         _versions(found),
         *_reference(found),
@@ -56,7 +57,7 @@ def document(difference: Difference) -> doc.Document:
         *_conditions(found),
         *_times(found),
         doc.Note(_HOW.format(factor=found.factor)),
-        doc.Text(found.summary, "bad" if not found.passed else "good", medium="terminal"),
+        last_verdict,
     )
     return doc.Document(_QUESTION, blocks, "trebucheck diff", verdict=found.summary)
 
@@ -181,11 +182,9 @@ def _count_row(found: Difference, each: RunChange) -> doc.Row | None:
     worst = max(
         (q for q in each.quantities if q in broke or q in grew), key=_known_factor, default=None
     )
-    growth = (
-        ""
-        if worst is None or _known_factor(worst) <= 1
-        else f"{_factor(worst)} in {worst.either.label}"
-    )
+    growth = ""
+    if worst is not None and _known_factor(worst) > 1:
+        growth = f"{_factor(worst)} in {worst.either.label}"
     return doc.row(_name(each), *counts, len(each.quantities), growth)
 
 
@@ -225,19 +224,16 @@ def _factor(change: QuantityChange) -> str:
     ratio = change.factor
     if ratio is None or ratio == 1:
         return "–"
+    if ratio == 0 or math.isinf(ratio):
+        return "from 0"
     bound = "over " if change.bounded else ""
-    times = ratio if ratio > 1 else 1 / ratio if ratio else math.inf
-    return "from 0" if math.isinf(times) else f"{bound}{'×' if ratio > 1 else '÷'} {_short(times)}"
+    return f"{bound}× {_short(ratio)}" if ratio > 1 else f"{bound}÷ {_short(1 / ratio)}"
 
 
 def _short(value: float) -> str:
-    return (
-        f"{value:.1f}"
-        if value < 9.95
-        else f"{value:.0f}"
-        if value < 9999.5
-        else format_number(value)
-    )
+    if value < 9.95:
+        return f"{value:.1f}"
+    return f"{value:.0f}" if value < 9999.5 else format_number(value)
 
 
 def _tolerance(change: QuantityChange) -> str:
@@ -249,9 +245,9 @@ def _tolerance(change: QuantityChange) -> str:
 
 def _verdict(change: QuantityChange) -> doc.Cell:
     old, new = _judged(change.old), _judged(change.new)
-    mark: doc.Mark = (
-        "bad" if change.broke or new == "breaks" else "good" if change.mended else "plain"
-    )
+    mark: doc.Mark = "good" if change.mended else "plain"
+    if change.broke or new == "breaks":
+        mark = "bad"
     why = ", by its tolerance" if change.by_tolerance else ""
     return doc.Cell(new if old == new else f"{old} → {new}{why}", mark)
 
@@ -340,13 +336,9 @@ def _settings(runs: Iterable[RunChange]) -> Iterator[str]:
 
 
 def _setting(value: object) -> str:
-    return (
-        "none"
-        if value is None
-        else format_step(value)
-        if isinstance(value, float) and value
-        else str(value)
-    )
+    if value is None:
+        return "none"
+    return format_step(value) if isinstance(value, float) and value else str(value)
 
 
 def _looser(change: QuantityChange, factor: float) -> bool:

@@ -1,4 +1,4 @@
-"""Error budgets as a document, each with its bar chart."""
+"""The page of error budgets, each with its bar chart."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ...explain.results import (
 from .. import document as doc
 from ..numbers import format_number, format_percent
 from ..plots import Axis, Label, Panels, Plot, Series, Style
-from .tables import compared_time, provenance
+from .tables import chapter, compared_time, provenance, verdict_blocks
 
 _FEW = 1e-3  # shares below this are left out in the terminal; the page's tables have them all
 _FIELDS = ("position", "torque", "release", "wall_time")
@@ -60,8 +60,9 @@ _CHANGES = (
 
 def document(explanation: Explanation) -> doc.Document:
     """All budgets; a terminal has them in short, what options buy, what failed, the verdict."""
+    first_verdict, last_verdict = verdict_blocks(verdict(explanation), "strong")
     blocks: list[doc.Block] = [
-        doc.Text(verdict(explanation), "strong", medium="page"),
+        first_verdict,
         doc.Fold("How to read it", (doc.Note(_INTRODUCTION), doc.Note(_HOW_TO_READ))),
     ]
     blocks += [
@@ -77,7 +78,7 @@ def document(explanation: Explanation) -> doc.Document:
     blocks += provenance(
         explanation, runs, [(machine.model, machine.mechanism) for machine in explanation.machines]
     )
-    blocks.append(doc.Text(verdict(explanation), medium="terminal"))
+    blocks.append(last_verdict)
     return doc.Document(
         "Where the errors come from",
         tuple(blocks),
@@ -117,14 +118,14 @@ def _explained(quantity: Quantity) -> str:
 
 
 def _downwards(fraction: float) -> str:
-    return (
-        "over 99.9 %" if fraction > 0.999 else f"{math.floor(1000 * max(0.0, fraction)) / 10:.1f} %"
-    )
+    if fraction > 0.999:
+        return "over 99.9 %"
+    return f"{math.floor(1000 * max(0.0, fraction)) / 10:.1f} %"
 
 
 def _chapter(explanation: Explanation, machine: Machine) -> Iterator[doc.Block]:
     budgets = [budget for budget in explanation.budgets if budget.model == machine.model]
-    yield doc.Heading(f"{machine.model.capitalize()} machine", 2, machine.model)
+    yield chapter(machine.model)
     yield doc.Note(compared_time(machine.launch_time, machine.compared_to, machine.judged_to))
     yield _summary(machine, budgets)
     for budget in budgets:
@@ -377,9 +378,9 @@ def _factor(before: float | None, after: float | None) -> str:
 
 
 def _two_digits(value: float) -> str:
-    return (
-        f"{value:.2g}" if value < 100 else (f"{value:.0f}" if value < 1e4 else format_number(value))
-    )
+    if value < 100:
+        return f"{value:.2g}"
+    return f"{value:.0f}" if value < 1e4 else format_number(value)
 
 
 def _option_value(value: object) -> str:

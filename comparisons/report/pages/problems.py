@@ -1,4 +1,4 @@
-"""The problem library as documents: the list, and one problem with its figures."""
+"""Pages of the problem library: the list, and one problem with its figures."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from ....models.library.benchmark import Benchmark
 from ....models.spec import Spec
-from ...problems.study import Check, CheckedFigure
+from ...problems import Check, CheckedFigure
 from .. import document as doc
 from ..numbers import format_number
 

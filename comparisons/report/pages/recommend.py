@@ -1,4 +1,4 @@
-"""Advice as a document."""
+"""The page of advice: settings that reach a target, texts to copy, what was tried."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures of one throw: the machine in motion, the flight, and the forces over time."""
+"""The page of one throw: the machine in motion, its figures, the flight, forces over time."""
 
 from __future__ import annotations
 

@@ -6,13 +6,13 @@ from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
 
-from .errors import InputError
-from .library.benchmark import Benchmark
-from .library.registry import benchmark, benchmarks, library_problem, parameters_type
-from .library.registry import model as named_model
-from .mechanism import Mechanism
-from .problem import Problem
-from .spec import Spec
+from ..errors import InputError
+from ..mechanism import Mechanism
+from ..problem import Problem
+from ..spec import Spec
+from .benchmark import Benchmark
+from .registry import benchmark, benchmarks, library_problem, parameters_type
+from .registry import model as named_model
 
 Model = str | PathLike[str] | Mechanism | Problem
 """Name of a machine, name or number of a problem of the library, path of a mechanism's .json file,

@@ -1,0 +1,385 @@
+"""`trebucheck compare`, `judge`, `conform`, `matrix`, `diff` and `figures`: do engines agree?"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from ..models.errors import InputError
+from . import completion, options, output
+from .call import Call, argument, command, folder, option
+
+if TYPE_CHECKING:
+    from ..comparisons.diff import Difference
+    from ..comparisons.matrix import Matrix
+    from ..comparisons.report.document import Document
+
+FACTOR = 1.1
+"""As in the study, which is imported when the command runs."""
+_WIDTH = 120
+"""Of a text file, in characters."""
+
+
+@command(
+    "models engines preset timestep duration until tolerance tolerances set beam option stop_law "
+    "resume jobs timeout quiet json",
+    folder("report", "Folder for report, summary.md, results.json and trajectories."),
+)
+def compare_command(call: Call) -> bool:
+    """Run engines on machines, measure them against the reference and each other, and write the report.
+
+    Writes report.html (self-contained), summary.md (for a pull request), results.json and one
+    NetCDF file a run. Ends with exit code 1 if a run disagrees, is not equivalent or failed, or if
+    nothing was judged.
+
+    Examples:
+    trebucheck compare --out report
+
+    trebucheck compare --models fixed --engines mujoco,pymunk --preset tuned --timestep 1e-3 --set
+    l1=9.5
+    """
+    from ..comparisons.compare.study import compare
+    from ..comparisons.report import markdown
+    from ..comparisons.report.pages.compare import document, summary
+
+    how, store = call.run_options(), call.store("trajectories", "runs")
+    with call.progress(width=28) as show:
+        comparison = compare(
+            **how,
+            store=store,
+            progress=lambda case, done, of: show(f"{case.model}: {case.label}", done, of),
+        )
+    results = comparison.results.made_by(call.command_line, store.most_jobs(call.jobs))
+    comparison = replace(comparison, results=results)
+    short = markdown.text(summary(results), signs=True)
+    call.publish(
+        "results.json",
+        results.to_json(),
+        document(comparison),
+        "report.html",
+        store=store,
+        current=comparison.repeated,
+        beside={"Summary": (call.out / "summary.md", short)},
+    )
+    return comparison.passed
+
+
+@command(
+    "file model duration until set beam tolerance tolerances stop_law quiet json",
+    folder("judgement", "Folder for judgement.html and judgement.json."),
+    file=argument(Path, help="CSV with names and units in its first line, or NetCDF (.nc)."),
+)
+def judge_command(call: Call) -> bool:
+    r"""Judge a motion from a file against the reference, in every quantity that it gives; nothing else is believed.
+
+    Columns are those of `Trajectory.to_dataframe`, each with its unit: t \[s], q theta \[rad], u
+    theta \[rad/s], projectile x \[m], projectile vx \[m/s], stop hanger rest [N m], joint fulcrum x
+    [N], kinetic energy [J]. Releases stand in comments: # release hanger rest \[s] = 0.8167;
+    impacts, too: # impact floor \[s] = 0.4515, impulse [N s] = 13.29. Two samples at the time of an
+    impact give the speeds before and after it. Coordinates or a marker's position are needed. Exit
+    codes: 0 what is given agrees, 1 it does not or could not be judged, 2 the file is broken.
+
+    Examples:
+    trebucheck judge my.csv --model rolling
+
+    trebucheck judge my.csv --model pendulum --tolerance angle=1e-6
+    """
+    from ..comparisons.judge.study import judge
+    from ..comparisons.report.pages.judge import document
+    from ..comparisons.runs.results import Outcome
+    from ..models.files import refuse_unwritable
+
+    how, model = call.run_options(), call.only_model()
+    del how["models"]
+    refuse_unwritable(call.out)
+    with call.progress() as show:
+        found = judge(call.file, model, **how, progress=show).made_by(call.command_line)
+    page = document(found)
+    call.publish("judgement.json", found.to_json(), page, "judgement.html", "Judgement")
+    return found.outcome is Outcome.AGREES
+
+
+@command(
+    "engine tier problem deviations timeout quiet json",
+    folder("conformance", "Folder for certificate.html, badge.svg and conformance.json."),
+    engine=argument(
+        str,
+        autocompletion=completion.engines,
+        help="NAME, NAME/PRESET, or package.module:Class of an engine that is not installed.",
+    ),
+    tier=option(str, "standard", "--tier", help="How many problems: quick, standard or full."),
+    problem=option(
+        list[str] | None,
+        None,
+        "--problem",
+        autocompletion=completion.machines,
+        help="Only these problems, comma-separated; repeatable.",
+    ),
+    deviations=option(
+        Path | None,
+        None,
+        "--deviations",
+        help="TOML or JSON: known failures, with id, reason and owner.",
+    ),
+    timeout=120.0,
+)
+def conform_command(call: Call) -> bool:
+    """Say what an engine keeps of what it declares, what is missing, and what to do next; write a certificate.
+
+    Exit codes: 0 everything that was judged is kept, 1 something is broken or could not be judged,
+    or nothing was judged (an engine that is not installed), 2 wrong input.
+
+    Examples:
+    trebucheck conform mujoco --problem catapult
+
+    trebucheck conform my_package:MyEngine --tier quick
+    """
+    from ..conformance.certificate import badge, certificate
+    from ..conformance.session import Session
+    from ..models.files import refuse_unwritable
+
+    given = {
+        "tier": call.tier,
+        "problem": call.problem or [],
+        "timeout": call.timeout,
+        "json": None,
+        "deviations": call.deviations,
+    }
+    session = Session.of([call.engine], given, Path.cwd())
+    refuse_unwritable(call.out)
+    try:
+        with call.progress() as show:
+            for done, id in enumerate(session.ids):
+                show(id.rpartition("/")[0], done, len(session.ids))
+                session.judged(id)
+    finally:
+        session.close()
+    results = session.results.made_by(call.command_line)
+    call.publish(
+        "conformance.json",
+        results.to_json(),
+        certificate(results),
+        "certificate.html",
+        "Certificate",
+        beside={"Badge": (call.out / "badge.svg", badge(results))},
+    )
+    return results.passed
+
+
+_SUFFIXES_OF_MATRIX = (".html", ".md", ".json")
+
+
+@command(
+    "files quiet json",
+    folder(None, "File to write: .html, .md, or .json, which matrix reads again; none by default."),
+    files=argument(
+        list[Path],
+        help="results.json of compare, converge.json of converge, .json of matrix; or their folders.",
+    ),
+)
+def matrix_command(call: Call) -> None:
+    """Show engine x problem x quantity of several comparisons: verdicts, errors, orders, causes, refusals.
+
+    Engines of one scheme stand together, and ratios of their errors say what differs by scheme and
+    what by implementation. Nothing is run: engines that need environments of their own are compared
+    there, and put together here. Orders are measured where a converge.json is given, else as the
+    engine declares them. Exit codes: 0 shown, 2 a file is of another kind, a run is there twice, or
+    a name means two mechanisms.
+
+    Examples:
+    trebucheck matrix report drake/results.json pinocchio/results.json --out matrix.html
+
+    trebucheck matrix report/results.json converge/converge.json --out engines.json
+    """
+    from ..comparisons.matrix import matrix as matrix_of
+    from ..comparisons.report.pages.matrix import document
+    from ..models.files import refuse_unwritable, write_text
+
+    out: Path | None = call.out
+    if out is not None and out.suffix not in _SUFFIXES_OF_MATRIX:
+        raise InputError(
+            f"--out {output.printable(str(out))} must end in {', '.join(_SUFFIXES_OF_MATRIX[:-1])} or .json."
+        )
+    if out is not None:
+        refuse_unwritable(out.parent, out.name)
+    matrix = matrix_of(call.files).made_by(call.command_line)
+    if out is not None:
+        write_text(out, _matrix_text(matrix, out.suffix))
+    if call.json:
+        typer.echo(matrix.to_json())
+    else:
+        output.show(
+            document(matrix), output.Told(call.quiet), **({} if out is None else {"Matrix": out})
+        )
+
+
+def _matrix_text(matrix: Matrix, suffix: str) -> str:
+    """In the format of the file's name."""
+    from ..comparisons.report import html, markdown
+    from ..comparisons.report.pages.matrix import document
+
+    if suffix == ".json":
+        return matrix.to_json() + "\n"
+    return (
+        html.page(document(matrix))
+        if suffix == ".html"
+        else markdown.text(document(matrix), signs=True)
+    )
+
+
+class Format(StrEnum):
+    """How a difference is shown."""
+
+    TEXT = "text"
+    MARKDOWN = "markdown"
+    HTML = "html"
+    JSON = "json"
+
+
+_SUFFIXES = {
+    ".html": Format.HTML,
+    ".htm": Format.HTML,
+    ".md": Format.MARKDOWN,
+    ".json": Format.JSON,
+}
+
+
+_FILE = argument(Path, help="results.json of compare, or the folder that holds it.")
+
+
+@command(
+    "old new factor format json",
+    folder(None, "File to write; standard output by default."),
+    old=_FILE,
+    new=_FILE,
+    factor=option(
+        float,
+        FACTOR,
+        "--factor",
+        help="An error has moved if it changed by more than this factor; above 1.",
+    ),
+    format=option(
+        Format | None, None, "--format", help="Else by the name of --out; text by default."
+    ),
+)
+def diff_command(call: Call) -> bool:
+    """Compare two results of compare: which verdicts broke, what moved, which runs have come or gone.
+
+    For upgrades of engines, of trebucheck, of a machine. Changes below what the reference's
+    uncertainty, samples and rounding leave unknown are none. Exit codes: 0 nothing broke, 1 a
+    verdict got worse, a run is gone or fails, or nothing could be compared, 2 wrong input.
+
+    Examples:
+    trebucheck diff before/results.json after/results.json
+
+    trebucheck diff before after --format html --out diff.html
+
+    trebucheck diff before after --json
+    """
+    from ..comparisons.diff import diff
+    from ..comparisons.report.pages.diff import document
+    from ..models.files import write_text
+
+    difference, out = diff(call.old, call.new, call.factor), call.out
+    by_name = None if out is None else _SUFFIXES.get(out.suffix.lower())
+    chosen = call.format or by_name or Format.TEXT
+    if out is not None:
+        write_text(out, _text(difference, chosen))
+    if call.json:
+        print(_text(difference, Format.JSON), end="")
+    elif out is not None:
+        print(f"{difference.summary}\n\nDifference: {output.printable(str(out))}")
+    elif chosen is Format.TEXT:
+        output.show(document(difference))
+    else:
+        print(_text(difference, chosen), end="")
+    return difference.passed
+
+
+def _text(difference: Difference, format: Format) -> str:
+    """The difference in a format, whole."""
+    from ..comparisons.diff import data
+    from ..comparisons.report.pages.diff import document
+
+    return (
+        data(difference).to_json() + "\n"
+        if format is Format.JSON
+        else _rendered(document(difference), format)
+    )
+
+
+def _rendered(document: Document, format: Format) -> str:
+    """The document in a format, whole."""
+    if format is Format.HTML:
+        from ..comparisons.report import html
+
+        return html.page(document)
+    if format is Format.MARKDOWN:
+        from ..comparisons.report import markdown
+
+        return markdown.text(document, signs=True)
+    from rich.console import Console
+
+    from ..comparisons.report import terminal
+
+    to = Console(file=io.StringIO(), width=_WIDTH, highlight=False, record=True)
+    terminal.show(document, to)
+    return to.export_text()
+
+
+@command(
+    "folder formats only",
+    folder("figures", "Folder for the pictures."),
+    folder=argument(
+        Path,
+        Path("report"),
+        help="Folder of a comparison, as `trebucheck compare --out` writes it.",
+    ),
+    formats=option(str, "svg", "--formats", help="Of svg, png and pdf, comma-separated."),
+    only=option(
+        str | None,
+        None,
+        "--only",
+        help="Names of figures, comma-separated, e.g. fixed-distances; else all.",
+    ),
+)
+def figures_command(call: Call) -> None:
+    """Write the plots of a comparison as SVG, PNG or PDF, for papers and slides; no engine runs.
+
+    Each plot of the report becomes a file by the name that its link in the report has.
+
+    Examples:
+    trebucheck figures report --out figures
+
+    trebucheck figures report --formats pdf,png --only fixed-distances,work-precision
+    """
+    from ..comparisons.compare.study import stored
+    from ..comparisons.report.figures import FORMATS, figures_of, picture, write_picture
+    from ..comparisons.report.pages.compare import document
+    from ..comparisons.report.terminal import console
+    from ..models.files import refuse_unwritable
+
+    kinds = options.names(call.formats, "--formats")
+    unknown = [kind for kind in kinds if kind not in FORMATS]
+    if unknown:
+        raise InputError(f"--formats: {unknown[0]!r} is none of {', '.join(FORMATS)}.")
+    found = figures_of(document(stored(call.folder)))
+    chosen = list(found) if call.only is None else options.names(call.only, "--only")
+    missing = [name for name in chosen if name not in found]
+    if missing:
+        raise InputError(
+            f"--only: there is no figure {missing[0]!r}; there are {', '.join(found)}."
+        )
+    out: Path = call.out
+    refuse_unwritable(out)
+    for name in chosen:
+        block = found[name]
+        drawn = picture(block.panels(), block.columns or 3)
+        for kind in kinds:
+            write_picture(drawn, out / f"{name}.{kind}")
+            console().print(str(out / f"{name}.{kind}"), soft_wrap=True, markup=False)

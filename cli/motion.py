@@ -1,0 +1,409 @@
+"""`trebucheck throw`, `run`, `animate` and `view`: what does a machine do?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from ..models.errors import InputError, TrebucheckError
+from . import completion, options, output
+from .call import Call, argument, command, folder, option
+
+if TYPE_CHECKING:
+    from ..comparisons.report.drawing.scene import Scene
+    from ..comparisons.runs.process import Worker
+    from ..comparisons.runs.runner import Farthest, Runner
+    from ..comparisons.runs.study import Study
+    from ..models.mechanism import Mechanism
+    from ..models.trajectory import Trajectory
+    from ..reference.throw.throw import Performance, Throw
+
+
+@command(
+    "model set beam release_angle release_time sling_angle best density drag_area body height "
+    "sensitivities timeout quiet json",
+    folder("report", "Folder for throw.html and throw.json."),
+    release_angle=option(
+        float | None,
+        None,
+        "--release-angle",
+        help="Let go at this angle of the velocity above level (deg); 45 if no other.",
+    ),
+    release_time=option(float | None, None, "--release-time", help="Let go at this time (s)."),
+    sling_angle=option(
+        float | None,
+        None,
+        "--sling-angle",
+        help="Let go at this angle of the sling from the arm (deg).",
+    ),
+    best=option(bool, False, "--best", help="Let go for the longest range."),
+    density=option(float | None, None, "--density", help="Of the air (kg/m^3); with --drag-area."),
+    drag_area=option(
+        float | None,
+        None,
+        "--drag-area",
+        help="Drag coefficient times area (m^2); with --density or --body.",
+    ),
+    body=option(
+        str | None,
+        None,
+        "--body",
+        help="moon, mars, earth or venus: gravity and air of the paper's Table II.",
+    ),
+    height=option(float, 0.0, "--height", help="Of the landing above the fulcrum or wheel (m)."),
+    sensitivities=option(
+        bool,
+        False,
+        "--sensitivities",
+        help="Also differentiate time, speed, angle and range by every number of the machine.",
+    ),
+)
+def throw_command(call: Call) -> None:
+    """Throw with one machine: launch, flight, best release and the forces in its members.
+
+    Prints a table and writes throw.html (self-contained, with pictures) and throw.json.
+
+    Examples:
+    trebucheck throw --model rolling --best --out my-throw
+
+    trebucheck throw --set l1=9.5 --release-angle 40 --density 1.2 --drag-area 0.05
+
+    trebucheck throw --body mars --drag-area 0.05 --sling-angle 350
+
+    trebucheck throw --model rolling --sensitivities
+
+    trebucheck throw --model my-machine.json --sensitivities
+    """
+    from ..comparisons.report.pages.throw import document
+    from ..models.files import refuse_unwritable
+    from ..reference.throw.throw import perform
+
+    mechanism = call.only_mechanism()
+    if call.body is not None and "g" in call.parameters().numbers:
+        raise InputError(
+            f"--body {call.body} brings its own gravity; leave out --set g, or --body."
+        )
+    refuse_unwritable(call.out)
+    release = {
+        "release_angle": None if call.release_angle is None else math.radians(call.release_angle),
+        "release_time": call.release_time,
+        "sling_angle": None if call.sling_angle is None else math.radians(call.sling_angle),
+    }
+    names = ("best", "density", "drag_area", "body", "height")
+    more = {name: call.values[name] for name in names}
+    with call.worker() as worker:
+        performance = worker.compute(partial(perform, mechanism, release, **more))
+        throw = performance.throw
+        if call.sensitivities:
+            throw = _with_sensitivities(performance, call.model.strip(), call.parameters(), worker)
+    page = document(performance, throw)
+    call.publish("throw.json", throw.to_json(), page, "throw.html", "Page")
+
+
+def _with_sensitivities(
+    performance: Performance, model: str, chosen: options.Chosen, worker: Worker
+) -> Throw:
+    """Of the two whippers by Table I's parameters, of others by their physical numbers."""
+    from ..models.library.trebuchet import TrebuchetParameters
+    from ..reference.sensitivity.release import sensitivities_of
+
+    throw = performance.throw
+    whipper = model if model in ("fixed", "rolling") else None
+    parameters = (whipper and chosen.whipper(whipper)) or TrebuchetParameters()
+    parameters = parameters.model_copy(update={"g": throw.gravity})
+    found, sentences = worker.compute(partial(sensitivities_of, performance, whipper, parameters))
+    return throw.model_copy(
+        update={"sensitivities": found, "warnings": (*throw.warnings, *sentences)}
+    )
+
+
+@command(
+    "engine model preset timestep duration until set beam option stop_law reference timeout quiet",
+    folder("report", "NetCDF file to write, or a folder for it."),
+    engine=option(
+        str,
+        ...,
+        "--engine",
+        "--engines",
+        autocompletion=completion.engines,
+        help="One engine; see `trebucheck engines`.",
+    ),
+    preset=option(
+        str, "tuned", "--preset", autocompletion=completion.presets, help="tuned or stock."
+    ),
+    reference=option(
+        bool,
+        True,
+        "--reference/--no-reference",
+        help="Say how far the run is from the reference.",
+    ),
+)
+def run_command(call: Call) -> None:
+    """Simulate one machine with one engine; write its trajectory as NetCDF and print a summary.
+
+    It is simulated a little past the launch, or the end that --until names. The summary says how
+    far the run is from the reference: the largest distance of any marker up to that end, or to the
+    predictability horizon if that is earlier.
+
+    Examples:
+    trebucheck run --engine mujoco --model rolling --timestep 5e-4 --duration 2.6 --out rolling.nc
+
+    trebucheck run --engine pymunk --preset stock --option iterations=30
+    """
+    from ..comparisons.report.pages.run import run_report
+    from ..comparisons.runs.process import simulate
+    from ..comparisons.runs.runner import Runner
+    from ..comparisons.runs.study import Study, one_end
+    from ..models.files import refuse_unwritable
+    from ..models.problem import Problem
+    from ..models.trajectory import save
+
+    given, engine = call.only_model(), call.engine
+    study = Study(
+        [given],
+        [engine],
+        options=options.engine_options(call.option, call.timestep, [engine]),
+        stop_law=call.stop_law,
+        until=one_end(call.duration, call.until),
+    )
+    made = study.engine(engine, call.preset)
+    (mechanism,) = study.mechanisms
+    end, law = study.end_of(mechanism), study.law_of(mechanism)
+    asked = Problem(mechanism, duration=end.time, stop_law=law) if end.kind == "time" else None
+    path: Path = call.out
+    if path.suffix != ".nc":
+        path /= f"{mechanism.name}-{engine}-{call.preset}.nc"
+    refuse_unwritable(path.parent, path.name)
+    with call.worker() as worker:
+        runner = Runner(mechanism, worker, end, law)
+        trajectory = worker.call(simulate, made, asked or runner.problem(made))
+        save(trajectory, path)
+        found = _distance(trajectory, runner) if call.reference else None
+    output.show(run_report(trajectory, found), call.told, Trajectory=path)
+
+
+def _distance(trajectory: Trajectory, runner: Runner) -> Farthest | str:
+    """From the reference; or why that is not known: a run is not lost with its reference."""
+    from ..comparisons.runs.runner import farthest
+    from ..models.errors import TrebucheckError
+
+    try:
+        return farthest(trajectory, runner)
+    except TrebucheckError as error:
+        return str(error)
+
+
+_MODEL = argument(
+    str | None,
+    None,
+    metavar="[MODEL]",
+    help=f"Machine; several for a page: {options.MACHINES}.",
+)
+
+
+@command(
+    "model engines preset trajectories magnify width at timestep duration until set beam stop_law "
+    "timeout",
+    folder("motion.html", "File to write: .gif, .mp4, .svg or .html."),
+    model=_MODEL,
+    engines=option(
+        str | None,
+        None,
+        "--engines",
+        "--engine",
+        help="Engines drawn over the reference, comma-separated; none by default.",
+    ),
+    preset="tuned",
+    trajectories=option(
+        Path | None,
+        None,
+        "--from",
+        metavar="PATH",
+        help="Draw these trajectories (NetCDF, or a folder of them) instead of new runs.",
+    ),
+    magnify=option(
+        float | None,
+        None,
+        "--magnify",
+        help="Times that deviations are magnified; chosen to be seen by default.",
+    ),
+    width=option(int, 640, "--width", help="Of the picture (px)."),
+    at=option(
+        str | None,
+        None,
+        "--at",
+        metavar="TIMES",
+        help="Instant of a still picture, .svg (s); several in one: 0,1.2,2.",
+    ),
+)
+def animate_command(call: Call) -> None:
+    """Write the motion of a machine: a page to play it in, or a GIF, MP4 or SVG that plays by itself.
+
+    The reference is drawn from the machine's description; runs of engines are drawn over it in
+    their colours, their deviations magnified.
+
+    Examples:
+    trebucheck animate rolling --out rolling.gif
+
+    trebucheck animate fixed --engines mujoco,pymunk --magnify 100 --out fixed.html
+
+    trebucheck animate --from report --out report.html
+
+    trebucheck animate fixed --at 0,1.5,2.74 --out fixed.svg
+    """
+    from ..comparisons.report.drawing.animation import Animation, refuse_other_files
+    from ..comparisons.report.drawing.scene import refuse_magnification
+    from ..comparisons.runs.study import Study, one_end
+
+    instants = [options.number(text, "--at") for text in call.names("at") or ()]
+    refuse_other_files(call.out, call.width, instants)
+    refuse_magnification(call.magnify)
+    end = one_end(call.duration, call.until)
+    with call.worker() as worker:
+        if call.trajectories is not None:
+            scenes = _from_files(call.trajectories, call.model, end, worker, call.magnify)
+        else:
+            study = Study(
+                options.given(call.model or "fixed", call.set, call.beam),
+                call.names("engines") or [],
+                options.names(call.preset, "--preset"),
+                options=options.engine_options(None, call.timestep),
+                stop_law=call.stop_law,
+                until=end,
+                timeout=call.timeout,
+            )
+            _refuse_several(study, call.out)
+            scenes = [
+                _from_runs(study, mechanism, worker, call.magnify) for mechanism in study.mechanisms
+            ]
+    title = ", ".join(scene.mechanism_title for scene in scenes)
+    Animation(scenes, f"{title}: the motion").save(call.out, call.width, instants)
+    typer.echo(f"Wrote {output.printable(str(call.out))}")
+
+
+def _refuse_several(study: Study, out: Path) -> None:
+    """Before anything runs.
+
+    Raises:
+        InputError: there are several machines, and the file is no page.
+    """
+    if len(study.mechanisms) > 1 and out.suffix.lower() != ".html":
+        raise InputError(
+            f"{out} can show one machine, not {len(study.mechanisms)}; a page (.html) shows "
+            "several."
+        )
+
+
+def _from_runs(study: Study, mechanism: Mechanism, worker: Worker, magnify: float | None) -> Scene:
+    """The reference's motion, and runs made now; engines that cannot make one are named below it."""
+    from ..comparisons.report.plots import motion_scene
+    from ..comparisons.runs.runner import Runner
+
+    engines = {
+        f"{name} {preset}": study.engine(name, preset)
+        for name in study.every_engine
+        for preset in study.presets
+    }
+    runner = Runner(mechanism, worker, study.end_of(mechanism), study.law_of(mechanism))
+    runs: dict[str, Trajectory] = {}
+    failures: dict[str, TrebucheckError] = {}
+    for label, made in engines.items():
+        try:
+            time = runner.scales.time if made.timestep else 1.0
+            runs[label] = runner.simulate(study.engine_for(mechanism.name, time, made))
+        except TrebucheckError as error:
+            failures[label] = error
+    if failures and not runs:
+        raise next(iter(failures.values()))
+    notes = " ".join(f"{label} is missing: {error}" for label, error in failures.items())
+    how = {"end": runner.end, "thrown": runner.until.thrown, "launch": runner.launch_time}
+    return motion_scene(
+        runner.solution.trajectory, runs, **how, name=mechanism.name, notes=notes, magnify=magnify
+    )
+
+
+def _from_files(
+    path: Path, model: str | None, end: str | float | None, worker: Worker, magnify: float | None
+) -> list[Scene]:
+    """The reference's motion, and runs that were made before, by machine.
+
+    Raises:
+        InputError: there are none, or a file is not one.
+    """
+    from ..models.trajectory import load
+
+    files = sorted(path.rglob("*.nc")) if path.is_dir() else [path]
+    if not files:
+        raise InputError(
+            f"{path} holds no trajectories (.nc); `trebucheck compare --out {path}` writes some "
+            "there."
+        )
+    groups: dict[str, list[Trajectory]] = {}
+    for file in files:
+        trajectory = load(file)
+        groups.setdefault(trajectory.mechanism.name, []).append(trajectory)
+    chosen = list(groups) if model is None else options.names(model, "MODEL")
+    for name in chosen:
+        if name not in groups:
+            raise InputError(
+                f"{path} holds no trajectory of {name!r}; it holds those of: {', '.join(groups)}."
+            )
+    return [_of_one(groups[name], end, worker, magnify) for name in chosen]
+
+
+def _of_one(
+    trajectories: Sequence[Trajectory],
+    until: str | float | None,
+    worker: Worker,
+    magnify: float | None,
+) -> Scene:
+    from ..comparisons.report.plots import motion_scene
+    from ..comparisons.runs.runner import Runner
+    from ..comparisons.runs.study import Until
+    from ..models.problem import StopLaw
+
+    first = trajectories[0]
+    if len({trajectory.mechanism.content_hash for trajectory in trajectories}) > 1:
+        raise InputError(
+            f"the trajectories of {first.mechanism.name!r} are of several machines of that name."
+        )
+    shortest = min(float(trajectory.t[-1]) for trajectory in trajectories)
+    law = StopLaw(first.provenance.stop_law)
+    runner = Runner(first.mechanism, worker, Until.of(shortest if until is None else until), law)
+    runs: dict[str, Trajectory] = {}
+    for run in trajectories:
+        label = f"{run.provenance.engine} {run.provenance.preset}"
+        runs[f"{label}, {run.provenance.steps} steps" if label in runs else label] = run
+    launch = runner.launch_time
+    # What engines ran on after the launch for is not part of the comparison.
+    end = (
+        min(runner.end, shortest) if until is not None or launch is None else min(launch, shortest)
+    )
+    return motion_scene(runner.solution.trajectory, runs, end=end, launch=launch, magnify=magnify)
+
+
+@command(
+    "model engine set beam",
+    model=argument(str, "fixed", help=f"Machine: {options.MACHINES}."),
+    engine=option(str | None, None, "--engine", help="Whose viewer; the first that has one."),
+)
+def view_command(call: Call) -> None:
+    """Open a machine in an engine's own interactive viewer (MuJoCo has one); it needs a display.
+
+    Example: trebucheck view rolling
+    """
+    from ..engines.registry import engine as make
+    from ..engines.registry import engine_names, has_viewer, view
+
+    mechanism = call.only_mechanism()
+    name = call.engine or next((name for name in engine_names() if has_viewer(name)), None)
+    if name is None:
+        raise InputError(
+            "no engine here has a viewer of its own; `trebucheck animate` writes a page to play."
+        )
+    view(make(name), mechanism)

@@ -1,0 +1,219 @@
+"""`trebucheck certify`, `data` and `problems`: what is certain?"""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from ..models.errors import InputError, SimulationError
+from ..models.problem import Problem
+from . import completion, options, output
+from .call import Call, argument, command, folder, option
+
+if TYPE_CHECKING:
+    from ..reference.certification.certificate import Certificate
+
+
+@command(
+    "models set beam duration timeout quiet json",
+    folder("certificates", "Folder for one JSON file and one page a machine."),
+    json=option(
+        bool, False, "--json", help="Print the certificates as a JSON array, and nothing else."
+    ),
+)
+def certify_command(call: Call) -> bool:
+    """Compute each machine's figures in every independent way there is; write values and uncertainties.
+
+    Formulations: minimal and redundant coordinates, the paper's equations. Integrators: DOP853 over
+    a ladder of tolerances, and Taylor series in double and extended precision where heyoka is
+    installed. Motions go to the launch, or as long as a problem of the library asks for. Ends with
+    exit code 1 if a machine's motion could not be computed.
+
+    Examples:
+    trebucheck certify --out certificates
+
+    trebucheck certify --models fixed --set l1=9.5
+
+    trebucheck certify --models squeezer
+    """
+    from ..comparisons.certify import certify
+    from ..models.files import refuse_unwritable
+
+    models, chosen = call.models(), call.parameters()
+    if call.duration is not None:
+        options.positive(call.duration, "--duration")
+    options.positive(call.timeout, "--timeout")
+    refuse_unwritable(call.out)
+    certificates: list[str] = []
+    for name, model in zip(options.names(call.values["models"], "--models"), models, strict=True):
+        mechanism = model.mechanism if isinstance(model, Problem) else model
+        try:
+            with call.progress(width=28) as show:
+                certificate = certify(
+                    model,
+                    chosen.whipper(name),
+                    duration=call.duration,
+                    timeout=call.timeout,
+                    command=_line(name, call.set, call.beam, call.duration),
+                    progress=lambda what, done, of, m=mechanism, show=show: show(
+                        f"{m.name}: {what}", done, of
+                    ),
+                )
+            certificates.append(certificate.to_json())
+            _publish_certificate(certificate, call.out / f"{mechanism.name}.json", call.told)
+        except SimulationError as error:  # the others must not be lost with it
+            print(f"error: {mechanism.name}: {error}", file=sys.stderr)
+    if call.json:
+        typer.echo(f"[{','.join(certificates)}]")
+    return len(certificates) == len(models)
+
+
+def _publish_certificate(certificate: Certificate, path: Path, told: output.Told) -> None:
+    """One machine's certificate, written and, unless all are printed as data at the end, shown."""
+    from ..comparisons.report import html
+    from ..comparisons.report.pages.run import certificate_report
+    from ..models.files import write_text
+
+    write_text(path, certificate.to_json() + "\n")
+    report, page = certificate_report(certificate), path.with_suffix(".html")
+    write_text(page, html.page(report))
+    if not told.json:
+        output.show(report, told, Certificate=path, Page=page)
+
+
+def _line(
+    name: str, assignments: list[str] | None, beam: float | None, duration: float | None
+) -> str:
+    """What makes the same figures again."""
+    words = ["trebucheck", "certify", "--models", name]
+    for text in assignments or []:
+        words += ["--set", text]
+    for flag, value in (("--beam", beam), ("--duration", duration)):
+        words += [flag, repr(value)] if value is not None else []
+    return shlex.join(words)
+
+
+@command(
+    "name set check timeout",
+    folder(None, "NetCDF file to write; NAME.nc by default."),
+    name=argument(
+        str | None,
+        None,
+        autocompletion=completion.machines,
+        help=f"{options.MACHINES}; all are listed where left out.",
+    ),
+    check=option(bool, False, "--check", help="Verify the checksums of all published files."),
+)
+def data_command(call: Call) -> bool:
+    """List the published certified trajectories, write one as NetCDF, or verify their checksums.
+
+    Every value has its uncertainty beside it; releases, impacts, rests, the launch and the
+    predictability horizon are in the file, too, which xarray.open_dataset reads. With --set, or of
+    a mechanism of your own, it is computed now. --check ends with exit code 1 if a file is missing
+    or changed.
+
+    Examples:
+    trebucheck data squeezer --out squeezer.nc
+
+    trebucheck data pendulum --set length=2
+
+    trebucheck data --check
+    """
+    if call.name is None or call.check:
+        if call.name is not None or call.set or call.out is not None:
+            raise InputError(
+                "a name, --set and --out are for one trajectory; --check and the list are of all "
+                "of them."
+            )
+        good = _list_trajectories()
+        return good or not call.check
+    path: Path = call.out or Path(f"{Path(call.name).stem}.nc")
+    _write_trajectory(call, path)
+    typer.echo(f"Wrote {output.printable(str(path))}")
+    return True
+
+
+def _write_trajectory(call: Call, path: Path) -> None:
+    from ..comparisons.data.certified import certified_dataset, content, published
+    from ..models.files import refuse_unwritable, write_bytes
+    from ..models.problem import Problem
+    from ..models.trajectory import write_dataset
+
+    given = options.only(call.name, call.set, None, "data")
+    refuse_unwritable(path.parent, path.name)
+    own = given.mechanism.name if isinstance(given, Problem) else given.name
+    if not call.set and not call.name.endswith(".json") and own in published():
+        write_bytes(path, content(own))
+        return
+    with call.worker(isolate=False) as worker:
+        write_dataset(worker.compute(partial(certified_dataset, given)), path, compressed=True)
+
+
+def _list_trajectories() -> bool:
+    """Show them; whether all are as they were published."""
+    from ..comparisons.data.certified import states
+    from ..comparisons.report.document import Cell, Column, Document, ranked, table, words
+
+    found = list(states())
+    rows = [(name, f"{size / 1024:.0f}", digest, Cell(state, "good" if state == "good" else "bad"))
+            for name, digest, size, state in found]  # fmt: skip
+    heads = [
+        words("name", wrap=False),
+        Column("size", "kB"),
+        words("SHA-256", wrap=False),
+        words("checksum"),
+    ]
+    output.show(Document("Published trajectories", (table(ranked(heads, checksum=0), rows),)))
+    return all(state == "good" for *_, state in found)
+
+
+@command(
+    "name tag set timeout",
+    name=argument(
+        str | None,
+        None,
+        autocompletion=completion.problems,
+        help="Name or number of one problem, to see its figures.",
+    ),
+    tag=option(str | None, None, "--tag", help="List only problems with this tag, e.g. loop."),
+)
+def problems_command(call: Call) -> bool:
+    """List the benchmark problems, or show one: its source, its figures beside the reference's, and its conditions.
+
+    A problem's name stands wherever a machine's does; it brings its own duration and stop law. Of
+    one problem, the exit code is 1 if the reference misses a figure or a condition.
+
+    Examples:
+    trebucheck problems --tag loop
+
+    trebucheck problems pendulum --set length=2
+
+    trebucheck compare --model slider-crank
+    """
+    from ..comparisons.problems import check
+    from ..comparisons.report.pages.problems import document, listing
+    from ..models.library.registry import benchmark, benchmarks
+
+    if call.name is None:
+        if call.set:
+            raise InputError(
+                "--set is for one problem; name it, e.g. trebucheck problems pendulum --set "
+                "length=2."
+            )
+        output.show(listing(benchmarks(call.tag)))
+        return True
+    if call.tag is not None:
+        raise InputError(
+            f"--tag {call.tag} selects from the list; leave it out, or the name {call.name}."
+        )
+    chosen = benchmark(call.name)
+    parameters = call.parameters().of(chosen.name)
+    with call.worker(isolate=False) as worker:
+        checked = worker.compute(partial(check, chosen, parameters))
+    output.show(document(checked))
+    return checked.holds

@@ -1,0 +1,139 @@
+"""`trebucheck explain`, `converge` and `recommend`: why engines differ, and what helps."""
+
+from __future__ import annotations
+
+from ..models.errors import InputError
+from .call import Call, command, folder, option
+
+
+@command(
+    "models engines preset timestep until set beam option resume jobs timeout quiet json",
+    folder("explain", "Folder for explain.html, explain.json and the runs."),
+)
+def explain_command(call: Call) -> bool:
+    """Split each engine's error among its causes, each measured by a run without it.
+
+    Also sets each engine's stock and tuned presets side by side and changes one option at a time.
+    Writes explain.html (self-contained) and explain.json; prints a summary. A run that fails is
+    shown as such and ends nothing; if it is a machine's reference, the exit code is 1.
+
+    Examples:
+    trebucheck explain --models fixed --engines mujoco
+
+    trebucheck explain --preset tuned --timestep 5e-4 --set l1=9.5 --out why
+    """
+    from ..comparisons.explain.study import explain
+    from ..comparisons.report.pages.explain import document
+
+    how, store = call.run_options(), call.store()
+    with call.progress(width=44) as show:
+        explanation = explain(**how, store=store, progress=show)
+    explanation = explanation.made_by(call.command_line)
+    text, page = explanation.to_json(), document(explanation)
+    call.publish("explain.json", text, page, "explain.html", "Page", store=store)
+    return not explanation.failures
+
+
+@command(
+    "models engines knobs until set beam option resume jobs timeout quiet json",
+    folder("converge", "Folder for converge.html, converge.json and the runs."),
+    knobs=option(
+        str | None,
+        None,
+        "--knobs",
+        "--knob",
+        help="Knobs, comma-separated, e.g. timestep,solref; all by default.",
+    ),
+)
+def converge_command(call: Call) -> bool:
+    """Turn each engine's knobs and see how its error falls: orders, floors and their causes, Richardson limits.
+
+    Writes converge.html (self-contained) and converge.json; prints orders and laws. A run that
+    fails is a failed point of its study; a machine whose reference fails is left out with its
+    reason, and the exit code is 1.
+
+    Examples:
+    trebucheck converge --out converge
+
+    trebucheck converge --models rolling --engines mujoco --knobs timestep,solref --set l1=9.5
+
+    trebucheck converge --engines mujoco --knobs timestep --option mujoco.integrator=implicit
+
+    trebucheck converge --models pendulum.json --until 5
+    """
+    from ..comparisons.converge.study import converge
+    from ..comparisons.report.pages.converge import document
+
+    how, knobs, store = call.run_options(), call.names("knobs"), call.store()
+    with call.progress() as show:
+        studies = converge(**how, knobs=knobs, store=store, progress=show)
+    studies = studies.made_by(call.command_line)
+    page = document(studies)
+    call.publish("converge.json", studies.to_json(), page, "converge.html", store=store)
+    return not studies.failures
+
+
+@command(
+    "model position torque release engines until set beam neighbours resume jobs timeout quiet json",
+    folder("recommend", "Folder for recommend.html, recommend.json, the texts and the trials."),
+    position=option(
+        float | None,
+        None,
+        "--position",
+        help="Largest distance of any marker from the reference (m).",
+    ),
+    torque=option(
+        str | None,
+        None,
+        "--torque",
+        help="Largest error of any stop's torque: N m (N on points), or a share of the largest: 0.1%.",
+    ),
+    release=option(
+        float | None, None, "--release", help="Largest error of any stop's release (s)."
+    ),
+    neighbours=option(
+        int,
+        32,
+        "--neighbours",
+        help="Machines of the same kind the settings are to hold on, too; 0: none.",
+    ),
+    resume=option(bool, False, "--resume", help="Take finished trials from the folder again."),
+)
+def recommend_command(call: Call) -> None:
+    """Find, for each engine, the cheapest measured settings that reach an accuracy, up to the launch or to --until.
+
+    Writes recommend.html (self-contained), recommend.json, and beside them the texts to paste into
+    the MJCF, the pymunk or the Exudyn script; says what stands in the way where there are no such
+    settings. At least one of --position, --torque and --release must be given. Settings must reach
+    it on the machine and on the worst of its neighbours, whose lengths, masses and start angles
+    differ.
+
+    Examples:
+    trebucheck recommend --model rolling --position 1e-3 --torque 0.01%
+
+    trebucheck recommend --model fixed --set l1=9.5 --engines mujoco --position 1e-6 --release 1e-8
+
+    trebucheck recommend --model pendulum.json --position 1e-4 --until 5
+    """
+    from ..comparisons.recommend.study import recommend
+    from ..comparisons.report.pages.recommend import document, files
+    from ..models.files import write_text
+
+    target = {name: call.values[name] for name in ("position", "torque", "release")}
+    if all(value is None for value in target.values()):
+        raise InputError(
+            "nothing is asked; give at least one of --position, --torque and --release."
+        )
+    # A named machine stays a name: its neighbours have other parameters.
+    how, name = call.run_options(), call.model.strip()
+    how["model"] = call.only_model() if name.endswith(".json") else name
+    how["parameters"] = None if name.endswith(".json") else call.parameters().of(name)
+    del how["models"]
+    store = call.store()
+    with call.progress("references", 30) as show:
+        advice = recommend(**how, **target, neighbours=call.neighbours, store=store, progress=show)
+    advice = advice.made_by(call.command_line)
+    for name, text in files(advice).items():
+        write_text(call.out / name, text)
+    page = document(advice)
+    call.publish("recommend.json", advice.to_json(), page, "recommend.html", "Page", store=store)
