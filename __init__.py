@@ -28,10 +28,10 @@ _PUBLIC = {
     "comparisons.certify": "certify",
     "comparisons.compare.study": "compare",
     "comparisons.converge.study": "converge",
-    "comparisons.diff.study": "diff",
+    "comparisons.diff": "diff",
     "comparisons.explain.study": "explain",
     "comparisons.judge.study": "judge",
-    "comparisons.matrix.study": "matrix",
+    "comparisons.matrix": "matrix",
     "comparisons.mjcf": "mjcf",
     "comparisons.recommend.study": "recommend",
     "conformance.check": "check",
@@ -51,6 +51,8 @@ _PUBLIC = {
     "models.mjcf.writer": "mjcf_names",
     "models.problem": "Problem StopLaw",
     "models.trajectory": "Trajectory",
+    "reference.motion": "solve",
+    "reference.sensitivity.sensitivities": "sensitivities",
     "reference.throw.throw": "throw",
 }
 _HOMES = {name: module for module, names in _PUBLIC.items() for name in names.split()}

@@ -3,10 +3,10 @@
 from .comparisons.certify import certify
 from .comparisons.compare.study import compare
 from .comparisons.converge.study import converge
-from .comparisons.diff.study import diff
+from .comparisons.diff import diff
 from .comparisons.explain.study import explain
 from .comparisons.judge.study import judge
-from .comparisons.matrix.study import matrix
+from .comparisons.matrix import matrix
 from .comparisons.mjcf import mjcf
 from .comparisons.recommend.study import recommend
 from .conformance.check import check
@@ -49,6 +49,8 @@ from .models.mjcf.paths import mjcf_path
 from .models.mjcf.writer import mjcf_names
 from .models.problem import Problem, StopLaw
 from .models.trajectory import Trajectory
+from .reference.motion import solve
+from .reference.sensitivity.sensitivities import sensitivities
 from .reference.throw.throw import throw
 from .version import __version__
 
@@ -107,6 +109,8 @@ __all__ = [
     "problems",
     "recommend",
     "rolling",
+    "sensitivities",
+    "solve",
     "throw",
 ]
 

@@ -15,8 +15,8 @@ from . import completion, options, output
 from .call import Call, argument, command, folder, option
 
 if TYPE_CHECKING:
-    from ..comparisons.diff.study import Difference
-    from ..comparisons.matrix.study import Matrix
+    from ..comparisons.diff import Difference
+    from ..comparisons.matrix import Matrix
     from ..comparisons.report.document import Document
 
 FACTOR = 1.1
@@ -196,7 +196,7 @@ def matrix_command(call: Call) -> None:
 
     trebucheck matrix report/results.json converge/converge.json --out engines.json
     """
-    from ..comparisons.matrix.study import matrix as matrix_of
+    from ..comparisons.matrix import matrix as matrix_of
     from ..comparisons.report.pages.matrix import document
     from ..models.files import refuse_unwritable, write_text
 
@@ -281,7 +281,7 @@ def diff_command(call: Call) -> bool:
 
     trebucheck diff before after --json
     """
-    from ..comparisons.diff.study import diff
+    from ..comparisons.diff import diff
     from ..comparisons.report.pages.diff import document
     from ..models.files import write_text
 
@@ -303,7 +303,7 @@ def diff_command(call: Call) -> bool:
 
 def _text(difference: Difference, format: Format) -> str:
     """The difference in a format, whole."""
-    from ..comparisons.diff.study import data
+    from ..comparisons.diff import data
     from ..comparisons.report.pages.diff import document
 
     return (

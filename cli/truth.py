@@ -195,7 +195,7 @@ def problems_command(call: Call) -> bool:
 
     trebucheck compare --model slider-crank
     """
-    from ..comparisons.problems.study import check
+    from ..comparisons.problems import check
     from ..comparisons.report.pages.problems import document, listing
     from ..models.library.registry import benchmark, benchmarks
 

@@ -27,13 +27,13 @@ from trebucheck.cli.app import app
 from trebucheck.comparisons.compare.study import Comparison
 from trebucheck.comparisons.converge.results import Studies
 from trebucheck.comparisons.data.certified import names, publish
-from trebucheck.comparisons.diff.study import DifferenceData
+from trebucheck.comparisons.diff import DifferenceData
 from trebucheck.comparisons.explain.results import Explanation
 from trebucheck.comparisons.judge.study import Judgement
-from trebucheck.comparisons.matrix.study import distilled, orders_of
-from trebucheck.comparisons.matrix.study import matrix as read_matrix
+from trebucheck.comparisons.matrix import distilled, orders_of
+from trebucheck.comparisons.matrix import matrix as read_matrix
 from trebucheck.comparisons.mjcf import record_motion
-from trebucheck.comparisons.problems.study import check
+from trebucheck.comparisons.problems import check
 from trebucheck.comparisons.recommend import Advice
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.document import Document, table, without_empty_columns

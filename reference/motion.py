@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..models.arrays import FloatArray
 from ..models.errors import InputError
+from ..models.given import Model, model_of
 from ..models.launch import Launch
-from ..models.library.registry import library_problem, model
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem, StopLaw
 from ..models.shown import Shown
@@ -21,12 +20,9 @@ from ..models.trajectory import PointMotion, Trajectory
 from . import solver
 from .solution import Motion, Solution
 
-Described = Mechanism | Problem | str | Path
-"""A mechanism, a problem, a name of the library, or the path of a mechanism's JSON file."""
-
 
 def solve(
-    mechanism: Described,
+    mechanism: Model,
     duration: float | None = None,
     *,
     stop_law: StopLaw | str | None = None,
@@ -58,30 +54,20 @@ def solve(
 
 
 def problem_of(
-    mechanism: Described, duration: float | None = None, stop_law: StopLaw | str | None = None
+    mechanism: Model, duration: float | None = None, stop_law: StopLaw | str | None = None
 ) -> Problem:
     """The problem that a mechanism, problem, name or path stands for; see :func:`solve`.
 
     Raises:
         InputError: nothing has that name, the file cannot be read, or a value is not valid.
     """
-    problem = _described(mechanism)
+    given = model_of(mechanism)
+    problem = given if isinstance(given, Problem) else Problem(given)
     if duration is None and stop_law is None:
         return problem
     end = problem.duration if duration is None else duration
     law = problem.stop_law if stop_law is None else stop_law
     return Problem(problem.mechanism, end, stop_law=law)
-
-
-def _described(mechanism: Described) -> Problem:
-    if isinstance(mechanism, Problem):
-        return mechanism
-    if isinstance(mechanism, Mechanism):
-        return Problem(mechanism)
-    # A name never looks like a file's.
-    if isinstance(mechanism, Path) or mechanism.endswith(".json") or "/" in mechanism:
-        return Problem(Mechanism.load(mechanism))
-    return library_problem(mechanism) or Problem(model(mechanism))
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,11 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
+from ...models.given import Model
 from ...models.mechanism import Mechanism
 from ...models.problem import StopLaw
 from ...models.shown import Shown
-from ..motion import Described, problem_of
+from ..motion import problem_of
 from ..solution import Solution
 from ..solver import solve
 from .kinks import one_sided, sides
@@ -103,7 +104,7 @@ class DerivativeTable(Shown):
 
 
 def sensitivities(
-    mechanism: Described,
+    mechanism: Model,
     at: float | None = None,
     *,
     numbers: Iterable[str] | None = None,

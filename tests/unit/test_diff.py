@@ -14,8 +14,7 @@ import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
 from trebucheck.cli import agree as command
-from trebucheck.comparisons.diff.report import document
-from trebucheck.comparisons.diff.study import (
+from trebucheck.comparisons.diff import (
     FACTOR,
     Difference,
     DifferenceData,
@@ -25,6 +24,7 @@ from trebucheck.comparisons.diff.study import (
     diff,
 )
 from trebucheck.comparisons.report import markdown
+from trebucheck.comparisons.report.pages.diff import document
 from trebucheck.comparisons.runs.results import Cause, Diagnosis, Metric, Outcome, Results, Run
 from trebucheck.models.spec import schema_text
 

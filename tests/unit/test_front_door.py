@@ -109,6 +109,7 @@ def test_a_model_is_taken_however_it_is_given(kind: str, tmp_path: Path) -> None
     if kind != "list":
         assert tb.model(given) == tb.model("pendulum")
         assert tb.mjcf_names(given) == tb.mjcf_names("pendulum")
+        assert tb.solve(given, 0.2).q([0.0, 0.1]).shape == (2, 1)
         assert tb.check("mujoco", given, **SHORT).outcome == "agrees"
         assert tb.mjcf(given, keyframes=False, timestep=1e-3).startswith("<")
 
@@ -181,6 +182,8 @@ def test_throws_and_certificates_take_names() -> None:
             "timestep = 0.001 s and options = .* differ",
         ),
         (lambda: tb.matrix([]), "no file"),
+        (lambda: tb.solve("p"), "there is no model 'p'"),
+        (lambda: tb.sensitivities("p"), "there is no model 'p'"),
         (lambda: tb.judge("absent.csv"), "absent.csv"),
     ],
 )

@@ -18,7 +18,7 @@ from trebucheck.comparisons.converge.results import (
     Studies,
     Study,
 )
-from trebucheck.comparisons.matrix.study import (
+from trebucheck.comparisons.matrix import (
     Error,
     Matrix,
     MatrixProblem,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 
-from ...diff.study import Difference, Fate, QuantityChange, RunChange
+from ...diff import Difference, Fate, QuantityChange, RunChange
 from ...runs.results import Metric, Run
 from .. import document as doc
 from ..numbers import format_number, format_step

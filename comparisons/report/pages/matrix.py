@@ -10,7 +10,7 @@ from itertools import pairwise
 
 from ....engines.supplied import Own, concerned, own, parts
 from ....models.problem import StopLaw
-from ...matrix.study import (
+from ...matrix import (
     FLOOR,
     SHOWN,
     Error,

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from ....models.library.benchmark import Benchmark
 from ....models.spec import Spec
-from ...problems.study import Check, CheckedFigure
+from ...problems import Check, CheckedFigure
 from .. import document as doc
 from ..numbers import format_number
 

@@ -36,7 +36,7 @@ def _pages() -> dict[type, Callable[[Any], Document]]:
     from ....reference.throw.throw import Throw
     from ...compare.study import Comparison
     from ...converge.results import Studies
-    from ...diff.study import Difference
+    from ...diff import Difference
     from ...explain.results import Explanation
     from ...recommend.results import Advice
     from . import compare, converge, diff, explain, recommend, run, throw

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from ...models.library.benchmark import Benchmark, Condition, ContinuousMotion, KnownValue
-from ...models.spec import Spec
-from ...reference.solver import solve
+from ..models.library.benchmark import Benchmark, Condition, ContinuousMotion, KnownValue
+from ..models.spec import Spec
+from ..reference.solver import solve
+
+__path__: list[str] = []  # names of earlier releases below this module: see renamed.py
 
 
 @dataclass(frozen=True)

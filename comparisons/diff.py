@@ -20,12 +20,14 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, JsonValue
 
-from ...models.errors import InputError
-from ...models.shown import Reported
-from ...models.spec import Real, Spec
-from ..compare.study import Comparison, read_results
-from ..runs.quantities import QUANTITIES
-from ..runs.results import COMPARED, Diagnosis, Machine, Metric, Outcome, Results, Run
+from ..models.errors import InputError
+from ..models.shown import Reported
+from ..models.spec import Real, Spec
+from .compare.study import Comparison, read_results
+from .runs.quantities import QUANTITIES
+from .runs.results import COMPARED, Diagnosis, Machine, Metric, Outcome, Results, Run
+
+__path__: list[str] = []  # names of earlier releases below this module: see renamed.py
 
 _RANKS = {
     Outcome.AGREES: 0,

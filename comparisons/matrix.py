@@ -14,18 +14,20 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field
 
-from ...engines.supplied import Own, own
-from ...models.errors import InputError
-from ...models.files import read_bytes
-from ...models.library.registry import find_benchmark
-from ...models.spec import Positive, Real, Spec
-from ..compare.study import read_results
-from ..converge.results import FORMAT as CONVERGE
-from ..converge.results import Studies
-from ..runs.quantities import QUANTITIES
-from ..runs.results import FORMAT as COMPARE
-from ..runs.results import Machine, Metric, Outcome, ResultFile, Results, Run
-from ..runs.study import REFERENCE
+from ..engines.supplied import Own, own
+from ..models.errors import InputError
+from ..models.files import read_bytes
+from ..models.library.registry import find_benchmark
+from ..models.spec import Positive, Real, Spec
+from .compare.study import read_results
+from .converge.results import FORMAT as CONVERGE
+from .converge.results import Studies
+from .runs.quantities import QUANTITIES
+from .runs.results import FORMAT as COMPARE
+from .runs.results import Machine, Metric, Outcome, ResultFile, Results, Run
+from .runs.study import REFERENCE
+
+__path__: list[str] = []  # names of earlier releases below this module: see renamed.py
 
 FORMAT = "trebucheck-matrix-1"
 SHOWN = {
