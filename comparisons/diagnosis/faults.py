@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import groupby
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -155,6 +155,14 @@ Kind = Literal["machine", "start", "law", "reading", "settings"]
 _SMALL = 1e-6  # relative, or [rad] or [m]: well above rounding and linear
 
 
+_Result = TypeVar("_Result")
+
+
+def once_a_mechanism(function: Callable[[Mechanism], _Result]) -> Callable[[Mechanism], _Result]:
+    """Keep a function's results for the last mechanisms, of which several runs are diagnosed."""
+    return lru_cache(maxsize=2)(function)  # pyright: ignore[reportReturnType]  (specs are hashable)
+
+
 @dataclass(frozen=True)
 class Suspect:
     """A mechanism with one thing wrong by a small amount; missing or replaced if `scale` is 0."""
@@ -185,7 +193,7 @@ class Suspect:
         )
 
 
-@lru_cache(maxsize=2)
+@once_a_mechanism
 def machine_suspects(mechanism: Mechanism) -> tuple[Suspect, ...]:
     """All suspects of a built model."""
     parts = (
@@ -367,18 +375,26 @@ def _shifted(mechanism: Mechanism, joint: AnyJoint) -> Iterator[Suspect]:
     """A loop joint's points, moved a little along each axis of their frames."""
     for end in ("parent", "child"):
         for point, axis in zip(_aside(getattr(joint, f"{end}_point")), "xy", strict=True):
-            if end == "parent" and _HAS_AXIS[joint] and abs(np.dot(_AXES[axis], joint.axis)) == 1.0:
+            slot = _AXIS[joint](joint) if end == "parent" else None
+            if slot is not None and abs(np.dot(_AXES[axis], slot)) == 1.0:
                 continue  # a slot moved along its own line is the same slot
             wrong = _with_part(mechanism, "joints", joint.name, {f"{end}_point": point})
             group = f"place of the {joint.name} on the {getattr(joint, end)}"
             yield from _suspect(f"{group}, {axis}", "machine", wrong, unit="m", group=group)
 
 
-_HAS_AXIS: ElementTable[bool] = ElementTable(
+_AXIS: ElementTable[Callable[[Any], Vector | None]] = ElementTable(
     "The diagnosis",
     JOINTS,
-    {PinJoint: False, WeldJoint: False, SlotJoint: True, PrismaticJoint: True, FreeJoint: False},
+    {
+        PinJoint: lambda _: None,
+        WeldJoint: lambda _: None,
+        SlotJoint: lambda joint: joint.axis,
+        PrismaticJoint: lambda joint: joint.axis,
+        FreeJoint: lambda _: None,
+    },
 )
+"""Direction in which the two bodies slide."""
 _TURNS: ElementTable[bool] = ElementTable(
     "The diagnosis",
     JOINTS,
@@ -405,8 +421,9 @@ def _turned(direction: tuple[float, float]) -> tuple[float, float]:
 def _slots(mechanism: Mechanism) -> Iterator[Suspect]:
     """Wrong directions of slots."""
     for joint in mechanism.joints:
-        if _HAS_AXIS[joint]:
-            wrong = _with_part(mechanism, "joints", joint.name, {"axis": _turned(joint.axis)})
+        axis = _AXIS[joint](joint)
+        if axis is not None:
+            wrong = _with_part(mechanism, "joints", joint.name, {"axis": _turned(axis)})
             yield from _suspect(f"direction of the {joint.name}", "machine", wrong, unit="rad")
 
 
@@ -573,7 +590,7 @@ Changes = Callable[[Any], Mapping[str, Any]]
 """Other fields of a part."""
 
 
-@lru_cache(maxsize=2)
+@once_a_mechanism
 def systematic_faults(mechanism: Mechanism) -> tuple[Suspect, ...]:
     """Those that make another mechanism of it, and a possible one."""
     seen, found = [mechanism], list[Suspect]()

@@ -21,7 +21,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -34,7 +33,7 @@ from ...reference.equations import Equations
 from ...reference.solution import Motion, Segment, Solution
 from ..runs.results import Cause
 from .case import PATIENCE, Case, fit, match
-from .faults import Hypothesis, gross_faults, hypotheses
+from .faults import Hypothesis, gross_faults, hypotheses, once_a_mechanism
 from .rank import EXACT
 
 _STEP = 1e-6  # of a state, in parts of its size, for central differences
@@ -295,7 +294,7 @@ def _signatures(case: Case) -> list[tuple[Hypothesis, FloatArray]]:
     ]
 
 
-@lru_cache(maxsize=2)  # an engine's runs of one mechanism are diagnosed one after the other
+@once_a_mechanism
 def _small_faults(mechanism: Mechanism) -> tuple[tuple[Hypothesis, tuple[Equations, ...]], ...]:
     """Hypotheses with their equations, of the small size of each component alone."""
     found: list[tuple[Hypothesis, tuple[Equations, ...]]] = []

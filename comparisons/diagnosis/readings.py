@@ -165,7 +165,7 @@ def _scales(r: Trajectory, step: float) -> Iterator[Reading]:
     for one, every, at_least, kinds in _SCALES:
         names = list(subjects.get(next(iter(kinds)), r.markers)) if one or at_least else []
         for name in names if one else ():
-            if kinds != {Kind.TORQUE}:
+            if Kind.TORQUE not in kinds:
                 yield _scale(one.format(name), r, kinds, step, [name])
             elif r.stop_torques[name].any():
                 what = one.format(name, effort=r.mechanism.stop(name).effort)

@@ -7,15 +7,25 @@ there; over the reference by Gauss's rule on its dense output, to rounding.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy.integrate import cumulative_simpson, cumulative_trapezoid
 
 from ...models.applied_forces import AppliedForces
 from ...models.arrays import FloatArray
-from ...models.elements import GROUND, ConstantForce, SpringDamper
+from ...models.elements import (
+    FORCE_ELEMENTS,
+    GROUND,
+    ConstantForce,
+    ConstantTorque,
+    CubicTorsionSpring,
+    ElementTable,
+    RotationalSpringDamper,
+    SpringDamper,
+)
 from ...models.mechanism import Mechanism
 from ...models.trajectory import Trajectory
 from ...reference.solution import Segment, Solution
@@ -25,27 +35,49 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(
 )  # exact to order 9; a step's dense output is of order 7
 
 
+_DOES_WORK: ElementTable[Callable[[Any], bool]] = ElementTable(
+    "The balance of energy",
+    FORCE_ELEMENTS,
+    {
+        SpringDamper: lambda spring: spring.dissipates,
+        RotationalSpringDamper: lambda spring: spring.dissipates,
+        CubicTorsionSpring: lambda _: False,
+        ConstantForce: lambda _: True,
+        ConstantTorque: lambda _: True,
+    },
+)
+"""Whether a force element may change the sum of kinetic and potential energy."""
+_PUSHES_ALONG_X: ElementTable[Callable[[Any], bool]] = ElementTable(
+    "The balance of momentum",
+    FORCE_ELEMENTS,
+    {
+        SpringDamper: lambda spring: GROUND in spring.bodies,
+        RotationalSpringDamper: lambda _: False,
+        CubicTorsionSpring: lambda _: False,
+        ConstantForce: lambda given: given.force[0] != 0,
+        ConstantTorque: lambda _: False,
+    },
+)
+"""Whether a force element acts on the mechanism from outside along x."""
+
+
 def does_work(mechanism: Mechanism) -> bool:
     """Whether a damper, a constant force or a constant torque may change the energy."""
-    return any(
-        getattr(element, "damping", 0.0) > 0
-        or element.kind in ("constant-force", "constant-torque")
-        for element in mechanism.force_elements
-    )
+    return any(_DOES_WORK[element](element) for element in mechanism.force_elements)
 
 
 def keeps_horizontal_momentum(mechanism: Mechanism) -> bool:
     """Whether the momentum along x is an invariant: no joint, wall or force acts along it."""
     held = (
-        d for joint in mechanism.joints if joint.parent == GROUND for d in joint.held_directions
+        d.real
+        for joint in mechanism.joints
+        if joint.parent == GROUND
+        for d in joint.held_directions
     )
     walls = (stop.normal[0] for stop in mechanism.point_stops if stop.relative_to == GROUND)
-    forces = (e.force[0] for e in mechanism.force_elements if isinstance(e, ConstantForce))
-    pulled = any(
-        isinstance(e, SpringDamper) and GROUND in e.bodies for e in mechanism.force_elements
-    )
-    along = (*(direction.real for direction in held), *walls, *forces, mechanism.gravity_vector[0])
-    return not pulled and all(component == 0 for component in along)
+    pushed = any(_PUSHES_ALONG_X[element](element) for element in mechanism.force_elements)
+    along = (*held, *walls, mechanism.gravity_vector[0])
+    return not pushed and all(component == 0 for component in along)
 
 
 def sampled_balance(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:

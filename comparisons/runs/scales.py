@@ -9,15 +9,26 @@ without load, can be judged as well.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 from pydantic import Field
 
 from ...models.applied_forces import AppliedForces
 from ...models.arrays import BoolArray, FloatArray
-from ...models.elements import GROUND, FreeJoint, RotationalSpringDamper, SpringDamper
-from ...models.kinematics import Kinematics
+from ...models.elements import (
+    FORCE_ELEMENTS,
+    GROUND,
+    ConstantForce,
+    ConstantTorque,
+    CubicTorsionSpring,
+    ElementTable,
+    FreeJoint,
+    RotationalSpringDamper,
+    SpringDamper,
+)
+from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Body, Mechanism
 from ...models.spec import NonNegative, Positive, Spec
 from ...models.trajectory import Trajectory
@@ -89,9 +100,8 @@ def extent(mechanism: Mechanism, body: Body) -> float:
     points += [j.parent_point for j in mechanism.joints if j.parent == body.name]
     points += [j.child_point for j in mechanism.joints if j.child == body.name]
     points += [s.point for s in mechanism.point_stops if s.body == body.name]
-    springs = [e for e in mechanism.force_elements if isinstance(e, SpringDamper)]
-    points += [e.point for e in springs if e.body == body.name]
-    points += [e.relative_point for e in springs if e.relative_to == body.name]
+    ends = [end for element in mechanism.force_elements for end in element.ends]
+    points += [point for name, point in ends if name == body.name]
     return max(math.sqrt(body.inertia / body.mass), *(math.dist(pivot, point) for point in points))
 
 
@@ -185,23 +195,59 @@ def _free_springs(reference: Trajectory) -> Iterator[float]:
     """Greatest length of each spring on a free body [m]."""
     mechanism, kinematics = reference.mechanism, reference.kinematics
     free = {joint.child for joint in mechanism.tree_joints if isinstance(joint, FreeJoint)}
-    for e in mechanism.force_elements:
-        if isinstance(e, SpringDamper) and free.intersection(e.bodies):
-            between = kinematics.between(e.body, e.point, e.relative_to, e.relative_point)
+    for element in mechanism.force_elements:
+        if element.ends and free.intersection(element.bodies):
+            (body, point), (other, other_point) = element.ends
+            between = kinematics.between(body, point, other, other_point)
             yield _norm(kinematics.position(between, reference.q))
 
 
+def _spring_time(mechanism: Mechanism, spring: SpringDamper) -> float:
+    """sqrt(mass / stiffness) of the lightest body at a spring [s]."""
+    masses = [mechanism.body(name).mass for name in spring.bodies if name != GROUND]
+    return _root(min(masses), spring.stiffness)
+
+
+def _torsion_time(
+    mechanism: Mechanism, spring: RotationalSpringDamper | CubicTorsionSpring
+) -> float:
+    """sqrt(inertia / stiffness) of the lightest body at a spring on angles [s]; at its start."""
+    bodies = [mechanism.body(name) for name in spring.bodies if name != GROUND]
+    inertias = [body.mass * extent(mechanism, body) ** 2 + body.inertia for body in bodies]
+    cubic = getattr(spring, "cubic_stiffness", 0.0)
+    if not cubic:
+        return _root(min(inertias), spring.stiffness)
+    angle = Kinematics(mechanism).angle(spring.body, spring.relative_to)
+    turned = float(angle.value(initial_state(mechanism)[0])) - spring.rest_angle
+    return _root(min(inertias), spring.stiffness + 3 * cubic * turned**2)
+
+
+def _no_time(mechanism: Mechanism, element: ConstantForce | ConstantTorque) -> float:
+    """Infinite: constant forces and torques have no characteristic time."""
+    return math.inf
+
+
+def _root(inertia: float, stiffness: float) -> float:
+    return math.sqrt(inertia / stiffness) if inertia > 0 and stiffness > 0 else math.inf
+
+
+_CHARACTERISTIC_TIMES: ElementTable[Callable[[Mechanism, Any], float]] = ElementTable(
+    "The characteristic time",
+    FORCE_ELEMENTS,
+    {
+        SpringDamper: _spring_time,
+        RotationalSpringDamper: _torsion_time,
+        CubicTorsionSpring: _torsion_time,
+        ConstantForce: _no_time,
+        ConstantTorque: _no_time,
+    },
+)
+
+
 def _spring_times(mechanism: Mechanism) -> Iterator[float]:
-    """sqrt(mass / stiffness) of the lightest body at each spring [s]; inertia for angles."""
+    """Characteristic time of each force element [s]; infinite if it has none."""
     for element in mechanism.force_elements:
-        if isinstance(element, SpringDamper | RotationalSpringDamper) and element.stiffness > 0:
-            bodies = [mechanism.body(name) for name in element.bodies if name != GROUND]
-            turns = isinstance(element, RotationalSpringDamper)
-            moved = [
-                b.mass * extent(mechanism, b) ** 2 + b.inertia if turns else b.mass for b in bodies
-            ]
-            if min(moved) > 0:
-                yield math.sqrt(min(moved) / element.stiffness)
+        yield _CHARACTERISTIC_TIMES[element](mechanism, element)
 
 
 def _largest_speed(reference: Trajectory) -> float:

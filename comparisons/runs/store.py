@@ -210,8 +210,9 @@ def conditions(*parts: object, engine: Engine | None = None, code: str | None = 
     if engine is not None:
         cls = engine_class(engine.name)
         made_by += [engine.name, cls.version(), engine.settings, engine_digest(cls.__module__)]
-        if type(engine) is not cls:  # an engine that is read in another way, say
-            made_by.append(_file_digest(type(engine).__module__))
+        around = type(engine).__module__
+        if around != cls.__module__:  # an engine that is read in another way, say
+            made_by.append(_file_digest(around))
         # Settings of a built-in engine are all of it; a plug-in's preset may decide more than its
         # settings tell.
         made_by += [] if isinstance(engine, EngineOptions) else [engine.preset]

@@ -32,6 +32,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.arrays import BoolArray, FloatArray
+from ...models.elements import (
+    FORCE_ELEMENTS,
+    ConstantForce,
+    ConstantTorque,
+    CubicTorsionSpring,
+    ElementTable,
+    RotationalSpringDamper,
+    SpringDamper,
+)
 from ...models.errors import TrebucheckError
 from ...models.kinematics import initial_state
 from ...models.mechanism import Body, Mechanism
@@ -66,7 +75,18 @@ _EACH, _COMBINATIONS = (
     6,
     3,
 )  # most bodies whose inertias are changed one by one; random combinations of more
-_NUMBERS = ("stiffness", "damping", "rest_length", "rest_angle", "force", "torque")
+_NUMBERS: ElementTable[tuple[str, ...]] = ElementTable(
+    "The growth of errors",
+    FORCE_ELEMENTS,
+    {
+        SpringDamper: ("stiffness", "damping", "rest_length"),
+        RotationalSpringDamper: ("stiffness", "damping", "rest_angle"),
+        CubicTorsionSpring: ("stiffness", "cubic_stiffness", "rest_angle"),
+        ConstantForce: ("force",),
+        ConstantTorque: ("torque",),
+    },
+)
+"""Numbers of a force element that are changed, in the order of the random signs."""
 _ROWS = 4  # of each body before those of forces: place, velocity, angle and its speed
 _SHORTER = (
     1.0,
@@ -250,9 +270,7 @@ def _with_other_forces(mechanism: Mechanism) -> Iterator[Mechanism]:
 
     elements = tuple(
         element.model_copy(
-            update={
-                name: changed(getattr(element, name)) for name in _NUMBERS if hasattr(element, name)
-            }
+            update={name: changed(getattr(element, name)) for name in _NUMBERS[element]}
         )
         for element in mechanism.force_elements
     )

@@ -281,3 +281,12 @@ def test_forces_are_not_compared_beside_a_singular_position() -> None:
         solve(problem), problem.duration, scales_until(solve(problem), problem.duration)
     )
     assert found.horizon == problem.duration
+
+
+def test_five_samples_are_enough_to_know_the_error_of_simpsons_rule() -> None:
+    """A parabola is integrated without error by every sample and by every second one."""
+    t = np.linspace(0.0, 1.0, 5)
+    work, error = balance._simpson(t, t**2)
+    assert work[-1] == pytest.approx(1 / 3, rel=1e-12)
+    assert error == pytest.approx(np.zeros(5), abs=1e-12)
+    assert balance._simpson(t[:4], t[:4] ** 2)[1][-1] > 1e-3

@@ -138,6 +138,28 @@ def test_scales_of_a_mechanism_of_another_size_are_the_same_parts(factor: float)
         ), name
 
 
+def test_springs_on_angles_have_the_time_of_the_inertia_that_they_turn() -> None:
+    """A body that is lighter than the arm is not at the spring; a cubic one has its stiffness at the start."""
+    body = Body(name="bob", angle="beta", mass=3.0, centre=(0.5, 0), inertia=0.25)
+    turned = 3.0 * 0.5**2 + 0.25
+    ends = {"name": "spring", "body": "bob", "relative_to": "ground"}
+    springs = [
+        (tb.RotationalSpringDamper(**ends, stiffness=9e4), 9e4),
+        (tb.CubicTorsionSpring(**ends, stiffness=9e4), 9e4),
+        (
+            tb.CubicTorsionSpring(**ends, stiffness=5e4, cubic_stiffness=1e5, rest_angle=0.1),
+            5e4 + 3e5 * 0.2**2,
+        ),
+        (tb.CubicTorsionSpring(**ends, cubic_stiffness=1e5, rest_angle=0.1), 3e5 * 0.2**2),
+    ]
+    for spring, stiffness in springs:
+        swing = mechanisms.hanging_bob(
+            start=0.3, bodies=(body,), markers=(), force_elements=(spring,)
+        )
+        scales = scales_until(solve(tb.Problem(swing, duration=0.1)), 0.1)
+        assert scales.time == pytest.approx(math.sqrt(turned / stiffness), rel=1e-12), spring
+
+
 def test_scales_of_a_small_trebuchet_are_the_same_parts() -> None:
     """Every scale, those of stops among them, below 1: none of them is an absolute value."""
     s, usual = 1e-3, tb.TrebuchetParameters()
