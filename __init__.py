@@ -41,7 +41,7 @@ _PUBLIC = {
     "UnsupportedProblemError",
     "models.elements": "ConstantForce ConstantTorque CubicTorsionSpring FreeJoint PinJoint "
     "PointStop PrismaticJoint RotationalSpringDamper SlotJoint SpringDamper Stop WeldJoint",
-    "models.given": "model problem problems",
+    "models.library.given": "model problem problems",
     "models.launch": "Launch",
     "models.library.catapult": "CatapultParameters catapult",
     "models.library.floating_arm": "FloatingArmParameters floating_arm",

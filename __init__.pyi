@@ -33,10 +33,10 @@ from .models.errors import (
     TrebucheckError,
     UnsupportedProblemError,
 )
-from .models.given import model, problem, problems
 from .models.launch import Launch
 from .models.library.catapult import CatapultParameters, catapult
 from .models.library.floating_arm import FloatingArmParameters, floating_arm
+from .models.library.given import model, problem, problems
 from .models.library.trebuchet import (
     HingedParameters,
     TrebuchetParameters,
