@@ -199,7 +199,7 @@ def problems_command(call: Call) -> bool:
 
     trebucheck compare --model slider-crank
     """
-    from ..comparisons.problems import check
+    from ..comparisons import problems as check
     from ..comparisons.report.pages.problems import document, listing
     from ..models.library.registry import benchmark, benchmarks
 

@@ -35,8 +35,8 @@ from ...engines.registry import causes_of, with_options
 from ...engines.study import Cause, Intervention
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
-from ...models.given import Models
 from ...models.kinematics import Kinematics
+from ...models.library.given import Models
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ...models.trajectory import PointMotion, Trajectory

@@ -13,8 +13,8 @@ import numpy as np
 from pydantic import Field
 
 from ...models.arrays import FloatArray
-from ...models.given import Model, model_of
 from ...models.kinematics import Kinematics
+from ...models.library.given import Model, model_of
 from ...models.mechanism import Mechanism
 from ...models.problem import StopLaw
 from ...models.spec import Spec

@@ -23,8 +23,8 @@ from typing import Any, cast
 from ..elements import GROUND, STOPS, AnyJoint, ElementTable, PointStop, Stop
 from ..errors import InputError, UnsupportedProblemError
 from ..files import write_text
-from ..given import Model, model
 from ..kinematics import initial_state
+from ..library.given import Model, model
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
 from .appearance import STONE, Appearance
