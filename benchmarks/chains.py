@@ -14,7 +14,7 @@ from collections.abc import Callable
 from functools import partial
 
 import trebucheck as tb
-from trebucheck.models.machines.registry import model, parameters_type
+from trebucheck.models.library.registry import model, parameters_type
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
 

@@ -23,9 +23,9 @@ import trebucheck as tb
 import wrong_engines
 from random_mechanisms import random_mechanism
 from trebucheck.comparisons.runs.results import Outcome, Run
+from trebucheck.models.elements import GROUND
 from trebucheck.models.features import Feature
-from trebucheck.models.joints import GROUND
-from trebucheck.models.machines.registry import library_problem, model
+from trebucheck.models.library.registry import library_problem, model
 from trebucheck.models.trajectory import PointMotion, Trajectory
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.perturbed import WithoutCentrifugal, solve_scheduled
@@ -355,7 +355,7 @@ def _stops(change: Callable[[Any], dict[str, Any]]) -> Build:
 
 def _rubbing(kind: str) -> Build:
     """Damping in the joints: of angles, or along slots."""
-    from trebucheck.models.force_elements import RotationalSpringDamper
+    from trebucheck.models.elements import RotationalSpringDamper
 
     def built(m: tb.Mechanism) -> tb.Mechanism:
         size = sum(b.mass for b in m.bodies) * (m.gravity or 9.81)

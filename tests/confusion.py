@@ -22,7 +22,7 @@ import trebucheck as tb
 from trebucheck.comparisons.diagnosis.diagnose import diagnose_motion
 from trebucheck.comparisons.diagnosis.rerun import Rerun
 from trebucheck.comparisons.runs.results import Diagnosis, Metric
-from trebucheck.models.machines.registry import model
+from trebucheck.models.library.registry import model
 from trebucheck.models.trajectory import PointMotion
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solution import Solution

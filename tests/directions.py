@@ -10,14 +10,14 @@ from trebucheck.models.kinematics import initial_state
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.reference.equations import Equations, consistent_coordinates, kkt_matrix
-from trebucheck.reference.solver import solve
-from trebucheck.reference.throw.tangent import StateTangent, state_tangent
-from trebucheck.reference.throw.variational import (
+from trebucheck.reference.sensitivity.tangent import StateTangent, state_tangent
+from trebucheck.reference.sensitivity.variational import (
     VariationalEquations,
     consistent_direction,
     moved,
     numbers,
 )
+from trebucheck.reference.solver import solve
 
 Direction = dict[str, float]
 

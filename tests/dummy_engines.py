@@ -18,9 +18,8 @@ import numpy as np
 import trebucheck as tb
 from plugins import Echo
 from trebucheck.engines.inspection import Inspection, State
+from trebucheck.models.elements import GROUND, RotationalSpringDamper
 from trebucheck.models.features import Feature, refuse_features
-from trebucheck.models.force_elements import RotationalSpringDamper
-from trebucheck.models.joints import GROUND
 from wrong_engines import Honest, _markers, late
 
 _RUNS = count()

@@ -6,17 +6,21 @@ from typing import Any
 
 import numpy as np
 from mechanisms import G, body_of, everything, pin
-from trebucheck.models.force_elements import (
+from trebucheck.models.elements import (
+    GROUND,
     ConstantForce,
     ConstantTorque,
+    FreeJoint,
+    PointStop,
+    PrismaticJoint,
     RotationalSpringDamper,
+    SlotJoint,
     SpringDamper,
+    WeldJoint,
 )
-from trebucheck.models.joints import GROUND, FreeJoint, PrismaticJoint, SlotJoint, WeldJoint
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import StopLaw
-from trebucheck.models.stops import PointStop
 
 HULL = body_of("hull", "a", 2.0, (0.1, 0.05), 0.4)
 BOB = body_of("bob", "b", 0.7, (0.3, -0.1), 0.05)

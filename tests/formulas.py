@@ -15,13 +15,12 @@ import numpy as np
 import trebucheck as tb
 from mechanisms import pin
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.joints import GROUND, SlotJoint
+from trebucheck.models.elements import GROUND, PointStop, SlotJoint, Stop
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.launch import Launch
 from trebucheck.models.mechanism import Body, Marker
-from trebucheck.models.stops import PointStop, Stop
 from trebucheck.models.trajectory import PointMotion, Provenance
-from trebucheck.reference.window import SingularPassage
+from trebucheck.reference.singular import SingularPassage
 
 RELEASE, TURN, ARM = 0.5, 1.0, 2.0
 """When the rest opens [s], speed of the arm from then on [rad/s], and its length [m]."""

@@ -7,26 +7,25 @@ import functools
 import math
 
 import numpy as np
-from trebucheck.models.force_elements import (
+from trebucheck.models.elements import (
+    GROUND,
     AnyForceElement,
     ConstantForce,
     ConstantTorque,
-    RotationalSpringDamper,
-    SpringDamper,
-)
-from trebucheck.models.joints import (
-    GROUND,
     FreeJoint,
     PinJoint,
+    PointStop,
     PrismaticJoint,
+    RotationalSpringDamper,
     SlotJoint,
+    SpringDamper,
+    Stop,
     WeldJoint,
 )
-from trebucheck.models.machines.trebuchet import PROJECTILE, fixed, rolling
+from trebucheck.models.library.trebuchet import PROJECTILE, fixed, rolling
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.models.spec import Vector
-from trebucheck.models.stops import PointStop, Stop
 from trebucheck.models.trajectory import Trajectory
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve

@@ -5,26 +5,25 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from trebucheck.models.force_elements import (
+from trebucheck.models.elements import (
+    GROUND,
     AnyForceElement,
+    AnyJoint,
     ConstantForce,
     ConstantTorque,
-    RotationalSpringDamper,
-    SpringDamper,
-)
-from trebucheck.models.joints import (
-    GROUND,
-    AnyJoint,
     FreeJoint,
     PinJoint,
+    PointStop,
     PrismaticJoint,
+    RotationalSpringDamper,
     SlotJoint,
+    SpringDamper,
+    Stop,
     WeldJoint,
 )
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.spec import Vector
-from trebucheck.models.stops import PointStop, Stop
 from trebucheck.reference.equations import Equations, consistent_speeds
 
 _JOINTS = ("pin", "pin", "pin", "slot", "rail", "weld", "free")

@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 from trebucheck.comparisons.data.certified import certified_dataset
 from trebucheck.models.kinematics import initial_state
-from trebucheck.models.machines.registry import models
+from trebucheck.models.library.registry import models
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.reference.equations import Equations
 from trebucheck_importers.expected import read_dataset, with_joint_values

@@ -12,12 +12,12 @@ import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from trebucheck.comparisons.compare.agreement import quantities
-from trebucheck.comparisons.compare.sentences import complaints
 from trebucheck.comparisons.compare.study import Comparison
+from trebucheck.comparisons.report.pages.compare import quantities
+from trebucheck.comparisons.report.pages.tables import complaints
 from trebucheck.comparisons.runs.results import Outcome, Run
 from trebucheck.engines.registry import engine_study
-from trebucheck.models.machines.registry import models
+from trebucheck.models.library.registry import models
 
 PRESETS = ("tuned", "stock")
 MODELS = ("fixed", "rolling")

@@ -7,9 +7,9 @@ import functools
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.runs.metrics import measure
+from trebucheck.models.library.registry import benchmark
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.problems.registry import benchmark
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 

@@ -16,8 +16,7 @@ from trebucheck.comparisons.runs.record import EngineRuns
 from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.registry import engine, engine_class, with_options
-from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.trebuchet import HANGER_REST, fixed, rolling
+from trebucheck.models.library.trebuchet import HANGER_REST, TrebuchetParameters, fixed, rolling
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 

@@ -19,8 +19,13 @@ from mechanisms import (
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.models.elements import Stop
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
-from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.trebuchet import HANGER_REST, SLING_REST, fixed, rolling
+from trebucheck.models.library.trebuchet import (
+    HANGER_REST,
+    SLING_REST,
+    TrebuchetParameters,
+    fixed,
+    rolling,
+)
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.reference.solution import Solution

@@ -14,9 +14,9 @@ from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import PointStop, RotationalSpringDamper, SpringDamper
 from trebucheck.models.errors import UnsupportedProblemError
+from trebucheck.models.library.registry import benchmark
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.problems.registry import benchmark
 from trebucheck.reference.solver import characteristic_time, solve
 
 pytest.importorskip("exudyn")

@@ -14,7 +14,7 @@ from trebucheck.engines.inspection import Inspection, State
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import SlotJoint, Stop
 from trebucheck.models.errors import InputError
-from trebucheck.models.machines.trebuchet import HANGER_REST, SLING_REST, fixed
+from trebucheck.models.library.trebuchet import HANGER_REST, SLING_REST, fixed
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.reference.equations import Equations
 

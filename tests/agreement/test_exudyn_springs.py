@@ -8,8 +8,13 @@ from mechanisms import TABLE_ONE, position_error, table_one_motion
 from scipy import stats
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.models.errors import InputError
-from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.trebuchet import HANGER_REST, SLING_REST, fixed, rolling
+from trebucheck.models.library.trebuchet import (
+    HANGER_REST,
+    SLING_REST,
+    TrebuchetParameters,
+    fixed,
+    rolling,
+)
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.reference.solution import Solution

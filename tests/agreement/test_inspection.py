@@ -18,7 +18,7 @@ from trebucheck.comparisons.diagnosis.equivalence import random_states
 from trebucheck.engines.inspection import Inspectable, Inspection, State
 from trebucheck.models.elements import GROUND, PinJoint, Stop
 from trebucheck.models.errors import SimulationError
-from trebucheck.models.machines.trebuchet import HANGER_REST, SLING_REST
+from trebucheck.models.library.trebuchet import HANGER_REST, SLING_REST
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.mjcf.writer import mjcf
 from trebucheck.reference.equations import Equations

@@ -14,7 +14,7 @@ import xarray as xr
 from PIL import Image
 from trebucheck.comparisons.data.certified import content
 from trebucheck.models import mjcf as descriptions
-from trebucheck.models.machines.registry import models, parameters_type
+from trebucheck.models.library.registry import models, parameters_type
 from trebucheck.models.mjcf.recorded import event_names, stored_motion
 from trebucheck.models.mjcf.throw import released, throw
 from trebucheck.models.mjcf.variants import POINT_INERTIA

@@ -22,12 +22,12 @@ from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.reference.engine import ReferenceEngine
 from trebucheck.models.elements import Stop
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
-from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.trebuchet import (
+from trebucheck.models.library.trebuchet import (
     ARM_STOP,
     HANGER_REST,
     PROJECTILE,
     SLING_REST,
+    TrebuchetParameters,
     fixed,
     rolling,
 )

@@ -14,9 +14,9 @@ from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.models.elements import PointStop
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics
+from trebucheck.models.library.registry import benchmark
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.problems.registry import benchmark
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import characteristic_time, solve
 

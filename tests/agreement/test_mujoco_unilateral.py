@@ -25,7 +25,7 @@ from random_mechanisms import random_mechanism
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import GROUND, PinJoint, PointStop, SlotJoint, Stop
-from trebucheck.models.machines.trebuchet import ARM_STOP
+from trebucheck.models.library.trebuchet import ARM_STOP
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.trajectory import Trajectory

@@ -13,13 +13,13 @@ from trebucheck.engines.pymunk.engine import PymunkEngine
 from trebucheck.models.elements import GROUND, PinJoint, Stop
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics
-from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.trebuchet import (
+from trebucheck.models.library.trebuchet import (
     COUNTERWEIGHT,
     FULCRUM,
     HANGER_REST,
     PROJECTILE,
     SLING_REST,
+    TrebuchetParameters,
     fixed,
     rolling,
 )

@@ -11,7 +11,7 @@ import pytest
 from mechanisms import misplaced
 from trebucheck.engines.pymunk.engine import PymunkEngine
 from trebucheck.models.elements import GROUND, PinJoint, PointStop, Stop
-from trebucheck.models.machines.trebuchet import ARM_STOP, fixed, rolling
+from trebucheck.models.library.trebuchet import ARM_STOP, fixed, rolling
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.trajectory import Trajectory

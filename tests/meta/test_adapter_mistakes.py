@@ -12,7 +12,7 @@ import adapter_mistakes
 import pytest
 import trebucheck as tb
 from adapter_mistakes import MISTAKES, compared, problem, verdict
-from trebucheck.comparisons.compare import machine
+from trebucheck.comparisons.runs import record as machine
 from trebucheck.comparisons.runs.process import Worker
 from trebucheck.comparisons.runs.results import Outcome
 from trebucheck.comparisons.runs.runner import Runner

@@ -7,7 +7,7 @@ from functools import cache
 import pytest
 import trebucheck as tb
 from confusion import Bench, Entry, Seed, diagnosed, scaled, seeds
-from trebucheck.models.problems.registry import benchmark
+from trebucheck.models.library.registry import benchmark
 
 NAMED = (
     "gravity tilted 0.05 deg",

@@ -10,7 +10,7 @@ import faulty
 import numpy as np
 import pytest
 from faulty import TABLE_ONE, Fault, body, parameters, run_with, without
-from trebucheck.comparisons.compare.sentences import diagnosis
+from trebucheck.comparisons.report.pages.tables import diagnosis
 from trebucheck.comparisons.runs.results import Outcome
 
 GATE, MOTION = Outcome.NOT_EQUIVALENT, Outcome.DISAGREES

@@ -7,7 +7,7 @@ import re
 import faulty
 import pytest
 from faulty import Fault, run_with, tilted_slot, tilted_wall, without, without_joint
-from trebucheck.comparisons.compare.sentences import diagnosis
+from trebucheck.comparisons.report.pages.tables import diagnosis
 from trebucheck.comparisons.runs.results import Outcome
 
 GATE, MOTION = Outcome.NOT_EQUIVALENT, Outcome.DISAGREES

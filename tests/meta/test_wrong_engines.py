@@ -10,7 +10,7 @@ import pytest
 import trebucheck as tb
 import wrong_engines
 from trebucheck.cli.app import main
-from trebucheck.comparisons.compare import machine
+from trebucheck.comparisons.runs import record as machine
 from trebucheck.comparisons.runs.results import Outcome, Results, Run
 
 

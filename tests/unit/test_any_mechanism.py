@@ -15,15 +15,14 @@ import trebucheck as tb
 from mechanisms import chain, four_bar, hanging_bob
 from trebucheck.__main__ import main
 from trebucheck.comparisons.converge import study as converging
-from trebucheck.comparisons.converge.report import document
 from trebucheck.comparisons.recommend import Asked, recommend
 from trebucheck.comparisons.report.html import page
+from trebucheck.comparisons.report.pages.converge import document
+from trebucheck.comparisons.runs.process import Worker
 from trebucheck.comparisons.runs.record import EngineRuns, RunRecord
 from trebucheck.comparisons.runs.results import Results
 from trebucheck.comparisons.runs.runner import Runner
-from trebucheck.comparisons.runs.study import Study
-from trebucheck.comparisons.runs.until import Until
-from trebucheck.comparisons.runs.worker import Worker
+from trebucheck.comparisons.runs.study import Study, Until
 from trebucheck.models.errors import InputError
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Marker

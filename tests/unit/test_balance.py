@@ -16,7 +16,7 @@ from trebucheck.comparisons.runs.results import Metric
 from trebucheck.comparisons.runs.scales import scales_until
 from trebucheck.comparisons.runs.stretching import stretching_until
 from trebucheck.comparisons.runs.tolerances import AppliedTolerance, _held_against
-from trebucheck.models.problems.registry import benchmark
+from trebucheck.models.library.registry import benchmark
 from trebucheck.reference.solver import solve
 
 STIFFNESS, MASS, OUT = 100.0, 4.0, 0.3

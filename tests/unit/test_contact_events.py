@@ -11,10 +11,10 @@ from trebucheck.engines.events import (
     refuse_moving_gaps,
     resting,
 )
+from trebucheck.models.elements import Stop
 from trebucheck.models.errors import SimulationError, UnsupportedProblemError
-from trebucheck.models.machines.trebuchet import fixed
+from trebucheck.models.library.trebuchet import fixed
 from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.stops import Stop
 
 HANGER, SLING = "hanger rest", "sling rest"
 

@@ -14,17 +14,17 @@ from conftest import machine_parameters
 from faulty import Faulty, body, parameters
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from trebucheck.comparisons.compare.sentences import diagnosis
 from trebucheck.comparisons.diagnosis.case import Case, match
 from trebucheck.comparisons.diagnosis.diagnose import active_contacts_at, check_and_diagnose, growth
 from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model, random_states
 from trebucheck.comparisons.diagnosis.faults import combined, machine_suspects
 from trebucheck.comparisons.diagnosis.rerun import Rerun, _other_settings
+from trebucheck.comparisons.report.pages.tables import diagnosis
 from trebucheck.comparisons.runs.results import Cause, Diagnosis, Outcome, Run
 from trebucheck.engines.inspection import Dynamics, Inspection, State
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.registry import causes_of
-from trebucheck.models.machines.trebuchet import parameters_of
+from trebucheck.models.library.trebuchet import parameters_of
 from trebucheck.reference.contact import active_contacts
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve

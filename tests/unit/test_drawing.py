@@ -23,9 +23,8 @@ from trebucheck.comparisons.report.drawing.sketch import ROLES, Drawing, Shape
 from trebucheck.comparisons.report.drawing.symbols import draw, loaded_rod
 from trebucheck.models.elements import GROUND, ConstantForce, CubicTorsionSpring
 from trebucheck.models.kinematics import initial_state
-from trebucheck.models.machines.registry import model, models
+from trebucheck.models.library.registry import benchmarks, model, models
 from trebucheck.models.mechanism import Body, Mechanism
-from trebucheck.models.problems.registry import benchmarks
 
 NAMED = {name: model(name) for name in models()} | {
     b.name: b.problem(None).mechanism for b in benchmarks()

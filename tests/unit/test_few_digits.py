@@ -10,7 +10,7 @@ import pytest
 import trebucheck as tb
 from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.engines.inspection import Dynamics, Inspection, State
-from trebucheck.models.problems.registry import benchmark
+from trebucheck.models.library.registry import benchmark
 from trebucheck.reference.equations import Equations
 
 SINGLE = float(np.finfo(np.float32).eps / 2)

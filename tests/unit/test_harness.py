@@ -13,9 +13,9 @@ import jsonschema
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.compare.report import document
 from trebucheck.comparisons.compare.study import Case, Comparison, compare_study
 from trebucheck.comparisons.report.html import page
+from trebucheck.comparisons.report.pages.compare import document
 from trebucheck.comparisons.runs.metrics import measure
 from trebucheck.comparisons.runs.process import Worker, simulate_warm
 from trebucheck.comparisons.runs.results import Metric, Outcome, Results, Run

@@ -14,9 +14,8 @@ from mechanisms import pin
 from trebucheck.comparisons.runs.metrics import against, measure
 from trebucheck.comparisons.runs.quantities import Kind, Quantity, metric_label, parse_label
 from trebucheck.comparisons.runs.results import Metric
-from trebucheck.models.joints import GROUND
+from trebucheck.models.elements import GROUND, PointStop
 from trebucheck.models.launch import Launch
-from trebucheck.models.stops import PointStop
 from trebucheck.models.trajectory import PointMotion
 
 REFERENCE = Formula()

@@ -11,18 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mechanisms import chain, everything
+from trebucheck.models.elements import GROUND, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.errors import InputError, UnsupportedProblemError
-from trebucheck.models.joints import GROUND, PinJoint, SlotJoint
 from trebucheck.models.kinematics import Kinematics
-from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.registry import model, models
-from trebucheck.models.machines.trebuchet import fixed, rolling
+from trebucheck.models.library.registry import model, models
+from trebucheck.models.library.trebuchet import TrebuchetParameters, fixed, rolling
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.mjcf import writer as mjcf_writer
 from trebucheck.models.mjcf.recorded import stored_motion
 from trebucheck.models.mjcf.scene import SCENE_FILE, scene
 from trebucheck.models.mjcf.writer import FAR, mjcf, mjcf_names, write_model_folder
-from trebucheck.models.stops import PointStop, Stop
 
 MACHINES = {"fixed": fixed, "rolling": rolling}
 machines = pytest.mark.parametrize("name", MACHINES)

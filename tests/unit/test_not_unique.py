@@ -11,10 +11,9 @@ from trebucheck.comparisons.runs.metrics import measure
 from trebucheck.comparisons.runs.results import Metric
 from trebucheck.comparisons.runs.scales import scales_until
 from trebucheck.comparisons.runs.stretching import stretching_until
-from trebucheck.models.joints import GROUND, WeldJoint
+from trebucheck.models.elements import GROUND, Stop, WeldJoint
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem
-from trebucheck.models.stops import Stop
 from trebucheck.reference.equations import Equations, consistent_coordinates, consistent_speeds
 from trebucheck.reference.solver import solve
 

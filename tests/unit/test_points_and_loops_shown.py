@@ -15,7 +15,7 @@ from trebucheck.__main__ import main
 from trebucheck.comparisons.diagnosis.faults import combined, machine_suspects, with_closed_loops
 from trebucheck.comparisons.explain import causes_of
 from trebucheck.engines.mujoco.engine import MujocoEngine
-from trebucheck.models.machines.registry import model
+from trebucheck.models.library.registry import model
 from trebucheck.reference.throw.throw import throw
 
 pytestmark = pytest.mark.usefixtures("kept_processes")

@@ -17,8 +17,8 @@ from trebucheck.comparisons.runs.results import Metric
 from trebucheck.comparisons.runs.scales import scales_until
 from trebucheck.comparisons.runs.stretching import LIMIT, START_LIMIT, Stretching, stretching_until
 from trebucheck.comparisons.runs.tolerances import DEFAULT
+from trebucheck.models.library.registry import benchmark
 from trebucheck.models.mechanism import Body, Marker
-from trebucheck.models.problems.registry import benchmark
 from trebucheck.reference.solver import solve
 
 

@@ -17,8 +17,8 @@ from trebucheck.comparisons.runs.quantities import JUDGED, QUANTITIES, judged_qu
 from trebucheck.comparisons.runs.scales import Scales, extent, scales_until, size
 from trebucheck.comparisons.runs.stretching import predictable_until, stretching, stretching_at
 from trebucheck.comparisons.runs.study import Until
+from trebucheck.models.elements import PointStop
 from trebucheck.models.mechanism import Body, Marker
-from trebucheck.models.stops import PointStop
 from trebucheck.reference.solver import characteristic_time, solve
 
 

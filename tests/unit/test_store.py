@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 import trebucheck as tb
 from trebucheck.cli.app import main
-from trebucheck.comparisons.compare.report import document
 from trebucheck.comparisons.compare.study import (
     Comparison,
     compare_study,
@@ -20,6 +19,7 @@ from trebucheck.comparisons.compare.study import (
     stored,
 )
 from trebucheck.comparisons.report.html import page
+from trebucheck.comparisons.report.pages.compare import document
 from trebucheck.comparisons.runs import runner as running
 from trebucheck.comparisons.runs import store as store_module
 from trebucheck.comparisons.runs.process import Worker

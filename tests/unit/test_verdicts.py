@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 from formulas import END, Formula, times, trolley
-from trebucheck.comparisons.compare.sentences import complaints, verdict
+from trebucheck.comparisons.report.pages.compare import verdict
+from trebucheck.comparisons.report.pages.tables import complaints
 from trebucheck.comparisons.runs.record import RunErrors, pair_of
 from trebucheck.comparisons.runs.results import (
     COMPARED,

@@ -22,8 +22,8 @@ from trebucheck.comparisons.runs.process import Worker
 from trebucheck.comparisons.runs.results import Outcome, Results
 from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.engines import protocol
+from trebucheck.models.elements import GROUND
 from trebucheck.models.errors import SimulationError
-from trebucheck.models.joints import GROUND
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.memory import available_memory
 from trebucheck.reference.certification import certify as certification

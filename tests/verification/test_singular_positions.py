@@ -10,7 +10,7 @@ import pytest
 from mechanisms import G, parallel_cranks, pin
 from scipy.integrate import quad
 from scipy.special import ellipj, ellipk
-from trebucheck.comparisons.report.tables import predictable
+from trebucheck.comparisons.report.pages.tables import predictable
 from trebucheck.comparisons.runs.results import Machine, SingularPosition
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import SlotJoint
