@@ -361,7 +361,7 @@ class Side(Spec):
     holds: bool | None = Field(description="whether it holds its tolerance; null: it is not judged")
 
 
-class Quantity(Spec):
+class QuantityDifference(Spec):
     """One quantity of a run in both results."""
 
     model: str
@@ -429,7 +429,7 @@ class DifferenceData(Spec):
     conditions: tuple[str, ...] = Field(description="what was asked for or judged otherwise")
     references: tuple[Reference, ...]
     runs: tuple[RunFate, ...]
-    quantities: tuple[Quantity, ...]
+    quantities: tuple[QuantityDifference, ...]
 
 
 def data(found: Difference) -> DifferenceData:
@@ -472,8 +472,8 @@ def _run(each: RunChange) -> RunFate:
     )
 
 
-def _quantity(each: QuantityChange, factor: float) -> Quantity:
-    return Quantity(
+def _quantity(each: QuantityChange, factor: float) -> QuantityDifference:
+    return QuantityDifference(
         model=each.model,
         run=each.run,
         quantity=each.either.label,

@@ -35,15 +35,15 @@ from ..runs.study import Counter, RunOptions, Study
 from .results import (
     Curve,
     Floor,
-    Limit,
     LimitPair,
     MachineStudies,
     Point,
     PowerLaw,
     QuantityName,
+    RichardsonLimit,
     Studies,
 )
-from .results import Study as ParameterStudy
+from .results import SweepStudy as ParameterStudy
 
 CONFIDENCE = 0.95
 FEWEST = 4  # points of a line: two make it, two more can gainsay it
@@ -807,9 +807,9 @@ def _largest(torques: FloatArray) -> float | None:
     return float(np.abs(torques).max()) if torques.size else None
 
 
-def _limit_row(label: str, limit: Extrapolated) -> Limit:
+def _limit_row(label: str, limit: Extrapolated) -> RichardsonLimit:
     name, preset = label.rsplit(" ", 1)
-    return Limit(
+    return RichardsonLimit(
         engine=name,
         preset=preset,
         levels=limit.levels,

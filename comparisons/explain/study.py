@@ -46,11 +46,11 @@ from ..runs.study import PRESETS, Counter, RunOptions, Study
 from .results import (
     Budget,
     Change,
+    ExplainedMachine,
     Explanation,
     Figures,
-    Machine,
     Measurement,
-    Quantity,
+    QuantityBudget,
     Share,
     StockAgainstTuned,
 )
@@ -329,7 +329,7 @@ class _Study:
 
     def quantities(
         self, chains: tuple[_Chain, _Chain], alone: dict[str, tuple[Curves, float]]
-    ) -> tuple[Quantity, ...]:
+    ) -> tuple[QuantityBudget, ...]:
         """The budget of every quantity that all these runs tell."""
         ideal = chains[0].deviations[-1]
         runs = [
@@ -338,7 +338,7 @@ class _Study:
             *(deviation for deviation, _ in alone.values()),
         ]
         near = self._last_bits([], (1, -1)), self._last_bits(self._removals(chains[0].causes), (1,))
-        quantities: list[Quantity] = []
+        quantities: list[QuantityBudget] = []
         for name, whole in observed(self.base).items():
             if not all(name in observed(run) for run in runs):
                 continue
@@ -347,7 +347,7 @@ class _Study:
             }
             for cause in alone.keys() - parts.keys():
                 only = self._extrapolated(name, *alone[cause])
-                parts[cause] = Measured.of(only, only)
+                parts[cause] = TwoWayShare.of(only, only)
             noise = _noise(name, whole, self.base, near[0])
             # What is left is the ideal run, extrapolated with the base where a removal leaves a
             # known part.
@@ -362,14 +362,14 @@ class _Study:
         quantity: str,
         chains: tuple[_Chain, _Chain],
         alone: dict[str, tuple[Curves, float]],
-    ) -> Measured:
+    ) -> TwoWayShare:
         first, second = (chain.part(cause.name, quantity) for chain in chains)
         if cause.name not in alone:
-            return Measured.of(first, second)
+            return TwoWayShare.of(first, second)
         # Shares of removals add up: scaling, an independent measure, is shown beside them and makes
         # the band.
         mean = (first + second) / 2
-        return Measured(mean, mean, self._extrapolated(quantity, *alone[cause.name]))
+        return TwoWayShare(mean, mean, self._extrapolated(quantity, *alone[cause.name]))
 
     def _extrapolated(self, quantity: str, larger: Curves, factor: float) -> FloatArray:
         return (observed(larger)[quantity].values - observed(self.base)[quantity].values) / (
@@ -400,7 +400,7 @@ def _extrapolation(cause: Cause) -> float:
 
 
 @dataclass(frozen=True)
-class Measured:
+class TwoWayShare:
     """A cause's contribution to one quantity, as functions of time."""
 
     share: FloatArray
@@ -410,7 +410,7 @@ class Measured:
     """Found the other way: in the reverse order, or by scaling."""
 
     @classmethod
-    def of(cls, first: FloatArray, second: FloatArray) -> Measured:
+    def of(cls, first: FloatArray, second: FloatArray) -> TwoWayShare:
         """The mean of two ways."""
         return cls((first + second) / 2, first, second)
 
@@ -482,10 +482,10 @@ def _ordered(causes: Sequence[Cause]) -> tuple[Cause, ...]:
 def split(
     name: str,
     whole: Observed,
-    parts: Mapping[str, Measured],
+    parts: Mapping[str, TwoWayShare],
     noise: float,
     noise_left: float,
-) -> Quantity:
+) -> QuantityBudget:
     """The budget of one quantity.
 
     Args:
@@ -501,13 +501,13 @@ def split(
     rms, largest = whole.size(e)
     rest_rms, rest_largest = whole.size(rest)
     unexplained = math.sqrt(max(0.0, rest_rms**2 - noise_left**2))
-    return Quantity(
+    return QuantityBudget(
         name=name,
         unit=whole.unit,
         rms=rms,
         largest=largest,
         shares=tuple(_share(cause, part, whole) for cause, part in parts.items()),
-        rest=_share("unexplained", Measured.of(rest, rest), whole),
+        rest=_share("unexplained", TwoWayShare.of(rest, rest), whole),
         rest_rms=rest_rms,
         rest_largest=rest_largest,
         roundoff=noise,
@@ -516,7 +516,7 @@ def split(
     )
 
 
-def _share(cause: str, part: Measured, whole: Observed) -> Share:
+def _share(cause: str, part: TwoWayShare, whole: Observed) -> Share:
     rms, largest = whole.size(part.share)
     return Share(
         cause=cause,
@@ -621,8 +621,8 @@ def explain_study(study: Study) -> Explanation:
     )
 
 
-def _machine(trials: EngineRuns) -> Machine:
-    return Machine(
+def _machine(trials: EngineRuns) -> ExplainedMachine:
+    return ExplainedMachine(
         model=trials.mechanism.name,
         mechanism=trials.mechanism,
         mechanism_hash=trials.mechanism.content_hash,

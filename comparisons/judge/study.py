@@ -37,7 +37,7 @@ from ..runs.results import (
 from ..runs.runner import Runner
 from ..runs.study import REFERENCE, Counter, Progress, Study, one_end
 from ..runs.tolerances import judge as judge_run
-from .read import Given, Impact, jumps, merged, read
+from .read import GivenImpact, GivenMotion, jumps, merged, read
 from .read import metrics as impact_metrics
 
 NOT_GIVEN = "the file does not give it"
@@ -171,7 +171,7 @@ class _Motion:
     reference's, unjudged.
     """
 
-    given: Given
+    given: GivenMotion
     runner: Runner
 
     def __post_init__(self) -> None:
@@ -225,7 +225,7 @@ class _Motion:
             ),
         )
 
-    def _impacts(self) -> tuple[Impact, ...]:
+    def _impacts(self) -> tuple[GivenImpact, ...]:
         """Impacts as the file names them, or as its speeds show them."""
         names = self.mechanism.coordinates
         if self.given.impacts or not self._moving:

@@ -41,7 +41,7 @@ _SAMPLES = 2001  # of the reference, in search of the largest torque
 
 
 @dataclass(frozen=True)
-class Case:
+class TargetedRuns:
     """A machine with its trials and its accuracy target."""
 
     trials: EngineRuns
@@ -284,7 +284,7 @@ def ladder(characteristic_time: float) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True)
-class Level:
+class RefinementLevel:
     """One refinement level: a time step, and the worst of the machines measured with it."""
 
     step: float
@@ -306,13 +306,13 @@ class Sweep:
     """One set of options over the time steps tried."""
 
     options: OptionSet
-    levels: dict[float, Level] = field(default_factory=dict[float, Level])
+    levels: dict[float, RefinementLevel] = field(default_factory=dict[float, RefinementLevel])
     note: str = ""
     dropped: bool = False
     """Given up by what one machine showed: none of its steps was run on the others."""
 
     @property
-    def reached(self) -> Level | None:
+    def reached(self) -> RefinementLevel | None:
         """The level of the longest step at which it reaches what is asked on all machines it must."""
         if self.dropped:
             return None
@@ -320,7 +320,7 @@ class Sweep:
         return max(levels, key=lambda level: level.step, default=None)
 
     @property
-    def best(self) -> Level:
+    def best(self) -> RefinementLevel:
         """The level with the least worst error; of equals the one of the longest step."""
         return min(self.levels.values(), key=lambda level: (level.worst, -level.step))
 
@@ -330,7 +330,7 @@ class Search:
     """Searches the time steps of one engine for each set of options."""
 
     engine: str
-    cases: Sequence[Case]
+    cases: Sequence[TargetedRuns]
     steps: Sequence[float]
     jobs: int = 1
     """Neighbours that are run at once."""
@@ -391,7 +391,9 @@ class Search:
         ratios = {i: self.cases[i].ratio(trial) for i, trial in trials.items()}
         hardest = sorted(list(ratios)[1:], key=lambda i: -ratios[i])[:HARDEST]
         panel = sorted([0, *hardest], key=lambda i: -ratios[i])
-        sweep.levels[step] = Level(step, ratios[panel[0]], panel[0], {i: trials[i] for i in panel})
+        sweep.levels[step] = RefinementLevel(
+            step, ratios[panel[0]], panel[0], {i: trials[i] for i in panel}
+        )
         return panel
 
     def _trial(self, case: int, options: OptionSet, step: float, repeats: int = 1) -> RunRecord:
@@ -455,7 +457,7 @@ class Search:
             before = now
         sweep.note = "not reached at the shortest step tried"
 
-    def _level(self, sweep: Sweep, panel: list[int], index: int) -> Level:
+    def _level(self, sweep: Sweep, panel: list[int], index: int) -> RefinementLevel:
         """Run the panel at a step, the hardest first, up to the first that does not reach what is
         asked.
         """
@@ -471,14 +473,14 @@ class Search:
                 worst, hardest = ratio, i
             if worst > 1:
                 break
-        sweep.levels[step] = Level(step, worst, hardest, trials)
+        sweep.levels[step] = RefinementLevel(step, worst, hardest, trials)
         return sweep.levels[step]
 
-    def chosen(self, sweeps: Sequence[Sweep]) -> tuple[Sweep, Level, RunRecord] | None:
+    def chosen(self, sweeps: Sequence[Sweep]) -> tuple[Sweep, RefinementLevel, RunRecord] | None:
         """The cheapest that reaches it, with its repeated trial; the plainest of those as cheap as
         can be told.
         """
-        candidates: list[tuple[Sweep, Level, RunRecord]] = []
+        candidates: list[tuple[Sweep, RefinementLevel, RunRecord]] = []
         for sweep in sweeps:
             level = sweep.reached
             if level is not None and _wall(level.trials[0]) <= _DEARER * self.cheapest:
@@ -604,7 +606,9 @@ def explain(search: Search, sweeps: Sequence[Sweep]) -> Verdict:
     return Verdict(verdict.obstacle, f"{reached}; {verdict.sentence}.")
 
 
-def _reached(sweep: Sweep, case: Case, name: str, error: float, step: float, index: int) -> str:
+def _reached(
+    sweep: Sweep, case: TargetedRuns, name: str, error: float, step: float, index: int
+) -> str:
     where = "this machine" if index == 0 else "its hardest neighbour"
     unit, allowed = case.unit(name), case.allowed[name]
     return (
