@@ -196,7 +196,7 @@ _ROUNDOFF = "roundoff"
 
 
 class VariantFailedError(Exception):
-    """A run with causes taken out did not come to its end, or not to the same events as the base."""
+    """A run with causes taken out ended early, or with other events than the base run."""
 
     def __init__(self, cause: str, reason: str) -> None:
         super().__init__(reason)
@@ -262,9 +262,7 @@ class _Chain:
     deviations: list[Curves]
 
     def part(self, cause: str, quantity: str) -> FloatArray:
-        """The change from taking out one more cause changed, extrapolated where it leaves a known
-        part of it.
-        """
+        """Change from taking out one more cause, extrapolated where a known part of it remains."""
         i = next(i for i, known in enumerate(self.causes) if known.name == cause)
         removal = self.causes[i].removal
         assert removal is not None
@@ -425,9 +423,7 @@ class Observed:
     """Of a vector quantity: its values are all x, then all y."""
 
     def size(self, values: FloatArray) -> tuple[float, float]:
-        """Root mean square over time and largest value of a function like this one, Euclidean over
-        components.
-        """
+        """Root mean square over time and largest value of a function, Euclidean over components."""
         lengths = np.linalg.norm(values.reshape(self.components, -1), axis=0)
         return float(np.sqrt(np.mean(lengths**2))), float(lengths.max())
 
@@ -458,8 +454,7 @@ def _single(value: float | None) -> FloatArray:
 
 
 def orders(causes: Sequence[Cause]) -> tuple[tuple[Cause, ...], tuple[Cause, ...]]:
-    """The two orders in which causes are taken out: the given one, and its reverse as far as
-    `after` allows.
+    """Make both orders of taking out causes: the given one, and its reverse as `after` allows.
 
     Causes an `after` names that are not among these are taken for absent.
     """
@@ -530,16 +525,13 @@ def _share(cause: str, part: TwoWayShare, whole: Observed) -> Share:
 
 
 def _fraction(part: FloatArray, whole: FloatArray) -> float | None:
-    """Signed share of the whole: the part's projection on it; all shares and the rest add up to
-    one.
-    """
+    """Signed share of the whole, its projection on it; all shares and the rest add up to one."""
     square = float(whole @ whole)
     return float(part @ whole) / square if square else None
 
 
 def noise_between(base: FloatArray, others: Sequence[FloatArray], whole: Observed) -> float:
-    """Size of the random part of a run [rms], from runs that differ from it in their last bits
-    only.
+    """Size of the random part of a run [rms], from runs that differ in their last bits only.
 
     The difference of two such runs has twice the variance of one.
     """
@@ -632,13 +624,11 @@ def _machine(trials: EngineRuns) -> ExplainedMachine:
     )
 
 
-_REPEATS = 3  # timed runs of each setting: a median of fewer says little of runs of some hundredths of a second
+_REPEATS = 3  # timed runs of each setting, of some hundredths of a second each
 
 
 def stock_against_tuned(trials: EngineRuns, stock: Engine, tuned: Engine) -> StockAgainstTuned:
-    """Set an engine's two presets side by side, at the stock one's step, and change one option at a
-    time.
-    """
+    """Compare an engine's presets at the stock one's step, changing one option at a time."""
     at_stock = stock.settings
     step = at_stock.get("timestep")
     if step is not None:

@@ -57,8 +57,7 @@ def merged(impacts: Sequence[GivenImpact]) -> tuple[tuple[float, dict[str, float
 def jumps(
     t: FloatArray, q: FloatArray, u: FloatArray, kinematics: Kinematics, arm: float
 ) -> list[GivenImpact]:
-    """Impacts that speeds show: two samples at one time, between which the speed into a stop that
-    is met jumps up.
+    """Find the impacts that speeds show: two samples at one time, between which the speed jumps up.
 
     Args:
         t: times [s], shape (n,).
@@ -82,8 +81,7 @@ def jumps(
 def metrics(
     given: Trajectory, impacts: Sequence[GivenImpact], solution: Solution, end: float
 ) -> Iterator[Metric]:
-    """Impulses of each stop, and the speeds beside impacts of each coordinate and of each marker:
-    the largest errors.
+    """Measure impulses of each stop, and speeds beside impacts of coordinates and markers.
 
     Args:
         given: the file's motion, with its impacts.
@@ -134,9 +132,7 @@ def _impulses(
 def _speeds(
     given: Trajectory, pairs: Sequence[tuple[float, float]], solution: Solution
 ) -> Iterator[Metric]:
-    """Where the file has two samples at an impact: of both, from the reference's speeds at its own
-    impact.
-    """
+    """Average both of the file's samples at an impact, given the reference's speeds at its own."""
     mechanism, kinematics = given.mechanism, Kinematics(given.mechanism)
     errors: dict[tuple[str, str], list[float]] = {}
     for own, other in pairs:
@@ -203,9 +199,7 @@ class ColumnKind:
 
 
 def columns_of(mechanism: Mechanism) -> dict[str, ColumnKind]:
-    """Every column that a file on a mechanism may have, by name; those of a data frame of a
-    trajectory, and no more.
-    """
+    """List every column a file on a mechanism may have, as in a trajectory's data frame."""
     kinds = [
         ColumnKind(TIME, _TIME),
         ColumnKind("kinetic energy", _ENERGY),
@@ -514,8 +508,8 @@ def _netcdf(content: bytes, mechanism: Mechanism) -> _Read:
 def _factor(variable: str, dataset: Any, kind: ColumnKind) -> float:
     """SI value of the unit that a variable states for a column.
 
-    Units of several kinds stand as `Trajectory.to_dataset` writes them, 'rad (slides: m)': the first
-    that the column can have is its unit.
+    Units of several kinds are as `Trajectory.to_dataset` writes them, 'rad (slides: m)': the unit
+    is the first that the column can have.
 
     Raises:
         InputError: the variable states no unit that the column can have.
@@ -539,9 +533,7 @@ def _unknown(column: str, columns: Mapping[str, ColumnKind]) -> str:
 
 
 def _series(dataset: Any) -> Iterator[tuple[str, str, FloatArray]]:
-    """Variable, column and values, in the file's units, of all that is sampled and has a known
-    name.
-    """
+    """Read variable, column and values, in the file's units, of all that is sampled and known."""
     for name, (dim, column) in _VARIABLES.items():
         if name not in dataset:
             continue

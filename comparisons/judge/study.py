@@ -1,6 +1,4 @@
-"""A file's motion against the reference: every metric of what it gives, and a sentence on what it
-does not give.
-"""
+"""A file's motion against the reference: metrics of what it gives, a sentence on what it lacks."""
 
 from __future__ import annotations
 
@@ -167,9 +165,7 @@ def untold(metric: Metric) -> Metric:
 
 @dataclass
 class _Motion:
-    """The file's motion as a trajectory; in the place of what it does not tell stands the
-    reference's, unjudged.
-    """
+    """Make a trajectory of the file's motion; the rest is the reference's, unjudged."""
 
     given: GivenMotion
     runner: Runner

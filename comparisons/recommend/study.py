@@ -75,8 +75,7 @@ def recommend(
     neighbours: int = NEIGHBOURS,
     **how: Unpack[RunOptions],
 ) -> Advice:
-    """Find, for each engine, the cheapest measured settings that reach an accuracy, or what bars
-    it.
+    """Find each engine's cheapest measured settings that reach an accuracy, or what bars it.
 
         >>> import trebucheck as tb
         >>> advice = tb.recommend("rolling", "mujoco", position=1e-3)  # doctest: +SKIP

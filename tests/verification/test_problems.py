@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons import problems as check
-from trebucheck.comparisons.problems import ProblemCheck
+from trebucheck.comparisons.problems import ProblemCheck, check
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.models.library.closed_forms import swing, swing_period, turn, turn_period
 from trebucheck.models.library.pendulums import HIGH_PENDULUM
