@@ -280,7 +280,12 @@ def _other_shares(quantities: Sequence[QuantityBudget]) -> doc.Table:
 def _changes(comparison: StockAgainstTuned) -> doc.Table:
     """The presets and each option's change: values with factors; a terminal has one of the two."""
     force = "force [N]" if comparison.force_unit == "N" else f"torque [{comparison.force_unit}]"
-    titles = dict(zip(_FIELDS, ("position [m]", force, "release [s]", "wall [s]"), strict=True))
+    titles = {
+        "position": "position [m]",
+        "torque": force,
+        "release": "release [s]",
+        "wall_time": "wall [s]",
+    }
     fields = _observed_fields(comparison)
     heads = doc.columns(" | ".join(["setting", *(titles[field] for field in fields)]))
     media: tuple[doc.Medium, ...] = ("page", "terminal")
