@@ -309,7 +309,7 @@ def diff_command(call: Call) -> bool:
 
 def _text(difference: Difference, format: Format) -> str:
     """The difference in a format, whole."""
-    from ..comparisons import diff as data
+    from ..comparisons.diff import data
     from ..comparisons.report.pages.diff import document
 
     return (

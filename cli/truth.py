@@ -6,7 +6,7 @@ import shlex
 import sys
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import typer
 
@@ -16,6 +16,7 @@ from . import completion, options, output
 from .call import Call, argument, command, folder, option
 
 if TYPE_CHECKING:
+    from ..models.library.benchmark import BenchmarkParameters
     from ..reference.certification.certificate import Certificate
 
 
@@ -199,7 +200,7 @@ def problems_command(call: Call) -> bool:
 
     trebucheck compare --model slider-crank
     """
-    from ..comparisons import problems as check
+    from ..comparisons.problems import check
     from ..comparisons.report.pages.problems import document, listing
     from ..models.library.registry import benchmark, benchmarks
 
@@ -218,6 +219,7 @@ def problems_command(call: Call) -> bool:
     chosen = benchmark(call.name)
     parameters = call.parameters().of(chosen.name)
     with call.worker(isolate=False) as worker:
-        checked = worker.compute(partial(check, chosen, parameters))
+        given = cast("BenchmarkParameters | None", parameters)
+        checked = worker.compute(partial(check, chosen, given))
     output.show(document(checked))
     return checked.holds
