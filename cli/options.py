@@ -106,6 +106,13 @@ Jobs = Annotated[
         help="Processes at once. With more than one, wall times include what runs cost each other.",
     ),
 ]
+Diagnose = Annotated[
+    bool,
+    typer.Option(
+        "--diagnose/--no-diagnose",
+        help="Look for the causes of exceeded tolerances; without it, compare takes less time.",
+    ),
+]
 Quiet = Annotated[
     bool, typer.Option("--quiet", "-q", help="Print only the verdict in a line, and the files.")
 ]
@@ -160,6 +167,7 @@ OPTIONS = {
     "stop_law": Declared(StopLaw, None),
     "resume": Declared(Resume, False),
     "jobs": Declared(Jobs, 1),
+    "diagnose": Declared(Diagnose, True),
     "timeout": Declared(Timeout, 600.0),
     "quiet": Declared(Quiet, False),
     "json": Declared(Json, False),
