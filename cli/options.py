@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from ..models.problem import Problem
     from ..models.spec import Spec
 
-MACHINES = "fixed, rolling, catapult, hinged, floating-arm, a problem (`trebucheck problems`), or a .json file"
+MACHINES = (
+    "fixed, rolling, catapult, hinged, floating-arm, a problem (`trebucheck problems`), "
+    "or a .json file"
+)
 
 Models = Annotated[
     str,
@@ -307,8 +310,9 @@ def number(text: str, what: str) -> float:
 
 
 def given(text: str, texts: list[str] | None, beam: float | None) -> list[Mechanism | Problem]:
-    """Mechanisms by name or from files, and the library's problems; named ones with the parameters
-    of --set and --beam.
+    """Read mechanisms by name or from files, and problems of the library; --set and --beam apply.
+
+    Parameters of --set and --beam are those of named machines.
 
     Raises:
         InputError: a name is unknown, a parameter is not valid, or a file cannot be read or is not

@@ -44,7 +44,7 @@ class CheckedCondition:
 
 
 @dataclass(frozen=True)
-class Check:
+class ProblemCheck:
     """A benchmark's motion held against what is known of it.
 
     Args:
@@ -76,7 +76,7 @@ class Check:
         return all(each.holds for each in (*self.figures, *self.conditions))
 
 
-def check(benchmark: Benchmark, parameters: Spec | None = None) -> Check:
+def check(benchmark: Benchmark, parameters: Spec | None = None) -> ProblemCheck:
     """Solve a benchmark by the reference and hold it against its figures.
 
     Args:
@@ -87,4 +87,4 @@ def check(benchmark: Benchmark, parameters: Spec | None = None) -> Check:
             from.
     """
     given = parameters or benchmark.parameters()
-    return Check(benchmark, given, solve(benchmark.problem(given)))
+    return ProblemCheck(benchmark, given, solve(benchmark.problem(given)))

@@ -45,7 +45,7 @@ from ..runs.study import Study, Until
 
 
 @dataclass(frozen=True)
-class Case:
+class RunKey:
     """One run to be made."""
 
     model: str
@@ -101,7 +101,7 @@ class MachineRuns:
         """Whether the row was taken from the store as it is."""
         self.machine = self.machine.model_copy(update={"needs": needs})
 
-    def run(self, case: Case, engine: Engine) -> FinishedRun:
+    def run(self, case: RunKey, engine: Engine) -> FinishedRun:
         """Takes a run from the store, or makes and measures it; judges and diagnoses it.
 
         It may be called from any thread.
@@ -124,7 +124,7 @@ class MachineRuns:
         """Conditions of a record: those of the run, and the code that checks and diagnoses it."""
         return conditions(*self.runner.conditions, engine=engine, code="comparisons/diagnosis")
 
-    def _kept(self, case: Case, engine: Engine) -> FinishedRun | None:
+    def _kept(self, case: RunKey, engine: Engine) -> FinishedRun | None:
         """The finished run from the store, if its trajectory's file is unchanged."""
         if self.store is None:
             return None
@@ -136,7 +136,7 @@ class MachineRuns:
         motion = partial(self.store.load, case.model, case.label)
         return FinishedRun(record, run_row(record, engine, case.model), motion, taken=True)
 
-    def _made(self, case: Case, engine: Engine) -> FinishedRun:
+    def _made(self, case: RunKey, engine: Engine) -> FinishedRun:
         mechanism, worker = self.runner.mechanism, self.runner.worker
         record = new_record(case.engine, case.preset, engine, mechanism)
         motion: Callable[[], Trajectory] | None = None
@@ -158,7 +158,7 @@ class MachineRuns:
             record = record.failed(error)
         return FinishedRun(record, run_row(record, engine, case.model), motion, errors)
 
-    def _trajectory(self, case: Case, engine: Engine) -> Trajectory:
+    def _trajectory(self, case: RunKey, engine: Engine) -> Trajectory:
         if self.store is None:
             return self.runner.simulate(engine)
         problem = self.runner.problem(engine)
@@ -288,7 +288,7 @@ def compare(
     diagnose: bool = True,
     timeout: float = 600.0,
     jobs: int = 1,
-    progress: Callable[[Case, int, int], None] | None = None,
+    progress: Callable[[RunKey, int, int], None] | None = None,
     **more_options: Any,
 ) -> Comparison:
     """Measure engines against the reference: `tb.compare("fixed", "mujoco").plot()`.
@@ -344,7 +344,7 @@ def compare(
 
 
 def compare_study(
-    study: Study, progress: Callable[[Case, int, int], None] | None = None
+    study: Study, progress: Callable[[RunKey, int, int], None] | None = None
 ) -> Comparison:
     """Measure the engines of a study against the reference.
 
@@ -356,7 +356,7 @@ def compare_study(
         InputError: as :func:`compare`.
     """
     cases = [
-        Case(m.name, name, preset)
+        RunKey(m.name, name, preset)
         for m in study.mechanisms
         for name in study.every_engine
         for preset in study.presets
@@ -364,7 +364,7 @@ def compare_study(
     # Every engine is made before the first run, so that a wrong name or option costs no waiting.
     engines = {(c.engine, c.preset): study.engine(c.engine, c.preset) for c in cases}
     by_name = {mechanism.name: mechanism for mechanism in study.mechanisms}
-    finished: dict[Case, FinishedRun] = {}
+    finished: dict[RunKey, FinishedRun] = {}
     with study.worker() as worker:
 
         def solved(mechanism: Mechanism) -> MachineRuns | SimulationError:
@@ -376,7 +376,7 @@ def compare_study(
         references = in_order(solved, study.mechanisms, study.jobs)
         machines = dict(zip(by_name, references, strict=True))
 
-        def run(case: Case) -> FinishedRun:
+        def run(case: RunKey) -> FinishedRun:
             machine, engine = machines[case.model], engines[case.engine, case.preset]
             if isinstance(machine, SimulationError):
                 record = new_record(case.engine, case.preset, engine, by_name[case.model])
