@@ -33,7 +33,10 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "comparisons.compare.machine": ("comparisons.runs.record", "comparisons.compare.study"),
     "comparisons.compare.plots": ("comparisons.report.pages.compare",),
     "comparisons.compare.report": ("comparisons.report.pages.compare",),
-    "comparisons.compare.sentences": ("comparisons.report.pages.tables", "comparisons.report.pages.compare"),
+    "comparisons.compare.sentences": (
+        "comparisons.report.pages.tables",
+        "comparisons.report.pages.compare",
+    ),
     "comparisons.compare.stored": ("comparisons.compare.study",),
     "comparisons.compare.summary": ("comparisons.report.pages.compare",),
     "comparisons.converge.floor": ("comparisons.converge.study",),
@@ -67,7 +70,12 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "comparisons.explain.report": ("comparisons.report.pages.explain",),
     "comparisons.explain.variants": ("comparisons.explain.study",),
     "comparisons.front": ("comparisons.certify",),
-    "comparisons.front.studies": ("comparisons.converge.study", "comparisons.explain.study", "comparisons.recommend.study", "comparisons.certify"),
+    "comparisons.front.studies": (
+        "comparisons.converge.study",
+        "comparisons.explain.study",
+        "comparisons.recommend.study",
+        "comparisons.certify",
+    ),
     "comparisons.importer": ("trebucheck_importers",),
     "comparisons.importer.checks": ("trebucheck_importers.checks",),
     "comparisons.importer.expected": ("trebucheck_importers.expected",),
@@ -98,7 +106,10 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "comparisons.report.motion": ("comparisons.report.plots",),
     "comparisons.report.notebook": ("comparisons.report.pages.session",),
     "comparisons.report.run": ("comparisons.report.pages.run",),
-    "comparisons.report.sections": ("comparisons.report.pages.tables", "comparisons.report.pages.run"),
+    "comparisons.report.sections": (
+        "comparisons.report.pages.tables",
+        "comparisons.report.pages.run",
+    ),
     "comparisons.report.tables": ("comparisons.report.pages.tables",),
     "comparisons.runs.comparison": ("comparisons.runs.metrics",),
     "comparisons.runs.distance": ("comparisons.runs.runner",),
@@ -318,7 +329,7 @@ class RenamedModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         return _RenamedModule(spec.name)
 
     def exec_module(self, module: ModuleType) -> None:
-        """Imports the new modules, for what their import does; names are looked up when asked for."""
+        """Import the new modules for their side effects; names are looked up when asked for."""
         for name in RENAMED[module.__name__.removeprefix(f"{_PACKAGE}.")]:
             importlib.import_module(_full_name(name))
 

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     ),
 )
 def certify_command(call: Call) -> bool:
-    """Compute each machine's figures in every independent way there is; write values and
-    uncertainties.
+    """Compute each machine's figures in every independent way; write values and uncertainties.
 
     Formulations: minimal and redundant coordinates, the paper's equations. Integrators: DOP853 over
     a ladder of tolerances, and Taylor series in double and extended precision where heyoka is
@@ -187,8 +186,7 @@ def _list_trajectories() -> bool:
     tag=option(str | None, None, "--tag", help="List only problems with this tag, e.g. loop."),
 )
 def problems_command(call: Call) -> bool:
-    """List the benchmark problems, or show one: its source, its figures beside the reference's, and
-    its conditions.
+    """List the benchmark problems, or show one: source, figures beside the reference's, conditions.
 
     A problem's name stands wherever a machine's does; it brings its own duration and stop law. Of
     one problem, the exit code is 1 if the reference misses a figure or a condition.

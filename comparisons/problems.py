@@ -49,7 +49,7 @@ class CheckedCondition:
 
 
 @dataclass(frozen=True)
-class Check:
+class ProblemCheck:
     """A benchmark's motion held against what is known of it.
 
     Args:
@@ -80,7 +80,7 @@ class Check:
         return all(each.holds for each in (*self.figures, *self.conditions))
 
 
-def check(benchmark: Benchmark, parameters: BenchmarkParameters | None = None) -> Check:
+def check(benchmark: Benchmark, parameters: BenchmarkParameters | None = None) -> ProblemCheck:
     """Solve a benchmark by the reference and hold it against its figures.
 
     Args:
@@ -91,4 +91,4 @@ def check(benchmark: Benchmark, parameters: BenchmarkParameters | None = None) -
             from.
     """
     given = parameters or benchmark.parameters()
-    return Check(benchmark, given, solve(benchmark.problem(given)))
+    return ProblemCheck(benchmark, given, solve(benchmark.problem(given)))

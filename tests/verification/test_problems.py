@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.problems import Check, check
+from trebucheck.comparisons.problems import ProblemCheck, check
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.models.library.closed_forms import swing, swing_period, turn, turn_period
 from trebucheck.models.library.pendulums import HighPendulumParameters
@@ -39,7 +39,7 @@ OTHERS = [
 """Parameters that are not the published ones: closed forms hold for all."""
 
 
-def _refuse_what_fails(checked: Check) -> None:
+def _refuse_what_fails(checked: ProblemCheck) -> None:
     missed = [
         (each.figure.name, each.measured, each.figure.value)
         for each in checked.figures
@@ -71,7 +71,7 @@ def test_a_wrong_figure_is_seen() -> None:
     """A pendulum shorter by a part in 1e11 has a period that is shorter by five parts in 1e12."""
     entry = benchmark("pendulum")
     shorter = entry.parameters(length=1.0 - 1e-11)
-    figures = Check(entry, shorter, check(entry).motion).figures
+    figures = ProblemCheck(entry, shorter, check(entry).motion).figures
     assert [each.holds for each in figures] == [False, False]
 
 
