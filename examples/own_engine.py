@@ -1,4 +1,4 @@
-"""An engine of one's own: rigid bodies in Cartesian coordinates, integrated by SciPy (docs/plugins.md builds it up)."""
+"""An own engine: rigid bodies in Cartesian coordinates and SciPy (docs/plugins.md builds it up)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from trebucheck.models.trajectory import PointMotion
 # Step 1: what it can do. Everything that is not declared is refused with one sentence before `_run`
 # is called.
 class ScipyBodies(BuiltinEngine):
-    """Bodies pinned to each other in a tree; stops that hold from the start are rows of the same equations."""
+    """Bodies pinned to each other in a tree; active stops are rows of the same equations."""
 
     name: ClassVar[str] = "scipy-bodies"
     package: ClassVar[str] = "scipy"  # its version is recorded
@@ -25,11 +25,13 @@ class ScipyBodies(BuiltinEngine):
         "rtol": 1e-6
     }  # the preset 'stock' beside 'tuned'
     capabilities: ClassVar[Capabilities] = Capabilities(
-        joint_reactions=True, joint_gaps=False, located_releases=True,
+        joint_reactions=True,
+        joint_gaps=False,
+        located_releases=True,
         stop_laws=frozenset({tb.StopLaw.RELEASE_ONCE}),
         lacking=frozenset({Basic.SLOT, Basic.LOOP, Basic.POINT_STOP}),
         formulation="Cartesian coordinates, pins and closed stops as multipliers, DOP853",
-    )  # fmt: skip
+    )
     rtol: float = (
         1e-11  # an option: validated, recorded with each trajectory, set by --option rtol=1e-9
     )
@@ -42,9 +44,17 @@ class ScipyBodies(BuiltinEngine):
         released: dict[str, float | None] = {name: None if name in held else 0.0 for name in closed}
         while t < problem.duration:
             solved: Any = solve_ivp(
-                model.rates, (t, problem.duration), y, "DOP853", args=(held,),
-                dense_output=True, events=[*map(model.opening, held)], rtol=self.rtol, atol=self.rtol, max_step=0.05,
-            )  # fmt: skip
+                model.rates,
+                (t, problem.duration),
+                y,
+                "DOP853",
+                args=(held,),
+                dense_output=True,
+                events=[*map(model.opening, held)],
+                rtol=self.rtol,
+                atol=self.rtol,
+                max_step=0.05,
+            )
             t, y = float(solved.t[-1]), solved.y[:, -1]
             own = [*grid[(grid >= solved.t[0]) & (grid < t)], t]
             times, states = [*times, *own], [*states, *map(solved.sol, own)]
@@ -55,7 +65,7 @@ class ScipyBodies(BuiltinEngine):
         return model.recording(np.array(times), np.array(states), forces, released)
 
     def inspect(self, mechanism: tb.Mechanism, states: Sequence[State]) -> Inspection:
-        """Step 5: the model check, before any motion; built as for a run, and asked for what it does in each state."""
+        """Step 5: the model check, before any motion, on bodies built as for a run."""
         model = Bodies(mechanism)
         seen = tuple(model.dynamics(state) for state in states)
         return Inspection(
@@ -81,7 +91,7 @@ class Bodies:
         self.speeds = mechanism.start_speeds or (0.0,) * len(mechanism.bodies)  # left out: at rest
 
     def at(self, body: str, point: Any, x: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Step 2: place, velocity, Jacobian and acceleration without accelerations of x, of a body's point."""
+        """Step 2: a body point's place, velocity, Jacobian and acceleration for x'' = 0."""
         J = np.zeros((2, len(x)))
         if body == "ground":
             return np.array(point), np.zeros(2), J, np.zeros(2)
@@ -108,7 +118,7 @@ class Bodies:
         return np.concatenate([x, v])
 
     def solved(self, y: np.ndarray, held: Sequence[str]) -> tuple[np.ndarray, dict[str, Any]]:
-        """Step 3: accelerations, and the forces of pins (on the child, in the world) and closed stops (>= 0)."""
+        """Step 3: accelerations, forces of pins (on the child, in the world) and stops (>= 0)."""
         x, v = np.split(y, 2)
         ends = [
             (self.at(j.child, j.child_point, x, v), self.at(j.parent, j.parent_point, x, v))
@@ -144,7 +154,7 @@ class Bodies:
         return held
 
     def rates(self, _: float, y: np.ndarray, held: Sequence[str]) -> np.ndarray:
-        """Of the state."""
+        """Time derivative of the state."""
         return np.concatenate([np.split(y, 2)[1], self.solved(y, held)[0]])
 
     def opening(self, name: str) -> Any:
@@ -160,22 +170,32 @@ class Bodies:
     def recording(
         self, t: np.ndarray, y: np.ndarray, forces: list[dict[str, Any]], released: Any
     ) -> Recording:
-        """Step 4: what is read; units, signs, frames and zeros are those of the table in docs/plugins.md."""
+        """Step 4: recorded quantities, with units, signs, frames and zeros of docs/plugins.md."""
         x, v = np.split(y, 2, axis=1)
         places = {
             p.name: [self.at(p.body, p.point, *xv)[:2] for xv in zip(x, v, strict=True)]
             for p in self.m.markers
         }
         return Recording(
-            t=t, q=x[:, 2::3], u=v[:, 2::3], steps=len(t), release_times=released,
-            markers={name: PointMotion(*np.array(own).swapaxes(0, 1)) for name, own in places.items()},
-            kinetic_energy=0.5 * v**2 @ self.mass, potential_energy=-x @ self.weight,  # zero at the world's origin
-            stop_torques={s.name: np.array([f.get(f"stop {s.name}", 0.0) for f in forces]) for s in self.m.stops},
+            t=t,
+            q=x[:, 2::3],
+            u=v[:, 2::3],
+            steps=len(t),
+            release_times=released,
+            markers={
+                name: PointMotion(*np.array(own).swapaxes(0, 1)) for name, own in places.items()
+            },
+            kinetic_energy=0.5 * v**2 @ self.mass,
+            potential_energy=-x @ self.weight,  # zero at the world's origin
+            stop_torques={
+                s.name: np.array([f.get(f"stop {s.name}", 0.0) for f in forces])
+                for s in self.m.stops
+            },
             joint_reactions={j.name: np.array([f[j.name] for f in forces]) for j in self.m.joints},
-        )  # fmt: skip
+        )
 
     def dynamics(self, state: State) -> Dynamics:
-        """In a state."""
+        """Dynamics in a state."""
         accelerations, forces = self.solved(self.start(state.q, state.u), state.closed)
         return Dynamics(
             accelerations[2::3], {name: float(forces[f"stop {name}"]) for name in state.closed}

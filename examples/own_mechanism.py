@@ -1,4 +1,4 @@
-"""A mechanism of your own: a double pendulum, moved by the reference and by MuJoCo, compared at MuJoCo's times."""
+"""An own mechanism: a double pendulum in the reference and MuJoCo, compared at MuJoCo's times."""
 
 from __future__ import annotations
 
