@@ -254,12 +254,10 @@ def write_commands() -> None:
     command: Any = typer.main.get_command(app)
     context = typer.Context(command, info_name="trebucheck")
     text = get_docs_for_click(obj=command, ctx=context, name="trebucheck", title="Commands")
-    text = re.sub(
-        r"^(?:Example: )?(trebucheck .*)$", r"    \1", text, flags=re.MULTILINE
-    )  # examples as code
-    text = text.replace(
-        "\\[", "["
-    )  # escaped, so that a terminal shows units and does not take them for colours
+    # Examples as code.
+    text = re.sub(r"^(?:Example: )?(trebucheck .*)$", r"    \1", text, flags=re.MULTILINE)
+    # Escaped, so that a terminal shows units and does not take them for colours.
+    text = text.replace("\\[", "[")
     (ROOT / "docs" / "commands.md").write_text(
         f"<!-- written by docs/generate.py -->\n{text.strip()}\n"
     )

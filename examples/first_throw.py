@@ -6,9 +6,8 @@ import math
 
 import trebucheck as tb
 
-machine = tb.rolling(
-    tb.TrebuchetParameters(l1=9.5)
-)  # SI units; the paper's Table I where nothing is given
+# SI units; the paper's Table I where nothing is given.
+machine = tb.rolling(tb.TrebuchetParameters(l1=9.5))
 throw = tb.throw(machine, best=True)
 
 print(f"{machine.name} machine, l1 = 9.5 m")

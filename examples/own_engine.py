@@ -21,9 +21,8 @@ class ScipyBodies(BuiltinEngine):
 
     name: ClassVar[str] = "scipy-bodies"
     package: ClassVar[str] = "scipy"  # its version is recorded
-    stock_options: ClassVar[Mapping[str, object]] = {
-        "rtol": 1e-6
-    }  # the preset 'stock' beside 'tuned'
+    # The preset 'stock' beside 'tuned'.
+    stock_options: ClassVar[Mapping[str, object]] = {"rtol": 1e-6}
     capabilities: ClassVar[Capabilities] = Capabilities(
         joint_reactions=True,
         joint_gaps=False,

@@ -194,9 +194,8 @@ class Plugin:
             *self.folder.glob("compare/*/results.json"),
             *self.folder.glob("converge/*/converge.json"),
         ]
-        names = [
-            str(path.relative_to(self.folder)) for path in sorted(found)
-        ]  # results tell their command
+        # Results tell their command.
+        names = [str(path.relative_to(self.folder)) for path in sorted(found)]
         written, path = self.folder / "matrix.json", HERE / "results" / f"{self.name}.json"
         code = self.call(self.trebucheck("matrix", *names, "--quiet", "--out", written.name), 600.0)
         if not code:

@@ -13,10 +13,8 @@ Policy = Callable[[np.ndarray, float], bool]
 env = gymnasium.make(
     "trebucheck_environments:trebucheck/Throw-v0", model="hinged", control_step=0.02
 )
-training, others = (
-    range(4),
-    range(100, 112),
-)  # seeds: each is a machine with other lengths and masses
+# Seeds: each is a machine with other lengths and masses.
+training, others = (range(4), range(100, 112))
 
 
 def score(lets_go: Policy, seeds: range) -> float:

@@ -20,13 +20,8 @@ from trebucheck.api.mechanics import (
 )
 from trebucheck.api.mjcf import RecordedMotion
 
-_SPANS = (
-    1.75,
-    2.4,
-    3.0,
-    6.0,
-    12.0,
-)  # most first sweeps end within the first or second; beyond, stops strike often
+# Most first sweeps end within the first or second; beyond, stops strike often.
+_SPANS = (1.75, 2.4, 3.0, 6.0, 12.0)
 _PICTURES = 60  # states that the camera is fitted to
 
 
@@ -58,9 +53,8 @@ def best_throw(mechanism: Mechanism) -> BestThrow:
         InputError: there is no projectile, gravity is not downwards, or no release throws forwards.
         SimulationError: the reference cannot move the mechanism.
     """
-    return _best_throw(
-        cast("Any", mechanism)
-    )  # type checkers do not see that a description has a hash
+    # Type checkers do not see that a description has a hash.
+    return _best_throw(cast("Any", mechanism))
 
 
 @lru_cache(maxsize=128)

@@ -22,9 +22,8 @@ TELLS_NOTHING = 1e-2
 """A tolerance above this part of how far the joints move decides nothing."""
 REFINEMENTS = 5
 """Halvings of the step while a verdict is undecided: 32 times the accuracy at first order."""
-_REBOUND = math.exp(
-    -2
-)  # of a critically damped limit that cannot pull: it is left at twice its time constant
+# Of a critically damped limit that cannot pull: it is left at twice its time constant.
+_REBOUND = math.exp(-2)
 _SAFETY = 2.0
 
 

@@ -47,18 +47,13 @@ BOUNDS: dict[str, tuple[float, float]] = {"l1": (7.0, 13.0), "r": SLINGS, "theta
 _STARTS = 8  # of the search for the lowest position: a linkage has few
 _SEED = 1
 _LENGTHS, _REFINED_LENGTHS = 25, 7  # lengths at first, and in each closer look
-_LENGTH_REFINEMENTS = (
-    4  # each a third as wide as the one before: 0.5 m become 6 mm, where the speed is flat to 1e-6
-)
+# Each a third as wide as the one before: 0.5 m become 6 mm, where the speed is flat to 1e-6.
+_LENGTH_REFINEMENTS = 4
 _SLING_DURATION = 4.0  # [s] in which machines of this size launch
-_GRID = {
-    "l1": 7,
-    "r": 9,
-    "theta0": 5,
-}  # points of the coarse grid, with spacings of 1 m, 1.5 m and 13 deg
-_REFINEMENTS = (
-    3  # finer grids, one point to each side of the best: spacings become 4 cm, 6 cm and 0.5 deg
-)
+# Points of the coarse grid, with spacings of 1 m, 1.5 m and 13 deg.
+_GRID = {"l1": 7, "r": 9, "theta0": 5}
+# Finer grids, one point to each side of the best: spacings become 4 cm, 6 cm and 0.5 deg.
+_REFINEMENTS = 3
 _BESIDE, _CLOSER = 1, 3.0
 _DURATION = 5.0  # [s] in which machines of this size launch
 _BACKWARD = 1.0  # [rad] a start beyond this is one of an arm that begins backward

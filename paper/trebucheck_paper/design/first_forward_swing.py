@@ -160,9 +160,8 @@ class Design(Spec):
 # Longest simulated motions, in characteristic times; Table I's rolling machine has swept after 1.5.
 _SPANS = (1.9, 3.0)
 _SCAN = 1000  # samples from the sling's release on: a spacing of some 2 ms on Table I
-_DEGREE = (
-    10  # of interpolants over two such intervals, in which a throw changes by a tenth: to rounding
-)
+# Of interpolants over two such intervals, in which a throw changes by a tenth: to rounding.
+_DEGREE = 10
 _REAL = 1e-9  # [s] imaginary part of a root that is rounding
 _LOOKS = 200  # at the arm's angle, which changes by 0.03 rad in between
 _COARSE = 1e-11  # local error where heyoka is not installed

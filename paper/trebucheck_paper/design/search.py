@@ -26,11 +26,8 @@ _STEP = 1e-4  # relative, of differences: errors 1e-8 (third derivative) and 1e-
 _GRID = (6, 4, 5)  # places of r, h and l1 in the coarse look
 _NEAR = 0.06  # [s] largest difference of a start's two instants: Table I's rolling machine has 0.05
 _STARTS = 3
-_DRAWS, _DRAWN, _LONGEST = (
-    12,
-    0.5,
-    0.2,
-)  # steps towards the condition, how near is enough [ms], longest of them
+# Steps towards the condition, how near is enough [ms], longest of them.
+_DRAWS, _DRAWN, _LONGEST = (12, 0.5, 0.2)
 _REACH = 0.4  # of x, to either side, in which a search goes on before it looks around again
 _BOXES = 10
 _ITERATIONS = 15  # in one box

@@ -41,9 +41,8 @@ from .claims import EngineValue
 from .quantities import BEND, LAUNCH_TIME, Readings, ThrowQuantity, read
 
 _DEGREE = 5  # error ~ step^6: far below that of any engine, at the steps they are run with
-_CROWDED = (
-    0.5  # of the median step: samples closer than this (a release inside a step) unsettle a spline
-)
+# Of the median step: samples closer than this (a release inside a step) unsettle a spline.
+_CROWDED = 0.5
 
 
 class SampledMotion:
@@ -108,12 +107,10 @@ class SampledMotion:
 
 _Result = TypeVar("_Result")
 TAIL = 0.02  # [s] an engine runs on past what is read, so that there are samples on both sides
-_CHANGE = (
-    1e-6  # of a parameter's scale: far above the solver's rounding, far below what bends a response
-)
-_TOLERANCE = (
-    1e-12  # of the solver for these: a change of 1e-6 is then known to one part in a million
-)
+# Of a parameter's scale: far above the solver's rounding, far below what bends a response.
+_CHANGE = 1e-6
+# Of the solver for these: a change of 1e-6 is then known to one part in a million.
+_TOLERANCE = 1e-12
 _TICK = 1e-3  # [s] between samples of the changed machines' motions
 
 Amplification = dict[ThrowQuantity, float]

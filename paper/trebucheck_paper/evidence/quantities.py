@@ -32,10 +32,8 @@ from .claims import CAPTION_STEP, TIME_STEP
 _SCAN = 0.01  # [s] in which the arm cannot come to its stop and back
 _LOOK = 1.0  # [s] after the launch in which the arm's arrival at its stop is looked for
 _FEWEST = 8  # samples below which a fit of three coefficients says nothing
-_NEAR, _PART = (
-    50,
-    0.2,
-)  # samples beside a kink, and share of the shorter phase, that its slopes are fitted to at least
+# Samples beside a kink, and share of the shorter phase, that its slopes are fitted to at least.
+_NEAR, _PART = (50, 0.2)
 _DEGREE = 5  # of these fits: the curve bends, so that a line's slope would be one of its middle
 _DIRECT = {
     "release_time": "release_time",

@@ -45,9 +45,8 @@ from .quantities import (
     read,
 )
 
-_TAIL = (
-    0.05  # [s] past the last instant that is read, so that polynomials have samples on both sides
-)
+# [s] past the last instant that is read, so that polynomials have samples on both sides.
+_TAIL = 0.05
 _SAMPLES = 3000  # of the reference, over the whole motion, for what is read along it
 _COARSE = 1e-12  # tolerance of the second integration, for quantities that no certificate holds
 _SAFETY = 4.0  # on the difference of the two, as where the certificate's own estimate is made

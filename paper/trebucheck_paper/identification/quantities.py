@@ -225,9 +225,8 @@ SWING, TWICE_SWING = "counterweight swings out further by", "there and back"
 SHORTER = "launch speed with the shorter arm"
 """At the l1 of the largest launch speed, the whole arm's length unchanged (Sec. V)."""
 
-_BEYOND = (
-    0.3  # [s] solved past the printed release, and once more as long where a machine launches later
-)
+# [s] solved past the printed release, and once more as long where a machine launches later.
+_BEYOND = 0.3
 _SAMPLES = 200  # of the counterweight's swing, between which its turning point is found
 _ROUNDED = "half a unit of the last printed digit"
 
@@ -390,9 +389,8 @@ def computed(
 
 
 def _moved(mechanism: Mechanism, duration: float) -> Solution:
-    reference = ReferenceEngine(
-        integrator="auto"
-    )  # Taylor series where heyoka is: several times as fast
+    # Taylor series where heyoka is: several times as fast.
+    reference = ReferenceEngine(integrator="auto")
     solution = reference.solve(Problem(mechanism, duration))
     return solution if solution.launch else reference.solve(Problem(mechanism, 2 * duration))
 

@@ -84,9 +84,8 @@ class _Search:
     def run(self) -> Search:
         step = math.pi / _CELLS
         thetas = np.linspace(*THETA, _CELLS + 1)
-        slings = step * np.arange(
-            1.0, 2 * _CELLS
-        )  # at 0 and 2 pi the sling would lie on the arm's far side
+        # At 0 and 2 pi the sling would lie on the arm's far side.
+        slings = step * np.arange(1.0, 2 * _CELLS)
         starts = np.stack([self._branch(thetas, slings, lower) for lower in (False, True)])
         costs = self._costs(starts)
         # Neighbours in theta0 and the sling's angle; the two values of alpha0 are branches of their
@@ -155,9 +154,8 @@ class _Search:
 
         self.machines += len(builds)
         batch = launch_batch(builds, duration=until)
-        late = np.clip(
-            self.printed[RELEASE].value - batch.time, -TIME_STEP, TIME_STEP
-        )  # a step or two: there phi is a straight line
+        # A step or two: there phi is a straight line.
+        late = np.clip(self.printed[RELEASE].value - batch.time, -TIME_STEP, TIME_STEP)
         return batch.time, np.degrees(batch.q[:, 1] + batch.u[:, 1] * late), batch.speed
 
     def _ratio(self, starts: FloatArray, speed: FloatArray) -> FloatArray:

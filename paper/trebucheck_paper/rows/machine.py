@@ -50,10 +50,8 @@ _ROUNDING = 1e-12  # of sums of a few terms, relative: a thousand times what the
 _ALMOST = 10.0  # [deg]: 'almost' is taken as within ten
 _MASS_SCALE, _LENGTH_SCALE = 10_000.0, 50.0  # Table I over the model that was measured
 _SCALED = 1e-9  # relative, of two integrations of a throw at a relative tolerance of 1e-13
-_STATES, _SEED = (
-    64,
-    1,
-)  # random states, with angles all round: energies that agree in all of them are taken as equal
+# Random states, with angles all round: energies that agree in all of them are taken as equal.
+_STATES, _SEED = (64, 1)
 _SPEEDS = 3.0  # [rad/s, m/s] standard deviation of the random speeds
 
 Energies = Callable[[TrebuchetParameters, FloatArray, FloatArray], tuple[float, float]]

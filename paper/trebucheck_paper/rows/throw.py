@@ -47,9 +47,8 @@ _ROUNDING = 64 * 2.2e-16 * 10  # of angles up to ten radians
 _DEGREE = 180 / math.pi
 
 
-_ACROSS = (
-    1.0  # [deg] the paper finds the right angle between two angles that it rounds to a degree each
-)
+# [deg] the paper finds the right angle between two angles that it rounds to a degree each.
+_ACROSS = 1.0
 _roughly = partial(
     at_least, need=0.99, reason="'roughly' asks that the curve accounts for 99 % of the variance"
 )

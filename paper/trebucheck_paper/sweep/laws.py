@@ -50,9 +50,8 @@ SPANS = 2.5
 """End of the launch search in characteristic times: Table I launches after 1.5 of them."""
 _TORQUE_SAMPLES = 600  # over the motion: a spacing of some 7 ms on Table I
 _DOP853 = 1e-12  # local error where heyoka is not installed: its batch's own default
-_ITERATIONS = (
-    50  # Newton's method doubles its digits in each: whatever has not ended by then wanders
-)
+# Newton's method doubles its digits in each: whatever has not ended by then wanders.
+_ITERATIONS = 50
 _CONVERGED = 1e-9  # [s] largest last step of a search that converged
 _SAME = 1e-6  # [s] largest difference of one zero found twice; distinct zeros differ by seconds
 _BETWEEN = (0.1, 1.0)  # [s] interval of the search for a matching guess

@@ -46,10 +46,8 @@ DENNY = (3.0, 5.0)
 HAIR = 1e-6
 """Either side of the regime change [m]: to this it is located."""
 _INTERVALS = 180  # of the curve: 25 mm each over the paper's range
-_HALF_WIDTH, _DEGREE = (
-    0.25,
-    14,
-)  # of the interpolation around the peak [m]; its coefficients fall below rounding there
+# Of the interpolation around the peak [m]; its coefficients fall below rounding there.
+_HALF_WIDTH, _DEGREE = (0.25, 14)
 _SAFETY = 4.0  # on the difference of two integrators, as where certificates are estimated
 
 

@@ -21,9 +21,8 @@ from trebucheck_toolkit.schemes import State
 from .build import Built
 from .read import Reader
 
-_ROUNDING = (
-    1e-10  # of the largest reaction: what is left of a torque about an axis where nothing acts
-)
+# Of the largest reaction: what is left of a torque about an axis where nothing acts.
+_ROUNDING = 1e-10
 
 
 def run(problem: Problem, timestep: float) -> Recording:

@@ -90,9 +90,8 @@ class Built:
     def _link(self, body: Body) -> int:
         centre = body.centre
         inertia = max(body.inertia, _LEAST * body.mass * max(math.hypot(*centre), 1e-3) ** 2)
-        moment = inertia * np.eye(
-            3
-        )  # Newton corrects inertias of flat bodies, whose two add up to the third, by rounding
+        # Newton corrects inertias of flat bodies, whose two add up to the third, by rounding.
+        moment = inertia * np.eye(3)
         found = int(
             self.builder.add_link(
                 mass=body.mass,

@@ -81,9 +81,8 @@ def build(mechanism: Mechanism, order: list[tuple[Body, AnyJoint]], opened: bool
             found.carriers[name] = link
         if info[2] != pybullet.JOINT_FIXED:
             found.moving.append(link)
-            client.setJointMotorControl2(
-                multibody, link, pybullet.VELOCITY_CONTROL, force=0
-            )  # on at the start
+            # On at the start.
+            client.setJointMotorControl2(multibody, link, pybullet.VELOCITY_CONTROL, force=0)
     for link in range(-1, client.getNumJoints(multibody)):
         client.changeDynamics(
             multibody,
