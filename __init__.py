@@ -59,7 +59,9 @@ _HOMES = {name: module for module, names in _PUBLIC.items() for name in names.sp
 # The audit of the paper is a distribution of its own.
 _SATELLITES = {"paper": "trebucheck_paper"}
 
-__all__ = sorted([*_HOMES, *_SATELLITES, "__version__"])  # pyright: ignore[reportUnsupportedDunderAll]
+# From the table above, not a literal list: type checkers read __init__.pyi instead.
+_NAMES = sorted([*_HOMES, *_SATELLITES, "__version__"])
+__all__ = _NAMES  # noqa: PLE0605  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:

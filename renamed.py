@@ -33,7 +33,10 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "comparisons.compare.machine": ("comparisons.runs.record", "comparisons.compare.study"),
     "comparisons.compare.plots": ("comparisons.report.pages.compare",),
     "comparisons.compare.report": ("comparisons.report.pages.compare",),
-    "comparisons.compare.sentences": ("comparisons.report.pages.tables", "comparisons.report.pages.compare"),
+    "comparisons.compare.sentences": (
+        "comparisons.report.pages.tables",
+        "comparisons.report.pages.compare",
+    ),
     "comparisons.compare.stored": ("comparisons.compare.study",),
     "comparisons.compare.summary": ("comparisons.report.pages.compare",),
     "comparisons.converge.floor": ("comparisons.converge.study",),
@@ -67,7 +70,12 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "comparisons.explain.report": ("comparisons.report.pages.explain",),
     "comparisons.explain.variants": ("comparisons.explain.study",),
     "comparisons.front": ("comparisons.certify",),
-    "comparisons.front.studies": ("comparisons.converge.study", "comparisons.explain.study", "comparisons.recommend.study", "comparisons.certify"),
+    "comparisons.front.studies": (
+        "comparisons.converge.study",
+        "comparisons.explain.study",
+        "comparisons.recommend.study",
+        "comparisons.certify",
+    ),
     "comparisons.importer": ("trebucheck_importers",),
     "comparisons.importer.checks": ("trebucheck_importers.checks",),
     "comparisons.importer.expected": ("trebucheck_importers.expected",),
@@ -98,7 +106,10 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "comparisons.report.motion": ("comparisons.report.plots",),
     "comparisons.report.notebook": ("comparisons.report.pages.session",),
     "comparisons.report.run": ("comparisons.report.pages.run",),
-    "comparisons.report.sections": ("comparisons.report.pages.tables", "comparisons.report.pages.run"),
+    "comparisons.report.sections": (
+        "comparisons.report.pages.tables",
+        "comparisons.report.pages.run",
+    ),
     "comparisons.report.tables": ("comparisons.report.pages.tables",),
     "comparisons.runs.comparison": ("comparisons.runs.metrics",),
     "comparisons.runs.distance": ("comparisons.runs.runner",),
@@ -180,6 +191,8 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "models.force_elements": ("models.elements", "models.elements.base"),
     "models.given": ("models.library.given",),
     "models.joints": ("models.elements", "models.elements.base"),
+    "models.library.joints": ("models.library.single_elements", "models.library.linkages"),
+    "models.library.oscillators": ("models.library.single_elements",),
     "models.machines": ("models.library",),
     "models.machines.catapult": ("models.library.catapult",),
     "models.machines.floating_arm": ("models.library.floating_arm",),
@@ -194,10 +207,10 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "models.problems": ("models.library",),
     "models.problems.benchmark": ("models.library.benchmark",),
     "models.problems.contacts": ("models.library.contacts",),
-    "models.problems.elements": ("models.library.joints",),
-    "models.problems.free_bodies": ("models.library.joints",),
+    "models.problems.elements": ("models.library.single_elements", "models.library.linkages"),
+    "models.problems.free_bodies": ("models.library.single_elements",),
     "models.problems.linkages": ("models.library.linkages",),
-    "models.problems.oscillators": ("models.library.oscillators",),
+    "models.problems.oscillators": ("models.library.single_elements",),
     "models.problems.parts": ("models.library.parts",),
     "models.problems.pendulum_motion": ("models.library.closed_forms",),
     "models.problems.pendulums": ("models.library.pendulums",),
@@ -316,7 +329,7 @@ class RenamedModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         return _RenamedModule(spec.name)
 
     def exec_module(self, module: ModuleType) -> None:
-        """Imports the new modules, for what their import does; names are looked up when asked for."""
+        """Import the new modules for their side effects; names are looked up when asked for."""
         for name in RENAMED[module.__name__.removeprefix(f"{_PACKAGE}.")]:
             importlib.import_module(_full_name(name))
 

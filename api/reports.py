@@ -20,6 +20,7 @@ from ..comparisons.report.document import (
     words,
 )
 from ..comparisons.report.numbers import format_number, sentence
+from ..comparisons.report.pages.tables import mechanism_as_data
 from ..comparisons.report.plots import (
     Axis,
     Panels,
@@ -30,7 +31,6 @@ from ..comparisons.report.plots import (
     Symbol,
     engine_colour,
 )
-from ..comparisons.report.pages.tables import mechanism_as_data
 
 __all__ = [
     "Axis",

@@ -27,12 +27,11 @@ _WIDTH = 120
 
 @command(
     "models engines preset timestep duration until tolerance tolerances set beam option stop_law "
-    "resume jobs timeout quiet json",
+    "diagnose resume jobs timeout quiet json",
     folder("report", "Folder for report, summary.md, results.json and trajectories."),
 )
 def compare_command(call: Call) -> bool:
-    """Run engines on machines, measure them against the reference and each other, and write the
-    report.
+    """Run engines on machines, measure them against the reference and each other, write the report.
 
     Writes report.html (self-contained), summary.md (for a pull request), results.json and one
     NetCDF file a run. Ends with exit code 1 if a run disagrees, is not equivalent or failed, or if
@@ -76,7 +75,7 @@ def compare_command(call: Call) -> bool:
     file=argument(Path, help="CSV with names and units in its first line, or NetCDF (.nc)."),
 )
 def judge_command(call: Call) -> bool:
-    r"""Judge a motion from a file against the reference, in every quantity that it gives; nothing else is believed.
+    r"""Judge a motion from a file against the reference, in every quantity that it gives.
 
     Columns are those of `Trajectory.to_dataframe`, each with its unit: t \[s], q theta \[rad], u
     theta \[rad/s], projectile x \[m], projectile vx \[m/s], stop hanger rest [N m], joint fulcrum x
@@ -130,8 +129,7 @@ def judge_command(call: Call) -> bool:
     timeout=120.0,
 )
 def conform_command(call: Call) -> bool:
-    """Say what an engine keeps of what it declares, what is missing, and what to do next; write a
-    certificate.
+    """Check what an engine keeps of what it declares, say what is missing, and write a certificate.
 
     Exit codes: 0 everything that was judged is kept, 1 something is broken or could not be judged,
     or nothing was judged (an engine that is not installed), 2 wrong input.
@@ -186,8 +184,9 @@ _SUFFIXES_OF_MATRIX = (".html", ".md", ".json")
     ),
 )
 def matrix_command(call: Call) -> None:
-    """Show engine x problem x quantity of several comparisons: verdicts, errors, orders, causes,
-    refusals.
+    """Show engine x problem x quantity of several comparisons: verdicts, errors, orders, causes.
+
+    Refusals are shown with their reasons.
 
     Engines of one scheme stand together, and ratios of their errors say what differs by scheme and
     what by implementation. Nothing is run: engines that need environments of their own are compared
@@ -273,8 +272,7 @@ _FILE = argument(Path, help="results.json of compare, or the folder that holds i
     ),
 )
 def diff_command(call: Call) -> bool:
-    """Compare two results of compare: which verdicts broke, what moved, which runs have come or
-    gone.
+    """Compare two results of compare: verdicts that broke, errors that moved, runs come or gone.
 
     For upgrades of engines, of trebucheck, of a machine. Changes below what the reference's
     uncertainty, samples and rounding leave unknown are none. Exit codes: 0 nothing broke, 1 a
@@ -309,7 +307,7 @@ def diff_command(call: Call) -> bool:
 
 def _text(difference: Difference, format: Format) -> str:
     """The difference in a format, whole."""
-    from ..comparisons import diff as data
+    from ..comparisons.diff import data
     from ..comparisons.report.pages.diff import document
 
     return (

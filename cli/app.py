@@ -176,9 +176,7 @@ def _refused(sentence: str, code: int = 2) -> int:
 
 
 def _sentence(error: TrebucheckError | MemoryError | OSError) -> str:
-    """The sentence of an error for the user; the system's own, such as a full disk, become a
-    sentence.
-    """
+    """Format an error as a sentence for the user, also one of the system such as a full disk."""
     if isinstance(error, TrebucheckError):  # some are errors of the system's kinds as well
         return str(error)
     if isinstance(error, MemoryError):

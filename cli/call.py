@@ -79,7 +79,7 @@ class Call:
             found["options"] = options.engine_options(self.option, step, engines)
         if "tolerance" in self.values:
             found["tolerances"] = options.needs(self.tolerance, self.tolerances)
-        for name in ("duration", "until", "stop_law", "timeout", "jobs"):
+        for name in ("duration", "until", "stop_law", "timeout", "jobs", "diagnose"):
             if name in self.values:
                 found[name] = self.values[name]
         return found

@@ -82,8 +82,7 @@ def export_command(
         Path | None, options.out("Folder to write; the machine's name by default.")
     ] = None,
 ) -> None:
-    """Write a machine's MJCF: NAME.xml, and scene.xml with ground, light and camera to open it in
-    the viewer.
+    """Write a machine's MJCF: NAME.xml, and scene.xml with ground, light and camera for the viewer.
 
     Example: trebucheck models export rolling --set r=7 --out my-rolling
     """
@@ -129,8 +128,7 @@ _EngineName = Annotated[
 
 
 def engines_command(name: _EngineName = None) -> None:
-    """List the engines, or the options of one: their defaults in each preset, what they can be, and
-    what they mean.
+    """List the engines, or the options of one: defaults of each preset, values and meaning.
 
     An option is set by `--option NAME=VALUE` (of one engine: `--option mujoco.solref=-40000,-400`).
 
@@ -218,8 +216,9 @@ def new_command(
     name: Annotated[str, typer.Argument(help="Of the engine: small letters, digits and hyphens.")],
     out: Annotated[Path | None, options.out("New folder; trebucheck-NAME by default.")] = None,
 ) -> None:
-    """Write a new folder with pyproject.toml, an engine to fill in, and its tests; an existing one
-    is refused.
+    """Write a new folder with pyproject.toml, an engine to fill in, and its tests.
+
+    An existing folder is refused.
 
     Example: trebucheck plugin new my-engine
     """

@@ -1,6 +1,4 @@
-"""Completion in shells: names of machines, engines, presets and options, also the last one of a
-comma list.
-"""
+"""Completion in shells: machines, engines, presets and options, also within a comma list."""
 
 from __future__ import annotations
 

@@ -242,8 +242,7 @@ _MODEL = argument(
     ),
 )
 def animate_command(call: Call) -> None:
-    """Write the motion of a machine: a page to play it in, or a GIF, MP4 or SVG that plays by
-    itself.
+    """Write the motion of a machine: a page to play it in, or a GIF, MP4 or SVG.
 
     The reference is drawn from the machine's description; runs of engines are drawn over it in
     their colours, their deviations magnified.
@@ -301,7 +300,7 @@ def _refuse_several(study: Study, out: Path) -> None:
 
 
 def _from_runs(study: Study, mechanism: Mechanism, worker: Worker, magnify: float | None) -> Scene:
-    """The reference's motion, and runs made now; engines that cannot make one are named below it."""
+    """Collect the reference's motion and runs made now; engines that refuse are named below it."""
     from ..comparisons.report.plots import motion_scene
     from ..comparisons.runs.runner import Runner
 

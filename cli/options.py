@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from ..models.problem import Problem
     from ..models.spec import Spec
 
-MACHINES = "fixed, rolling, catapult, hinged, floating-arm, a problem (`trebucheck problems`), or a .json file"
+MACHINES = (
+    "fixed, rolling, catapult, hinged, floating-arm, a problem (`trebucheck problems`), "
+    "or a .json file"
+)
 
 Models = Annotated[
     str,
@@ -106,6 +109,13 @@ Jobs = Annotated[
         help="Processes at once. With more than one, wall times include what runs cost each other.",
     ),
 ]
+Diagnose = Annotated[
+    bool,
+    typer.Option(
+        "--diagnose/--no-diagnose",
+        help="Look for the causes of exceeded tolerances; without it, compare takes less time.",
+    ),
+]
 Quiet = Annotated[
     bool, typer.Option("--quiet", "-q", help="Print only the verdict in a line, and the files.")
 ]
@@ -160,6 +170,7 @@ OPTIONS = {
     "stop_law": Declared(StopLaw, None),
     "resume": Declared(Resume, False),
     "jobs": Declared(Jobs, 1),
+    "diagnose": Declared(Diagnose, True),
     "timeout": Declared(Timeout, 600.0),
     "quiet": Declared(Quiet, False),
     "json": Declared(Json, False),
@@ -299,8 +310,9 @@ def number(text: str, what: str) -> float:
 
 
 def given(text: str, texts: list[str] | None, beam: float | None) -> list[Mechanism | Problem]:
-    """Mechanisms by name or from files, and the library's problems; named ones with the parameters
-    of --set and --beam.
+    """Read mechanisms by name or from files, and problems of the library; --set and --beam apply.
+
+    Parameters of --set and --beam are those of named machines.
 
     Raises:
         InputError: a name is unknown, a parameter is not valid, or a file cannot be read or is not

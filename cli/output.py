@@ -38,8 +38,7 @@ ALL = Told()
 
 @contextmanager
 def progress(what: str = "reference", width: int = 40, told: Told = ALL) -> Generator[Progress]:
-    """A bar on standard error, where that is a terminal, with the time left as it follows from what
-    is done.
+    """Show a bar on standard error, where that is a terminal, with the estimated time left.
 
     Elsewhere, as in CI, a line now and then, once the work has gone on for that long.
 
@@ -108,8 +107,7 @@ def publish(
     beside: Mapping[str, tuple[Path, str]] | None = None,
     told: Told = ALL,
 ) -> None:
-    """Write a command's data and page, each whole or not at all, and show the report with the
-    paths.
+    """Write a command's data and page, whole or not at all, and show the report with the paths.
 
     Args:
         data: path and text.

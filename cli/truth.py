@@ -6,7 +6,7 @@ import shlex
 import sys
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import typer
 
@@ -16,6 +16,7 @@ from . import completion, options, output
 from .call import Call, argument, command, folder, option
 
 if TYPE_CHECKING:
+    from ..models.library.benchmark import BenchmarkParameters
     from ..reference.certification.certificate import Certificate
 
 
@@ -27,8 +28,7 @@ if TYPE_CHECKING:
     ),
 )
 def certify_command(call: Call) -> bool:
-    """Compute each machine's figures in every independent way there is; write values and
-    uncertainties.
+    """Compute each machine's figures in every independent way; write values and uncertainties.
 
     Formulations: minimal and redundant coordinates, the paper's equations. Integrators: DOP853 over
     a ladder of tolerances, and Taylor series in double and extended precision where heyoka is
@@ -186,8 +186,7 @@ def _list_trajectories() -> bool:
     tag=option(str | None, None, "--tag", help="List only problems with this tag, e.g. loop."),
 )
 def problems_command(call: Call) -> bool:
-    """List the benchmark problems, or show one: its source, its figures beside the reference's, and
-    its conditions.
+    """List the benchmark problems, or show one: source, figures beside the reference's, conditions.
 
     A problem's name stands wherever a machine's does; it brings its own duration and stop law. Of
     one problem, the exit code is 1 if the reference misses a figure or a condition.
@@ -199,7 +198,7 @@ def problems_command(call: Call) -> bool:
 
     trebucheck compare --model slider-crank
     """
-    from ..comparisons import problems as check
+    from ..comparisons.problems import check
     from ..comparisons.report.pages.problems import document, listing
     from ..models.library.registry import benchmark, benchmarks
 
@@ -218,6 +217,7 @@ def problems_command(call: Call) -> bool:
     chosen = benchmark(call.name)
     parameters = call.parameters().of(chosen.name)
     with call.worker(isolate=False) as worker:
-        checked = worker.compute(partial(check, chosen, parameters))
+        given = cast("BenchmarkParameters | None", parameters)
+        checked = worker.compute(partial(check, chosen, given))
     output.show(document(checked))
     return checked.holds

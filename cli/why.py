@@ -46,8 +46,7 @@ def explain_command(call: Call) -> bool:
     ),
 )
 def converge_command(call: Call) -> bool:
-    """Turn each engine's knobs and see how its error falls: orders, floors and their causes,
-    Richardson limits.
+    """Turn each engine's knobs and see how its error falls: orders, floors, causes, limits.
 
     Writes converge.html (self-contained) and converge.json; prints orders and laws. A run that
     fails is a failed point of its study; a machine whose reference fails is left out with its
@@ -103,8 +102,7 @@ def converge_command(call: Call) -> bool:
     resume=option(bool, False, "--resume", help="Take finished trials from the folder again."),
 )
 def recommend_command(call: Call) -> None:
-    """Find, for each engine, the cheapest measured settings that reach an accuracy, up to the
-    launch or to --until.
+    """Find each engine's cheapest settings that reach an accuracy to the launch or --until.
 
     Writes recommend.html (self-contained), recommend.json, and beside them the texts to paste into
     the MJCF, the pymunk or the Exudyn script; says what stands in the way where there are no such

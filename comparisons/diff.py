@@ -73,9 +73,7 @@ class QuantityChange:
 
     @property
     def broke(self) -> bool:
-        """A verdict that is worse now: it breaks its tolerance, or it held it and is judged no
-        longer.
-        """
+        """Whether the verdict is worse: it exceeds its tolerance now, or is judged no longer."""
         return _verdict_rank(self.new) > _verdict_rank(self.old)
 
     @property
@@ -90,9 +88,7 @@ class QuantityChange:
 
     @property
     def by_tolerance(self) -> bool:
-        """Whether the verdict is another one, and would be the old one had the tolerance not
-        changed.
-        """
+        """Whether the verdict differs, and would not had the tolerance stayed the same."""
         old, size = self.old, _size(self.new)
         if (
             old is None
@@ -106,9 +102,7 @@ class QuantityChange:
 
     @property
     def factor(self) -> float | None:
-        """New error over old one, errors below what is unknown taken as that; None where one of
-        them has no value.
-        """
+        """New error over old one, each at least what is unknown; None if one has no value."""
         old, new = _size(self.old), _size(self.new)
         if old is None or new is None:
             return None
@@ -117,15 +111,11 @@ class QuantityChange:
 
     @property
     def bounded(self) -> bool:
-        """Whether one of the errors is below what is unknown, so that the factor is at least as far
-        from one.
-        """
+        """Whether one error is below what is unknown, so that the factor is a bound."""
         return any((size or 0.0) < self.unknown for size in (_size(self.old), _size(self.new)))
 
     def moved(self, factor: float) -> bool:
-        """Whether the error changed by more than what is unknown and by more than the factor, or
-        has come or gone.
-        """
+        """Whether the error moved beyond what is unknown and the factor, or came or went."""
         old, new = _size(self.old), _size(self.new)
         if old is None or new is None:
             return (old is None) != (new is None)
@@ -134,9 +124,7 @@ class QuantityChange:
 
     @property
     def distance(self) -> float:
-        """How far the worse of both errors is beyond its tolerance, as a factor; infinite for a
-        missing event.
-        """
+        """Larger of both errors over its tolerance; infinite for a missing event."""
         return max(_excess(self.old), _excess(self.new))
 
 
@@ -209,9 +197,7 @@ class RunChange:
 
 
 def _rank(run: Run | None) -> int | None:
-    """Of its outcome; None for a run that is not there, or whose engine is not installed or not
-    able to.
-    """
+    """Rank of its outcome; None for a run that is missing, not installed or not supported."""
     return None if run is None else _RANKS.get(run.outcome)
 
 
@@ -257,7 +243,7 @@ class Difference(Reported):
 
     @cached_property
     def moved(self) -> tuple[QuantityChange, ...]:
-        """Further errors that moved; first those that came, went or grew, the largest factor first."""
+        """Further errors that moved: first those that came, went or grew, by factor."""
         others = [
             q for q in self.quantities if q.moved(self.factor) and not q.broke and not q.mended
         ]
@@ -282,9 +268,7 @@ class Difference(Reported):
 
     @property
     def worse(self) -> bool:
-        """Something broke: a verdict, a run that is worse, fails or is gone, or the reference
-        itself.
-        """
+        """Whether a verdict, a run or the reference is worse, or a run fails or is gone."""
         return bool(
             self.broken or self.references or self.of_fate(Fate.WORSE, Fate.FAILS, Fate.VANISHED)
         )
@@ -316,7 +300,10 @@ class Difference(Reported):
         shown = [
             f"{number} {one if number == 1 else more}" for number, one, more in counts if number
         ]
-        moved = f"{len(self.moved)} of {len(self.quantities)} errors moved by more than a factor {self.factor:g}"
+        moved = (
+            f"{len(self.moved)} of {len(self.quantities)} errors moved by more than a factor "
+            f"{self.factor:g}"
+        )
         head = (
             "Something broke"
             if self.worse
@@ -361,7 +348,7 @@ class Side(Spec):
     holds: bool | None = Field(description="whether it holds its tolerance; null: it is not judged")
 
 
-class Quantity(Spec):
+class QuantityDifference(Spec):
     """One quantity of a run in both results."""
 
     model: str
@@ -429,7 +416,7 @@ class DifferenceData(Spec):
     conditions: tuple[str, ...] = Field(description="what was asked for or judged otherwise")
     references: tuple[Reference, ...]
     runs: tuple[RunFate, ...]
-    quantities: tuple[Quantity, ...]
+    quantities: tuple[QuantityDifference, ...]
 
 
 def data(found: Difference) -> DifferenceData:
@@ -472,8 +459,8 @@ def _run(each: RunChange) -> RunFate:
     )
 
 
-def _quantity(each: QuantityChange, factor: float) -> Quantity:
-    return Quantity(
+def _quantity(each: QuantityChange, factor: float) -> QuantityDifference:
+    return QuantityDifference(
         model=each.model,
         run=each.run,
         quantity=each.either.label,
@@ -613,7 +600,10 @@ def _conditions(old: Machine, new: Machine) -> Iterator[str]:
         ]
         yield f"{old.model}: tolerances asked for: {asked[0]}, now {asked[1]}."
     if not _unlike(old, new) and not math.isclose(old.judged_to, new.judged_to, rel_tol=_SAME_END):
-        yield f"{old.model}: predictable, and so judged, to {old.judged_to:.6g} s, now to {new.judged_to:.6g} s."
+        yield (
+            f"{old.model}: predictable, and so judged, to {old.judged_to:.6g} s, "
+            f"now to {new.judged_to:.6g} s."
+        )
 
 
 def _run_change(
@@ -649,18 +639,14 @@ def _quantity_change(
 
 
 def _unknown(metric: Metric, run: Run, machine: Machine) -> float:
-    """What is not known of an error: by the reference's uncertainty, by the samples, and by
-    rounding of the steps.
-    """
+    """Unknown part of an error: uncertainty of the reference, sampling, rounding."""
     known = machine.reference_uncertainty
     uncertainty = known.get(metric.label, known.get(metric.name, 0.0))
     return uncertainty + (metric.sampling_error or 0.0) + _rounding(metric, run, machine)
 
 
 def _rounding(metric: Metric, run: Run, machine: Machine) -> float:
-    """Rounding of one part of the scale in each step, random and so as the root of their number,
-    carried on.
-    """
+    """Rounding of one part of the scale in each step: a random walk, carried on."""
     quantity = QUANTITIES.get(metric.name)
     if quantity is None or (
         quantity.scale in ("stop", "gap") and metric.subject not in machine.scales.torques

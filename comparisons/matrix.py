@@ -135,7 +135,7 @@ class MatrixProblem(Spec):
 
 
 class MeasuredOrder(Spec):
-    """How an engine's position error falls with the time step, measured by `trebucheck converge`."""
+    """Convergence of an engine's position error with the time step, by `trebucheck converge`."""
 
     engine: str
     preset: str
@@ -168,9 +168,7 @@ class Matrix(ResultFile):
         )
 
     def schemes(self) -> dict[str, list[str]]:
-        """Engines with their presets by scheme, in alphabetical order; those that state none come
-        last.
-        """
+        """Engines with their presets by scheme, alphabetically; those without one last."""
         found: dict[str, set[str]] = {}
         for run in self.runs:
             found.setdefault(run.scheme, set()).add(run.label)
@@ -233,9 +231,7 @@ def _once(
 
 
 def _problems(found: _Found) -> tuple[MatrixProblem, ...]:
-    """Problems in the order of the library, others first; one name stands for one mechanism and
-    motion.
-    """
+    """Problems in the order of the library, others last; one name is one mechanism and motion."""
     merged: dict[str, tuple[Path, MatrixProblem]] = {}
     for path, matrix in found:
         for problem in matrix.problems:
@@ -383,9 +379,7 @@ def _worst(judged: Sequence[Metric]) -> Breach | None:
 
 
 def _ratio(metric: Metric) -> float:
-    """Ratio of the error to its tolerance: a figure that is missing is farther beyond than any
-    other.
-    """
+    """Ratio of the error to its tolerance; infinite for a missing value."""
     if metric.value is None:
         return math.inf
     return (

@@ -28,8 +28,7 @@ _MOST = 100  # events: what bounces to rest has no end of them
 
 
 def record_motion(given: Mechanism | Problem) -> RecordedMotion:
-    """The events of a problem's motion, or of a mechanism's up to its launch or for some
-    characteristic times.
+    """Solve a problem, or a mechanism to its launch or some characteristic times, for its events.
 
     Those behind the predictability horizon are left out: they would not be certain.
 
@@ -154,8 +153,7 @@ def mjcf(
 def step_and_motion(
     given: Mechanism | Problem, timestep: float | None, *, keyframes: bool
 ) -> tuple[float, RecordedMotion | None]:
-    """The step [s], one that suits the motion if none is given, and the motion if there are to be
-    keyframes.
+    """Choose the step [s], given or suited to the motion, and the motion if keyframes are wanted.
 
     The motion is the stored one of exactly this mechanism, or else a new one.
 

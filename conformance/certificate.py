@@ -32,14 +32,14 @@ from ..engines.registry import capabilities_of, engine, engine_class
 from ..engines.supplied import sentence
 from ..models.errors import TrebucheckError
 from .suite import INTERFACE, STANDARD, given, missing
-from .verdicts import Conformance, State, Verdict
+from .verdicts import CheckState, CheckVerdict, Conformance
 
-MARKS: dict[State, Mark] = {
-    State.KEPT: "good",
-    State.BROKEN: "bad",
-    State.NOT_JUDGED: "bad",
-    State.DEVIATES: "warning",
-    State.SKIPPED: "muted",
+MARKS: dict[CheckState, Mark] = {
+    CheckState.KEPT: "good",
+    CheckState.BROKEN: "bad",
+    CheckState.NOT_JUDGED: "bad",
+    CheckState.DEVIATES: "warning",
+    CheckState.SKIPPED: "muted",
 }
 _LISTED = 12
 _COMPARE = "`trebucheck compare --engines {} --models {}`"
@@ -51,17 +51,17 @@ def headline(results: Conformance) -> str:
     who = ", ".join(f"{label} {version}" for label, version in results.engines.items())
     said = [
         f"{counts[state]} {state.value}"
-        for state in State
-        if counts[state] and state is not State.KEPT
+        for state in CheckState
+        if counts[state] and state is not CheckState.KEPT
     ]
     rest = f"; {', '.join(said)}" if said else ""
     verdict = "conforms" if results.passed else "does not conform"
-    kept = f"{counts[State.KEPT]} of {judged} checks kept"
+    kept = f"{counts[CheckState.KEPT]} of {judged} checks kept"
     return f"{who} {verdict} ({results.tier} tier): {kept}{rest}."
 
 
 def _judged(results: Conformance) -> int:
-    return len(results.verdicts) - results.counts[State.SKIPPED]
+    return len(results.verdicts) - results.counts[CheckState.SKIPPED]
 
 
 def certificate(results: Conformance) -> Document:
@@ -71,17 +71,17 @@ def certificate(results: Conformance) -> Document:
     tiles = Tiles(
         (
             Tile(
-                f"{counts[State.KEPT]}/{_judged(results)}",
+                f"{counts[CheckState.KEPT]}/{_judged(results)}",
                 "checks kept",
                 "good" if results.passed else "bad",
             ),
             Tile(str(failed), "broken or not judged", "bad" if failed else "plain"),
             Tile(
-                str(counts[State.DEVIATES]),
+                str(counts[CheckState.DEVIATES]),
                 "known deviations",
-                "warning" if counts[State.DEVIATES] else "plain",
+                "warning" if counts[CheckState.DEVIATES] else "plain",
             ),
-            Tile(str(counts[State.SKIPPED]), "skipped"),
+            Tile(str(counts[CheckState.SKIPPED]), "skipped"),
         )
     )
     blocks: list[Block] = [Text(line, "good" if results.passed else "bad"), tiles, *_own(results)]
@@ -204,14 +204,14 @@ _CHECK_COLUMNS = (
 )
 
 
-def _problem_rows(verdicts: Sequence[Verdict]) -> Iterator[Row]:
+def _problem_rows(verdicts: Sequence[CheckVerdict]) -> Iterator[Row]:
     for where, own in groupby(verdicts, key=lambda verdict: verdict.id.rsplit("/", 1)[0]):
         found = list(own)
         if where.startswith("deviations/"):
             continue
         engine, _, problem = where.rpartition("/")
         kept, judged = (
-            sum(v.state in states for v in found) for states in ((State.KEPT,), _JUDGED)
+            sum(v.state in states for v in found) for states in ((CheckState.KEPT,), _JUDGED)
         )
         worst = max(
             (v for v in found if v.share is not None), key=lambda v: v.share or 0.0, default=None
@@ -224,20 +224,20 @@ def _problem_rows(verdicts: Sequence[Verdict]) -> Iterator[Row]:
         )
 
 
-_JUDGED = tuple(state for state in State if state is not State.SKIPPED)
+_JUDGED = tuple(state for state in CheckState if state is not CheckState.SKIPPED)
 
 
-def _said(found: Iterable[Verdict]) -> Cell:
+def _said(found: Iterable[CheckVerdict]) -> Cell:
     """On one problem: the worst of its verdicts, and why nothing was judged."""
     states = [verdict.state for verdict in found]
-    order = (State.BROKEN, State.NOT_JUDGED, State.DEVIATES, State.KEPT)
-    state = next((each for each in order if each in states), State.SKIPPED)
-    texts = [verdict.text for verdict in found if verdict.state is State.SKIPPED]
-    text = f"skipped: {texts[0]}" if state is State.SKIPPED and texts else state.value
+    order = (CheckState.BROKEN, CheckState.NOT_JUDGED, CheckState.DEVIATES, CheckState.KEPT)
+    state = next((each for each in order if each in states), CheckState.SKIPPED)
+    texts = [verdict.text for verdict in found if verdict.state is CheckState.SKIPPED]
+    text = f"skipped: {texts[0]}" if state is CheckState.SKIPPED and texts else state.value
     return Cell(text, MARKS[state])
 
 
-def _check_row(v: Verdict) -> Row:
+def _check_row(v: CheckVerdict) -> Row:
     error = format_number(v.error) if v.error is not None else ""
     tolerance = format_number(v.tolerance) if v.tolerance is not None else ""
     why = v.text or v.source
@@ -249,7 +249,7 @@ _COLOURS = {True: "#2e7d32", False: "#b3261e"}
 
 def badge(results: Conformance) -> str:
     """An SVG for a README: how many checks are kept."""
-    left, right = "trebucheck", f"{results.counts[State.KEPT]}/{_judged(results)} kept"
+    left, right = "trebucheck", f"{results.counts[CheckState.KEPT]}/{_judged(results)} kept"
     widths = [7 * len(text) + 12 for text in (left, right)]
     label = escape(f"{left}: {right}; {headline(results)}")
     return (

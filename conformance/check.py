@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..comparisons.compare.study import Case, MachineRuns
+from ..comparisons.compare.study import MachineRuns, RunKey
 from ..comparisons.report.pages.compare import complaints, diagnosis
 from ..comparisons.runs.quantities import QUANTITIES, judged_quantity
 from ..comparisons.runs.results import COMPARED, Run
@@ -108,7 +108,7 @@ def _run(study: Study, target: Target) -> Run:
         runs = MachineRuns(study, study.mechanisms[0], worker)
         made = study.engine(target.engine, target.preset)
         own = study.engine_for(runs.runner.mechanism.name, runs.machine.scales.time, made)
-        case = Case(runs.runner.mechanism.name, target.engine, target.preset)
+        case = RunKey(runs.runner.mechanism.name, target.engine, target.preset)
         return runs.run(case, own).run
 
 

@@ -15,7 +15,7 @@ import pytest
 
 if TYPE_CHECKING:
     from .session import Session
-    from .verdicts import Verdict
+    from .verdicts import CheckVerdict
 
 
 ROWS = "trebucheck_rows"
@@ -144,7 +144,7 @@ def _refuse_alone(config: pytest.Config) -> None:
 class ConformanceItem(pytest.Item):
     """One check of one engine."""
 
-    verdict: Verdict | None = None
+    verdict: CheckVerdict | None = None
 
     def runtest(self) -> None:
         """Judge it; the first check of a problem runs it."""
@@ -292,12 +292,12 @@ class Reports:
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtest_logreport(self, report: Any) -> None:
         """Take over a verdict; in a JUnit file the problem is the class, the check the name."""
-        from .verdicts import Verdict
+        from .verdicts import CheckVerdict
 
         given = getattr(report, "trebucheck_verdict", None)
         if given is None or report.when != "call":
             return
-        self._session.take(Verdict.from_json(given))
+        self._session.take(CheckVerdict.from_json(given))
         from _pytest.junitxml import xml_key
 
         xml = self._config.stash.get(xml_key, None)
@@ -323,12 +323,16 @@ class Reports:
         return done
 
 
-def _report(verdict: Verdict) -> pytest.TestReport:
-    from .verdicts import State
+def _report(verdict: CheckVerdict) -> pytest.TestReport:
+    from .verdicts import CheckState
 
     skipped = str(Path.cwd()), 0, f"Skipped: {verdict.text}"
     outcome: Any = (
-        "failed" if verdict.failed else "skipped" if verdict.state is State.SKIPPED else "passed"
+        "failed"
+        if verdict.failed
+        else "skipped"
+        if verdict.state is CheckState.SKIPPED
+        else "passed"
     )
     said: Any = {"failed": verdict.complaint, "skipped": skipped, "passed": None}[outcome]
     report = pytest.TestReport(

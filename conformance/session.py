@@ -17,7 +17,7 @@ from ..models.errors import InputError
 from ..models.files import read_bytes, refuse_unwritable, write_text
 from ..models.spec import Spec
 from .suite import References, Suite, Target, given, problems_of
-from .verdicts import Conformance, State, Verdict
+from .verdicts import CheckState, CheckVerdict, Conformance
 
 _Told = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 _LARGEST = 1_000_000
@@ -88,18 +88,18 @@ class Deviations(Spec):
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
 
-    def applied(self, verdict: Verdict) -> Verdict:
+    def applied(self, verdict: CheckVerdict) -> CheckVerdict:
         """The verdict; of a failure that a row covers, that it is a known deviation."""
         row = next((row for row in self.deviation if row.covers(verdict.id)), None)
         if row is None or not verdict.failed:
             return verdict
         return verdict.model_copy(
-            update={"state": State.DEVIATES, "text": f"{row.text}: {verdict.text}"}
+            update={"state": CheckState.DEVIATES, "text": f"{row.text}: {verdict.text}"}
         )
 
     def of_rows(
-        self, ids: Iterable[str], verdicts: Iterable[Verdict], labels: Collection[str]
-    ) -> Iterator[Verdict]:
+        self, ids: Iterable[str], verdicts: Iterable[CheckVerdict], labels: Collection[str]
+    ) -> Iterator[CheckVerdict]:
         """A verdict on each row: broken if it is about no check, or about none that fails.
 
         Args:
@@ -110,23 +110,28 @@ class Deviations(Spec):
         every, found = tuple(ids), tuple(verdicts)
         for row in self.deviation:
             other = row.of_another_engine(labels)
-            skipped = {"state": State.SKIPPED, "text": f"row {row.id!r}: {other}"}
+            skipped = {"state": CheckState.SKIPPED, "text": f"row {row.id!r}: {other}"}
             state: dict[str, Any] = skipped if other else _of_row(row, every, found)
-            yield Verdict(id=f"deviations/file/row/{row.id}", **state)
+            yield CheckVerdict(id=f"deviations/file/row/{row.id}", **state)
 
 
-def _of_row(row: Deviation, ids: tuple[str, ...], verdicts: tuple[Verdict, ...]) -> dict[str, Any]:
+def _of_row(
+    row: Deviation, ids: tuple[str, ...], verdicts: tuple[CheckVerdict, ...]
+) -> dict[str, Any]:
     if not any(map(row.covers, ids)):
-        return {"state": State.BROKEN, "text": f"row {row.id!r} is about no check that there is"}
+        return {
+            "state": CheckState.BROKEN,
+            "text": f"row {row.id!r} is about no check that there is",
+        }
     own = [verdict for verdict in verdicts if row.covers(verdict.id)]
     if not own:
-        return {"state": State.SKIPPED, "text": f"row {row.id!r}: none of its checks was run"}
-    if all(verdict.state is not State.DEVIATES for verdict in own):
+        return {"state": CheckState.SKIPPED, "text": f"row {row.id!r}: none of its checks was run"}
+    if all(verdict.state is not CheckState.DEVIATES for verdict in own):
         return {
-            "state": State.BROKEN,
+            "state": CheckState.BROKEN,
             "text": f"row {row.id!r} is stale: none of its checks fails; take it out",
         }
-    return {"state": State.KEPT}
+    return {"state": CheckState.KEPT}
 
 
 class Session:
@@ -149,7 +154,7 @@ class Session:
             path,
         )
         self._by_id = {id: suite for suite in self._suites for id in suite.ids}
-        self._found: dict[str, Verdict] = {}
+        self._found: dict[str, CheckVerdict] = {}
         self.rows = tuple(f"deviations/file/row/{row.id}" for row in deviations.deviation)
         """Ids of the rows of the file of deviations, among all ids the last."""
         self.ids = (*self._by_id, *self.rows)
@@ -205,7 +210,7 @@ class Session:
         """One an engine."""
         return self._suites
 
-    def judged(self, id: str) -> Verdict:
+    def judged(self, id: str) -> CheckVerdict:
         """The verdict on a check, or on a row of the file of deviations."""
         if id not in self._found:
             found = (
@@ -216,11 +221,11 @@ class Session:
             self._found[id] = found
         return self._found[id]
 
-    def take(self, verdict: Verdict) -> None:
+    def take(self, verdict: CheckVerdict) -> None:
         """Take over what another process has judged."""
         self._found.setdefault(verdict.id, verdict)
 
-    def _row(self, id: str) -> Verdict:
+    def _row(self, id: str) -> CheckVerdict:
         known = [*self._by_id, *(id for s in self._suites for id in _every_id(s))]
         rows = self._deviations.of_rows(
             known, self._found.values(), [suite.target.label for suite in self._suites]

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..comparisons.compare.study import Case, MachineRuns
+from ..comparisons.compare.study import MachineRuns, RunKey
 from ..comparisons.report.numbers import format_number
 from ..comparisons.report.pages.compare import diagnosis
 from ..comparisons.runs.balance import keeps_horizontal_momentum
@@ -40,7 +40,7 @@ from ..models.library.registry import benchmarks, library_problem, model, models
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem, StopLaw
 from ..models.trajectory import Trajectory
-from .verdicts import State, Verdict
+from .verdicts import CheckState, CheckVerdict
 
 QUICK = ("catapult", "double-pendulum", "fixed", "stopped-pendulum")
 STANDARD = (
@@ -118,7 +118,7 @@ def quantities(mechanism: Mechanism, law: StopLaw, capabilities: Capabilities) -
     return tuple(name for name in names if not left_out.get(name, False))
 
 
-Found = tuple[State, str]
+Found = tuple[CheckState, str]
 _SHORT = 200  # steps of a run that is only made to see whether it is made
 _SPAN = 0.1  # [s] of an engine that has no step
 
@@ -220,10 +220,10 @@ def _found(check: Callable[[_Subject], str], subject: _Subject) -> Found:
     try:
         skipped = check(subject)
     except TrebucheckError as error:
-        return State.BROKEN, str(error)
+        return CheckState.BROKEN, str(error)
     except Exception as error:
-        return State.BROKEN, f"{type(error).__name__}: {error}"
-    return (State.SKIPPED, skipped) if skipped else (State.KEPT, "")
+        return CheckState.BROKEN, f"{type(error).__name__}: {error}"
+    return (CheckState.SKIPPED, skipped) if skipped else (CheckState.KEPT, "")
 
 
 def _describes_itself(s: _Subject) -> str:
@@ -415,7 +415,7 @@ class Suite:
         self.target, self.problems, self.required = target, tuple(problems), required
         self._references = references or References()
         self._worker = Worker(timeout, isolate, fresh=True)
-        self._known: dict[str, dict[str, Verdict]] = {}
+        self._known: dict[str, dict[str, CheckVerdict]] = {}
         self._diagnosed = 0
         self.ids = tuple(
             self._id(problem, check) for problem, checks in self._checks.items() for check in checks
@@ -465,21 +465,21 @@ class Suite:
     def _id(self, problem: str, check: str) -> str:
         return f"{self.target.label}/{problem}/{check}"
 
-    def verdict(self, id: str) -> Verdict:
+    def verdict(self, id: str) -> CheckVerdict:
         """Verdict on a check; its problem is run now if this is its first one."""
         _, problem, check = id.rsplit("/", 2)
         if problem not in self._known:
             self._known[problem] = self._judged(problem)
         return self._known[problem][check]
 
-    def verdicts(self) -> Iterable[Verdict]:
+    def verdicts(self) -> Iterable[CheckVerdict]:
         """Verdicts on all checks, each when it is asked for."""
         return map(self.verdict, self.ids)
 
-    def _judged(self, problem: str) -> dict[str, Verdict]:
+    def _judged(self, problem: str) -> dict[str, CheckVerdict]:
         cls = engine_class(self.target.engine)
         if not is_installed(cls):
-            state = State.BROKEN if self.required else State.SKIPPED
+            state = CheckState.BROKEN if self.required else CheckState.SKIPPED
             return self._all(problem, state, absence(cls).removesuffix("."))
         if problem == INTERFACE:
             return {
@@ -490,24 +490,24 @@ class Suite:
             }
         lacking = missing(*given(problem), self.capabilities)
         if lacking:
-            return self._all(problem, State.SKIPPED, f"it has no {', no '.join(lacking)}")
+            return self._all(problem, CheckState.SKIPPED, f"it has no {', no '.join(lacking)}")
         return self._run(problem)
 
-    def _verdict(self, problem: str, check: str, state: State, text: str = "") -> Verdict:
-        return Verdict(id=self._id(problem, check), state=state, text=text)
+    def _verdict(self, problem: str, check: str, state: CheckState, text: str = "") -> CheckVerdict:
+        return CheckVerdict(id=self._id(problem, check), state=state, text=text)
 
-    def _all(self, problem: str, state: State, text: str) -> dict[str, Verdict]:
+    def _all(self, problem: str, state: CheckState, text: str) -> dict[str, CheckVerdict]:
         return {
             check: self._verdict(problem, check, state, text) for check in self._checks[problem]
         }
 
-    def _failed(self, problem: str, text: str, check: str = "runs") -> dict[str, Verdict]:
+    def _failed(self, problem: str, text: str, check: str = "runs") -> dict[str, CheckVerdict]:
         """One check broken, and the others without a motion to look at."""
         nothing = "there is no motion to judge; see the first check of this problem"
-        others = self._all(problem, State.SKIPPED, nothing)
-        return others | {check: self._verdict(problem, check, State.BROKEN, text)}
+        others = self._all(problem, CheckState.SKIPPED, nothing)
+        return others | {check: self._verdict(problem, check, CheckState.BROKEN, text)}
 
-    def _run(self, problem: str) -> dict[str, Verdict]:
+    def _run(self, problem: str) -> dict[str, CheckVerdict]:
         target = self.target
         study = Study([problem], [target.engine], [target.preset])
         runs = self._references.of(study, problem)
@@ -518,7 +518,7 @@ class Suite:
             engine = study.engine_for(problem, runs.machine.scales.time, made)
         except (TrebucheckError, TypeError, ValueError) as error:
             return self._failed(problem, f"the engine cannot be made: {error}")
-        run = runs.run(Case(problem, target.engine, target.preset), engine).run
+        run = runs.run(RunKey(problem, target.engine, target.preset), engine).run
         message = f"{run.message}"
         if run.outcome is Outcome.TIMED_OUT:
             longer = "a longer --timeout [s] (of pytest: --trebucheck-timeout) may let it"
@@ -538,7 +538,7 @@ class Suite:
                     verdicts[check] = verdict.model_copy(update={"text": verdict.text + steps})
         return verdicts
 
-    def _of_run(self, problem: str, run: Run) -> dict[str, Verdict]:
+    def _of_run(self, problem: str, run: Run) -> dict[str, CheckVerdict]:
         """Verdicts on a run, its built model, and each quantity."""
         runs, model, *checks = self._checks[problem]
         verdicts = {runs: self._of_rest(problem, run), model: self._of_model(problem, run)}
@@ -547,23 +547,23 @@ class Suite:
             verdicts[check] = verdict.model_copy(update={"id": self._id(problem, check)})
         return verdicts
 
-    def _of_rest(self, problem: str, run: Run) -> Verdict:
+    def _of_rest(self, problem: str, run: Run) -> CheckVerdict:
         """Verdict on the run itself, and on metrics that have no check of their own."""
         rest = [m for m in run.metrics if check_name(m.name) not in self._checks[problem]]
         verdict = judgement(rest, run)
         changes: dict[str, object] = {"id": self._id(problem, "runs"), "wall_time": run.wall_time}
-        if verdict.state is State.SKIPPED:  # nothing else was judged: it ran
-            changes |= {"state": State.KEPT, "text": ""}
+        if verdict.state is CheckState.SKIPPED:  # nothing else was judged: it ran
+            changes |= {"state": CheckState.KEPT, "text": ""}
         return verdict.model_copy(update=changes)
 
-    def _of_model(self, problem: str, run: Run) -> Verdict:
+    def _of_model(self, problem: str, run: Run) -> CheckVerdict:
         if run.equality is not None and run.equality.exposed:
-            return self._verdict(problem, "model", State.KEPT)
+            return self._verdict(problem, "model", CheckState.KEPT)
         text = "it does not show its built model (`inspect`): only its motion tells"
-        return self._verdict(problem, "model", State.SKIPPED, text)
+        return self._verdict(problem, "model", CheckState.SKIPPED, text)
 
 
-def judgement(metrics: Iterable[Metric], run: Run) -> Verdict:
+def judgement(metrics: Iterable[Metric], run: Run) -> CheckVerdict:
     """Verdict on the metrics of one quantity, by the worst of them."""
     own = [m for m in metrics if m.follows is None]
     judged = sorted((m for m in own if m.share is not None), key=lambda m: m.share or 0.0)
@@ -572,19 +572,19 @@ def judgement(metrics: Iterable[Metric], run: Run) -> Verdict:
         # What was compared and has no tolerance is no success, and not merely absent.
         unjudged = any(m.unjudged for m in own)
         absent = "it has no tolerance" if unjudged else "there is no such event in this motion"
-        state = State.NOT_JUDGED if unjudged else State.SKIPPED
-        return Verdict(id="", state=state, text=notes[0] if notes else absent)
+        state = CheckState.NOT_JUDGED if unjudged else CheckState.SKIPPED
+        return CheckVerdict(id="", state=state, text=notes[0] if notes else absent)
     worst = judged[-1]
     broken = [m for m in judged if m.holds is False]
     unjudged = [m for m in own if m.unjudged]
-    state = State.BROKEN if broken else State.NOT_JUDGED if unjudged else State.KEPT
+    state = CheckState.BROKEN if broken else CheckState.NOT_JUDGED if unjudged else CheckState.KEPT
     text = "; ".join(
         [
             *map(_complaint, reversed(broken)),
             *(f"{m.label}: not judged: {m.note}" for m in unjudged),
         ]
     )
-    return Verdict(
+    return CheckVerdict(
         id="",
         state=state,
         text=text,

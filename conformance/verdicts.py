@@ -14,7 +14,7 @@ from ..models.spec import Real, Spec
 FORMAT = "trebucheck-conformance-1"
 
 
-class State(StrEnum):
+class CheckState(StrEnum):
     """State of a check; its text is shown in reports."""
 
     KEPT = "kept"
@@ -29,11 +29,11 @@ class State(StrEnum):
 _PROPERTIES = ("subject", "error", "unit", "tolerance", "source", "cause", "wall_time")
 
 
-class Verdict(Spec):
+class CheckVerdict(Spec):
     """Verdict on one check of one engine."""
 
     id: str = Field(description="engine/preset/problem/check")
-    state: State
+    state: CheckState
     text: str = Field(default="", description="what is wrong, or why it is skipped")
     subject: str | None = Field(
         default=None, description="marker, coordinate, stop or joint that is worst"
@@ -65,7 +65,7 @@ class Verdict(Spec):
     @property
     def failed(self) -> bool:
         """Whether it speaks against the engine."""
-        return self.state in (State.BROKEN, State.NOT_JUDGED)
+        return self.state in (CheckState.BROKEN, CheckState.NOT_JUDGED)
 
     @property
     def complaint(self) -> str:
@@ -91,15 +91,15 @@ class Conformance(ResultFile):
         "does not say",
     )
     tier: str
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[CheckVerdict, ...]
 
     @property
-    def counts(self) -> Counter[State]:
+    def counts(self) -> Counter[CheckState]:
         """How many verdicts of each state."""
         return Counter(verdict.state for verdict in self.verdicts)
 
     @property
     def passed(self) -> bool:
         """Nothing fails, and something was kept on a problem."""
-        kept = any(v.state is State.KEPT and v.problem != "interface" for v in self.verdicts)
+        kept = any(v.state is CheckState.KEPT and v.problem != "interface" for v in self.verdicts)
         return kept and not any(verdict.failed for verdict in self.verdicts)

@@ -45,7 +45,7 @@ from ..runs.study import Study, Until
 
 
 @dataclass(frozen=True)
-class Case:
+class RunKey:
     """One run to be made."""
 
     model: str
@@ -88,8 +88,8 @@ class MachineRuns:
     def __init__(self, study: Study, mechanism: Mechanism, worker: Worker) -> None:
         self.store, self._needs = study.store, study.needs
         self.runner = Runner(mechanism, worker, study.end_of(mechanism), study.law_of(mechanism))
-        self.diagnoses = True
-        """Whether the causes of deviations are looked for."""
+        self.diagnoses = study.diagnose
+        """Whether the causes of exceeded tolerances are looked for."""
         kept = None
         if self.store is not None:
             made_by = conditions(*self.runner.conditions)
@@ -101,7 +101,7 @@ class MachineRuns:
         """Whether the row was taken from the store as it is."""
         self.machine = self.machine.model_copy(update={"needs": needs})
 
-    def run(self, case: Case, engine: Engine) -> FinishedRun:
+    def run(self, case: RunKey, engine: Engine) -> FinishedRun:
         """Takes a run from the store, or makes and measures it; judges and diagnoses it.
 
         It may be called from any thread.
@@ -124,7 +124,7 @@ class MachineRuns:
         """Conditions of a record: those of the run, and the code that checks and diagnoses it."""
         return conditions(*self.runner.conditions, engine=engine, code="comparisons/diagnosis")
 
-    def _kept(self, case: Case, engine: Engine) -> FinishedRun | None:
+    def _kept(self, case: RunKey, engine: Engine) -> FinishedRun | None:
         """The finished run from the store, if its trajectory's file is unchanged."""
         if self.store is None:
             return None
@@ -136,7 +136,7 @@ class MachineRuns:
         motion = partial(self.store.load, case.model, case.label)
         return FinishedRun(record, run_row(record, engine, case.model), motion, taken=True)
 
-    def _made(self, case: Case, engine: Engine) -> FinishedRun:
+    def _made(self, case: RunKey, engine: Engine) -> FinishedRun:
         mechanism, worker = self.runner.mechanism, self.runner.worker
         record = new_record(case.engine, case.preset, engine, mechanism)
         motion: Callable[[], Trajectory] | None = None
@@ -158,7 +158,7 @@ class MachineRuns:
             record = record.failed(error)
         return FinishedRun(record, run_row(record, engine, case.model), motion, errors)
 
-    def _trajectory(self, case: Case, engine: Engine) -> Trajectory:
+    def _trajectory(self, case: RunKey, engine: Engine) -> Trajectory:
         if self.store is None:
             return self.runner.simulate(engine)
         problem = self.runner.problem(engine)
@@ -285,9 +285,10 @@ def compare(
     stop_law: StopLaw | str | None = None,
     store: Store | None = None,
     isolate: bool = True,
+    diagnose: bool = True,
     timeout: float = 600.0,
     jobs: int = 1,
-    progress: Callable[[Case, int, int], None] | None = None,
+    progress: Callable[[RunKey, int, int], None] | None = None,
     **more_options: Any,
 ) -> Comparison:
     """Measure engines against the reference: `tb.compare("fixed", "mujoco").plot()`.
@@ -310,6 +311,8 @@ def compare(
         stop_law: 'release-once' or 'unilateral'; a problem's own, else 'release-once', if left out.
         store: where trajectories are kept and, if asked, taken from again.
         isolate: simulate in a process of its own, so that an engine's crash costs only its row.
+        diagnose: look for the causes of exceeded tolerances, which runs changed mechanisms and may
+            take several times as long as the runs themselves; without it, verdicts are the same.
         timeout: longest wait for one isolated run [s]; a longer run becomes a failed row.
         jobs: references, runs and diagnoses made at once, each in a process; the results but for
             wall times are the same in the same order.
@@ -333,6 +336,7 @@ def compare(
         tolerances=tolerances,
         store=store,
         isolate=isolate,
+        diagnose=diagnose,
         timeout=timeout,
         jobs=jobs,
     )
@@ -340,7 +344,7 @@ def compare(
 
 
 def compare_study(
-    study: Study, progress: Callable[[Case, int, int], None] | None = None
+    study: Study, progress: Callable[[RunKey, int, int], None] | None = None
 ) -> Comparison:
     """Measure the engines of a study against the reference.
 
@@ -352,7 +356,7 @@ def compare_study(
         InputError: as :func:`compare`.
     """
     cases = [
-        Case(m.name, name, preset)
+        RunKey(m.name, name, preset)
         for m in study.mechanisms
         for name in study.every_engine
         for preset in study.presets
@@ -360,7 +364,7 @@ def compare_study(
     # Every engine is made before the first run, so that a wrong name or option costs no waiting.
     engines = {(c.engine, c.preset): study.engine(c.engine, c.preset) for c in cases}
     by_name = {mechanism.name: mechanism for mechanism in study.mechanisms}
-    finished: dict[Case, FinishedRun] = {}
+    finished: dict[RunKey, FinishedRun] = {}
     with study.worker() as worker:
 
         def solved(mechanism: Mechanism) -> MachineRuns | SimulationError:
@@ -372,7 +376,7 @@ def compare_study(
         references = in_order(solved, study.mechanisms, study.jobs)
         machines = dict(zip(by_name, references, strict=True))
 
-        def run(case: Case) -> FinishedRun:
+        def run(case: RunKey) -> FinishedRun:
             machine, engine = machines[case.model], engines[case.engine, case.preset]
             if isinstance(machine, SimulationError):
                 record = new_record(case.engine, case.preset, engine, by_name[case.model])

@@ -1,3 +1,1 @@
-"""Convergence studies: how an engine's error falls as one of its knobs is turned, where that ends,
-and why.
-"""
+"""Convergence studies: how an engine's error falls as a knob is turned, and where that ends."""

@@ -98,7 +98,7 @@ class Point(Spec):
         return part if own else whole
 
 
-class Study(Spec):
+class SweepStudy(Spec):
     """One knob of one engine and preset, turned."""
 
     engine: str
@@ -131,7 +131,7 @@ class Study(Spec):
         return next(curve for curve in self.curves if curve.quantity == quantity)
 
 
-class Limit(Spec):
+class RichardsonLimit(Spec):
     """Richardson's extrapolation of a run to no time step at all, over the whole throw."""
 
     engine: str
@@ -187,12 +187,12 @@ class MachineStudies(Spec):
         description="of the reference [m, N m or N], of what it has"
     )
     uncertainty_source: str
-    studies: tuple[Study, ...]
-    limits: tuple[Limit, ...]
+    studies: tuple[SweepStudy, ...]
+    limits: tuple[RichardsonLimit, ...]
     pairs: tuple[LimitPair, ...]
     absent: tuple[str, ...] = Field(default=(), description="engines that are not installed here")
 
-    def limit(self, label: str) -> Limit | None:
+    def limit(self, label: str) -> RichardsonLimit | None:
         """A run's limit; None if it has none."""
         return next((limit for limit in self.limits if limit.label == label), None)
 

@@ -1,9 +1,9 @@
 """Convergence of an engine on a mechanism: parameters swept, orders fitted, floors explained.
 
-The order is a straight line in the log-log plane, over the range in which there is one. Richardson's
-limit is what an engine would say with no time step at all, as functions of time: the deviations
-from the reference stand on one grid of times, so that those of different steps can be subtracted
-and extrapolated sample by sample. (Richardson 1911; Roache, Verification and Validation, on
+The order is the slope of the straight part of the error in the log-log plane. Richardson's limit is
+what an engine would say with no time step at all, as functions of time: deviations from the
+reference stand on one grid of times, so that those of different steps can be subtracted and
+extrapolated sample by sample. (Richardson 1911; Roache, Verification and Validation, on
 observed orders.) The cause of a floor is decided by refining every other parameter once there.
 """
 
@@ -35,15 +35,15 @@ from ..runs.study import Counter, RunOptions, Study
 from .results import (
     Curve,
     Floor,
-    Limit,
     LimitPair,
     MachineStudies,
     Point,
     PowerLaw,
     QuantityName,
+    RichardsonLimit,
     Studies,
 )
-from .results import Study as ParameterStudy
+from .results import SweepStudy as ParameterStudy
 
 CONFIDENCE = 0.95
 FEWEST = 4  # points of a line: two make it, two more can gainsay it
@@ -151,9 +151,7 @@ class Extrapolated:
 
     @property
     def estimate(self) -> float:
-        """The limit's own error [m], without the reference: its distance from the one of three
-        levels.
-        """
+        """Error of the limit [m] without the reference: distance from that of three levels."""
         return largest(self.position - self.position_three)
 
 
@@ -184,8 +182,7 @@ def limit(levels: Sequence[Level]) -> Extrapolated | None:
 
 
 def observed_order(steps: Sequence[float], first: float, second: float) -> float | None:
-    """The order p for which (h0^p - h1^p) / (h1^p - h2^p) is the ratio of two successive
-    differences.
+    """Order p at which (h0^p - h1^p) / (h1^p - h2^p) is the ratio of two successive differences.
 
     Args:
         steps: three, from coarse to fine [s]; their ratios need not be the same.
@@ -235,8 +232,7 @@ def _extrapolated(triple: tuple[Level, Level, Level]) -> Extrapolated | None:
 
 
 def fitting(step: float, end: float, events: Sequence[float], longest: float = math.inf) -> float:
-    """The step near the one asked for of which whole numbers come nearest to filling what remains
-    after each event.
+    """Choose the step near `around` that comes nearest to dividing what remains after each event.
 
     Engines fit a whole number of equal steps between an event and the end, and so shorten them by
     up to one part in that number. Unequal shortening would spoil the ratio of the steps, on which
@@ -268,8 +264,7 @@ GROWN = 1.5
 def refinements(
     name: str, settings: Options, swept: Sequence[str], constraints: ConstraintKinds
 ) -> Iterator[tuple[Refinement, dict[str, Any]]]:
-    """Every refinement at an engine's settings, and every option the tuned preset has otherwise,
-    one at a time.
+    """Sweep every refinement at an engine's settings, and each option its tuned preset changes.
 
     Args:
         name: of the engine.
@@ -490,8 +485,7 @@ def parameter_names() -> tuple[str, ...]:
 
 
 def swept_parameters(name: str, names: list[str] | None = None) -> list[SweptParameter]:
-    """Every swept parameter of an engine, or those asked for, without those whose options its
-    version does not have.
+    """Select an engine's swept parameters, all or those asked for, that its version has.
 
     Raises:
         InputError: there is no such engine or parameter.
@@ -608,8 +602,7 @@ class _Sweep:
             self._coarsen()
 
     def _coarsen(self) -> None:
-        """Go on at the coarse end while too few errors stand above the reference's uncertainty to
-        show an order.
+        """Add coarser levels while too few errors exceed the reference's uncertainty.
 
         A high order is at rounding with every step that a low one is measured at.
         """
@@ -625,7 +618,7 @@ class _Sweep:
             self.trials.insert(0, self.trials.pop())
 
     def _fitting_step(self, step: float) -> float:
-        """A step scaled to this machine's time by a power of two, and such that whole numbers fit."""
+        """Scale a step to this machine's time by a power of two, such that whole numbers fit."""
         solution, end = self.machine.solution, self.machine.runner.end
         events = [time for time in solution.release_times.values() if time is not None]
         size = 2.0 ** round(math.log2(self.machine.time_scale / _STEPS_TIME))
@@ -750,9 +743,7 @@ def _finest(law: PowerLaw, values: Sequence[float]) -> int:
 
 
 def _still_falls(ran: Sequence[tuple[float, float]]) -> bool:
-    """Whether the error goes on falling at the finest values, with half a power or more: then there
-    is no floor yet.
-    """
+    """Whether the error still falls at the finest values, with an order of 0.5 or more."""
     if len(ran) < 2 or ran[-1][1] > min(error for _, error in ran):
         return False
     (before, larger), (last, smaller) = ran[-2:]
@@ -807,9 +798,9 @@ def _largest(torques: FloatArray) -> float | None:
     return float(np.abs(torques).max()) if torques.size else None
 
 
-def _limit_row(label: str, limit: Extrapolated) -> Limit:
+def _limit_row(label: str, limit: Extrapolated) -> RichardsonLimit:
     name, preset = label.rsplit(" ", 1)
-    return Limit(
+    return RichardsonLimit(
         engine=name,
         preset=preset,
         levels=limit.levels,

@@ -1,3 +1,1 @@
-"""Public data: certified trajectories of every machine and problem, as NetCDF files that need
-nothing of ours.
-"""
+"""Public data: certified trajectories of every machine and problem, as plain NetCDF files."""

@@ -55,8 +55,7 @@ _KNOWN = (
 
 
 def certified_dataset(given: Mechanism | Problem) -> xr.Dataset:
-    """The reference motion of a problem, or of a mechanism up to its launch or for some
-    characteristic times.
+    """Solve a problem, or a mechanism up to its launch or for some characteristic times.
 
     A variable `NAME_uncertainty` beside each one bounds its error, at each time the largest up to
     then: four times the largest difference from other computations of the motion (a coarser
@@ -118,10 +117,7 @@ def _others(solution: Solution, times: FloatArray) -> Iterator[tuple[str, Trajec
 
 
 def _differences(dataset: xr.Dataset, other: Trajectory) -> dict[str, FloatArray]:
-    """Differences of every variable from another computation, over the axes x and y the larger; at
-    each time so
-    far the largest.
-    """
+    """Largest difference so far of every variable from another computation, over both axes."""
     theirs = other.to_dataset()
     differences: dict[str, FloatArray] = {}
     for name in _KNOWN:
@@ -213,9 +209,7 @@ def names() -> tuple[str, ...]:
 
 
 def published() -> dict[str, str]:
-    """SHA-256 of each published file by the name of its machine or problem, as `sha256sum` writes
-    them.
-    """
+    """Read the SHA-256 of each published file by name, as `sha256sum` writes them."""
     source = files(__package__ or "") / "trajectories" / CHECKSUMS
     lines = source.read_text().splitlines() if source.is_file() else []
     pairs = (line.split() for line in lines)
@@ -243,9 +237,7 @@ def content(name: str) -> bytes:
 
 
 def states() -> Iterator[tuple[str, str, int, State]]:
-    """For each published file: the name, the SHA-256, the size [B], and whether it is as it was
-    published.
-    """
+    """List each published file: name, SHA-256, size [B], and whether it is as it was published."""
     for name, digest in published().items():
         data = _read(name)
         if data is None:

@@ -24,7 +24,7 @@ from ...reference.equations import Equations
 from ...reference.solution import Motion, Solution
 from ...reference.solver import solve
 from ..runs.metrics import EVENT_GUARD
-from ..runs.results import Cause
+from ..runs.results import RankedCause
 from .rank import Estimate
 
 ENERGIES = ("kinetic energy", "potential energy")
@@ -454,8 +454,8 @@ class Case:
 
 
 def estimate(
-    cause: Cause, share: Callable[[bool], float | None], error: float | None
-) -> Cause | Estimate:
+    cause: RankedCause, share: Callable[[bool], float | None], error: float | None
+) -> RankedCause | Estimate:
     """A cause by its rough share where that is of use, else by its accurate one.
 
     Args:
@@ -464,7 +464,7 @@ def estimate(
         error: of a rough share; None where it is of no use.
     """
 
-    def accurate() -> Cause:
+    def accurate() -> RankedCause:
         return cause.model_copy(update={"explained": share(False) or 0.0})
 
     rough = None if error is None else share(True)

@@ -31,10 +31,10 @@ from ...reference.perturbed import TOLERANCE, WithoutCentrifugal, solve_schedule
 from ...reference.solution import Solution
 from ...reference.solver import solve
 from ..runs.impacts import impact_times
-from ..runs.metrics import THROWN, Comparison, against
+from ..runs.metrics import THROWN, AlignedRun, against
 from ..runs.quantities import Kind as QuantityKind
 from ..runs.quantities import Quantity
-from ..runs.results import Cause, Diagnosis, Equality, Metric
+from ..runs.results import Diagnosis, Equality, Metric, RankedCause
 from ..runs.runner import failure
 from .case import FINE, ROUGH, Case, estimate, fit, match
 from .equivalence import (
@@ -84,7 +84,7 @@ class Onset:
     active: tuple[str, ...]
 
 
-def find_onset(c: Comparison, violated: Iterable[Metric]) -> Onset | None:
+def find_onset(c: AlignedRun, violated: Iterable[Metric]) -> Onset | None:
     """The earliest of all violated quantities; None where none of them belongs to a time."""
 
     @cache
@@ -104,7 +104,7 @@ def active_contacts_at(solution: Solution, t: float) -> tuple[str, ...]:
     return next((s.closed for s in solution.segments if s.start <= t <= s.end), ())
 
 
-def _time(c: Comparison, metric: Metric, error_growth: Callable[[], FloatArray]) -> float | None:
+def _time(c: AlignedRun, metric: Metric, error_growth: Callable[[], FloatArray]) -> float | None:
     """When a violated quantity leaves its tolerance [s]."""
     if metric.name == "release_time":
         times = (
@@ -141,7 +141,7 @@ _GROWING = {
 """Errors that the motion carries on."""
 
 
-def _series(c: Comparison, metric: Metric) -> Iterator[FloatArray]:
+def _series(c: AlignedRun, metric: Metric) -> Iterator[FloatArray]:
     """The quantity along the motion, shape (n,); nothing for one that is no maximum over time."""
     own, expected, name = c.trajectory, c.reference, metric.subject or ""
     if metric.name == "position_max":
@@ -260,7 +260,7 @@ def failed_diagnosis(broken: Sequence[Metric], error: Exception) -> Diagnosis:
     return Diagnosis(leads=worst.label, note=failure(error)[1].removesuffix("."))
 
 
-def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[Cause, ...], int]:
+def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[RankedCause, ...], int]:
     """Suspects in the order of their cost; the next kind only if the last explains too little.
 
     Mistakes of reading cost next to nothing. An engine is run again only if nothing else explains
@@ -268,7 +268,7 @@ def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[Cause, ...], 
     """
     readings = [*_outright_causes(case), *_reading_causes(case)]
     shares = {cause.name: cause.explained for cause in readings}
-    causes: list[Cause | Estimate] = [*readings]
+    causes: list[RankedCause | Estimate] = [*readings]
     certain = max(shares.values(), default=0.0) >= _CERTAIN
     # Where little is recorded, faults and mistakes of reading may explain it alike.
     if case.told is not None or not certain:
@@ -291,30 +291,30 @@ def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[Cause, ...], 
     return ranked(causes)
 
 
-def _is_settled(causes: Sequence[Cause | Estimate]) -> bool:
+def _is_settled(causes: Sequence[RankedCause | Estimate]) -> bool:
     """Whether a cause is named that leaves so little that none of another kind is looked for."""
     listed, named = ranked(causes)
     return named > 0 and listed[0].explained >= SAME
 
 
-def _misshapen(case: Case) -> Iterator[Cause]:
+def _misshapen(case: Case) -> Iterator[RankedCause]:
     for name, shape in case.misshapen.items():
-        yield Cause(name=f"shape of the {name}", kind="reading", amount=shape, explained=1.0)
+        yield RankedCause(name=f"shape of the {name}", kind="reading", amount=shape, explained=1.0)
 
 
-def _outright_causes(case: Case) -> Iterator[Cause]:
+def _outright_causes(case: Case) -> Iterator[RankedCause]:
     """Causes that a trajectory shows by itself.
 
     An early end, values that are no numbers, and markers that it does not have.
     """
     for name in case.missing_markers:
-        yield Cause(name=f"no marker {name}", kind="reading", explained=1.0)
+        yield RankedCause(name=f"no marker {name}", kind="reading", explained=1.0)
     last, step = float(case.whole.t[-1]), case.step
     if last < case.end - 2 * step:
         amount = f"at {last:.6g} s instead of {case.end:.6g} s"
         missing = 1.0 - last / case.end
         size = float(np.abs(case.channels.stacked(case.trajectory, case.reference)).max())
-        yield Cause(
+        yield RankedCause(
             name="run ends early",
             kind="reading",
             amount=amount,
@@ -323,12 +323,12 @@ def _outright_causes(case: Case) -> Iterator[Cause]:
     yield from _first_sample(case)
     for name, since in case.channels.unusable.items():
         amount = f"from {since:.6g} s"
-        yield Cause(
+        yield RankedCause(
             name=f"{name}: not a finite number", kind="reading", amount=amount, explained=1.0
         )
 
 
-def _first_sample(case: Case) -> Iterator[Cause]:
+def _first_sample(case: Case) -> Iterator[RankedCause]:
     """Quantities that are wrong at t = 0 alone, as of engines that compute them in a step."""
     error, later = (
         case.first_errors,
@@ -338,10 +338,10 @@ def _first_sample(case: Case) -> Iterator[Cause]:
     if wrong:
         what = ", ".join(sorted({Quantity.parse(name).kind for name in wrong}))
         share = 1.0 - later / max(error[name] for name in wrong)
-        yield Cause(name=f"first sample: {what}", kind="reading", explained=share)
+        yield RankedCause(name=f"first sample: {what}", kind="reading", explained=share)
 
 
-def _missing_causes(case: Case) -> Iterator[Cause | Estimate]:
+def _missing_causes(case: Case) -> Iterator[RankedCause | Estimate]:
     """Parts that are missing, and data that are rounded: faults without a size."""
     for suspect in machine_suspects(case.mechanism):
         closed = None if suspect.scale else with_closed_loops(suspect.wrong)
@@ -349,7 +349,7 @@ def _missing_causes(case: Case) -> Iterator[Cause | Estimate]:
             yield _estimate(case, suspect.name, suspect.kind, Equations(closed))
 
 
-def _gross_causes(case: Case) -> Iterator[Cause | Estimate]:
+def _gross_causes(case: Case) -> Iterator[RankedCause | Estimate]:
     """Forces that are quite wrong, and the other law of the stops."""
     for name, equations in gross_faults(case.mechanism):
         yield _estimate(case, name, "law", equations)
@@ -362,7 +362,9 @@ def _gross_causes(case: Case) -> Iterator[Cause | Estimate]:
     yield _estimate(case, f"stops by the law {other.value}", "law", other)
 
 
-def _estimate(case: Case, name: str, kind: Kind, fault: Equations | StopLaw) -> Cause | Estimate:
+def _estimate(
+    case: Case, name: str, kind: Kind, fault: Equations | StopLaw
+) -> RankedCause | Estimate:
     """A fault without a size: roughly where that is enough to tell whether it can be listed."""
 
     def share(rough: bool) -> float | None:
@@ -373,7 +375,7 @@ def _estimate(case: Case, name: str, kind: Kind, fault: Equations | StopLaw) -> 
             wrong = case.solved(fault, tolerance=tolerance)
         return None if wrong is None else _share(case, wrong)
 
-    return estimate(Cause(name=name, kind=kind, explained=0.0), share, case.rough_error)
+    return estimate(RankedCause(name=name, kind=kind, explained=0.0), share, case.rough_error)
 
 
 def _share(case: Case, wrong: Solution) -> float:
@@ -382,7 +384,7 @@ def _share(case: Case, wrong: Solution) -> float:
     return max(match(case.deviation, signature, fixed=True).explained for signature in signatures)
 
 
-def _law_causes(case: Case) -> Iterator[Cause | Estimate]:
+def _law_causes(case: Case) -> Iterator[RankedCause | Estimate]:
     """Stops that open at other times than they should, or never; and forces of the wrong law."""
     engine_times, reference_times = case.whole.release_times, case.solution.release_times
     closed = [stop.name for stop in case.mechanism.stops if stop.closed]
@@ -404,7 +406,7 @@ def _law_causes(case: Case) -> Iterator[Cause | Estimate]:
         yield from _scheduled(case, "velocity-dependent forces dropped", releases, "", dropped)
 
 
-def _open_stops(case: Case) -> Iterator[Cause]:
+def _open_stops(case: Case) -> Iterator[RankedCause]:
     """Releases recorded of stops that are open at the start, where nothing else is wrong."""
     wrong = [
         s.name
@@ -418,7 +420,7 @@ def _open_stops(case: Case) -> Iterator[Cause]:
     ):
         for name in wrong:
             amount = f"{_format_time(case.whole.release_times[name])} of a stop that is open"
-            yield Cause(
+            yield RankedCause(
                 name=f"reading of the {name}'s release",
                 kind="reading",
                 amount=amount,
@@ -439,17 +441,17 @@ def _earliest(
 
 def _release(
     case: Case, stop: str, amount: str, releases: Mapping[str, float | None]
-) -> Iterator[Cause | Estimate]:
+) -> Iterator[RankedCause | Estimate]:
     """A release at another time: either the motion shows it, or only the reported time is wrong."""
     signature = _schedule(case, releases)
     if signature is None:
         return
     if not case.has_impacts:
         share = match(case.deviation, signature, fixed=True).explained
-        yield Cause(name=f"release of the {stop}", kind="law", amount=amount, explained=share)
+        yield RankedCause(name=f"release of the {stop}", kind="law", amount=amount, explained=share)
     would = float(np.linalg.norm(signature))
     explained = 1.0 - float(np.linalg.norm(case.deviation)) / would if would else 0.0
-    yield Cause(
+    yield RankedCause(
         name=f"reading of the {stop}'s release", kind="reading", amount=amount, explained=explained
     )
 
@@ -464,7 +466,7 @@ def _scheduled(
     releases: Mapping[str, float | None],
     amount: str = "",
     equations: Equations | None = None,
-) -> Iterator[Cause | Estimate]:
+) -> Iterator[RankedCause | Estimate]:
     """Stops that open by a schedule.
 
     A scheduled motion has no impacts, and so is no motion of a mechanism that has some.
@@ -476,7 +478,7 @@ def _scheduled(
         signature = _schedule(case, releases, equations, ROUGH if rough else TOLERANCE)
         return None if signature is None else match(case.deviation, signature, fixed=True).explained
 
-    cause = Cause(name=name, kind="law", amount=amount, explained=0.0)
+    cause = RankedCause(name=name, kind="law", amount=amount, explained=0.0)
     yield estimate(cause, share, case.rough_error)
 
 
@@ -495,7 +497,7 @@ def _schedule(
     return case.signature(solution.trajectory(case.t))
 
 
-def _reading_causes(case: Case) -> list[Cause]:
+def _reading_causes(case: Case) -> list[RankedCause]:
     """Where no single kind of quantity is read late, all that deviate may be."""
     readings = all_readings(case.solution, case.reference, case.trajectory, case.step)
     found = list(_fitted(case, readings))
@@ -506,19 +508,19 @@ def _reading_causes(case: Case) -> list[Cause]:
     return found
 
 
-def _fitted(case: Case, readings: Iterable[Reading]) -> Iterator[Cause]:
+def _fitted(case: Case, readings: Iterable[Reading]) -> Iterator[RankedCause]:
     for reading in readings:
         signatures = np.array([case.signature(wrong) for wrong in reading.wrong])
         if reading.text is None:
             share = match(case.deviation, signatures[0], fixed=True).explained
-            yield Cause(name=reading.name, kind="reading", explained=share)
+            yield RankedCause(name=reading.name, kind="reading", explained=share)
             continue
         factors, explained = fit(case.deviation, signatures)
         if reading.at is not None:
             factors, explained = _corrected(case, reading, factors)
         if explained > 0 and factors[0] >= reading.least:
             amount = reading.text(factors.tolist())
-            yield Cause(name=reading.name, kind="reading", amount=amount, explained=explained)
+            yield RankedCause(name=reading.name, kind="reading", amount=amount, explained=explained)
 
 
 def _corrected(case: Case, reading: Reading, factors: FloatArray) -> tuple[FloatArray, float]:
@@ -565,7 +567,7 @@ def _forces_deviate(case: Case) -> bool:
     return any(Quantity.parse(name).kind in _FORCES for name in _wrong_quantities(case))
 
 
-def _only_readings(case: Case, named: Sequence[Cause]) -> bool:
+def _only_readings(case: Case, named: Sequence[RankedCause]) -> bool:
     """Whether the motion follows the reference.
 
     Where forces deviate, it does only if a mistake of reading them is named.
@@ -574,7 +576,7 @@ def _only_readings(case: Case, named: Sequence[Cause]) -> bool:
     return _motion_agrees(case) and (misread or not _forces_deviate(case))
 
 
-def _misread(case: Case) -> Iterator[Cause]:
+def _misread(case: Case) -> Iterator[RankedCause]:
     """Quantities that are read wrongly in a way that no suspect has: the motion itself is right."""
     wrong = _wrong_quantities(case)
     if _motion_agrees(case) and not _forces_deviate(case):
@@ -582,7 +584,9 @@ def _misread(case: Case) -> Iterator[Cause]:
             np.linalg.norm([share for name, share in case.shares.items() if name not in wrong])
         )
         name = f"reading of the {', '.join(wrong)}"
-        yield Cause(name=name, kind="reading", amount="the motion is right", explained=1.0 - rest)
+        yield RankedCause(
+            name=name, kind="reading", amount="the motion is right", explained=1.0 - rest
+        )
 
 
 _TELLING = 0.05  # of a deviation: what accounts for less is no suspect
@@ -631,7 +635,7 @@ def diagnose_model(engine: Engine, mechanism: Mechanism, broken: Equality) -> Di
         broken.broken,
         key=lambda check: math.inf if check.value is None else check.value / check.tolerance,
     )
-    causes: list[Cause] = []
+    causes: list[RankedCause] = []
     if isinstance(engine, Inspectable):
         states = random_states(mechanism)
         if broken.states:
@@ -649,7 +653,7 @@ def diagnose_model(engine: Engine, mechanism: Mechanism, broken: Equality) -> Di
 
 def _unknown_stops(
     engine: Inspectable, mechanism: Mechanism, states: Sequence[State]
-) -> Iterator[Cause]:
+) -> Iterator[RankedCause]:
     """Stops that the model lacks: without them it can be inspected."""
     for stop in mechanism.stops:
         without = [state for state in states if stop.name not in state.closed]
@@ -658,12 +662,12 @@ def _unknown_stops(
                 Exception
             ):  # the engine may raise anything: then this stop is not the only cause
                 engine.inspect(mechanism, without)
-                yield Cause(name=f"{stop.name} missing", kind="law", explained=1.0)
+                yield RankedCause(name=f"{stop.name} missing", kind="law", explained=1.0)
 
 
 def _plain(
     mechanism: Mechanism, states: Sequence[State], inspection: Inspection
-) -> Iterator[Cause]:
+) -> Iterator[RankedCause]:
     """Causes that single quantities show: a wrong start, a misplaced stop, a missing one."""
     for i, (name, value, right) in enumerate(
         zip(mechanism.coordinates, inspection.start, mechanism.start, strict=True)
@@ -673,7 +677,7 @@ def _plain(
             amount = mistake or _difference(
                 float(value) - right, "rad" if i < len(mechanism.angles) else "m"
             )
-            yield Cause(
+            yield RankedCause(
                 name=f"start of {name}",
                 kind="start",
                 amount=amount,
@@ -682,7 +686,7 @@ def _plain(
     for name, gap in gap_errors(expected(mechanism, states), inspection.dynamics).items():
         if abs(gap) > EXACT and mechanism.stop(name).effort == "torque":
             amount = f"{math.degrees(gap):+.3g} deg" if abs(gap) < math.pi else ""
-            yield Cause(
+            yield RankedCause(
                 name=f"place of the {name}", kind="machine", amount=amount, explained=_READ_OFF
             )
     for stop in mechanism.stops:
@@ -691,7 +695,7 @@ def _plain(
         if held and not any(held):
             # A stop at another position carries no torque either: its position is then the more
             # likely cause.
-            yield Cause(name=f"{stop.name} missing", kind="law", explained=_NO_TORQUE)
+            yield RankedCause(name=f"{stop.name} missing", kind="law", explained=_NO_TORQUE)
 
 
 def _difference(value: float, unit: str) -> str:
@@ -701,7 +705,7 @@ def _difference(value: float, unit: str) -> str:
 
 def _walls(
     mechanism: Mechanism, states: Sequence[State], inspection: Inspection
-) -> Iterator[Cause]:
+) -> Iterator[RankedCause]:
     """Walls at wrong positions, by the gaps alone: nothing else may show them."""
     right = expected(mechanism, states)
     deviation = _gaps(right, inspection.dynamics, inspection.dynamics)
@@ -734,7 +738,7 @@ def _mistaken(angle: float, right: float) -> str:
 
 def _fitted_model(
     mechanism: Mechanism, states: Sequence[State], inspection: Inspection
-) -> Iterator[Cause]:
+) -> Iterator[RankedCause]:
     """Suspects whose mechanisms differ from the right one alike, start and stops included."""
     right = expected(mechanism, states)
     gaps = _gaps(right, inspection.dynamics, inspection.dynamics)
@@ -756,7 +760,7 @@ def _fitted_model(
         shares = [
             match(deviation, signature, fixed=True).explained for signature in signatures(equations)
         ]
-        yield Cause(name=name, kind=kind, explained=max(shares, default=0.0))
+        yield RankedCause(name=name, kind=kind, explained=max(shares, default=0.0))
 
 
 def _gross(mechanism: Mechanism) -> Iterator[tuple[str, Kind, Equations]]:

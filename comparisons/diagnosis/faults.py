@@ -54,7 +54,7 @@ from ...reference.perturbed import (
     WithRubbing,
     WithTiltedGravity,
 )
-from ..runs.results import Cause
+from ..runs.results import RankedCause
 
 _STOPS = TypeAdapter[tuple[Stop | PointStop, ...]](tuple[AnyStop, ...])
 
@@ -186,9 +186,9 @@ class Suspect:
         size = factor * self.scale
         return f"{100 * size:+.3g} %" if not self.unit else f"{size:+.3g} {self.unit}"
 
-    def cause(self, factor: float, explained: float) -> Cause:
+    def cause(self, factor: float, explained: float) -> RankedCause:
         """The cause that explains a share of a deviation by `factor` times its amount."""
-        return Cause(
+        return RankedCause(
             name=self.name, kind=self.kind, amount=self.amount(factor), explained=explained
         )
 

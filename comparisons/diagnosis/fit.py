@@ -31,7 +31,7 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ...reference.equations import Equations
 from ...reference.solution import Motion, Segment, Solution
-from ..runs.results import Cause
+from ..runs.results import RankedCause
 from .case import PATIENCE, Case, fit, match
 from .faults import Hypothesis, gross_faults, hypotheses, once_a_mechanism
 from .rank import EXACT
@@ -188,10 +188,10 @@ class Found:
     explained: float
 
     @property
-    def cause(self) -> Cause:
+    def cause(self) -> RankedCause:
         """The cause as reported."""
         text = self.hypothesis.text(self.factors.tolist())
-        return Cause(
+        return RankedCause(
             name=self.hypothesis.name,
             kind=self.hypothesis.kind,
             amount=text,
@@ -199,7 +199,7 @@ class Found:
         )
 
 
-def fitting_faults(case: Case) -> list[Cause]:
+def fitting_faults(case: Case) -> list[RankedCause]:
     """The faults that fit the deviation, each as large as it fits best."""
     every = _signatures(case)
     found: dict[str, Found] = {}
@@ -214,7 +214,7 @@ def fitting_faults(case: Case) -> list[Cause]:
     return [found[group].cause for group in order if group in found]
 
 
-def faults_at_the_same_motion(case: Case) -> Iterator[Cause]:
+def faults_at_the_same_motion(case: Case) -> Iterator[RankedCause]:
     """Faults that change forces or energies and no motion, as mistakes of reading do."""
     for hypothesis in hypotheses(case.mechanism):
         units = np.eye(len(hypothesis.components)).tolist()
@@ -234,7 +234,7 @@ def faults_at_the_same_motion(case: Case) -> Iterator[Cause]:
         found = _unmoved(case, equations)
         if found is not None:
             shares = [match(case.deviation, signature, fixed=True).explained for signature in found]
-            yield Cause(name=name, kind="law", explained=max(shares))
+            yield RankedCause(name=name, kind="law", explained=max(shares))
 
 
 def _unmoved(case: Case, equations: Equations | None) -> FloatArray | None:

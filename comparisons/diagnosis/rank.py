@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-from ..runs.results import Cause
+from ..runs.results import RankedCause
 
 SUFFICIENT = 0.95
 """Share of a deviation from which on a suspect can be its cause."""
@@ -32,15 +32,15 @@ TELLING = 0.05
 class Estimate:
     """A cause whose share was computed roughly; it is measured only if it may be listed."""
 
-    cause: Cause
+    cause: RankedCause
     """The cause with its rough share."""
     error: float
     """Bound of its error."""
-    measured: Callable[[], Cause]
+    measured: Callable[[], RankedCause]
     """Computes the share accurately."""
 
 
-def measured(causes: Sequence[Cause | Estimate]) -> list[Cause | Estimate]:
+def measured(causes: Sequence[RankedCause | Estimate]) -> list[RankedCause | Estimate]:
     """The causes in their order, with those measured that may be listed or named.
 
     The list ends with the last of the best six shares. How many causes are named depends on those
@@ -62,12 +62,12 @@ def measured(causes: Sequence[Cause | Estimate]) -> list[Cause | Estimate]:
     ]
 
 
-def ranked(causes: Iterable[Cause | Estimate]) -> tuple[tuple[Cause, ...], int]:
+def ranked(causes: Iterable[RankedCause | Estimate]) -> tuple[tuple[RankedCause, ...], int]:
     """Suspects by the share that they explain, and how many of the first are named.
 
     None is named if the cause is unknown. Estimates that are left can be neither, see `measured`.
     """
-    best: dict[str, Cause] = {}
+    best: dict[str, RankedCause] = {}
     for cause in causes:
         if isinstance(cause, Estimate):
             continue

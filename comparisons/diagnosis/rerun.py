@@ -18,7 +18,7 @@ from ...models.errors import TrebucheckError
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ...models.trajectory import Trajectory
-from ..runs.results import Cause
+from ..runs.results import RankedCause
 from .case import Case
 from .rank import SUFFICIENT
 
@@ -44,8 +44,8 @@ class _Setting:
         joined = {**self.options, **other.options}
         return type(self)(f"{self.name}, {other.name}", f"{self.amount}, {other.amount}", joined)
 
-    def cause(self, explained: float) -> Cause:
-        return Cause(name=self.name, kind="settings", amount=self.amount, explained=explained)
+    def cause(self, explained: float) -> RankedCause:
+        return RankedCause(name=self.name, kind="settings", amount=self.amount, explained=explained)
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Rerun:
     engine: Engine
     simulate: Simulate
 
-    def causes(self, case: Case) -> Iterator[Cause]:
+    def causes(self, case: Case) -> Iterator[RankedCause]:
         """Causes of the engine's error budget, removed one at a time, by what then vanishes.
 
         Where none does alone, what explains most is taken out with each of the others.

@@ -33,7 +33,7 @@ class Share(Spec):
     )
 
 
-class Quantity(Spec):
+class QuantityBudget(Spec):
     """The budget of one quantity: a function of time, or a single figure."""
 
     name: str
@@ -78,14 +78,14 @@ class Budget(Spec):
         default=None, description="whose position is split: that with the largest error"
     )
     causes: tuple[Measurement, ...] = ()
-    quantities: tuple[Quantity, ...] = ()
+    quantities: tuple[QuantityBudget, ...] = ()
 
     @property
     def label(self) -> str:
         """Engine and preset in one."""
         return f"{self.engine} {self.preset}"
 
-    def quantity(self, name: str) -> Quantity | None:
+    def quantity(self, name: str) -> QuantityBudget | None:
         """A quantity's budget, if it has one."""
         return next((quantity for quantity in self.quantities if quantity.name == name), None)
 
@@ -124,7 +124,7 @@ class StockAgainstTuned(Spec):
     changes: tuple[Change, ...]
 
 
-class Machine(Spec):
+class ExplainedMachine(Spec):
     """A machine whose runs are explained."""
 
     model: str
@@ -145,7 +145,7 @@ class Explanation(Reported, ResultFile):
     """The whole of it."""
 
     format: Literal["trebucheck-explain-1"] = FORMAT
-    machines: tuple[Machine, ...]
+    machines: tuple[ExplainedMachine, ...]
     failures: dict[str, str] = Field(
         default_factory=dict, description="machines whose reference failed, and why"
     )

@@ -46,11 +46,11 @@ from ..runs.study import PRESETS, Counter, RunOptions, Study
 from .results import (
     Budget,
     Change,
+    ExplainedMachine,
     Explanation,
     Figures,
-    Machine,
     Measurement,
-    Quantity,
+    QuantityBudget,
     Share,
     StockAgainstTuned,
 )
@@ -196,7 +196,7 @@ _ROUNDOFF = "roundoff"
 
 
 class VariantFailedError(Exception):
-    """A run with causes taken out did not come to its end, or not to the same events as the base."""
+    """A run with causes taken out ended early, or with other events than the base run."""
 
     def __init__(self, cause: str, reason: str) -> None:
         super().__init__(reason)
@@ -262,9 +262,7 @@ class _Chain:
     deviations: list[Curves]
 
     def part(self, cause: str, quantity: str) -> FloatArray:
-        """The change from taking out one more cause changed, extrapolated where it leaves a known
-        part of it.
-        """
+        """Change from taking out one more cause, extrapolated where a known part of it remains."""
         i = next(i for i, known in enumerate(self.causes) if known.name == cause)
         removal = self.causes[i].removal
         assert removal is not None
@@ -329,7 +327,7 @@ class _Study:
 
     def quantities(
         self, chains: tuple[_Chain, _Chain], alone: dict[str, tuple[Curves, float]]
-    ) -> tuple[Quantity, ...]:
+    ) -> tuple[QuantityBudget, ...]:
         """The budget of every quantity that all these runs tell."""
         ideal = chains[0].deviations[-1]
         runs = [
@@ -338,7 +336,7 @@ class _Study:
             *(deviation for deviation, _ in alone.values()),
         ]
         near = self._last_bits([], (1, -1)), self._last_bits(self._removals(chains[0].causes), (1,))
-        quantities: list[Quantity] = []
+        quantities: list[QuantityBudget] = []
         for name, whole in observed(self.base).items():
             if not all(name in observed(run) for run in runs):
                 continue
@@ -347,7 +345,7 @@ class _Study:
             }
             for cause in alone.keys() - parts.keys():
                 only = self._extrapolated(name, *alone[cause])
-                parts[cause] = Measured.of(only, only)
+                parts[cause] = TwoWayShare.of(only, only)
             noise = _noise(name, whole, self.base, near[0])
             # What is left is the ideal run, extrapolated with the base where a removal leaves a
             # known part.
@@ -362,14 +360,14 @@ class _Study:
         quantity: str,
         chains: tuple[_Chain, _Chain],
         alone: dict[str, tuple[Curves, float]],
-    ) -> Measured:
+    ) -> TwoWayShare:
         first, second = (chain.part(cause.name, quantity) for chain in chains)
         if cause.name not in alone:
-            return Measured.of(first, second)
+            return TwoWayShare.of(first, second)
         # Shares of removals add up: scaling, an independent measure, is shown beside them and makes
         # the band.
         mean = (first + second) / 2
-        return Measured(mean, mean, self._extrapolated(quantity, *alone[cause.name]))
+        return TwoWayShare(mean, mean, self._extrapolated(quantity, *alone[cause.name]))
 
     def _extrapolated(self, quantity: str, larger: Curves, factor: float) -> FloatArray:
         return (observed(larger)[quantity].values - observed(self.base)[quantity].values) / (
@@ -400,7 +398,7 @@ def _extrapolation(cause: Cause) -> float:
 
 
 @dataclass(frozen=True)
-class Measured:
+class TwoWayShare:
     """A cause's contribution to one quantity, as functions of time."""
 
     share: FloatArray
@@ -410,7 +408,7 @@ class Measured:
     """Found the other way: in the reverse order, or by scaling."""
 
     @classmethod
-    def of(cls, first: FloatArray, second: FloatArray) -> Measured:
+    def of(cls, first: FloatArray, second: FloatArray) -> TwoWayShare:
         """The mean of two ways."""
         return cls((first + second) / 2, first, second)
 
@@ -425,9 +423,7 @@ class Observed:
     """Of a vector quantity: its values are all x, then all y."""
 
     def size(self, values: FloatArray) -> tuple[float, float]:
-        """Root mean square over time and largest value of a function like this one, Euclidean over
-        components.
-        """
+        """Root mean square over time and largest value of a function, Euclidean over components."""
         lengths = np.linalg.norm(values.reshape(self.components, -1), axis=0)
         return float(np.sqrt(np.mean(lengths**2))), float(lengths.max())
 
@@ -458,8 +454,7 @@ def _single(value: float | None) -> FloatArray:
 
 
 def orders(causes: Sequence[Cause]) -> tuple[tuple[Cause, ...], tuple[Cause, ...]]:
-    """The two orders in which causes are taken out: the given one, and its reverse as far as
-    `after` allows.
+    """Make both orders of taking out causes: the given one, and its reverse as `after` allows.
 
     Causes an `after` names that are not among these are taken for absent.
     """
@@ -482,10 +477,10 @@ def _ordered(causes: Sequence[Cause]) -> tuple[Cause, ...]:
 def split(
     name: str,
     whole: Observed,
-    parts: Mapping[str, Measured],
+    parts: Mapping[str, TwoWayShare],
     noise: float,
     noise_left: float,
-) -> Quantity:
+) -> QuantityBudget:
     """The budget of one quantity.
 
     Args:
@@ -501,13 +496,13 @@ def split(
     rms, largest = whole.size(e)
     rest_rms, rest_largest = whole.size(rest)
     unexplained = math.sqrt(max(0.0, rest_rms**2 - noise_left**2))
-    return Quantity(
+    return QuantityBudget(
         name=name,
         unit=whole.unit,
         rms=rms,
         largest=largest,
         shares=tuple(_share(cause, part, whole) for cause, part in parts.items()),
-        rest=_share("unexplained", Measured.of(rest, rest), whole),
+        rest=_share("unexplained", TwoWayShare.of(rest, rest), whole),
         rest_rms=rest_rms,
         rest_largest=rest_largest,
         roundoff=noise,
@@ -516,7 +511,7 @@ def split(
     )
 
 
-def _share(cause: str, part: Measured, whole: Observed) -> Share:
+def _share(cause: str, part: TwoWayShare, whole: Observed) -> Share:
     rms, largest = whole.size(part.share)
     return Share(
         cause=cause,
@@ -530,16 +525,13 @@ def _share(cause: str, part: Measured, whole: Observed) -> Share:
 
 
 def _fraction(part: FloatArray, whole: FloatArray) -> float | None:
-    """Signed share of the whole: the part's projection on it; all shares and the rest add up to
-    one.
-    """
+    """Signed share of the whole, its projection on it; all shares and the rest add up to one."""
     square = float(whole @ whole)
     return float(part @ whole) / square if square else None
 
 
 def noise_between(base: FloatArray, others: Sequence[FloatArray], whole: Observed) -> float:
-    """Size of the random part of a run [rms], from runs that differ from it in their last bits
-    only.
+    """Size of the random part of a run [rms], from runs that differ in their last bits only.
 
     The difference of two such runs has twice the variance of one.
     """
@@ -621,8 +613,8 @@ def explain_study(study: Study) -> Explanation:
     )
 
 
-def _machine(trials: EngineRuns) -> Machine:
-    return Machine(
+def _machine(trials: EngineRuns) -> ExplainedMachine:
+    return ExplainedMachine(
         model=trials.mechanism.name,
         mechanism=trials.mechanism,
         mechanism_hash=trials.mechanism.content_hash,
@@ -632,13 +624,11 @@ def _machine(trials: EngineRuns) -> Machine:
     )
 
 
-_REPEATS = 3  # timed runs of each setting: a median of fewer says little of runs of some hundredths of a second
+_REPEATS = 3  # timed runs of each setting, of some hundredths of a second each
 
 
 def stock_against_tuned(trials: EngineRuns, stock: Engine, tuned: Engine) -> StockAgainstTuned:
-    """Set an engine's two presets side by side, at the stock one's step, and change one option at a
-    time.
-    """
+    """Compare an engine's presets at the stock one's step, changing one option at a time."""
     at_stock = stock.settings
     step = at_stock.get("timestep")
     if step is not None:

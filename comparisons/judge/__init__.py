@@ -1,3 +1,1 @@
-"""Motions from files that somebody else made: every quantity that a file gives, against the
-reference.
-"""
+"""Motions from files by others: every quantity that a file gives, against the reference."""

@@ -34,7 +34,7 @@ _JUMP = 1e-9  # of the largest speed
 
 
 @dataclass(frozen=True)
-class Impact:
+class GivenImpact:
     """One, as a file gives it."""
 
     stop: str
@@ -44,7 +44,7 @@ class Impact:
     """[N m s or N s]; NaN: not given."""
 
 
-def merged(impacts: Sequence[Impact]) -> tuple[tuple[float, dict[str, float]], ...]:
+def merged(impacts: Sequence[GivenImpact]) -> tuple[tuple[float, dict[str, float]], ...]:
     """Impacts as a trajectory has them; an impulse that is not given counts as one that pushes."""
     found: dict[float, dict[str, float]] = {}
     for impact in sorted(impacts, key=lambda impact: impact.time):
@@ -56,9 +56,8 @@ def merged(impacts: Sequence[Impact]) -> tuple[tuple[float, dict[str, float]], .
 
 def jumps(
     t: FloatArray, q: FloatArray, u: FloatArray, kinematics: Kinematics, arm: float
-) -> list[Impact]:
-    """Impacts that speeds show: two samples at one time, between which the speed into a stop that
-    is met jumps up.
+) -> list[GivenImpact]:
+    """Find the impacts that speeds show: two samples at one time, between which the speed jumps up.
 
     Args:
         t: times [s], shape (n,).
@@ -66,7 +65,7 @@ def jumps(
         kinematics: of the mechanism.
         arm: its longest [m].
     """
-    found: list[Impact] = []
+    found: list[GivenImpact] = []
     for k in np.flatnonzero(np.diff(t) == 0):
         for stop in kinematics.mechanism.stops:
             rates = u[k : k + 2] @ kinematics.gap_jacobian(stop.name, q[k])
@@ -75,15 +74,14 @@ def jumps(
             )
             least = _JUMP * float(np.abs(rates).max())
             if met and rates[0] < -least and rates[1] > rates[0] + least:
-                found.append(Impact(stop.name, float(t[k])))
+                found.append(GivenImpact(stop.name, float(t[k])))
     return found
 
 
 def metrics(
-    given: Trajectory, impacts: Sequence[Impact], solution: Solution, end: float
+    given: Trajectory, impacts: Sequence[GivenImpact], solution: Solution, end: float
 ) -> Iterator[Metric]:
-    """Impulses of each stop, and the speeds beside impacts of each coordinate and of each marker:
-    the largest errors.
+    """Measure impulses of each stop, and speeds beside impacts of coordinates and markers.
 
     Args:
         given: the file's motion, with its impacts.
@@ -107,7 +105,7 @@ def _pairs(given: Trajectory, solution: Solution, end: float) -> Iterator[tuple[
 
 
 def _impulses(
-    pairs: Sequence[tuple[str, float, float]], impacts: Sequence[Impact], solution: Solution
+    pairs: Sequence[tuple[str, float, float]], impacts: Sequence[GivenImpact], solution: Solution
 ) -> Iterator[Metric]:
     given = {(impact.stop, impact.time): impact.impulse for impact in impacts}
     expected = {
@@ -134,9 +132,7 @@ def _impulses(
 def _speeds(
     given: Trajectory, pairs: Sequence[tuple[float, float]], solution: Solution
 ) -> Iterator[Metric]:
-    """Where the file has two samples at an impact: of both, from the reference's speeds at its own
-    impact.
-    """
+    """Average both of the file's samples at an impact, given the reference's speeds at its own."""
     mechanism, kinematics = given.mechanism, Kinematics(given.mechanism)
     errors: dict[tuple[str, str], list[float]] = {}
     for own, other in pairs:
@@ -180,7 +176,7 @@ def _rates(units: Mapping[str, float]) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class Kind:
+class ColumnKind:
     """A column that a file may have."""
 
     name: str
@@ -202,25 +198,31 @@ class Kind:
         return self.units[unit]
 
 
-def columns_of(mechanism: Mechanism) -> dict[str, Kind]:
-    """Every column that a file on a mechanism may have, by name; those of a data frame of a
-    trajectory, and no more.
-    """
-    kinds = [Kind(TIME, _TIME), Kind("kinetic energy", _ENERGY), Kind("potential energy", _ENERGY)]
+def columns_of(mechanism: Mechanism) -> dict[str, ColumnKind]:
+    """List every column a file on a mechanism may have, as in a trajectory's data frame."""
+    kinds = [
+        ColumnKind(TIME, _TIME),
+        ColumnKind("kinetic energy", _ENERGY),
+        ColumnKind("potential energy", _ENERGY),
+    ]
     for name in mechanism.coordinates:
         units = _ANGLE if name in mechanism.angles else _LENGTH
-        kinds += [Kind(f"q {name}", units), Kind(f"u {name}", _rates(units))]
+        kinds += [ColumnKind(f"q {name}", units), ColumnKind(f"u {name}", _rates(units))]
     for marker in mechanism.markers:
         for axis in "xy":
             kinds += [
-                Kind(f"{marker.name} {axis}", _LENGTH),
-                Kind(f"{marker.name} v{axis}", _rates(_LENGTH)),
+                ColumnKind(f"{marker.name} {axis}", _LENGTH),
+                ColumnKind(f"{marker.name} v{axis}", _rates(_LENGTH)),
             ]
     for stop in mechanism.stops:
-        kinds.append(Kind(f"stop {stop.name}", _TORQUE if stop.effort == "torque" else _FORCE))
+        kinds.append(
+            ColumnKind(f"stop {stop.name}", _TORQUE if stop.effort == "torque" else _FORCE)
+        )
     for joint in mechanism.joints:
         kinds += [
-            Kind(f"joint {joint.name} {axis}", _FORCE) for axis in "xy" if joint.held_directions
+            ColumnKind(f"joint {joint.name} {axis}", _FORCE)
+            for axis in "xy"
+            if joint.held_directions
         ]
     return {kind.name: kind for kind in kinds}
 
@@ -231,7 +233,7 @@ def split_heading(heading: str) -> tuple[str, str]:
     return " ".join(name.split()), rest.partition("]")[0].strip() if bracket else ""
 
 
-def known(name: str, columns: Mapping[str, Kind]) -> Kind:
+def known(name: str, columns: Mapping[str, ColumnKind]) -> ColumnKind:
     """The column of that name.
 
     Raises:
@@ -249,14 +251,14 @@ _SIZE = 1e100  # in SI units: its square is still a number
 
 
 @dataclass(frozen=True)
-class Given:
+class GivenMotion:
     """Content of a file of a motion, in SI units."""
 
     values: Mapping[str, FloatArray]
     """By column, each of shape (n,), `t` among them."""
     releases: Mapping[str, float | None]
     """Of the stops whose release is given [s]; None: it does not open."""
-    impacts: tuple[Impact, ...]
+    impacts: tuple[GivenImpact, ...]
     """That are told in so many words."""
     sha256: str
     """Of the file."""
@@ -267,7 +269,7 @@ class Given:
         return self.values[TIME]
 
 
-def read(path: Path, mechanism: Mechanism) -> Given:
+def read(path: Path, mechanism: Mechanism) -> GivenMotion:
     """Read a .csv, or a .nc as NetCDF.
 
     Raises:
@@ -281,10 +283,10 @@ def read(path: Path, mechanism: Mechanism) -> Given:
         _refuse_halves(values, mechanism)
     except InputError as error:
         raise InputError(f"{path}: {str(error).removesuffix('.')}.") from None
-    return Given(values, releases, tuple(impacts), hashlib.sha256(content).hexdigest())
+    return GivenMotion(values, releases, tuple(impacts), hashlib.sha256(content).hexdigest())
 
 
-_Read = tuple[dict[str, FloatArray], dict[str, float | None], list[Impact]]
+_Read = tuple[dict[str, FloatArray], dict[str, float | None], list[GivenImpact]]
 
 
 def _csv(content: bytes, mechanism: Mechanism) -> _Read:
@@ -293,7 +295,11 @@ def _csv(content: bytes, mechanism: Mechanism) -> _Read:
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         raise InputError(f"line {line} is not UTF-8 text") from None
-    columns, releases, impacts = columns_of(mechanism), dict[str, float | None](), list[Impact]()
+    columns, releases, impacts = (
+        columns_of(mechanism),
+        dict[str, float | None](),
+        list[GivenImpact](),
+    )
     body: list[tuple[int, list[str]]] = []
     for number, line in enumerate(lines, 1):
         if line.lstrip().startswith("#"):
@@ -330,7 +336,7 @@ def _release(line: str, mechanism: Mechanism) -> dict[str, float | None]:
 
 def _time(what: str, unit: str, value: str) -> float:
     """Time of an event [s]."""
-    at = Kind(what, _TIME).factor(unit) * _number(value, what)
+    at = ColumnKind(what, _TIME).factor(unit) * _number(value, what)
     if at < 0:
         raise InputError(f"{what} is {at:.6g} s; a time from 0 on is needed")
     return at
@@ -344,7 +350,7 @@ def _stop(name: str, mechanism: Mechanism) -> AnyStop:
     raise InputError(f"there is no stop {name[:60]!r}; there are: {stops}")
 
 
-def _impact(line: str, mechanism: Mechanism) -> list[Impact]:
+def _impact(line: str, mechanism: Mechanism) -> list[GivenImpact]:
     """From '# impact floor [s] = 0.45', or '# impact floor [s] = 0.45, impulse [N s] = 13.3'."""
     text, equals, value = line.strip().lstrip("# ").partition("=")
     if not (equals and text.startswith("impact ")):
@@ -354,7 +360,7 @@ def _impact(line: str, mechanism: Mechanism) -> list[Impact]:
     time, _, rest = value.partition(",")
     at = _time(f"impact {name}", unit, time)
     if not rest.strip():
-        return [Impact(name, at)]
+        return [GivenImpact(name, at)]
     told, _, size = rest.partition("=")
     what, unit = split_heading(told)
     if what != "impulse":
@@ -362,14 +368,14 @@ def _impact(line: str, mechanism: Mechanism) -> list[Impact]:
             f"{rest.strip()[:40]!r} follows the time of an impact; 'impulse [N s] = 1.0' is "
             f"understood"
         )
-    return [Impact(name, at, _impulse_of(stop).factor(unit) * _number(size, "impulse"))]
+    return [GivenImpact(name, at, _impulse_of(stop).factor(unit) * _number(size, "impulse"))]
 
 
-def _impulse_of(stop: AnyStop) -> Kind:
-    return Kind("impulse", {"N m s": 1.0} if stop.effort == "torque" else {"N s": 1.0})
+def _impulse_of(stop: AnyStop) -> ColumnKind:
+    return ColumnKind("impulse", {"N m s": 1.0} if stop.effort == "torque" else {"N s": 1.0})
 
 
-def _headings(cells: list[str], columns: Mapping[str, Kind]) -> list[tuple[str, float]]:
+def _headings(cells: list[str], columns: Mapping[str, ColumnKind]) -> list[tuple[str, float]]:
     """Name and SI value of the unit of each column."""
     if len(cells) == 1 and (mark := next((mark for mark in ";\t" if mark in cells[0]), "")):
         raise InputError(
@@ -499,11 +505,11 @@ def _netcdf(content: bytes, mechanism: Mechanism) -> _Read:
     return values, _releases(dataset, mechanism), _impacts(dataset, mechanism)
 
 
-def _factor(variable: str, dataset: Any, kind: Kind) -> float:
+def _factor(variable: str, dataset: Any, kind: ColumnKind) -> float:
     """SI value of the unit that a variable states for a column.
 
-    Units of several kinds stand as `Trajectory.to_dataset` writes them, 'rad (slides: m)': the first
-    that the column can have is its unit.
+    Units of several kinds are as `Trajectory.to_dataset` writes them, 'rad (slides: m)': the unit
+    is the first that the column can have.
 
     Raises:
         InputError: the variable states no unit that the column can have.
@@ -518,7 +524,7 @@ def _factor(variable: str, dataset: Any, kind: Kind) -> float:
         raise InputError(f"variable {variable!r}: {error}") from None
 
 
-def _unknown(column: str, columns: Mapping[str, Kind]) -> str:
+def _unknown(column: str, columns: Mapping[str, ColumnKind]) -> str:
     try:
         known(column, columns)
     except InputError as error:
@@ -527,9 +533,7 @@ def _unknown(column: str, columns: Mapping[str, Kind]) -> str:
 
 
 def _series(dataset: Any) -> Iterator[tuple[str, str, FloatArray]]:
-    """Variable, column and values, in the file's units, of all that is sampled and has a known
-    name.
-    """
+    """Read variable, column and values, in the file's units, of all that is sampled and known."""
     for name, (dim, column) in _VARIABLES.items():
         if name not in dataset:
             continue
@@ -549,7 +553,7 @@ def _releases(dataset: Any, mechanism: Mechanism) -> dict[str, float | None]:
     if "release_time" not in dataset:
         return {}
     names: Iterable[str] = map(str, dataset["releasable_stop"].values)
-    factor = _factor("release_time", dataset, Kind("release", _TIME))
+    factor = _factor("release_time", dataset, ColumnKind("release", _TIME))
     times = np.asarray(dataset["release_time"].values, dtype=np.float64) * factor
     pairs = zip(names, times, strict=True)
     known_stops = {stop.name for stop in mechanism.stops}
@@ -562,14 +566,14 @@ def _releases(dataset: Any, mechanism: Mechanism) -> dict[str, float | None]:
     return found
 
 
-def _impacts(dataset: Any, mechanism: Mechanism) -> list[Impact]:
+def _impacts(dataset: Any, mechanism: Mechanism) -> list[GivenImpact]:
     """Impacts of a published file in variables, of one that `save` has written in an attribute."""
     known_stops = {stop.name for stop in mechanism.stops}
     try:
         if "impact_time" in dataset and "impact_impulse" in dataset:
             names = list(map(str, dataset["struck_stop"].values))
             times = np.asarray(dataset["impact_time"].values, dtype=np.float64)
-            times *= _factor("impact_time", dataset, Kind("impact", _TIME))
+            times *= _factor("impact_time", dataset, ColumnKind("impact", _TIME))
             rows = np.asarray(dataset["impact_impulse"].values, dtype=np.float64)
             _refuse_impulses(dataset, names, mechanism)
             told = [
@@ -582,7 +586,7 @@ def _impacts(dataset: Any, mechanism: Mechanism) -> list[Impact]:
                 for t, impulses in json.loads(dataset.attrs.get("impacts", "[]"))
             ]
         impacts = [
-            Impact(name, t, float(p))
+            GivenImpact(name, t, float(p))
             for t, impulses in told
             for name, p in impulses.items()
             if p != 0

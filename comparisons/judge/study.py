@@ -1,6 +1,4 @@
-"""A file's motion against the reference: every metric of what it gives, and a sentence on what it
-does not give.
-"""
+"""A file's motion against the reference: metrics of what it gives, a sentence on what it lacks."""
 
 from __future__ import annotations
 
@@ -37,7 +35,7 @@ from ..runs.results import (
 from ..runs.runner import Runner
 from ..runs.study import REFERENCE, Counter, Progress, Study, one_end
 from ..runs.tolerances import judge as judge_run
-from .read import Given, Impact, jumps, merged, read
+from .read import GivenImpact, GivenMotion, jumps, merged, read
 from .read import metrics as impact_metrics
 
 NOT_GIVEN = "the file does not give it"
@@ -167,11 +165,9 @@ def untold(metric: Metric) -> Metric:
 
 @dataclass
 class _Motion:
-    """The file's motion as a trajectory; in the place of what it does not tell stands the
-    reference's, unjudged.
-    """
+    """Make a trajectory of the file's motion; the rest is the reference's, unjudged."""
 
-    given: Given
+    given: GivenMotion
     runner: Runner
 
     def __post_init__(self) -> None:
@@ -225,7 +221,7 @@ class _Motion:
             ),
         )
 
-    def _impacts(self) -> tuple[Impact, ...]:
+    def _impacts(self) -> tuple[GivenImpact, ...]:
         """Impacts as the file names them, or as its speeds show them."""
         names = self.mechanism.coordinates
         if self.given.impacts or not self._moving:

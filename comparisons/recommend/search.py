@@ -41,7 +41,7 @@ _SAMPLES = 2001  # of the reference, in search of the largest torque
 
 
 @dataclass(frozen=True)
-class Case:
+class TargetedRuns:
     """A machine with its trials and its accuracy target."""
 
     trials: EngineRuns
@@ -67,8 +67,7 @@ class Case:
         return {name: value for name, value in limits.items() if value is not None}
 
     def refuse_what_cannot_be_judged(self) -> None:
-        """Refuse a quantity that the machine does not have, or that its reference is not certain
-        enough to judge.
+        """Refuse a quantity that the machine lacks, or whose reference is too uncertain to judge.
 
         Raises:
             InputError: the sentence names the quantity.
@@ -151,8 +150,7 @@ def unit_of(quantity: str, mechanism: Mechanism) -> str:
 
 
 def read_torque(text: str) -> dict[str, float]:
-    """'1e-3' as N m (or N), '0.1%' as a share of the largest: the field of :class:`Asked` and its
-    value.
+    """Read '1e-3' as N m (or N) and '0.1%' as a share: the field of the target, and its value.
 
     Raises:
         InputError: it is no number.
@@ -184,7 +182,10 @@ Neighbour = tuple[Mechanism, dict[str, float]]
 
 
 def of_parameters(name: str, parameters: Spec | None) -> Iterator[Neighbour]:
-    """Endless neighbours of a named machine: lengths, masses and start angles varied; gravity kept."""
+    """Generate neighbours of a named machine without end: lengths, masses and start angles varied.
+
+    Gravity is kept.
+    """
     kind = parameters_type(name)
     base = (parameters or kind()).model_dump()
     random = np.random.default_rng(_SEED)
@@ -198,8 +199,9 @@ def of_parameters(name: str, parameters: Spec | None) -> Iterator[Neighbour]:
 
 
 def of_mechanism(mechanism: Mechanism) -> Iterator[Neighbour]:
-    """Endless neighbours of any mechanism: masses (inertia with them) and gravity; its geometry is
-    its own.
+    """Generate neighbours of any mechanism without end: masses, with inertia, and gravity varied.
+
+    The geometry is kept.
     """
     random = np.random.default_rng(_SEED)
     while True:
@@ -245,7 +247,7 @@ HARDEST = 6
 _SCOUTED_AT = 3
 """Index of the time step at which the hardest machine shows how its error falls with the step."""
 _ORDERS = (0.1, 4.0)  # between which an order found over two steps is believed
-_DOUBT = 0.5  # such an order may be wrong by so much: where a release falls inside a step scatters the errors
+_DOUBT = 0.5  # error of such an order: a release inside a step scatters the errors
 _GAIN = 0.7  # the next level at least halves the step: an error of first order would halve, too
 _PATIENCE = 2  # levels without gain, before a set is given up
 _DEARER = 1.5  # times the cheapest found so far: further down, a set can only cost more
@@ -284,7 +286,7 @@ def ladder(characteristic_time: float) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True)
-class Level:
+class RefinementLevel:
     """One refinement level: a time step, and the worst of the machines measured with it."""
 
     step: float
@@ -306,21 +308,21 @@ class Sweep:
     """One set of options over the time steps tried."""
 
     options: OptionSet
-    levels: dict[float, Level] = field(default_factory=dict[float, Level])
+    levels: dict[float, RefinementLevel] = field(default_factory=dict[float, RefinementLevel])
     note: str = ""
     dropped: bool = False
     """Given up by what one machine showed: none of its steps was run on the others."""
 
     @property
-    def reached(self) -> Level | None:
-        """The level of the longest step at which it reaches what is asked on all machines it must."""
+    def reached(self) -> RefinementLevel | None:
+        """The level of the longest step that reaches the target on all machines it must."""
         if self.dropped:
             return None
         levels = [level for level in self.levels.values() if level.reached]
         return max(levels, key=lambda level: level.step, default=None)
 
     @property
-    def best(self) -> Level:
+    def best(self) -> RefinementLevel:
         """The level with the least worst error; of equals the one of the longest step."""
         return min(self.levels.values(), key=lambda level: (level.worst, -level.step))
 
@@ -330,7 +332,7 @@ class Search:
     """Searches the time steps of one engine for each set of options."""
 
     engine: str
-    cases: Sequence[Case]
+    cases: Sequence[TargetedRuns]
     steps: Sequence[float]
     jobs: int = 1
     """Neighbours that are run at once."""
@@ -340,9 +342,7 @@ class Search:
     """Index of the machine the first set did worst on."""
 
     def sweep(self, options: OptionSet) -> Sweep:
-        """Give up at once, or measure all machines at one step, estimate the step needed and refine
-        from there.
-        """
+        """Give up at once, or measure all machines at one step, and refine from there."""
         sweep = Sweep(options)
         sweep.dropped = self._hardest is not None and self._is_hopeless(sweep, self._hardest)
         if sweep.dropped:
@@ -356,9 +356,7 @@ class Search:
         return sweep
 
     def _is_hopeless(self, sweep: Sweep, case: int) -> bool:
-        """Whether the machine that the first set did worst on rules the set out, as any machine
-        must reach it.
-        """
+        """Whether the machine that the first set did worst on rules the set out."""
         screened = self._level(sweep, [case], SCREENED_AT)
         if screened.reached or not math.isfinite(screened.worst):
             return False
@@ -369,17 +367,13 @@ class Search:
         return guess is None
 
     def _is_dearer(self, screened: RunRecord, index: int) -> bool:
-        """Whether a step must cost more than the cheapest settings found, by the time of the
-        screened one.
-        """
+        """Whether a step must cost more than the cheapest settings found so far."""
         return (
             _wall(screened) * self.steps[SCREENED_AT] / self.steps[index] > _DEARER * self.cheapest
         )
 
     def _screen(self, sweep: Sweep) -> list[int]:
-        """Run all machines at one step; the machine itself and its hardest neighbours, the hardest
-        first.
-        """
+        """Run the machine itself and its hardest neighbours at one step, the hardest first."""
         step = self.steps[SCREENED_AT]
         # The machine's own run is timed, with nothing beside it; of the others only the errors are
         # asked for.
@@ -391,7 +385,9 @@ class Search:
         ratios = {i: self.cases[i].ratio(trial) for i, trial in trials.items()}
         hardest = sorted(list(ratios)[1:], key=lambda i: -ratios[i])[:HARDEST]
         panel = sorted([0, *hardest], key=lambda i: -ratios[i])
-        sweep.levels[step] = Level(step, ratios[panel[0]], panel[0], {i: trials[i] for i in panel})
+        sweep.levels[step] = RefinementLevel(
+            step, ratios[panel[0]], panel[0], {i: trials[i] for i in panel}
+        )
         return panel
 
     def _trial(self, case: int, options: OptionSet, step: float, repeats: int = 1) -> RunRecord:
@@ -455,10 +451,8 @@ class Search:
             before = now
         sweep.note = "not reached at the shortest step tried"
 
-    def _level(self, sweep: Sweep, panel: list[int], index: int) -> Level:
-        """Run the panel at a step, the hardest first, up to the first that does not reach what is
-        asked.
-        """
+    def _level(self, sweep: Sweep, panel: list[int], index: int) -> RefinementLevel:
+        """Run the panel at a step, the hardest first, up to the first that misses the target."""
         step = self.steps[index]
         if step in sweep.levels:
             return sweep.levels[step]
@@ -471,14 +465,12 @@ class Search:
                 worst, hardest = ratio, i
             if worst > 1:
                 break
-        sweep.levels[step] = Level(step, worst, hardest, trials)
+        sweep.levels[step] = RefinementLevel(step, worst, hardest, trials)
         return sweep.levels[step]
 
-    def chosen(self, sweeps: Sequence[Sweep]) -> tuple[Sweep, Level, RunRecord] | None:
-        """The cheapest that reaches it, with its repeated trial; the plainest of those as cheap as
-        can be told.
-        """
-        candidates: list[tuple[Sweep, Level, RunRecord]] = []
+    def chosen(self, sweeps: Sequence[Sweep]) -> tuple[Sweep, RefinementLevel, RunRecord] | None:
+        """Find the cheapest that reaches the target; the plainest of those of equal cost."""
+        candidates: list[tuple[Sweep, RefinementLevel, RunRecord]] = []
         for sweep in sweeps:
             level = sweep.reached
             if level is not None and _wall(level.trials[0]) <= _DEARER * self.cheapest:
@@ -500,7 +492,7 @@ def _wall(trial: RunRecord) -> float:
     return float(np.median(trial.wall_times)) if trial.wall_times else math.inf
 
 
-_RISES = 2.0  # times the least error: more than an error that merely scatters with where a release falls in a step
+_RISES = 2.0  # times the least error: more than the scatter from a release inside a step
 _FLAT = 1.5  # times the least error: within it, it does not depend on the step
 _FALLS = 0.5  # order in the step, at the shortest steps: half of what the least accurate method has
 
@@ -575,8 +567,7 @@ def _slope(points: Sequence[tuple[float, float]]) -> float:
 
 
 def explain(search: Search, sweeps: Sequence[Sweep]) -> Verdict:
-    """Why none of an engine's sets reaches what is asked: by the best of them, on the machine it
-    did worst on.
+    """Say why no set of an engine reaches the target: the best set, on its worst machine.
 
     The whole ladder of steps is measured for it.
     """
@@ -604,7 +595,9 @@ def explain(search: Search, sweeps: Sequence[Sweep]) -> Verdict:
     return Verdict(verdict.obstacle, f"{reached}; {verdict.sentence}.")
 
 
-def _reached(sweep: Sweep, case: Case, name: str, error: float, step: float, index: int) -> str:
+def _reached(
+    sweep: Sweep, case: TargetedRuns, name: str, error: float, step: float, index: int
+) -> str:
     where = "this machine" if index == 0 else "its hardest neighbour"
     unit, allowed = case.unit(name), case.allowed[name]
     return (

@@ -33,10 +33,10 @@ from .search import (
     HARDEST,
     LENGTH,
     MASS,
-    Case,
-    Level,
+    RefinementLevel,
     Search,
     Sweep,
+    TargetedRuns,
     explain,
     ladder,
     of_mechanism,
@@ -52,7 +52,7 @@ _DRAWS = 10  # to a neighbour: some do not come to the same end
 
 @dataclass(frozen=True)
 class _Family:
-    cases: tuple[Case, ...]
+    cases: tuple[TargetedRuns, ...]
     """The machine asked about first."""
     neighbours: tuple[NeighbourMachine, ...]
     varied: str
@@ -60,7 +60,7 @@ class _Family:
     """How the machine is named on the command line."""
 
 
-_MakeCase = Callable[[Mechanism, Until, bool], Case]
+_MakeCase = Callable[[Mechanism, Until, bool], TargetedRuns]
 """Of a mechanism, the end of its motion, and whether that is known to be predictable up to there.
 """
 
@@ -75,8 +75,7 @@ def recommend(
     neighbours: int = NEIGHBOURS,
     **how: Unpack[RunOptions],
 ) -> Advice:
-    """Find, for each engine, the cheapest measured settings that reach an accuracy, or what bars
-    it.
+    """Find each engine's cheapest measured settings that reach an accuracy, or what bars it.
 
         >>> import trebucheck as tb
         >>> advice = tb.recommend("rolling", "mujoco", position=1e-3)  # doctest: +SKIP
@@ -132,10 +131,10 @@ def recommend_study(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) ->
     names = study.measured_engines
     with study.worker() as worker:
 
-        def case(mechanism: Mechanism, until: Until, predictable: bool) -> Case:
+        def case(mechanism: Mechanism, until: Until, predictable: bool) -> TargetedRuns:
             law = study.law_of(study.mechanisms[0])
             runner = Runner(mechanism, worker, until, law, predictable=predictable)
-            return Case(EngineRuns(runner, study.store, curves=False), asked)
+            return TargetedRuns(EngineRuns(runner, study.store, curves=False), asked)
 
         family = _family(model, study, neighbours, case)
         sets = {
@@ -184,8 +183,8 @@ def _family(model: str | Mechanism | Problem, study: Study, count: int, case: _M
 
 
 def _tried(
-    neighbour: tuple[Callable[[], Case], dict[str, float]],
-) -> tuple[Case, dict[str, float]] | None:
+    neighbour: tuple[Callable[[], TargetedRuns], dict[str, float]],
+) -> tuple[TargetedRuns, dict[str, float]] | None:
     """None where its motion has not the same end, or cannot be solved."""
     case, changes = neighbour
     try:
@@ -251,7 +250,9 @@ def _attempt(sweep: Sweep) -> Attempt:
     )
 
 
-def _choice(cases: tuple[Case, ...], sweep: Sweep, level: Level, repeated: RunRecord) -> Choice:
+def _choice(
+    cases: tuple[TargetedRuns, ...], sweep: Sweep, level: RefinementLevel, repeated: RunRecord
+) -> Choice:
     walls = sorted(repeated.wall_times)
     others = [cases[i].described(trial) for i, trial in level.trials.items() if i != 0]
     options = sweep.options.all_options(level.step)

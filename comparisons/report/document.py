@@ -40,8 +40,8 @@ class Placed:
 
     @property
     def kind(self) -> str:
-        """Its class, in a word, for the template of the page."""
-        return type(self).__name__.lower()
+        """Class in a word, for the template of the page."""
+        return type(self).__name__.removesuffix("Block").lower()
 
 
 @dataclass(frozen=True)
@@ -317,7 +317,7 @@ class Grid(Placed):
 
 
 @dataclass(frozen=True)
-class Animation(Placed):
+class AnimationBlock(Placed):
     """Mechanisms in motion, with their runs over the reference; one is shown at a time."""
 
     scenes: tuple[Scene, ...] | Callable[[], tuple[Scene, ...]]
@@ -346,7 +346,7 @@ class Fold(Placed):
     medium: Medium = field(default="page", kw_only=True)
 
 
-Block = Heading | Text | Listing | Tiles | Table | Figure | Grid | Animation | Code | Fold
+Block = Heading | Text | Listing | Tiles | Table | Figure | Grid | AnimationBlock | Code | Fold
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup, escape
 
 from ...models.arrays import FloatArray
-from .document import SIGNS, Animation, Document, Figure, Heading, in_medium
+from .document import SIGNS, AnimationBlock, Document, Figure, Heading, in_medium
 from .drawing import animation
 from .plots import Axis, Plot, Series
 
@@ -50,7 +50,7 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Key:
+class LegendEntry:
     """An entry of a legend."""
 
     name: str
@@ -70,7 +70,7 @@ class Panel:
 class Drawn:
     """A figure's legend, the places of its plots, and their data."""
 
-    legend: list[Key]
+    legend: list[LegendEntry]
     panels: list[Panel]
     columns: int
     data: Markup
@@ -109,7 +109,7 @@ class _Page:
         self.has_plots = True
         listed = {series.name: series for plot in panels for series in plot.series if series.listed}
         legend = (
-            [Key(series.name, _swatch(series)) for series in listed.values()]
+            [LegendEntry(series.name, _swatch(series)) for series in listed.values()]
             if len(listed) > 1
             else []
         )
@@ -201,7 +201,7 @@ def _json(value: object) -> str:
     return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
-def _animated(block: Animation) -> Markup:
+def _animated(block: AnimationBlock) -> Markup:
     """An animation as HTML that needs the assets of animations on its page."""
     scenes = block.scenes() if callable(block.scenes) else block.scenes
     return animation.Animation(scenes, block.title).fragment(block.anchor)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from .document import (
     SIGNS,
-    Animation,
+    AnimationBlock,
     Block,
     Cell,
     Code,
@@ -58,7 +58,7 @@ def _part(block: Block, signs: bool) -> str:
             part = f"{block.title}\n\n```\n{block.text.rstrip()}\n```"
         case Figure():
             part = f"**{block.title}** {block.caption}".rstrip()
-        case Animation():
+        case AnimationBlock():
             part = ""
         case Grid():
             part = "\n\n".join(_parts(block.blocks, signs))

@@ -35,7 +35,7 @@ THROWN = "projectile"
 
 
 @dataclass(frozen=True)
-class Comparison:
+class AlignedRun:
     """A trajectory and the reference at the same times, up to the end of the compared motion."""
 
     trajectory: Trajectory
@@ -56,7 +56,7 @@ class Comparison:
         return self.trajectory.t[self.keep]
 
     @cached_property
-    def lasting(self) -> Comparison:
+    def lasting(self) -> AlignedRun:
         """The same up to the end for invariants, unless there is an impact in between."""
         end = self.invariants_to
         if end is None or any(
@@ -138,14 +138,14 @@ class Comparison:
 
 def against(
     trajectory: Trajectory, solution: Solution, end: float, reference: Trajectory | None = None
-) -> Comparison:
+) -> AlignedRun:
     """Set a trajectory beside the reference, from the start to `end` [s].
 
     Args:
         reference: at the trajectory's times, where it is known already.
     """
     reference = reference or solution.trajectory(trajectory.t)
-    return Comparison(trajectory, reference, solution, end, trajectory.t <= end)
+    return AlignedRun(trajectory, reference, solution, end, trajectory.t <= end)
 
 
 def points(trajectory: Trajectory) -> dict[str, FloatArray]:
@@ -158,7 +158,7 @@ def points(trajectory: Trajectory) -> dict[str, FloatArray]:
     return {name: kinematics.position(row, trajectory.q) for name, row in rows.items()}
 
 
-def _impact_windows(c: Comparison) -> Iterator[tuple[float, float]]:
+def _impact_windows(c: AlignedRun) -> Iterator[tuple[float, float]]:
     """First and last instant of each impact of either; both of an impact that both have."""
     for stop in c.trajectory.mechanism.stops:
         times, expected = impact_times(c.trajectory, stop.name), impact_times(c.solution, stop.name)
@@ -210,7 +210,7 @@ def measure(
         stretching: of the reference motion to that end, for the time of first parting.
     """
     reference = reference or solution.trajectory(trajectory.t)
-    c = Comparison(
+    c = AlignedRun(
         trajectory,
         reference,
         solution,
@@ -228,7 +228,7 @@ def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _positions(c: Comparison) -> Iterator[Metric]:
+def _positions(c: AlignedRun) -> Iterator[Metric]:
     for name, motion in c.trajectory.markers.items():
         expected = c.reference.marker(name)
         error = c.distance(motion.position, expected.position)
@@ -237,7 +237,7 @@ def _positions(c: Comparison) -> Iterator[Metric]:
         yield c.largest("velocity_max", motion.velocity, expected.velocity, "m/s", name)
 
 
-def _coordinates(c: Comparison) -> Iterator[Metric]:
+def _coordinates(c: AlignedRun) -> Iterator[Metric]:
     n_angles = len(c.trajectory.mechanism.angles)
     for i, name in enumerate(c.trajectory.mechanism.coordinates):
         value = float(c.distance(c.trajectory.q[:, i], c.reference.q[:, i]).max())
@@ -248,7 +248,7 @@ def _coordinates(c: Comparison) -> Iterator[Metric]:
         yield c.largest(kind, c.trajectory.u[:, i], c.reference.u[:, i], unit, name)
 
 
-def _launch(c: Comparison) -> Iterator[Metric]:
+def _launch(c: AlignedRun) -> Iterator[Metric]:
     if c.thrown not in c.trajectory.markers:
         return
     expected, launch = (
@@ -269,7 +269,7 @@ def _launch(c: Comparison) -> Iterator[Metric]:
     yield Metric(name="launch_speed", subject=subject, value=speed, unit="m/s", note=note)
 
 
-def _releases(c: Comparison) -> Iterator[Metric]:
+def _releases(c: AlignedRun) -> Iterator[Metric]:
     for stop in c.trajectory.mechanism.stops:
         if not stop.closed and c.solution.problem.stop_law is StopLaw.UNILATERAL:
             continue  # it can only open after an impact, which is another event
@@ -283,7 +283,7 @@ def _releases(c: Comparison) -> Iterator[Metric]:
             yield _event_metric(c, "release_time", stop.name, *times, "released")
 
 
-def _no_release(c: Comparison, stop: str) -> str | None:
+def _no_release(c: AlignedRun, stop: str) -> str | None:
     """Reason why the time at which a stop opens is not unique; None if it is."""
     if stop in c.solution.undetermined_stops:
         return _REDUNDANT
@@ -302,12 +302,12 @@ def _no_release(c: Comparison, stop: str) -> str | None:
     )
 
 
-def _either_within(c: Comparison, *times: float | None) -> bool:
+def _either_within(c: AlignedRun, *times: float | None) -> bool:
     return any(time is not None and time <= c.end * (1 + SAME_END) for time in times)
 
 
 def _event_metric(
-    c: Comparison,
+    c: AlignedRun,
     name: str,
     subject: str | None,
     time: float | None,
@@ -326,7 +326,7 @@ def _format_time(time: float | None) -> str:
     return "no time before the end" if time is None else f"{time:.9g} s"
 
 
-def _impacts(c: Comparison) -> Iterator[Metric]:
+def _impacts(c: AlignedRun) -> Iterator[Metric]:
     """The worst of each stop's first impacts; one that only one motion has is a disagreement."""
     for stop in c.trajectory.mechanism.stops:
         times, expected = impact_times(c.trajectory, stop.name), impact_times(c.solution, stop.name)
@@ -346,7 +346,7 @@ def _impacts(c: Comparison) -> Iterator[Metric]:
         yield from _worst_impact(c, stop.name)
 
 
-def _worst_impact(c: Comparison, stop: str) -> Iterator[Metric]:
+def _worst_impact(c: AlignedRun, stop: str) -> Iterator[Metric]:
     pairs = c.impact_pairs(stop)[:_COUNTED_IMPACTS]
     metrics = [
         _event_metric(c, "impact_time", stop, *pair, "met")
@@ -357,7 +357,7 @@ def _worst_impact(c: Comparison, stop: str) -> Iterator[Metric]:
         yield max(metrics, key=lambda metric: np.inf if metric.value is None else abs(metric.value))
 
 
-def _torques(c: Comparison) -> Iterator[Metric]:
+def _torques(c: AlignedRun) -> Iterator[Metric]:
     settled = _away_from_releases(c) & c.smooth & c.away
     for stop in c.trajectory.mechanism.stops:
         name, unit = stop.name, stop.force_unit
@@ -379,7 +379,7 @@ def _torques(c: Comparison) -> Iterator[Metric]:
         yield Metric(name="stop_impulse", subject=name, value=float(impulse), unit=f"{unit} s")
 
 
-def _away_from_releases(c: Comparison) -> BoolArray:
+def _away_from_releases(c: AlignedRun) -> BoolArray:
     """Which compared samples are further than one and a half steps from any release, either's."""
     away = np.ones(len(c.t), dtype=bool)
     times = [*c.trajectory.release_times.values(), *c.reference.release_times.values()]
@@ -389,7 +389,7 @@ def _away_from_releases(c: Comparison) -> BoolArray:
     return away
 
 
-def _reactions(c: Comparison) -> Iterator[Metric]:
+def _reactions(c: AlignedRun) -> Iterator[Metric]:
     for joint in (each for each in c.trajectory.mechanism.joints if each.held_directions):
         name, force = joint.name, c.trajectory.joint_reactions.get(joint.name)
         if force is None:
@@ -413,7 +413,7 @@ def _reactions(c: Comparison) -> Iterator[Metric]:
             )
 
 
-def _energy(c: Comparison) -> Iterator[Metric]:
+def _energy(c: AlignedRun) -> Iterator[Metric]:
     own, expected = c.trajectory, c.reference
     yield c.largest("kinetic_energy_max", own.kinetic_energy, expected.kinetic_energy, "J")
     potential = c.distance(own.potential_energy, expected.potential_energy).max()
@@ -423,7 +423,7 @@ def _energy(c: Comparison) -> Iterator[Metric]:
     yield from _momentum(c.lasting)
 
 
-def _balance(c: Comparison) -> Metric:
+def _balance(c: AlignedRun) -> Metric:
     metric = c.largest("energy_balance", *c.balance, "J")
     error = float(sampled_balance(c.trajectory)[1][c.keep].max())
     return metric.model_copy(update={"sampling_error": error}) if error else metric
@@ -435,7 +435,7 @@ LEAST_START = 1e-2
 The zero of the potential energy is a convention: a start near it would make any drift large."""
 
 
-def _drift(c: Comparison) -> Iterator[Metric]:
+def _drift(c: AlignedRun) -> Iterator[Metric]:
     """Change of the balance of energy, of that at the start and of the largest kinetic energy."""
     own, expected = c.balance
     start = float(expected[0])  # every trajectory begins at t = 0
@@ -447,14 +447,14 @@ def _drift(c: Comparison) -> Iterator[Metric]:
         yield Metric(name="energy_drift_kinetic", value=drift / kinetic, unit="1")
 
 
-def _momentum(c: Comparison) -> Iterator[Metric]:
+def _momentum(c: AlignedRun) -> Iterator[Metric]:
     if not keeps_horizontal_momentum(c.trajectory.mechanism):
         return
     moved = np.abs(c.trajectory.momentum[c.keep, 0] - c.reference.momentum[0, 0]).max()
     yield Metric(name="horizontal_momentum", value=float(moved), unit="kg m/s")
 
 
-def _constraints(c: Comparison) -> Iterator[Metric]:
+def _constraints(c: AlignedRun) -> Iterator[Metric]:
     for stop in c.trajectory.mechanism.stops:
         gap, unit = c.trajectory.stop_gap(stop.name)[c.keep], stop.gap_unit
         if stop.closed:
@@ -479,7 +479,7 @@ def _constraints(c: Comparison) -> Iterator[Metric]:
         )
 
 
-def _complementarity(c: Comparison) -> Iterator[Metric]:
+def _complementarity(c: AlignedRun) -> Iterator[Metric]:
     """Violations of gap >= 0, torque >= 0 and torque * gap = 0, the law of unilateral stops."""
     if (
         c.solution.problem.stop_law is not StopLaw.UNILATERAL
@@ -497,13 +497,13 @@ def _complementarity(c: Comparison) -> Iterator[Metric]:
             yield Metric(name="complementarity", subject=name, value=product, unit=unit)
 
 
-def _parting(c: Comparison) -> Iterator[Metric]:
+def _parting(c: AlignedRun) -> Iterator[Metric]:
     if c.stretching is not None:
         angles = c.solution.equations.kinematics.is_angle > 0
         yield from parting(c.trajectory, c.reference, angles, c.scales, c.stretching)
 
 
-def _missing_time(c: Comparison) -> Iterator[Metric]:
+def _missing_time(c: AlignedRun) -> Iterator[Metric]:
     """Compared time without samples: before a late start, after an early end, in long gaps."""
     end = c.lasting.end
     t = np.minimum(np.concatenate([[0.0], c.trajectory.t]), end)

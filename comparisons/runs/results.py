@@ -181,7 +181,7 @@ class Equality(Spec):
         return tuple(check for check in self.checks if not check.holds)
 
 
-class Cause(Spec):
+class RankedCause(Spec):
     """A suspect: what may be wrong, and how much of the deviation it accounts for."""
 
     name: str
@@ -202,7 +202,9 @@ class Diagnosis(Spec):
     holding: tuple[str, ...] = Field(
         default=(), description="stops that held in the reference at that time"
     )
-    causes: tuple[Cause, ...] = Field(default=(), description="the one that explains most first")
+    causes: tuple[RankedCause, ...] = Field(
+        default=(), description="the one that explains most first"
+    )
     likeliest: Annotated[int, Field(ge=0)] = Field(
         default=0,
         description="how many of the causes, the first ones, account for enough of the deviation "
@@ -220,7 +222,7 @@ class Diagnosis(Spec):
     )
 
     @property
-    def named(self) -> tuple[Cause, ...]:
+    def named(self) -> tuple[RankedCause, ...]:
         """The likeliest causes; empty where the cause is unknown."""
         return self.causes[: self.likeliest]
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.recommend import Advice, Asked
-from trebucheck.comparisons.recommend.search import Case, configured, option_sets
+from trebucheck.comparisons.recommend.search import TargetedRuns, configured, option_sets
 from trebucheck.comparisons.recommend.study import recommend_study, snippets
 from trebucheck.comparisons.runs.record import EngineRuns
 from trebucheck.comparisons.runs.runner import Runner
@@ -70,7 +70,9 @@ def test_recommended_settings_hold_on_other_machines(name: str, model: str) -> N
     choice = advice(model, name).engine(name).choice
     assert choice is not None
     engine = tb.engine(name, choice.preset, **choice.changes)
-    ratios = [Case(trials, ASKED).ratio(trials.record(engine)) for trials in fresh_machines(model)]
+    ratios = [
+        TargetedRuns(trials, ASKED).ratio(trials.record(engine)) for trials in fresh_machines(model)
+    ]
     assert max(ratios) <= 2.0, ratios
 
 

@@ -10,7 +10,7 @@ import pytest
 import trebucheck as tb
 from mechanisms import chain, hanging_bob
 from trebucheck.comparisons.converge import study as studying
-from trebucheck.comparisons.converge.results import MachineStudies, Study
+from trebucheck.comparisons.converge.results import MachineStudies, SweepStudy
 from trebucheck.comparisons.converge.study import converge_study, swept_parameters
 from trebucheck.comparisons.runs import study as runs
 from trebucheck.engines.study import SweptParameter
@@ -58,7 +58,7 @@ def _no_more_runs_than_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(studying, "floor", lambda *_: None)
 
 
-def _steps(name: str, engine: str) -> tuple[MachineStudies, Study]:
+def _steps(name: str, engine: str) -> tuple[MachineStudies, SweepStudy]:
     machine = _machine(name, ("timestep",))
     return machine, next(study for study in machine.studies if study.label == f"{engine} tuned")
 

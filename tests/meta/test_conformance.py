@@ -21,7 +21,7 @@ from trebucheck.conformance import plugin
 from trebucheck.conformance.certificate import badge, certificate, headline, next_steps
 from trebucheck.conformance.session import Deviations, Session
 from trebucheck.conformance.suite import References, Suite, Target
-from trebucheck.conformance.verdicts import Conformance, State, Verdict
+from trebucheck.conformance.verdicts import CheckState, CheckVerdict, Conformance
 from trebucheck.engines.registry import ANNOUNCED
 from trebucheck.models.spec import schema_text
 
@@ -129,13 +129,13 @@ def test_a_right_engine_keeps_everything_and_what_it_lacks_is_named() -> None:
     found = list(_suite("dummy_engines:Full", (*PROBLEMS, "bead")).verdicts())
     assert not [verdict for verdict in found if verdict.failed]
     states = {verdict.check: verdict.state for verdict in found if verdict.problem == "fixed"}
-    assert states.pop("model") is State.SKIPPED
+    assert states.pop("model") is CheckState.SKIPPED
     assert (
-        set(states.values()) == {State.KEPT}
+        set(states.values()) == {CheckState.KEPT}
         and {"release-time", "joint-reaction", "launch-speed"} <= states.keys()
     )
     assert [(v.check, v.state, v.text) for v in found if v.problem == "bead"] == [
-        ("runs", State.SKIPPED, "it has no prismatic joints")
+        ("runs", CheckState.SKIPPED, "it has no prismatic joints")
     ]
     judged = [verdict for verdict in found if verdict.tolerance is not None]
     assert len(judged) > 20 and all(v.error is not None and v.source and v.unit for v in judged)
@@ -154,7 +154,7 @@ def test_what_an_engine_does_to_its_process_fails_its_problem_and_changes_no_oth
 ):
     asked = ("incline", *_ENDS, "floating-arm")
     with Suite(Target.of("dummy_engines:Fragile"), asked, REFERENCES) as suite:
-        found: list[Verdict] = []
+        found: list[CheckVerdict] = []
         for id in suite.ids:
             suite._worker.timeout = 1.0 if "/bead/" in id else 60.0
             found.append(suite.verdict(id))
@@ -172,7 +172,7 @@ def test_what_an_engine_does_to_its_process_fails_its_problem_and_changes_no_oth
     )
 
 
-def _compared(verdicts: Iterable[Verdict]) -> dict[str, tuple[State, float | None]]:
+def _compared(verdicts: Iterable[CheckVerdict]) -> dict[str, tuple[CheckState, float | None]]:
     return {
         f"{verdict.problem}/{verdict.check}": (verdict.state, verdict.error) for verdict in verdicts
     }
@@ -180,7 +180,7 @@ def _compared(verdicts: Iterable[Verdict]) -> dict[str, tuple[State, float | Non
 
 def test_an_engine_that_is_absent_is_skipped_unless_it_is_required() -> None:
     target = Target.of("dummy_engines:Uninstalled")
-    for required, state in ((False, State.SKIPPED), (True, State.BROKEN)):
+    for required, state in ((False, CheckState.SKIPPED), (True, CheckState.BROKEN)):
         suite = Suite(target, ("catapult",), REFERENCES, required=required, isolate=False)
         assert {verdict.state for verdict in suite.verdicts()} == {state}
         results = Session([], "quick", Deviations()).results.model_copy(
@@ -198,7 +198,7 @@ def test_what_a_preset_takes_away_is_no_declaration_that_it_breaks() -> None:
     ids = [[id for id in suite.ids if f"/{problem}/" in id] for suite in (stock, tuned)]
     assert [len(each) > 1 for each in ids] == [False, True]
     verdict = stock.verdict(ids[0][0])
-    assert verdict.state is State.SKIPPED and "restitution" in verdict.text
+    assert verdict.state is CheckState.SKIPPED and "restitution" in verdict.text
 
 
 def test_an_absent_engine_says_itself_what_is_missing() -> None:
@@ -254,9 +254,11 @@ def test_a_known_deviation_is_no_failure_and_a_stale_row_is_one(tmp_path: Path) 
     failed = {id.rpartition("/")[2]: verdict for id, verdict in found.items() if verdict.failed}
     assert set(failed) == {"position", "angel"}, failed
     assert "stale" in failed["position"].text and "no check that there is" in failed["angel"].text
-    assert [found[f"deviations/file/row/{id}"].state for id in elsewhere] == [State.SKIPPED] * 3
+    assert [found[f"deviations/file/row/{id}"].state for id in elsewhere] == [
+        CheckState.SKIPPED
+    ] * 3
     known = found["degrees/tuned/catapult/angle"]
-    assert known.state is State.DEVIATES and known.text.startswith(
+    assert known.state is CheckState.DEVIATES and known.text.startswith(
         "recorded in degrees (owner: me)"
     )
     assert not session.results.passed and "1 known deviation" in headline(session.results)
@@ -274,16 +276,16 @@ def test_a_row_without_reason_or_owner_is_refused(field: str, tmp_path: Path) ->
 
 def test_the_certificate_says_what_to_do_first() -> None:
     verdicts = [
-        Verdict(id="e/tuned/interface/same-again", state=State.BROKEN, text="differs"),
-        Verdict(
+        CheckVerdict(id="e/tuned/interface/same-again", state=CheckState.BROKEN, text="differs"),
+        CheckVerdict(
             id="e/tuned/fixed/position",
-            state=State.BROKEN,
+            state=CheckState.BROKEN,
             text="far",
             error=2.0,
             tolerance=1.0,
             unit="m",
         ),
-        Verdict(id="e/tuned/fixed/angle", state=State.NOT_JUDGED, text="unknown"),
+        CheckVerdict(id="e/tuned/fixed/angle", state=CheckState.NOT_JUDGED, text="unknown"),
     ]
     session = Session([], "quick", Deviations())
     results = session.results.model_copy(update={"verdicts": tuple(verdicts)})
@@ -535,7 +537,7 @@ def test_the_guides_engine_is_whole_and_right(own_engine: str) -> None:
     kept = {
         verdict.check
         for verdict in found
-        if verdict.problem == "fixed" and verdict.state is State.KEPT
+        if verdict.problem == "fixed" and verdict.state is CheckState.KEPT
     }
     assert {
         "model",

@@ -25,8 +25,8 @@ from trebucheck.comparisons.recommend.results import Obstacle
 from trebucheck.comparisons.recommend.search import (
     RUNGS,
     SCREENED_AT,
-    Case,
     Search,
+    TargetedRuns,
     configured,
     ladder,
     option_sets,
@@ -88,7 +88,7 @@ def test_a_share_of_the_torque_is_each_machines_own() -> None:
     trials = cast(
         "EngineRuns", SimpleNamespace(solution=SimpleNamespace(motion=lambda _: motion), end=1.0)
     )
-    assert Case(trials, Asked(torque_share=0.01)).allowed == {"torque": 2.0}
+    assert TargetedRuns(trials, Asked(torque_share=0.01)).allowed == {"torque": 2.0}
     with pytest.raises(tb.InputError, match="asked in N m and as a share"):
         Asked(torque=1.0, torque_share=0.01)
 
@@ -209,7 +209,7 @@ def _search(
         )
         for f in factors
     ]
-    cases = [Case(cast(EngineRuns, trials), Asked(position=1e-6)) for trials in made]
+    cases = [TargetedRuns(cast(EngineRuns, trials), Asked(position=1e-6)) for trials in made]
     search = Search("mujoco", cases, STEPS)
     return search, [search.sweep(options) for options in (DEAR, PLAIN)][::-1], made
 

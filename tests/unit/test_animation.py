@@ -19,7 +19,7 @@ from mechanisms import everything, fixed, hanging_bob
 from PIL import Image
 from trebucheck.__main__ import main
 from trebucheck.comparisons.report import html, markdown
-from trebucheck.comparisons.report.document import Animation as AnimationBlock
+from trebucheck.comparisons.report.document import AnimationBlock as AnimationBlock
 from trebucheck.comparisons.report.document import Document, Heading
 from trebucheck.comparisons.report.drawing import animation, files
 from trebucheck.comparisons.report.drawing.animation import Animation, scene_data

@@ -17,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 from trebucheck.comparisons.explain import Cause, Intervention, causes_of
-from trebucheck.comparisons.explain.results import Budget, Explanation, Machine
+from trebucheck.comparisons.explain.results import Budget, ExplainedMachine, Explanation
 from trebucheck.comparisons.explain.study import (
     Reread,
     budget,
@@ -497,7 +497,7 @@ def explanation() -> Explanation:
         python_version="3",
         platform="x",
         machines=(
-            Machine(model="fixed", mechanism=machine, mechanism_hash=machine.content_hash, launch_time=1.0),
+            ExplainedMachine(model="fixed", mechanism=machine, mechanism_hash=machine.content_hash, launch_time=1.0),
         ),
         budgets=(budget(study, PymunkEngine.stock()), broken),
         comparisons=(stock_against_tuned(study, PymunkEngine.stock(), PymunkEngine.tuned()),),

@@ -20,7 +20,7 @@ from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model, ran
 from trebucheck.comparisons.diagnosis.faults import combined, machine_suspects
 from trebucheck.comparisons.diagnosis.rerun import Rerun, _other_settings
 from trebucheck.comparisons.report.pages.tables import diagnosis
-from trebucheck.comparisons.runs.results import Cause, Diagnosis, Outcome, Run
+from trebucheck.comparisons.runs.results import Diagnosis, Outcome, RankedCause, Run
 from trebucheck.engines.inspection import Dynamics, Inspection, State
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.registry import causes_of
@@ -132,7 +132,7 @@ def test_an_error_grows_towards_the_launch(build: Build) -> None:
 
 
 def test_a_diagnosis_reads_as_a_sentence() -> None:
-    cause = Cause(name="g (gravity)", kind="machine", amount="+0.1 %", explained=0.9999)
+    cause = RankedCause(name="g (gravity)", kind="machine", amount="+0.1 %", explained=0.9999)
     found = Diagnosis(
         leads="launch_speed", parts_at=1.25, holding=("sling rest",), causes=(cause,), likeliest=1
     )

@@ -14,18 +14,25 @@ import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
 from trebucheck.cli import agree as command
-from trebucheck.comparisons import diff as data
 from trebucheck.comparisons.diff import (
     FACTOR,
     Difference,
     DifferenceData,
     Fate,
     QuantityChange,
+    data,
     diff,
 )
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.pages.diff import document
-from trebucheck.comparisons.runs.results import Cause, Diagnosis, Metric, Outcome, Results, Run
+from trebucheck.comparisons.runs.results import (
+    Diagnosis,
+    Metric,
+    Outcome,
+    RankedCause,
+    Results,
+    Run,
+)
 from trebucheck.models.spec import schema_text
 
 pytest.importorskip("pymunk")
@@ -82,7 +89,9 @@ def test_nothing_changes_from_a_comparison_to_itself(results: Results) -> None:
 def test_a_verdict_that_breaks_is_found_and_explained(results: Results) -> None:
     tolerance = _metric(results, "position_max").tolerance
     assert tolerance
-    causes = (Cause(name="another mass", kind="machine", amount="1 kg -> 2 kg", explained=1.0),)
+    causes = (
+        RankedCause(name="another mass", kind="machine", amount="1 kg -> 2 kg", explained=1.0),
+    )
     diagnosis = Diagnosis(leads="position_max (tip)", parts_at=0.1, causes=causes, likeliest=1)
 
     def broken(run: Run) -> Run:

@@ -13,7 +13,7 @@ import jsonschema
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.compare.study import Case, Comparison, compare_study
+from trebucheck.comparisons.compare.study import Comparison, RunKey, compare_study
 from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.report.pages.compare import document
 from trebucheck.comparisons.runs.metrics import measure
@@ -384,7 +384,7 @@ def test_wrong_names_cost_no_waiting() -> None:
 
 
 def test_progress_is_told() -> None:
-    told: list[tuple[Case, int, int]] = []
+    told: list[tuple[RunKey, int, int]] = []
     _compare(presets=["tuned", "stock"], progress=lambda *row: told.append(row))
     assert [(case.label, done, of) for case, done, of in told] == [
         ("reference tuned", 0, 2),
@@ -397,7 +397,7 @@ def test_an_interrupted_comparison_goes_on(tmp_path: Path) -> None:
     class Stopped(Exception):
         pass
 
-    def stop_at_second(case: Case, done: int, of: int) -> None:
+    def stop_at_second(case: RunKey, done: int, of: int) -> None:
         if done == 1:
             raise Stopped
 

@@ -16,7 +16,7 @@ from trebucheck.comparisons.converge.results import (
     Point,
     PowerLaw,
     Studies,
-    Study,
+    SweepStudy,
 )
 from trebucheck.comparisons.matrix import (
     Error,
@@ -295,9 +295,11 @@ def test_files_are_put_together_once_and_read_again(results: Results, tmp_path: 
         matrix([whole, first])
 
 
-def _sweep(engine: str, knob: str, law: PowerLaw | None, position: float | None = 1e-6) -> Study:
+def _sweep(
+    engine: str, knob: str, law: PowerLaw | None, position: float | None = 1e-6
+) -> SweepStudy:
     curve = Curve(quantity="position", law=law, floor=None)
-    return Study(
+    return SweepStudy(
         engine=engine, engine_version="1", preset="tuned", knob=knob, title="", unit="s", base={}, settings={},
         expected=None, why="", own=False, points=(Point(value=1e-3, options={}, position=position),), curves=(curve,),
     )  # fmt: skip

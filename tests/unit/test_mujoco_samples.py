@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("mujoco")
 
-from trebucheck.engines.mujoco.read import Samples  # noqa: E402
+from trebucheck.engines.mujoco.read import Samples
 
 
 def _add(samples: Samples, *times: float) -> None:

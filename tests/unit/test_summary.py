@@ -8,7 +8,14 @@ import pytest
 import trebucheck as tb
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.pages.compare import summary
-from trebucheck.comparisons.runs.results import Cause, Diagnosis, Metric, Outcome, Results, Run
+from trebucheck.comparisons.runs.results import (
+    Diagnosis,
+    Metric,
+    Outcome,
+    RankedCause,
+    Results,
+    Run,
+)
 
 pytest.importorskip("pymunk")
 
@@ -35,7 +42,9 @@ def _disagreeing(run: Run, number: int = 0) -> Run:
         source="need",
         reason="so",
     )
-    causes = (Cause(name="another mass", kind="machine", amount="1 kg | 2 kg", explained=1.0),)
+    causes = (
+        RankedCause(name="another mass", kind="machine", amount="1 kg | 2 kg", explained=1.0),
+    )
     fields = {
         "preset": f"p{number}",
         "outcome": Outcome.DISAGREES,

@@ -19,7 +19,7 @@ from trebucheck.comparisons.diagnosis.faults import (
 from trebucheck.comparisons.diagnosis.fit import first_order
 from trebucheck.comparisons.diagnosis.rank import Estimate, measured, ranked
 from trebucheck.comparisons.diagnosis.rerun import Rerun
-from trebucheck.comparisons.runs.results import Cause, Diagnosis, Metric
+from trebucheck.comparisons.runs.results import Diagnosis, Metric, RankedCause
 from trebucheck.models.trajectory import PointMotion
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.perturbed import WithDamping, WithJoint, WithTiltedGravity
@@ -29,7 +29,8 @@ from trebucheck.reference.solver import solve
 
 def _likeliest(*shares: float) -> int:
     return ranked(
-        Cause(name=f"cause {k}", kind="law", explained=share) for k, share in enumerate(shares)
+        RankedCause(name=f"cause {k}", kind="law", explained=share)
+        for k, share in enumerate(shares)
     )[1]
 
 
@@ -52,7 +53,7 @@ def test_a_cause_is_named_by_what_it_leaves(shares: tuple[float, ...], named: in
 
 def test_suspects_of_the_same_effect_keep_their_order_and_names_come_once() -> None:
     shares = (("a", 0.9995), ("b", 0.99999), ("a", 0.3), ("c", 0.01))
-    causes = [Cause(name=name, kind="law", explained=share) for name, share in shares]
+    causes = [RankedCause(name=name, kind="law", explained=share) for name, share in shares]
     listed, named = ranked(causes)
     assert [cause.name for cause in listed] == ["a", "b"] and named == 2
 
@@ -274,14 +275,14 @@ def test_mirrored_markers_are_named(axis: str, signs: tuple[float, float]) -> No
     assert [cause.name for cause in found.named] == [f"markers mirrored, {axis}"], found
 
 
-def _estimates(*shares: tuple[str, float, float]) -> tuple[list[Cause | Estimate], list[str]]:
+def _estimates(*shares: tuple[str, float, float]) -> tuple[list[RankedCause | Estimate], list[str]]:
     """Estimates of name, rough and accurate share; and the names of those that get measured."""
     asked: list[str] = []
 
-    def cause(name: str, share: float) -> Cause:
-        return Cause(name=name, kind="law", explained=share)
+    def cause(name: str, share: float) -> RankedCause:
+        return RankedCause(name=name, kind="law", explained=share)
 
-    def measure(name: str, share: float) -> Cause:
+    def measure(name: str, share: float) -> RankedCause:
         asked.append(name)
         return cause(name, share)
 

@@ -12,12 +12,12 @@ from trebucheck.comparisons.report.pages.tables import complaints
 from trebucheck.comparisons.runs.record import RunErrors, pair_of
 from trebucheck.comparisons.runs.results import (
     COMPARED,
-    Cause,
     Check,
     Diagnosis,
     Equality,
     Metric,
     Outcome,
+    RankedCause,
     Results,
     Run,
     verdict_on,
@@ -148,7 +148,7 @@ def test_a_check_holds_up_to_its_tolerance() -> None:
 
 
 def test_the_causes_that_are_named() -> None:
-    causes = tuple(Cause(name=name, kind="machine", explained=0.5) for name in "abc")
+    causes = tuple(RankedCause(name=name, kind="machine", explained=0.5) for name in "abc")
     assert Diagnosis(leads="x", causes=causes, likeliest=2).named == causes[:2]
     assert Diagnosis(leads="x", causes=causes).named == ()
 

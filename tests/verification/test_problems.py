@@ -7,13 +7,12 @@ import math
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons import problems as check
-from trebucheck.comparisons.problems import Check
+from trebucheck.comparisons.problems import ProblemCheck, check
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.models.library.closed_forms import swing, swing_period, turn, turn_period
-from trebucheck.models.library.pendulums import HIGH_PENDULUM
+from trebucheck.models.library.pendulums import HighPendulumParameters
 from trebucheck.models.library.registry import benchmark, benchmarks
-from trebucheck.models.library.squeezer import SQUEEZER
+from trebucheck.models.library.squeezer import SqueezerParameters
 from trebucheck.reference.certification.redundant import solve_redundant
 from trebucheck.reference.taylor.solve import solve_taylor
 
@@ -40,7 +39,7 @@ OTHERS = [
 """Parameters that are not the published ones: closed forms hold for all."""
 
 
-def _refuse_what_fails(checked: Check) -> None:
+def _refuse_what_fails(checked: ProblemCheck) -> None:
     missed = [
         (each.figure.name, each.measured, each.figure.value)
         for each in checked.figures
@@ -72,15 +71,15 @@ def test_a_wrong_figure_is_seen() -> None:
     """A pendulum shorter by a part in 1e11 has a period that is shorter by five parts in 1e12."""
     entry = benchmark("pendulum")
     shorter = entry.parameters(length=1.0 - 1e-11)
-    figures = Check(entry, shorter, check(entry).motion).figures
+    figures = ProblemCheck(entry, shorter, check(entry).motion).figures
     assert [each.holds for each in figures] == [False, False]
 
 
 def test_the_period_close_to_the_highest_position_by_taylor_series() -> None:
-    parameters = HIGH_PENDULUM.parameters()
-    period = HIGH_PENDULUM.figures(parameters)[0]
+    parameters = HighPendulumParameters()
+    period = parameters.figures()[0]
     for precision in ("double", "extended"):
-        motion = solve_taylor(HIGH_PENDULUM.problem(parameters), precision=precision)
+        motion = solve_taylor(parameters.problem(), precision=precision)
         assert period.read(motion) == pytest.approx(period.value, abs=1e-12)
 
 
@@ -134,7 +133,7 @@ def test_names_numbers_and_tags() -> None:
 
 def test_the_squeezer_in_redundant_coordinates() -> None:
     """The published end state by another formulation and another set of unknowns."""
-    problem = SQUEEZER.problem()
+    problem = SqueezerParameters().problem()
     motion = solve_redundant(problem, 1e-12)
     q, _ = motion.state(problem.duration)
     mechanism = problem.mechanism
@@ -143,7 +142,7 @@ def test_the_squeezer_in_redundant_coordinates() -> None:
     ]
     k1, k2, k3, k4, k5, k6, k7 = relative
     angles = (-k1, k1 - k2, -k3, k5 - k4, -k5, k7 - k6, -k7)
-    for figure, angle in zip(SQUEEZER.figures(SQUEEZER.parameters()), angles, strict=True):
+    for figure, angle in zip(SqueezerParameters().figures(), angles, strict=True):
         assert angle == pytest.approx(figure.value, rel=1e-9)
 
 

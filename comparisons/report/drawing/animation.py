@@ -25,7 +25,7 @@ from ....models.errors import InputError
 from ....models.files import refuse_unwritable, write_text
 from ....models.trajectory import Trajectory
 from .files import WRITERS, refuse_missing, save
-from .scene import Event, RunLook, RunMotion, Scene, scene
+from .scene import RunLook, RunMotion, Scene, SceneEvent, scene
 from .sketch import MOVING, Drawing, Shape
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe and Ito's
@@ -274,7 +274,7 @@ def _told(
     return [unit, _packed(np.clip(values / unit, -_MOST_HALF, _MOST_HALF), "<f2")]
 
 
-def _event(event: Event) -> dict[str, Any]:
+def _event(event: SceneEvent) -> dict[str, Any]:
     return {
         "kind": event.kind,
         "name": event.name,

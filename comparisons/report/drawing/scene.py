@@ -22,7 +22,7 @@ _MOST_IMPACTS = 12
 
 
 @dataclass(frozen=True)
-class Event:
+class SceneEvent:
     """A release, an impact or the launch, and its time in each solver's motion."""
 
     kind: Literal["release", "impact", "launch"]
@@ -43,7 +43,7 @@ def events_of(
     end: float,
     thrown: str | None = None,
     launch: float | None = None,
-) -> tuple[Event, ...]:
+) -> tuple[SceneEvent, ...]:
     """All events up to the end of the compared motion [s], in their order.
 
     Args:
@@ -62,7 +62,7 @@ def events_of(
                 {name: _launch(run, thrown) for name, run in runs.items()},
             )
         )
-    events: list[Event] = []
+    events: list[SceneEvent] = []
     for kind, name, stop, own, others in found:
         first, *rest = (
             time if time is not None and time <= end else None for time in (own, *others.values())
@@ -70,7 +70,7 @@ def events_of(
         times = [time for time in (first, *rest) if time is not None]
         if times:
             events.append(
-                Event(kind, name, times[0], first, dict(zip(others, rest, strict=True)), stop)
+                SceneEvent(kind, name, times[0], first, dict(zip(others, rest, strict=True)), stop)
             )
     return tuple(sorted(events, key=lambda event: event.time))
 
@@ -171,7 +171,7 @@ class Scene:
     reference: Trajectory
     """At the frames."""
     runs: tuple[RunMotion, ...]
-    events: tuple[Event, ...]
+    events: tuple[SceneEvent, ...]
     notes: str = field(default="", kw_only=True)
     """A sentence on what is seen, such as which runs are missing."""
     magnify: float | None = field(default=None, kw_only=True)

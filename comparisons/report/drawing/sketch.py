@@ -71,7 +71,7 @@ Box = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
-class Point:
+class FramePoint:
     """A point of a body, or at an arm from it that turns with another body's frame."""
 
     body: str
@@ -106,7 +106,7 @@ class Drawing:
     """A mechanism's points and shapes, and the part of the plane that its motion needs."""
 
     mechanism: Mechanism
-    points: tuple[Point, ...]
+    points: tuple[FramePoint, ...]
     shapes: tuple[Shape, ...]
     markers: dict[str, int]
     """Index of each marker's point, by name."""
@@ -185,13 +185,13 @@ class Sketch:
     mechanism: Mechanism
     q: FloatArray
     """Its motion, shape (n, n_q): extents of guides, walls and the whole follow from it."""
-    points: dict[Point, int] = field(default_factory=dict[Point, int])
+    points: dict[FramePoint, int] = field(default_factory=dict[FramePoint, int])
     shapes: list[Shape] = field(default_factory=list[Shape])
 
     def point(self, body: str, at: complex, frame: str = GROUND, arm: complex = 0j) -> int:
         """Index of a point; the same for the same point."""
         return self.points.setdefault(
-            Point(body, complex(at), frame, complex(arm)), len(self.points)
+            FramePoint(body, complex(at), frame, complex(arm)), len(self.points)
         )
 
     def add(
@@ -222,7 +222,9 @@ class Sketch:
         points = [(name, at) for name, ats in self.outlines.items() for at in ats]
         points += [(body.name, complex(*body.centre)) for body in self.mechanism.bodies]
         xy = positions(
-            self.kinematics, (Point(*each).coefficients(self.kinematics) for each in points), self.q
+            self.kinematics,
+            (FramePoint(*each).coefficients(self.kinematics) for each in points),
+            self.q,
         )
         flat = xy.reshape(-1, 2)
         spread = float(np.max(flat.max(axis=0) - flat.min(axis=0)))

@@ -295,7 +295,7 @@ def _runs_of(comparison: Comparison, machine: Machine) -> dict[str, Trajectory]:
     }
 
 
-def motion(comparison: Comparison) -> doc.Animation:
+def motion(comparison: Comparison) -> doc.AnimationBlock:
     """Every machine in motion, all its runs over the reference."""
 
     def scenes() -> tuple[Scene, ...]:
@@ -311,7 +311,7 @@ def motion(comparison: Comparison) -> doc.Animation:
             for machine in comparison.results.machines
         )
 
-    return doc.Animation(scenes)
+    return doc.AnimationBlock(scenes)
 
 
 def figures(comparison: Comparison, machine: Machine) -> doc.Grid:

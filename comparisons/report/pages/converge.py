@@ -16,7 +16,7 @@ from ...converge.results import (
     PowerLaw,
     QuantityName,
     Studies,
-    Study,
+    SweepStudy,
 )
 from .. import document as doc
 from ..numbers import format_number, format_settings
@@ -26,7 +26,7 @@ from .tables import chapter, compared_time, is_tuned, provenance
 _WHOLE = Style("#8a8f96")
 
 
-def convergence(studies: Sequence[Study]) -> Panels:
+def convergence(studies: Sequence[SweepStudy]) -> Panels:
     """Error against the time step, position and torque, with the fitted lines and their slopes."""
     return tuple(
         Plot(
@@ -49,7 +49,7 @@ def convergence(studies: Sequence[Study]) -> Panels:
     )
 
 
-def swept_parameter(study: Study) -> Panels:
+def swept_parameter(study: SweepStudy) -> Panels:
     """Error against one parameter, and the part that the parameter makes where it is isolated."""
     name = "part of the parameter" if study.own else "error"
     return tuple(
@@ -67,7 +67,7 @@ def swept_parameter(study: Study) -> Panels:
     )
 
 
-def work_precision(studies: Sequence[Study]) -> Panels:
+def work_precision(studies: Sequence[SweepStudy]) -> Panels:
     """Error against the median wall time; bars from the quickest to the slowest repeat."""
     return tuple(
         Plot(
@@ -80,7 +80,7 @@ def work_precision(studies: Sequence[Study]) -> Panels:
     )
 
 
-def _timed(study: Study, curve: Curve) -> Series:
+def _timed(study: SweepStudy, curve: Curve) -> Series:
     timed = [point for point in study.points if point.wall_times]
     times = [sorted(point.wall_times) for point in timed]
     x = np.array([np.median(each) for each in times], dtype=float)
@@ -107,7 +107,7 @@ def _error(curve: Curve) -> Axis:
     return Axis(f"largest error, {name}", curve.unit, logarithmic=True)
 
 
-def _points(study: Study, column: int, name: str, *, whole: bool = False) -> Iterator[Series]:
+def _points(study: SweepStudy, column: int, name: str, *, whole: bool = False) -> Iterator[Series]:
     """The errors, or the parameter's part of them where it is isolated."""
     own, quantity = study.own and not whole, study.curves[column].quantity
     found = [(point.value, point.error(quantity, own)) for point in study.points]
@@ -117,7 +117,7 @@ def _points(study: Study, column: int, name: str, *, whole: bool = False) -> Ite
         yield Series(name, ran[:, 0], ran[:, 1], style, "points")
 
 
-def _line(study: Study, column: int) -> Iterator[Series]:
+def _line(study: SweepStudy, column: int) -> Iterator[Series]:
     """The law."""
     law = study.curves[column].law
     if law is not None:
@@ -126,7 +126,7 @@ def _line(study: Study, column: int) -> Iterator[Series]:
         yield Series(f"slope {law.exponent:.3f}", *ends, style, listed=False)
 
 
-def _slope(study: Study, column: int, at: float) -> Iterator[Label]:
+def _slope(study: SweepStudy, column: int, at: float) -> Iterator[Label]:
     """The law's exponent, at that share of its range."""
     law = study.curves[column].law
     if law is not None:
@@ -249,7 +249,7 @@ def _unit(machine: MachineStudies, quantity: QuantityName) -> str:
     return "m" if quantity == "position" else machine.mechanism.force_unit
 
 
-def _orders(machine: MachineStudies, studies: Sequence[Study]) -> doc.Table:
+def _orders(machine: MachineStudies, studies: Sequence[SweepStudy]) -> doc.Table:
     heads = (
         "engine | (quantity) | (expected) | order | range [s] | floor | set by | "
         "limit to reference | (its own error [m]) | (finest level [s])"
@@ -263,7 +263,7 @@ def _orders(machine: MachineStudies, studies: Sequence[Study]) -> doc.Table:
     return doc.table(doc.ranked(doc.columns(heads), range=2, order=0), rows, caption)
 
 
-def _curve_row(study: Study, curve: Curve, names: Iterable[str], *end: str) -> doc.Row:
+def _curve_row(study: SweepStudy, curve: Curve, names: Iterable[str], *end: str) -> doc.Row:
     """Row of a quantity; only the position's has the study's names, and is shown in a terminal."""
     position = curve.quantity == "position"
     first = (name if position else "" for name in names)
@@ -272,7 +272,7 @@ def _curve_row(study: Study, curve: Curve, names: Iterable[str], *end: str) -> d
     )
 
 
-def _law(study: Study, curve: Curve) -> tuple[str | doc.Cell, ...]:
+def _law(study: SweepStudy, curve: Curve) -> tuple[str | doc.Cell, ...]:
     """Expected and found exponent, the range of the law, the floor and its cause."""
     expected = (
         f"{study.expected:g}"
@@ -287,7 +287,7 @@ def _law(study: Study, curve: Curve) -> tuple[str | doc.Cell, ...]:
     return expected, exponent(law), span, f"{format_number(floor.error)} {curve.unit}", cause
 
 
-def _limit(machine: MachineStudies, study: Study, curve: Curve) -> tuple[str, str, str]:
+def _limit(machine: MachineStudies, study: SweepStudy, curve: Curve) -> tuple[str, str, str]:
     """Distance of Richardson's limit from the reference, its own error, its finest step."""
     limit = machine.limit(study.label)
     if limit is not None and curve.quantity == "position":
@@ -298,7 +298,7 @@ def _limit(machine: MachineStudies, study: Study, curve: Curve) -> tuple[str, st
     return f"{format_number(limit.torque)} {curve.unit}", "", ""
 
 
-def _floors(studies: Sequence[Study]) -> doc.Table:
+def _floors(studies: Sequence[SweepStudy]) -> doc.Table:
     measured = "measured there: share of the error that is left"
     heads = f"engine | quantity | floor | at [s] | cause | {measured}"
     rows = [
@@ -343,7 +343,7 @@ def _pairs(pairs: Sequence[LimitPair], caption: str, before: Sequence[doc.Row] =
     )
 
 
-def _laws(machine: MachineStudies, studies: Sequence[Study]) -> doc.Table:
+def _laws(machine: MachineStudies, studies: Sequence[SweepStudy]) -> doc.Table:
     parameter = doc.Column("parameter", medium="terminal", wrap=False, rank=0)
     laws = doc.columns("(quantity) | expected | exponent | range | what is left | set by")
     rows = (
@@ -356,12 +356,12 @@ def _laws(machine: MachineStudies, studies: Sequence[Study]) -> doc.Table:
     return doc.table(doc.ranked(heads, range=2, expected=2, exponent=0), rows, caption)
 
 
-def _swept(study: Study) -> str:
+def _swept(study: SweepStudy) -> str:
     """Name of the swept parameter; the sweeps of integrators go by theirs."""
     return str(study.base[study.knob]) if study.knob in study.base else study.knob
 
 
-def _about(study: Study) -> str:
+def _about(study: SweepStudy) -> str:
     """Why a parameter is swept, at which other options, and what is left."""
     sentences = [f"{study.why[:1].upper()}{study.why[1:]}."]
     if study.base:
@@ -375,7 +375,7 @@ def _about(study: Study) -> str:
     return " ".join(sentences)
 
 
-def _point_table(study: Study) -> doc.Table:
+def _point_table(study: SweepStudy) -> doc.Table:
     whole = [f"{curve.quantity} [{curve.unit}]" for curve in study.curves]
     own = [f"of the parameter [{curve.unit}]" for curve in study.curves if study.own]
     heads = " | ".join(
@@ -389,7 +389,7 @@ def _point_table(study: Study) -> doc.Table:
     )
 
 
-def _point(study: Study, point: Point) -> tuple[object, ...]:
+def _point(study: SweepStudy, point: Point) -> tuple[object, ...]:
     setting = f"{point.value:.5g}", format_settings(point.options)
     if point.message is not None:
         return *setting, doc.Cell(point.message, "warning")

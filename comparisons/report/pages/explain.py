@@ -11,11 +11,11 @@ import numpy as np
 
 from ...explain.results import (
     Budget,
+    ExplainedMachine,
     Explanation,
     Figures,
-    Machine,
     Measurement,
-    Quantity,
+    QuantityBudget,
     Share,
     StockAgainstTuned,
 )
@@ -103,7 +103,7 @@ def verdict(explanation: Explanation) -> str:
     return f"{_downwards(least)} or more of every error shown is explained (least: {where}).{lost}"
 
 
-def main_quantities(budget: Budget) -> list[Quantity]:
+def main_quantities(budget: Budget) -> list[QuantityBudget]:
     """Position and stop torques: functions of time in which an error can be seen to grow."""
     return [
         q
@@ -112,7 +112,7 @@ def main_quantities(budget: Budget) -> list[Quantity]:
     ]
 
 
-def _explained(quantity: Quantity) -> str:
+def _explained(quantity: QuantityBudget) -> str:
     """How much of the error the causes account for; never rounded up to the whole."""
     return "–" if quantity.explained is None else _downwards(quantity.explained)
 
@@ -123,7 +123,7 @@ def _downwards(fraction: float) -> str:
     return f"{math.floor(1000 * max(0.0, fraction)) / 10:.1f} %"
 
 
-def _chapter(explanation: Explanation, machine: Machine) -> Iterator[doc.Block]:
+def _chapter(explanation: Explanation, machine: ExplainedMachine) -> Iterator[doc.Block]:
     budgets = [budget for budget in explanation.budgets if budget.model == machine.model]
     yield chapter(machine.model)
     yield doc.Note(compared_time(machine.launch_time, machine.compared_to, machine.judged_to))
@@ -136,7 +136,7 @@ def _chapter(explanation: Explanation, machine: Machine) -> Iterator[doc.Block]:
     yield doc.Listing(tuple(_failures(machine, budgets)), medium="terminal")
 
 
-def _summary(machine: Machine, budgets: Iterable[Budget]) -> doc.Table:
+def _summary(machine: ExplainedMachine, budgets: Iterable[Budget]) -> doc.Table:
     """The budgets in short, for the terminal."""
     rows = [
         (
@@ -159,7 +159,7 @@ def _summary(machine: Machine, budgets: Iterable[Budget]) -> doc.Table:
     return doc.table(heads, rows, caption, "terminal")
 
 
-def _leading_causes(quantity: Quantity) -> str:
+def _leading_causes(quantity: QuantityBudget) -> str:
     """Shares worth a word, the largest first."""
     shares = ((share.fraction or 0.0, share.cause) for share in quantity.shares)
     leading = sorted(
@@ -168,7 +168,7 @@ def _leading_causes(quantity: Quantity) -> str:
     return ", ".join(f"{cause} {format_percent(fraction)}" for fraction, cause in leading)
 
 
-def _failures(machine: Machine, budgets: Iterable[Budget]) -> Iterator[doc.Text]:
+def _failures(machine: ExplainedMachine, budgets: Iterable[Budget]) -> Iterator[doc.Text]:
     for budget in budgets:
         name = f"{machine.model}, {budget.label}"
         if budget.message:
@@ -210,7 +210,7 @@ def _at(step: float | None) -> str:
     return f", step {step:g} s" if step else ""
 
 
-def bars(quantities: Sequence[Quantity]) -> Panels:
+def bars(quantities: Sequence[QuantityBudget]) -> Panels:
     """Signed share of each cause in the errors of position and torques; unexplained last.
 
     Shares add up to 100 %; whiskers are half the difference of a share's two measures.
@@ -218,7 +218,7 @@ def bars(quantities: Sequence[Quantity]) -> Panels:
     return tuple(map(_bars, quantities))
 
 
-def _bars(quantity: Quantity) -> Plot:
+def _bars(quantity: QuantityBudget) -> Plot:
     shares = [*quantity.shares, quantity.rest]
     values = np.array([100.0 * (share.fraction or 0.0) for share in shares])
     # Whiskers narrower than a bar's edge say nothing.
@@ -245,13 +245,13 @@ def _bars(quantity: Quantity) -> Plot:
     )
 
 
-def _text(share: Share, quantity: Quantity) -> str:
+def _text(share: Share, quantity: QuantityBudget) -> str:
     """The share, and its size; the rest is a norm first: it is all but orthogonal to the error."""
     rms = quantity.rest_rms if share is quantity.rest else share.rms
     return f" {format_percent(share.fraction)} ({format_number(rms)} {quantity.unit}) "
 
 
-def _measurements(budget: Budget, quantities: Sequence[Quantity]) -> doc.Table:
+def _measurements(budget: Budget, quantities: Sequence[QuantityBudget]) -> doc.Table:
     heads = [*doc.columns("cause | what was done")]
     heads += [
         doc.Column(title, group=f"{quantity.name} [{quantity.unit}]")
@@ -286,7 +286,7 @@ def _done(cause: Measurement) -> str:
     return f"{cause.explanation}.\n{cause.done}{f'; after {after}' if cause.after else ''}"
 
 
-def _measured(cause: Measurement, quantities: Iterable[Quantity]) -> Iterator[str]:
+def _measured(cause: Measurement, quantities: Iterable[QuantityBudget]) -> Iterator[str]:
     for share in (
         share for quantity in quantities for share in quantity.shares if share.cause == cause.name
     ):
@@ -294,7 +294,7 @@ def _measured(cause: Measurement, quantities: Iterable[Quantity]) -> Iterator[st
         yield format_number(share.rms)
 
 
-def _other_shares(quantities: Sequence[Quantity]) -> doc.Table:
+def _other_shares(quantities: Sequence[QuantityBudget]) -> doc.Table:
     """Quantities that are single values; all have the same causes."""
     heads = [f"{q.name}: {format_number(q.rms)} {q.unit}" for q in quantities]
     all_shares = [(*quantity.shares, quantity.rest) for quantity in quantities]

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from ....models.library.benchmark import Benchmark
 from ....models.spec import Spec
-from ...problems import Check, CheckedFigure
+from ...problems import CheckedFigure, ProblemCheck
 from .. import document as doc
 from ..numbers import format_number
 
@@ -27,12 +27,12 @@ def listing(benchmarks: Iterable[Benchmark]) -> doc.Document:
     return doc.Document("Problems", (doc.table(heads, rows),))
 
 
-def document(check: Check) -> doc.Document:
+def document(check: ProblemCheck) -> doc.Document:
     """One problem: its parameters, figures beside the reference's, and its source's conditions."""
     return doc.Document(f"{check.benchmark.number} {check.benchmark.name}", tuple(_blocks(check)))
 
 
-def library(checks: Iterable[Check]) -> doc.Document:
+def library(checks: Iterable[ProblemCheck]) -> doc.Document:
     """All problems with their figures."""
     blocks: list[doc.Block] = []
     for each in checks:
@@ -43,7 +43,7 @@ def library(checks: Iterable[Check]) -> doc.Document:
     return doc.Document("", tuple(blocks))
 
 
-def _blocks(check: Check) -> list[doc.Block]:
+def _blocks(check: ProblemCheck) -> list[doc.Block]:
     conditions = [
         doc.row(each.condition.text, each.condition.unit, format_number(each.condition.limit),
             doc.Cell(format_number(each.error), doc.mark_of(each.holds)))

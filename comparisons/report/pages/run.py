@@ -30,7 +30,7 @@ def document(trajectory: Trajectory) -> doc.Document:
         "energies."
     )
     figure = doc.Figure(_panels(trajectory), "The run", caption, "run", columns=2)
-    motion = doc.Animation(lambda: (scene(trajectory),))
+    motion = doc.AnimationBlock(lambda: (scene(trajectory),))
     return replace(
         shown, blocks=(*shown.blocks, motion, figure), window=f"trebucheck: {shown.title}"
     )

@@ -8,12 +8,12 @@ from ....models.mechanism import Mechanism
 from ....reference.certification.certificate import Figure
 from ...diagnosis.rank import SAME
 from ...runs.results import (
-    Cause,
     Diagnosis,
     Machine,
     Measured,
     Metric,
     Outcome,
+    RankedCause,
     ResultFile,
     Run,
     SingularPosition,
@@ -116,12 +116,12 @@ def _likeliest(diagnosed: Diagnosis) -> str:
     return "Cause unknown: no suspect accounts for it."
 
 
-def _share(cause: Cause) -> str:
+def _share(cause: RankedCause) -> str:
     """A suspect: what, how much of it, and how much of the deviation it explains."""
     return f"{_amount(cause)}: {100 * cause.explained:.1f} % of it"
 
 
-def _amount(cause: Cause) -> str:
+def _amount(cause: RankedCause) -> str:
     return f"{cause.name} ({cause.amount})" if cause.amount else cause.name
 
 

@@ -204,7 +204,7 @@ def _first_screen(performance: Performance, throw: Throw) -> tuple[doc.Block, ..
     return (
         doc.page_only(doc.Text(f"{_verdict(throw)}; {_conditions(throw)}.", "strong")),
         doc.Tiles(figures),
-        doc.Animation(lambda: (motion(performance),)),
+        doc.AnimationBlock(lambda: (motion(performance),)),
         doc.Figure(flight_plot(performance), "The flight", anchor="flight"),
     )
 
