@@ -126,11 +126,12 @@ def recommend_command(call: Call) -> None:
         raise InputError(
             "nothing is asked; give at least one of --position, --torque and --release."
         )
-    # A named machine stays a name: its neighbours have other parameters.
-    how, name = call.run_options(), call.model.strip()
-    how["model"] = call.only_model() if name.endswith(".json") else name
-    how["parameters"] = None if name.endswith(".json") else call.parameters().of(name)
+    how, given, name = call.run_options(), call.only_model(), call.model.strip()
     del how["models"]
+    if name.endswith(".json"):
+        how["model"] = given
+    else:  # a named machine stays a name: its neighbours have other parameters
+        how.update(model=name, parameters=call.parameters().of(name))
     store = call.store()
     with call.progress("references", 30) as show:
         advice = recommend(**how, **target, neighbours=call.neighbours, store=store, progress=show)
