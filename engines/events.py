@@ -6,7 +6,7 @@ Between events an engine moves the mechanism with a fixed set of active contacts
   release time of a stop is that of its first opening.
 - the gap of an open contact falls through zero (an **impact**, unilateral law only). All contacts
   that touch at that instant take part, active ones included, each with its restitution e. A contact
-  met too slowly to rebound (:mod:`..models.rebound`, the rule of the reference) is plastic (e = 0),
+  met too slowly to rebound (:data:`SETTLED`, the rule of the reference) is plastic (e = 0),
   so that bouncing with 0 < e < 1 comes to rest after finitely many impacts. Contacts whose gap
   speed is zero afterwards rest; the others part, which is a release.
 - two stops may throw a mechanism to and fro ever faster, towards an instant that is never reached.
@@ -49,9 +49,17 @@ from ..models.errors import SimulationError, UnsupportedProblemError
 from ..models.kinematics import Kinematics, initial_state
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
-from ..models.rebound import Rebounds
 from ..models.trajectory import PointMotion
-from .impact import AT_REST, Contacts, Impact, Inertia, active_contacts, resolve_impact, resting
+from .impact import (
+    AT_REST,
+    Contacts,
+    Impact,
+    Inertia,
+    Rebounds,
+    active_contacts,
+    resolve_impact,
+    resting,
+)
 from .protocol import Recording
 
 __all__ = [

@@ -31,9 +31,8 @@ class ScipyBodies(BuiltinEngine):
         lacking=frozenset({Basic.SLOT, Basic.LOOP, Basic.POINT_STOP}),
         formulation="Cartesian coordinates, pins and closed stops as multipliers, DOP853",
     )
-    rtol: float = (
-        1e-11  # an option: validated, recorded with each trajectory, set by --option rtol=1e-9
-    )
+    # An option: validated, recorded with each trajectory, set by --option rtol=1e-9.
+    rtol: float = 1e-11
 
     def _run(self, problem: tb.Problem) -> Recording:
         model, grid = Bodies(problem.mechanism), np.arange(0.0, problem.duration, self.timestep)
@@ -41,18 +40,16 @@ class ScipyBodies(BuiltinEngine):
         closed = [stop.name for stop in problem.mechanism.stops if stop.closed]
         held = model.pushing(closed, y)
         released: dict[str, float | None] = {name: None if name in held else 0.0 for name in closed}
+        options: Any = {
+            "dense_output": True,
+            "rtol": self.rtol,
+            "atol": self.rtol,
+            "max_step": 0.05,
+        }
         while t < problem.duration:
+            span, events = (t, problem.duration), [*map(model.opening, held)]
             solved: Any = solve_ivp(
-                model.rates,
-                (t, problem.duration),
-                y,
-                "DOP853",
-                args=(held,),
-                dense_output=True,
-                events=[*map(model.opening, held)],
-                rtol=self.rtol,
-                atol=self.rtol,
-                max_step=0.05,
+                model.rates, span, y, "DOP853", args=(held,), events=events, **options
             )
             t, y = float(solved.t[-1]), solved.y[:, -1]
             own = [*grid[(grid >= solved.t[0]) & (grid < t)], t]
@@ -95,12 +92,8 @@ class Bodies:
         if body == "ground":
             return np.array(point), np.zeros(2), J, np.zeros(2)
         i, arm = self.index[body], np.subtract(point, self.m.body(body).centre)
-        r, J[0, i], J[1, i + 1], J[:, i + 2] = (
-            _turn(x[i + 2], arm),
-            1.0,
-            1.0,
-            _turn(x[i + 2] + np.pi / 2, arm),
-        )
+        r = _turn(x[i + 2], arm)
+        J[0, i], J[1, i + 1], J[:, i + 2] = 1.0, 1.0, _turn(x[i + 2] + np.pi / 2, arm)
         return x[i : i + 2] + r, J @ v, J, -r * v[i + 2] ** 2
 
     def start(self, q: Any = None, u: Any = None) -> np.ndarray:
@@ -109,10 +102,8 @@ class Bodies:
         x[2::3], v[2::3] = self.m.start if q is None else q, self.speeds if u is None else u
         for joint in self.m.joints:
             i = self.index[joint.child]
-            there, here = (
-                self.at(joint.parent, joint.parent_point, x, v),
-                self.at(joint.child, joint.child_point, x, v),
-            )
+            there = self.at(joint.parent, joint.parent_point, x, v)
+            here = self.at(joint.child, joint.child_point, x, v)
             x[i : i + 2], v[i : i + 2] = there[0] - here[0], there[1] - here[1]
         return np.concatenate([x, v])
 
@@ -126,10 +117,8 @@ class Bodies:
         stops = [stop for stop in map(self.m.stop, held) if isinstance(stop, tb.Stop)]
         turns = np.zeros((len(stops), len(x) + 3))  # its three columns come last, and are cut off
         for row, stop in zip(turns, stops, strict=True):
-            row[self.index.get(stop.relative_to, -3) + 2], row[self.index[stop.body] + 2] = (
-                -stop.sense,
-                stop.sense,
-            )
+            row[self.index.get(stop.relative_to, -3) + 2] = -stop.sense
+            row[self.index[stop.body] + 2] = stop.sense
         J = np.vstack([*(child[2] - parent[2] for child, parent in ends), turns[:, :-3]])
         bias = np.concatenate(
             [*(child[3] - parent[3] for child, parent in ends), np.zeros(len(stops))]
@@ -144,12 +133,12 @@ class Bodies:
 
     def pushing(self, held: list[str], y: np.ndarray) -> list[str]:
         """Those of the closed stops that push; one that would have to pull has opened."""
-        while (
-            held
-            and (least := min((self.solved(y, held)[1][f"stop {name}"], name) for name in held))[0]
-            < 0
-        ):
-            held = [name for name in held if name != least[1]]
+        while held:
+            forces = self.solved(y, held)[1]
+            least = min(held, key=lambda name: forces[f"stop {name}"])
+            if forces[f"stop {least}"] >= 0:
+                break
+            held = [name for name in held if name != least]
         return held
 
     def rates(self, _: float, y: np.ndarray, held: Sequence[str]) -> np.ndarray:
