@@ -17,6 +17,7 @@ _PACKAGE = __name__.rpartition(".")[0]
 RENAMED: dict[str, tuple[str, ...]] = {
     "cli.animate": ("cli.motion",),
     "cli.certify": ("cli.truth",),
+    "cli.completion": ("cli.options",),
     "cli.conform": ("cli.agree",),
     "cli.data": ("cli.truth",),
     "cli.diff": ("cli.agree",),

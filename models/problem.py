@@ -82,3 +82,8 @@ class Problem(Shown, Spec):
 
     def __init__(self, mechanism: Mechanism, duration: float = 3.0, **fields: object) -> None:
         super().__init__(mechanism=mechanism, duration=duration, **fields)
+
+
+def mechanism_of(model: Mechanism | Problem) -> Mechanism:
+    """The mechanism of a problem, or the one given."""
+    return model.mechanism if isinstance(model, Problem) else model
