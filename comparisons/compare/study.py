@@ -88,8 +88,8 @@ class MachineRuns:
     def __init__(self, study: Study, mechanism: Mechanism, worker: Worker) -> None:
         self.store, self._needs = study.store, study.needs
         self.runner = Runner(mechanism, worker, study.end_of(mechanism), study.law_of(mechanism))
-        self.diagnoses = True
-        """Whether the causes of deviations are looked for."""
+        self.diagnoses = study.diagnose
+        """Whether the causes of exceeded tolerances are looked for."""
         kept = None
         if self.store is not None:
             made_by = conditions(*self.runner.conditions)
@@ -285,6 +285,7 @@ def compare(
     stop_law: StopLaw | str | None = None,
     store: Store | None = None,
     isolate: bool = True,
+    diagnose: bool = True,
     timeout: float = 600.0,
     jobs: int = 1,
     progress: Callable[[RunKey, int, int], None] | None = None,
@@ -310,6 +311,8 @@ def compare(
         stop_law: 'release-once' or 'unilateral'; a problem's own, else 'release-once', if left out.
         store: where trajectories are kept and, if asked, taken from again.
         isolate: simulate in a process of its own, so that an engine's crash costs only its row.
+        diagnose: look for the causes of exceeded tolerances, which runs changed mechanisms and may
+            take several times as long as the runs themselves; without it, verdicts are the same.
         timeout: longest wait for one isolated run [s]; a longer run becomes a failed row.
         jobs: references, runs and diagnoses made at once, each in a process; the results but for
             wall times are the same in the same order.
@@ -333,6 +336,7 @@ def compare(
         tolerances=tolerances,
         store=store,
         isolate=isolate,
+        diagnose=diagnose,
         timeout=timeout,
         jobs=jobs,
     )

@@ -192,6 +192,7 @@ class _StudyFields(TypedDict, total=False):
     tolerances: Mapping[str, float | str] | None
     store: Store | None
     isolate: bool
+    diagnose: bool
     timeout: float
     jobs: int
     progress: Progress | None
@@ -226,6 +227,8 @@ class Study:
     """Where finished runs are kept; None: nowhere."""
     isolate: bool = True
     """Simulate in a process of its own, so that an engine's crash costs only its row."""
+    diagnose: bool = True
+    """Look for the causes of exceeded tolerances; of comparisons only."""
     timeout: float = 600.0
     """Longest wait for one isolated run [s]."""
     jobs: int = 1

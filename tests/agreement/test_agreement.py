@@ -31,7 +31,7 @@ FACTOR, ROUNDING = 1.3, 3.0
 @cache
 def table_one(engine_name: str) -> Comparison:
     """Every named machine and both presets, one engine; made once for all tests that read it."""
-    return tb.compare(ALL_MODELS, [engine_name], PRESETS, isolate=False)
+    return tb.compare(ALL_MODELS, [engine_name], PRESETS, isolate=False, diagnose=False)
 
 
 def _run(engine_name: str, model: str, preset: str) -> Run:
@@ -188,7 +188,9 @@ def test_joint_forces_are_near(engine_name: str, model: str) -> None:
 def test_random_machines_agree(
     engine_name: str, parameters: tb.TrebuchetParameters, model: str
 ) -> None:
-    comparison = tb.compare([model], [engine_name], ["tuned"], parameters=parameters, isolate=False)
+    comparison = tb.compare(
+        [model], [engine_name], ["tuned"], parameters=parameters, isolate=False, diagnose=False
+    )
     (run,) = comparison.results.runs
     assert run.outcome is Outcome.AGREES, "\n".join([run.message or "", *complaints(run)])
 

@@ -24,6 +24,7 @@ from trebucheck.comparisons.runs import runner as running
 from trebucheck.comparisons.runs import store as store_module
 from trebucheck.comparisons.runs.process import Worker
 from trebucheck.comparisons.runs.record import EngineRuns
+from trebucheck.comparisons.runs.results import Outcome
 from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.store import Store, conditions, engine_digest
 from trebucheck.comparisons.runs.study import Study
@@ -243,6 +244,23 @@ def test_other_tolerances_judge_the_kept_runs_anew(
     assert run.diagnosis == expected.diagnosis and run.diagnosis is not None
     assert again.results.machines == fresh.machines
     assert compare_study(replace(fine, store=_study(tmp_path).store)).repeated
+
+
+def test_causes_that_were_not_looked_for_are_found_when_they_are_asked_for(tmp_path: Path) -> None:
+    """The store keeps runs without a diagnosis, and verdicts do not depend on it."""
+    study = replace(
+        _study(tmp_path),
+        engines=["pymunk"],
+        options={"timestep": 5e-3},
+        tolerances={"default": "0.0001%"},
+    )
+    (without,) = compare_study(replace(study, diagnose=False)).results.runs
+    (found,) = compare_study(replace(study, store=_study(tmp_path).store)).results.runs
+    assert without.outcome is found.outcome is Outcome.DISAGREES
+    assert without.metrics == found.metrics
+    assert without.diagnosis is None and found.diagnosis is not None
+    again = compare_study(replace(study, diagnose=False, store=_study(tmp_path).store))
+    assert again.results.runs[0].diagnosis is None
 
 
 def test_a_comparison_read_again_has_the_reference_that_it_was_made_with(tmp_path: Path) -> None:
