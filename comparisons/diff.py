@@ -90,13 +90,9 @@ class QuantityChange:
     def by_tolerance(self) -> bool:
         """Whether the verdict differs, and would not had the tolerance stayed the same."""
         old, size = self.old, _size(self.new)
-        if (
-            old is None
-            or old.tolerance is None
-            or size is None
-            or self.new is None
-            or self.new.holds is None
-        ):
+        if old is None or old.tolerance is None or size is None:
+            return False
+        if self.new is None or self.new.holds is None:
             return False
         return self.new.holds is not old.holds and (size <= old.tolerance) is old.holds
 
@@ -106,8 +102,10 @@ class QuantityChange:
         old, new = _size(self.old), _size(self.new)
         if old is None or new is None:
             return None
-        least = max(old, self.unknown), max(new, self.unknown)
-        return 1.0 if least[0] == least[1] else least[1] / least[0] if least[0] else math.inf
+        old, new = max(old, self.unknown), max(new, self.unknown)
+        if old == new:
+            return 1.0
+        return new / old if old else math.inf
 
     @property
     def bounded(self) -> bool:
@@ -129,7 +127,9 @@ class QuantityChange:
 
 
 def _verdict_rank(metric: Metric | None) -> int:
-    return 1 if metric is None or metric.holds is None else 0 if metric.holds else 2
+    if metric is None or metric.holds is None:
+        return 1
+    return 0 if metric.holds else 2
 
 
 def _size(metric: Metric | None) -> float | None:
@@ -140,7 +140,7 @@ def _excess(metric: Metric | None) -> float:
     if metric is None or metric.holds is None:
         return 0.0
     size = _size(metric)
-    return math.inf if size is None else size / metric.tolerance if metric.tolerance else math.inf
+    return size / metric.tolerance if size is not None and metric.tolerance else math.inf
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,9 @@ class RunChange:
             return Fate.NOT_COMPARED
         if old == new:
             return Fate.SAME
-        return Fate.BETTER if new < old else Fate.FAILS if failed else Fate.WORSE
+        if new < old:
+            return Fate.BETTER
+        return Fate.FAILS if failed else Fate.WORSE
 
     @property
     def diagnoses(self) -> tuple[Diagnosis, Diagnosis] | None:
@@ -304,13 +306,10 @@ class Difference(Reported):
             f"{len(self.moved)} of {len(self.quantities)} errors moved by more than a factor "
             f"{self.factor:g}"
         )
-        head = (
-            "Something broke"
-            if self.worse
-            else "Nothing broke"
-            if self.passed
-            else "Nothing could be compared"
-        )
+        if self.worse:
+            head = "Something broke"
+        else:
+            head = "Nothing broke" if self.passed else "Nothing could be compared"
         runs = f"{self.compared} run{'' if self.compared == 1 else 's'} compared"
         return f"{head}: {', '.join([*shown, moved])}; {runs}."
 
@@ -322,14 +321,18 @@ class Difference(Reported):
         """A quantity of a run a row, with its error before and now."""
         for each in self.quantities:
             values = [None if metric is None else metric.value for metric in (each.old, each.new)]
-            found = {"broke": each.broke, "mended": each.mended, "moved": each.moved(self.factor)}
-            quantity = {
+            yield {
+                "model": each.model,
+                "run": each.run,
                 "quantity": each.either.label,
                 "unit": each.either.unit,
                 "old": values[0],
                 "new": values[1],
+                "factor": each.factor,
+                "broke": each.broke,
+                "mended": each.mended,
+                "moved": each.moved(self.factor),
             }
-            yield {"model": each.model, "run": each.run, **quantity, "factor": each.factor, **found}
 
     @staticmethod
     def _sorted(changes: Sequence[QuantityChange]) -> tuple[QuantityChange, ...]:
@@ -482,11 +485,9 @@ def _finite(value: float | None) -> float | None:
 
 
 def _side(metric: Metric | None) -> Side | None:
-    return (
-        None
-        if metric is None
-        else Side(value=metric.value, tolerance=metric.tolerance, holds=metric.holds)
-    )
+    if metric is None:
+        return None
+    return Side(value=metric.value, tolerance=metric.tolerance, holds=metric.holds)
 
 
 FACTOR = 1.1
