@@ -123,10 +123,7 @@ class Benchmark:
 
 
 _GRID = 500  # samples among which sign changes are looked for
-
-
 _SAMPLES = 400  # at which a motion is compared with a closed form
-
 
 Quantity = Callable[[Trajectory], FloatArray]
 """Values of a trajectory's n samples, shape (n,)."""
