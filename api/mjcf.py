@@ -5,9 +5,8 @@ from __future__ import annotations
 from ..models.mjcf.paths import mjcf_path
 from ..models.mjcf.recorded import RecordedMotion, stored_motion
 from ..models.mjcf.scene import AZIMUTH, ELEVATION, FIELD, corners, line_of_sight, scene, viewpoint
-from ..models.mjcf.throw import HOLD, PROJECTILE, Thrown, released
 from ..models.mjcf.tree import joint_values
-from ..models.mjcf.variants import Variant, inertias
+from ..models.mjcf.variants import HOLD, PROJECTILE, Thrown, Variant, inertias, released
 from ..models.mjcf.writer import mjcf, model_file
 
 __all__ = [

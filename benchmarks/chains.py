@@ -1,4 +1,4 @@
-"""What a step costs against the number of bodies, chains of 2 to 200: `python benchmarks/chains.py`.
+"""Cost of a step against the number of bodies, chains of 2 to 200: `python benchmarks/chains.py`.
 
 No test reads this. A step of the reference is one of DOP853 (twelve evaluations, and its dense
 output); an engine's is one of its own. Processor time without building the model, the least of

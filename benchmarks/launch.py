@@ -26,7 +26,8 @@ def seconds(engine: tb.Engine, problem: tb.Problem) -> list[float]:
 def main() -> None:
     """Print the least, the median and the largest of the runs for each engine and machine."""
     print(
-        f"{'engine':<12}{'step [s]':>10}{'machine':>10}{'least':>9}{'median':>9}{'most':>9}   [s], {RUNS} runs"
+        f"{'engine':<12}{'step [s]':>10}{'machine':>10}{'least':>9}{'median':>9}{'most':>9}   [s], "
+        f"{RUNS} runs"
     )
     for name, status in tb.engines().items():
         if not status.installed or name not in STEPS:

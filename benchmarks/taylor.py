@@ -1,4 +1,4 @@
-"""How long a launch takes with the Taylor integrator, one at a time and in batches: `python benchmarks/taylor.py`.
+"""Cost of a launch by the Taylor integrator, single and in batches: `python benchmarks/taylor.py`.
 
 No test reads this. Times are warm, on one core; the first run of each kind, compilation included,
 is shown apart.
@@ -69,7 +69,8 @@ def main() -> None:
         machines = random_machines(build)
         first, warm = seconds(partial(launch_batch, machines, DURATION, TOLERANCE), 5)
         print(
-            f"{name:<10}{f'batch of {BATCH}':<34}{first:>10.3f}{warm * 1e3:>11.3f}   {BATCH / warm:.0f} per second"
+            f"{name:<10}{f'batch of {BATCH}':<34}{first:>10.3f}{warm * 1e3:>11.3f}   "
+            f"{BATCH / warm:.0f} per second"
         )
 
 

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import typer
 
 from ..models.errors import InputError
-from . import completion, options, output
-from .call import Call, argument, command, folder, option
+from . import options, output
+from .call import Call, command
+from .options import argument, folder, option
 
 if TYPE_CHECKING:
     from ..comparisons.diff import Difference
@@ -72,7 +73,7 @@ def compare_command(call: Call) -> bool:
 @command(
     "file model duration until set beam tolerance tolerances stop_law quiet json",
     folder("judgement", "Folder for judgement.html and judgement.json."),
-    file=argument(Path, help="CSV with names and units in its first line, or NetCDF (.nc)."),
+    file=argument("CSV with names and units in its first line, or NetCDF (.nc).", Path),
 )
 def judge_command(call: Call) -> bool:
     r"""Judge a motion from a file against the reference, in every quantity that it gives.
@@ -108,23 +109,18 @@ def judge_command(call: Call) -> bool:
     "engine tier problem deviations timeout quiet json",
     folder("conformance", "Folder for certificate.html, badge.svg and conformance.json."),
     engine=argument(
-        str,
-        autocompletion=completion.engines,
-        help="NAME, NAME/PRESET, or package.module:Class of an engine that is not installed.",
+        "NAME, NAME/PRESET, or package.module:Class of an engine that is not installed.",
+        names=options.engine_names,
     ),
-    tier=option(str, "standard", "--tier", help="How many problems: quick, standard or full."),
+    tier=option("--tier", "How many problems: quick, standard or full.", str, "standard"),
     problem=option(
-        list[str] | None,
-        None,
         "--problem",
-        autocompletion=completion.machines,
-        help="Only these problems, comma-separated; repeatable.",
+        "Only these problems, comma-separated; repeatable.",
+        list[str] | None,
+        names=options.machine_names,
     ),
     deviations=option(
-        Path | None,
-        None,
-        "--deviations",
-        help="TOML or JSON: known failures, with id, reason and owner.",
+        "--deviations", "TOML or JSON: known failures, with id, reason and owner.", Path | None
     ),
     timeout=120.0,
 )
@@ -178,9 +174,8 @@ _SUFFIXES_OF_MATRIX = (".html", ".md", ".json")
     "files quiet json",
     folder(None, "File to write: .html, .md, or .json, which matrix reads again; none by default."),
     files=argument(
+        "results.json of compare, converge.json of converge, .json of matrix; or their folders.",
         list[Path],
-        help="results.json of compare, converge.json of converge, .json of matrix; or their "
-        "folders.",
     ),
 )
 def matrix_command(call: Call) -> None:
@@ -253,7 +248,7 @@ _SUFFIXES = {
 }
 
 
-_FILE = argument(Path, help="results.json of compare, or the folder that holds it.")
+_FILE = argument("results.json of compare, or the folder that holds it.", Path)
 
 
 @command(
@@ -262,14 +257,12 @@ _FILE = argument(Path, help="results.json of compare, or the folder that holds i
     old=_FILE,
     new=_FILE,
     factor=option(
+        "--factor",
+        "An error has moved if it changed by more than this factor; above 1.",
         float,
         FACTOR,
-        "--factor",
-        help="An error has moved if it changed by more than this factor; above 1.",
     ),
-    format=option(
-        Format | None, None, "--format", help="Else by the name of --out; text by default."
-    ),
+    format=option("--format", "Else by the name of --out; text by default.", Format | None),
 )
 def diff_command(call: Call) -> bool:
     """Compare two results of compare: verdicts that broke, errors that moved, runs come or gone.
@@ -340,17 +333,10 @@ def _rendered(document: Document, format: Format) -> str:
     "folder formats only",
     folder("figures", "Folder for the pictures."),
     folder=argument(
-        Path,
-        Path("report"),
-        help="Folder of a comparison, as `trebucheck compare --out` writes it.",
+        "Folder of a comparison, as `trebucheck compare --out` writes it.", Path, Path("report")
     ),
-    formats=option(str, "svg", "--formats", help="Of svg, png and pdf, comma-separated."),
-    only=option(
-        str | None,
-        None,
-        "--only",
-        help="Names of figures, comma-separated, e.g. fixed-distances; else all.",
-    ),
+    formats=option("--formats", "Of svg, png and pdf, comma-separated.", str, "svg"),
+    only=option("--only", "Names of figures, comma-separated, e.g. fixed-distances; else all."),
 )
 def figures_command(call: Call) -> None:
     """Write the plots of a comparison as SVG, PNG or PDF, for papers and slides; no engine runs.

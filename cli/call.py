@@ -5,12 +5,11 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from ..models.problem import Problem
+from ..models.problem import Problem, mechanism_of
 from . import options, output
 from .options import OPTIONS, Declared
 
@@ -55,8 +54,7 @@ class Call:
 
     def only_mechanism(self) -> Mechanism:
         """The mechanism of the one model."""
-        found = self.only_model()
-        return found.mechanism if isinstance(found, Problem) else found
+        return mechanism_of(self.only_model())
 
     def parameters(self) -> options.Chosen:
         """Values of --set and --beam, before it is known of which model."""
@@ -156,22 +154,3 @@ def command(
         return run
 
     return register
-
-
-def option(kind: Any, default: Any, *flags: str, **info: Any) -> Declared:
-    """An option that is one command's alone."""
-    return Declared(Annotated[kind, typer.Option(*flags, **info)], default)
-
-
-def argument(kind: Any, default: Any = inspect.Parameter.empty, **info: Any) -> Declared:
-    """An argument; without a default it must be given."""
-    return Declared(Annotated[kind, typer.Argument(**info)], default)
-
-
-def folder(default: str | None, text: str) -> Declared:
-    """The option --out; `text` is its help."""
-    kind = Path | None if default is None else Path
-    return Declared(
-        Annotated[kind, options.out(text)],  # pyright: ignore[reportInvalidTypeForm]
-        None if default is None else Path(default),
-    )

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from . import completion, options, output
+from . import options, output
+from .call import Call, command
+from .options import argument, folder, option
 
 if TYPE_CHECKING:
     from ..comparisons.report.document import Document
@@ -16,12 +18,15 @@ if TYPE_CHECKING:
 models_app = typer.Typer(
     help="The machines: list them, show one as JSON, export its MJCF.", no_args_is_help=True
 )
-
-_Name = Annotated[str, typer.Argument(autocompletion=completion.machines, help=options.MACHINES)]
+plugin_app = typer.Typer(
+    help="Engines of your own: write the skeleton of a plug-in.", no_args_is_help=True
+)
+_MACHINE = argument(options.MACHINES, names=options.machine_names)
 
 
 @models_app.command("list")
-def list_command() -> None:
+@command("")
+def list_command(_: Call) -> None:
     """List the machines there are."""
     from ..models.library.registry import models
 
@@ -31,19 +36,21 @@ def list_command() -> None:
 
 
 @models_app.command("show")
-def show_command(name: _Name, assignments: options.Set = None, beam: options.Beam = None) -> None:
+@command("name set beam", name=_MACHINE)
+def show_command(call: Call) -> None:
     """Print a machine as JSON, with other parameters if asked.
 
     Example: trebucheck models show rolling --set l1=9.5
     """
-    from ..models.problem import Problem
+    from ..models.problem import mechanism_of
 
-    for given in options.given(name, assignments, beam):
-        typer.echo((given.mechanism if isinstance(given, Problem) else given).to_json())
+    for model in options.given(call.name, call.set, call.beam):
+        typer.echo(mechanism_of(model).to_json())
 
 
 @models_app.command("schema")
-def schema_command() -> None:
+@command("")
+def schema_command(_: Call) -> None:
     """Print the JSON schema of a mechanism."""
     from ..models.mechanism import mechanism_schema
 
@@ -51,37 +58,27 @@ def schema_command() -> None:
 
 
 @models_app.command("export")
-def export_command(
-    name: _Name,
-    assignments: options.Set = None,
-    beam: options.Beam = None,
-    timestep: Annotated[
+@command(
+    "name set beam timestep keyframes sensors finite_inertia",
+    folder(None, "Folder to write; the machine's name by default."),
+    name=_MACHINE,
+    timestep=option(
+        "--timestep",
+        "Step written into the MJCF (s); 1 ms, or less if the motion is fast.",
         float | None,
-        typer.Option(
-            "--timestep",
-            help="Step written into the MJCF (s); 1 ms, or less if the motion is fast.",
-        ),
-    ] = None,
-    keyframes: Annotated[
+    ),
+    keyframes=option(
+        "",
+        "A keyframe at each release, impact and rest and at the launch, from the reference.",
         bool,
-        typer.Option(
-            help="A keyframe at each release, impact and rest and at the launch, from the "
-            "reference."
-        ),
-    ] = True,
-    sensors: Annotated[
-        bool, typer.Option(help="Without sensors it is read by older versions, too.")
-    ] = True,
-    finite_inertia: Annotated[
-        bool,
-        typer.Option(
-            "--finite-inertia", help="Point masses on pins with an inertia; they move the same."
-        ),
-    ] = False,
-    out: Annotated[
-        Path | None, options.out("Folder to write; the machine's name by default.")
-    ] = None,
-) -> None:
+        True,
+    ),
+    sensors=option("", "Without sensors it is read by older versions, too.", bool, True),
+    finite_inertia=option(
+        "--finite-inertia", "Point masses on pins with an inertia; they move the same.", bool, False
+    ),
+)
+def export_command(call: Call) -> None:
     """Write a machine's MJCF: NAME.xml, and scene.xml with ground, light and camera for the viewer.
 
     Example: trebucheck models export rolling --set r=7 --out my-rolling
@@ -89,45 +86,67 @@ def export_command(
     from ..comparisons.mjcf import step_and_motion
     from ..models.mjcf.variants import Variant
     from ..models.mjcf.writer import write_model_folder
-    from ..models.problem import Problem
+    from ..models.problem import mechanism_of
 
-    variant = Variant(sensors=sensors, finite_inertia=finite_inertia)
-    for given in options.given(name, assignments, beam):
-        step, motion = step_and_motion(given, timestep, keyframes=keyframes)
-        mechanism = given.mechanism if isinstance(given, Problem) else given
-        folder = out or Path(mechanism.name)
+    variant = Variant(sensors=call.sensors, finite_inertia=call.finite_inertia)
+    for model in options.given(call.name, call.set, call.beam):
+        step, motion = step_and_motion(model, call.timestep, keyframes=call.keyframes)
+        mechanism = mechanism_of(model)
+        folder = call.out or Path(mechanism.name)
         write_model_folder(mechanism, folder, step, motion, variant)
         typer.echo(f"Wrote {output.printable(str(folder))}")
 
 
 @models_app.command("path")
-def path_command(
-    name: Annotated[
-        str, typer.Argument(autocompletion=completion.machines, help="Name of a machine.")
-    ],
-    scene: Annotated[
-        bool, typer.Option("--scene", help="The file with ground, frame, light and camera.")
-    ] = False,
-) -> None:
+@command(
+    "name scene",
+    name=argument("Name of a machine.", names=options.machine_names),
+    scene=option("--scene", "The file with ground, frame, light and camera.", bool, False),
+)
+def path_command(call: Call) -> None:
     """Print the path of a machine's MJCF file, with its default parameters.
 
     Example: trebucheck models path rolling
     """
     from ..models.mjcf.paths import mjcf_path
 
-    typer.echo(mjcf_path(name, scene=scene))
+    typer.echo(mjcf_path(call.name, scene=call.scene))
 
 
-_EngineName = Annotated[
-    str | None,
-    typer.Argument(
-        autocompletion=completion.engines,
-        help="One engine, to see its options; all are listed without it.",
+@plugin_app.command("new")
+@command(
+    "name",
+    folder(None, "New folder; trebucheck-NAME by default."),
+    name=argument("Of the engine: small letters, digits and hyphens."),
+)
+def new_command(call: Call) -> None:
+    """Write a new folder with pyproject.toml, an engine to fill in, and its tests.
+
+    An existing folder is refused.
+
+    Example: trebucheck plugin new my-engine
+    """
+    from ..conformance.skeleton import write_skeleton
+
+    folder = call.out or Path(f"trebucheck-{call.name}")
+    for path in write_skeleton(call.name, folder):
+        typer.echo(f"Wrote {output.printable(str(path))}")
+    typer.echo(
+        f"\nNext: cd {output.printable(str(folder))}, pip install -e .[test], pytest; then fill "
+        f"in engine.py."
+    )
+
+
+@command(
+    "name",
+    name=argument(
+        "One engine, to see its options; all are listed without it.",
+        str | None,
+        None,
+        names=options.engine_names,
     ),
-]
-
-
-def engines_command(name: _EngineName = None) -> None:
+)
+def engines_command(call: Call) -> None:
     """List the engines, or the options of one: defaults of each preset, values and meaning.
 
     An option is set by `--option NAME=VALUE` (of one engine: `--option mujoco.solref=-40000,-400`).
@@ -137,7 +156,7 @@ def engines_command(name: _EngineName = None) -> None:
 
     trebucheck engines mujoco
     """
-    output.show(_list() if name is None else engine_document(name))
+    output.show(_list() if call.name is None else engine_document(call.name))
 
 
 def _list() -> Document:
@@ -204,30 +223,3 @@ def _defaults(option: OptionRow) -> str:
 
 def _sentence(option: OptionRow) -> str:
     return "\n".join(filter(None, (option.meaning, option.values)))
-
-
-plugin_app = typer.Typer(
-    help="Engines of your own: write the skeleton of a plug-in.", no_args_is_help=True
-)
-
-
-@plugin_app.command("new")
-def new_command(
-    name: Annotated[str, typer.Argument(help="Of the engine: small letters, digits and hyphens.")],
-    out: Annotated[Path | None, options.out("New folder; trebucheck-NAME by default.")] = None,
-) -> None:
-    """Write a new folder with pyproject.toml, an engine to fill in, and its tests.
-
-    An existing folder is refused.
-
-    Example: trebucheck plugin new my-engine
-    """
-    from ..conformance.skeleton import write_skeleton
-
-    folder = out or Path(f"trebucheck-{name}")
-    for path in write_skeleton(name, folder):
-        typer.echo(f"Wrote {output.printable(str(path))}")
-    typer.echo(
-        f"\nNext: cd {output.printable(str(folder))}, pip install -e .[test], pytest; then fill "
-        f"in engine.py."
-    )

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import typer
 
 from ..models.errors import InputError, TrebucheckError
-from . import completion, options, output
-from .call import Call, argument, command, folder, option
+from . import options, output
+from .call import Call, command
+from .options import argument, folder, option
 
 if TYPE_CHECKING:
     from ..comparisons.report.drawing.scene import Scene
@@ -29,38 +30,26 @@ if TYPE_CHECKING:
     "sensitivities timeout quiet json",
     folder("report", "Folder for throw.html and throw.json."),
     release_angle=option(
-        float | None,
-        None,
         "--release-angle",
-        help="Let go at this angle of the velocity above level (deg); 45 if no other.",
+        "Let go at this angle of the velocity above level (deg); 45 if no other.",
+        float | None,
     ),
-    release_time=option(float | None, None, "--release-time", help="Let go at this time (s)."),
+    release_time=option("--release-time", "Let go at this time (s).", float | None),
     sling_angle=option(
-        float | None,
-        None,
-        "--sling-angle",
-        help="Let go at this angle of the sling from the arm (deg).",
+        "--sling-angle", "Let go at this angle of the sling from the arm (deg).", float | None
     ),
-    best=option(bool, False, "--best", help="Let go for the longest range."),
-    density=option(float | None, None, "--density", help="Of the air (kg/m^3); with --drag-area."),
+    best=option("--best", "Let go for the longest range.", bool, False),
+    density=option("--density", "Of the air (kg/m^3); with --drag-area.", float | None),
     drag_area=option(
-        float | None,
-        None,
-        "--drag-area",
-        help="Drag coefficient times area (m^2); with --density or --body.",
+        "--drag-area", "Drag coefficient times area (m^2); with --density or --body.", float | None
     ),
-    body=option(
-        str | None,
-        None,
-        "--body",
-        help="moon, mars, earth or venus: gravity and air of the paper's Table II.",
-    ),
-    height=option(float, 0.0, "--height", help="Of the landing above the fulcrum or wheel (m)."),
+    body=option("--body", "moon, mars, earth or venus: gravity and air of the paper's Table II."),
+    height=option("--height", "Of the landing above the fulcrum or wheel (m).", float, 0.0),
     sensitivities=option(
+        "--sensitivities",
+        "Also differentiate time, speed, angle and range by every number of the machine.",
         bool,
         False,
-        "--sensitivities",
-        help="Also differentiate time, speed, angle and range by every number of the machine.",
     ),
 )
 def throw_command(call: Call) -> None:
@@ -126,21 +115,15 @@ def _with_sensitivities(
     "engine model preset timestep duration until set beam option stop_law reference timeout quiet",
     folder("report", "NetCDF file to write, or a folder for it."),
     engine=option(
+        "--engine --engines",
+        "One engine; see `trebucheck engines`.",
         str,
         ...,
-        "--engine",
-        "--engines",
-        autocompletion=completion.engines,
-        help="One engine; see `trebucheck engines`.",
+        names=options.engine_names,
     ),
-    preset=option(
-        str, "tuned", "--preset", autocompletion=completion.presets, help="tuned or stock."
-    ),
+    preset=option("--preset", "tuned or stock.", str, "tuned", names=options.preset_names),
     reference=option(
-        bool,
-        True,
-        "--reference/--no-reference",
-        help="Say how far the run is from the reference.",
+        "--reference/--no-reference", "Say how far the run is from the reference.", bool, True
     ),
 )
 def run_command(call: Call) -> None:
@@ -199,10 +182,7 @@ def _distance(trajectory: Trajectory, runner: Runner) -> Farthest | str:
 
 
 _MODEL = argument(
-    str | None,
-    None,
-    metavar="[MODEL]",
-    help=f"Machine; several for a page: {options.MACHINES}.",
+    f"Machine; several for a page: {options.MACHINES}.", str | None, None, metavar="[MODEL]"
 )
 
 
@@ -212,33 +192,23 @@ _MODEL = argument(
     folder("motion.html", "File to write: .gif, .mp4, .svg or .html."),
     model=_MODEL,
     engines=option(
-        str | None,
-        None,
-        "--engines",
-        "--engine",
-        help="Engines drawn over the reference, comma-separated; none by default.",
+        "--engines --engine", "Engines drawn over the reference, comma-separated; none by default."
     ),
     preset="tuned",
     trajectories=option(
-        Path | None,
-        None,
         "--from",
+        "Draw these trajectories (NetCDF, or a folder of them) instead of new runs.",
+        Path | None,
         metavar="PATH",
-        help="Draw these trajectories (NetCDF, or a folder of them) instead of new runs.",
     ),
     magnify=option(
-        float | None,
-        None,
         "--magnify",
-        help="Times that deviations are magnified; chosen to be seen by default.",
+        "Times that deviations are magnified; chosen to be seen by default.",
+        float | None,
     ),
-    width=option(int, 640, "--width", help="Of the picture (px)."),
+    width=option("--width", "Of the picture (px).", int, 640),
     at=option(
-        str | None,
-        None,
-        "--at",
-        metavar="TIMES",
-        help="Instant of a still picture, .svg (s); several in one: 0,1.2,2.",
+        "--at", "Instant of a still picture, .svg (s); several in one: 0,1.2,2.", metavar="TIMES"
     ),
 )
 def animate_command(call: Call) -> None:
@@ -389,8 +359,8 @@ def _of_one(
 
 @command(
     "model engine set beam",
-    model=argument(str, "fixed", help=f"Machine: {options.MACHINES}."),
-    engine=option(str | None, None, "--engine", help="Whose viewer; the first that has one."),
+    model=argument(f"Machine: {options.MACHINES}.", str, "fixed"),
+    engine=option("--engine", "Whose viewer; the first that has one."),
 )
 def view_command(call: Call) -> None:
     """Open a machine in an engine's own interactive viewer (MuJoCo has one); it needs a display.

@@ -1,7 +1,9 @@
-"""Options that several commands share, and how their texts are read."""
+"""Options that several commands share: flags, defaults, completion, and how texts are read."""
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..models.errors import InputError
-from . import completion
 
 if TYPE_CHECKING:
     from ..models.library.trebuchet import TrebuchetParameters
@@ -22,123 +23,65 @@ MACHINES = (
     "or a .json file"
 )
 
-Models = Annotated[
-    str,
-    typer.Option(
-        "--models",
-        "--model",
-        autocompletion=completion.machines,
-        help=f"Machines, comma-separated: {MACHINES}.",
-    ),
-]
-Model = Annotated[
-    str,
-    typer.Option(
-        "--model", "--models", autocompletion=completion.machines, help=f"Machine: {MACHINES}."
-    ),
-]
-Engines = Annotated[
-    str | None,
-    typer.Option(
-        "--engines",
-        "--engine",
-        autocompletion=completion.engines,
-        help="Engines, comma-separated; all by default.",
-    ),
-]
-Preset = Annotated[
-    str,
-    typer.Option(
-        "--preset",
-        "--presets",
-        autocompletion=completion.presets,
-        help="tuned, stock, or both: tuned,stock.",
-    ),
-]
-Timestep = Annotated[
-    float | None,
-    typer.Option("--timestep", help="Step of every engine (s); else the preset's own."),
-]
-Duration = Annotated[
-    float | None,
-    typer.Option(
-        "--duration",
-        help="Compared or simulated time (s); the problem's, else to the launch, by default.",
-    ),
-]
-Set = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", metavar="NAME=VALUE", help="A parameter of the machine, SI units; repeatable."
-    ),
-]
-Beam = Annotated[
-    float | None,
-    typer.Option("--beam", help="Keep l1 + l2 at this length (m): l2 follows from l1 (paper: 14)."),
-]
-Until = Annotated[
-    str | None,
-    typer.Option(
-        "--until",
-        help="End of the compared motion: launch, launch:MARKER, release:STOP, or a time (s); "
-        "else the problem's own, "
-        "or the launch.",
-    ),
-]
-Tolerance = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--tolerance",
-        metavar="QUANTITY=VALUE",
-        help="What is asked for, e.g. position=1e-3, energy=0.1%, release:STOP=1e-6, "
-        "default=1%; repeatable.",
-    ),
-]
-Tolerances = Annotated[
-    Path | None,
-    typer.Option(
-        "--tolerances", help='The same from a JSON file: {"tolerances": {"position": 1e-3}}.'
-    ),
-]
-Resume = Annotated[bool, typer.Option("--resume", help="Take finished runs from the folder again.")]
-Jobs = Annotated[
-    int,
-    typer.Option(
-        "--jobs",
-        "-j",
-        help="Processes at once. With more than one, wall times include what runs cost each other.",
-    ),
-]
-Diagnose = Annotated[
-    bool,
-    typer.Option(
-        "--diagnose/--no-diagnose",
-        help="Look for the causes of exceeded tolerances; without it, compare takes less time.",
-    ),
-]
-Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Print only the verdict in a line, and the files.")
-]
-Json = Annotated[bool, typer.Option("--json", help="Print the results as JSON, and nothing else.")]
-Timeout = Annotated[float, typer.Option("--timeout", help="Longest wait for one run (s).")]
-StopLaw = Annotated[
-    str | None,
-    typer.Option(
-        "--stop-law",
-        help="release-once or unilateral; by default the problem's own, else release-once.",
-    ),
-]
-EngineOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--option",
-        metavar="[ENGINE.]NAME=VALUE",
-        autocompletion=completion.options,
-        help="A numerical option, of every engine that has it, or of ENGINE; lists as 1,2,3; "
-        "repeatable. "
-        "`trebucheck engines ENGINE` lists them.",
-    ),
-]
+
+# -------------------------------------------------------------------- completion in shells
+
+
+def _completion(
+    names: Callable[[], Iterable[str]] | None,
+) -> Callable[[str], list[str]] | None:
+    """Completion of the last name of a comma list, without those that stand before it."""
+    if names is None:
+        return None
+
+    def completed(incomplete: str) -> list[str]:
+        before, comma, last = incomplete.rpartition(",")
+        given = before.split(",")
+        return [
+            f"{before}{comma}{name}"
+            for name in names()
+            if name.startswith(last) and name not in given
+        ]
+
+    return completed
+
+
+def problem_names() -> list[str]:
+    """Names of the problems of the library."""
+    from ..models.library.registry import benchmarks
+
+    return [problem.name for problem in benchmarks(None)]
+
+
+def machine_names() -> list[str]:
+    """Names of machines and problems."""
+    from ..models.library.registry import models
+
+    return [*models(), *problem_names()]
+
+
+def engine_names() -> tuple[str, ...]:
+    """Names of engines, plug-ins among them."""
+    from ..engines.registry import engine_names
+
+    return engine_names()
+
+
+def preset_names() -> list[str]:
+    """Names of the presets of all engines."""
+    from ..engines.registry import engine_class
+
+    presets = [preset for name in engine_names() for preset in engine_class(name).presets()]
+    return list(dict.fromkeys(presets))
+
+
+def _assigned_options() -> list[str]:
+    from ..engines.registry import option_names
+
+    return [f"{name}.{option}=" for name in engine_names() for option in option_names(name) or ()]
+
+
+# ------------------------------------------------------------------------------ declarations
 
 
 @dataclass(frozen=True)
@@ -153,28 +96,44 @@ class Declared:
         return replace(self, default=default)
 
 
-# The options that several commands share, by the names that their values have in a call.
-OPTIONS = {
-    "models": Declared(Models, "fixed,rolling"),
-    "model": Declared(Model, "fixed"),
-    "engines": Declared(Engines, None),
-    "preset": Declared(Preset, "tuned,stock"),
-    "timestep": Declared(Timestep, None),
-    "duration": Declared(Duration, None),
-    "until": Declared(Until, None),
-    "set": Declared(Set, None),
-    "beam": Declared(Beam, None),
-    "tolerance": Declared(Tolerance, None),
-    "tolerances": Declared(Tolerances, None),
-    "option": Declared(EngineOption, None),
-    "stop_law": Declared(StopLaw, None),
-    "resume": Declared(Resume, False),
-    "jobs": Declared(Jobs, 1),
-    "diagnose": Declared(Diagnose, True),
-    "timeout": Declared(Timeout, 600.0),
-    "quiet": Declared(Quiet, False),
-    "json": Declared(Json, False),
-}
+def option(
+    flags: str,
+    help: str,
+    kind: Any = str | None,
+    default: Any = None,
+    names: Callable[[], Iterable[str]] | None = None,
+    **info: Any,
+) -> Declared:
+    """Declare an option.
+
+    Args:
+        flags: separated by blanks; empty: made from the name.
+        help: what the help says of it.
+        kind: its type.
+        default: its value where it is not given; `...`: it must be given.
+        names: what shells complete it with.
+        info: further arguments of `typer.Option`.
+    """
+    found = typer.Option(*flags.split(), help=help, autocompletion=_completion(names), **info)
+    return Declared(Annotated[kind, found], default)
+
+
+def argument(
+    help: str,
+    kind: Any = str,
+    default: Any = inspect.Parameter.empty,
+    names: Callable[[], Iterable[str]] | None = None,
+    **info: Any,
+) -> Declared:
+    """Declare an argument; without a default it must be given. See :func:`option`."""
+    found = typer.Argument(help=help, autocompletion=_completion(names), **info)
+    return Declared(Annotated[kind, found], default)
+
+
+def folder(default: str | None, text: str) -> Declared:
+    """Declare the option --out; `text` is its help."""
+    kind: Any = Path | None if default is None else Path
+    return Declared(Annotated[kind, out(text)], None if default is None else Path(default))
 
 
 def out(text: str) -> Any:
@@ -186,6 +145,106 @@ def _path(text: str | Path) -> Path:
     if not str(text).strip():
         raise typer.BadParameter("it is empty; a name is needed (the folder one is in is '.').")
     return Path(text)
+
+
+# For commands of other distributions, which are annotated functions.
+Engines = Annotated[
+    str | None,
+    typer.Option(
+        "--engines",
+        "--engine",
+        autocompletion=_completion(engine_names),
+        help="Engines, comma-separated; all by default.",
+    ),
+]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Print only the verdict in a line, and the files.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print the results as JSON, and nothing else.")]
+
+# The options that several commands share, by the names that their values have in a call.
+OPTIONS = {
+    "models": option(
+        "--models --model",
+        f"Machines, comma-separated: {MACHINES}.",
+        str,
+        "fixed,rolling",
+        names=machine_names,
+    ),
+    "model": option("--model --models", f"Machine: {MACHINES}.", str, "fixed", names=machine_names),
+    "engines": Declared(Engines, None),
+    "preset": option(
+        "--preset --presets",
+        "tuned, stock, or both: tuned,stock.",
+        str,
+        "tuned,stock",
+        names=preset_names,
+    ),
+    "timestep": option(
+        "--timestep", "Step of every engine (s); else the preset's own.", float | None
+    ),
+    "duration": option(
+        "--duration",
+        "Compared or simulated time (s); the problem's, else to the launch, by default.",
+        float | None,
+    ),
+    "until": option(
+        "--until",
+        "End of the compared motion: launch, launch:MARKER, release:STOP, or a time (s); "
+        "else the problem's own, or the launch.",
+    ),
+    "set": option(
+        "--set",
+        "A parameter of the machine, SI units; repeatable.",
+        list[str] | None,
+        metavar="NAME=VALUE",
+    ),
+    "beam": option(
+        "--beam", "Keep l1 + l2 at this length (m): l2 follows from l1 (paper: 14).", float | None
+    ),
+    "tolerance": option(
+        "--tolerance",
+        "What is asked for, e.g. position=1e-3, energy=0.1%, release:STOP=1e-6, "
+        "default=1%; repeatable.",
+        list[str] | None,
+        metavar="QUANTITY=VALUE",
+    ),
+    "tolerances": option(
+        "--tolerances",
+        'The same from a JSON file: {"tolerances": {"position": 1e-3}}.',
+        Path | None,
+    ),
+    "option": option(
+        "--option",
+        "A numerical option, of every engine that has it, or of ENGINE; lists as 1,2,3; "
+        "repeatable. `trebucheck engines ENGINE` lists them.",
+        list[str] | None,
+        metavar="[ENGINE.]NAME=VALUE",
+        names=_assigned_options,
+    ),
+    "stop_law": option(
+        "--stop-law", "release-once or unilateral; by default the problem's own, else release-once."
+    ),
+    "resume": option("--resume", "Take finished runs from the folder again.", bool, False),
+    "jobs": option(
+        "--jobs -j",
+        "Processes at once. With more than one, wall times include what runs cost each other.",
+        int,
+        1,
+    ),
+    "diagnose": option(
+        "--diagnose/--no-diagnose",
+        "Look for the causes of exceeded tolerances; without it, compare takes less time.",
+        bool,
+        True,
+    ),
+    "timeout": option("--timeout", "Longest wait for one run (s).", float, 600.0),
+    "quiet": Declared(Quiet, False),
+    "json": Declared(Json, False),
+}
+
+
+# --------------------------------------------------------------------------- texts to values
 
 
 def positive(value: float, option: str) -> float:
@@ -385,7 +444,7 @@ def engine_options(
         InputError: an option is chosen by another flag, or is there twice, or none of the engines
             has it.
     """
-    from ..engines.registry import engine_names, refuse_unknown_options
+    from ..engines.registry import refuse_unknown_options
 
     options = {name: _value(value) for name, value in assignments(texts, "--option").items()}
     refuse_unknown_options(options, engines or engine_names())
@@ -405,9 +464,7 @@ def _value(text: str) -> object:
     for form in (text, f"[{text}]") if "," in text else (text,):
         try:
             return json.loads(form)
-        except (
-            ValueError,
-            RecursionError,
-        ):  # no JSON, or a number of thousands of digits, or nested too deep
+        # No JSON, or a number of thousands of digits, or nested too deep.
+        except (ValueError, RecursionError):
             continue
     return text

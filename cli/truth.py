@@ -6,25 +6,25 @@ import shlex
 import sys
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import typer
 
 from ..models.errors import InputError, SimulationError
-from ..models.problem import Problem
-from . import completion, options, output
-from .call import Call, argument, command, folder, option
+from ..models.problem import mechanism_of
+from . import options, output
+from .call import Call, command
+from .options import argument, folder, option
 
 if TYPE_CHECKING:
+    from ..models.library.benchmark import BenchmarkParameters
     from ..reference.certification.certificate import Certificate
 
 
 @command(
     "models set beam duration timeout quiet json",
     folder("certificates", "Folder for one JSON file and one page a machine."),
-    json=option(
-        bool, False, "--json", help="Print the certificates as a JSON array, and nothing else."
-    ),
+    json=option("--json", "Print the certificates as a JSON array, and nothing else.", bool, False),
 )
 def certify_command(call: Call) -> bool:
     """Compute each machine's figures in every independent way; write values and uncertainties.
@@ -51,7 +51,7 @@ def certify_command(call: Call) -> bool:
     refuse_unwritable(call.out)
     certificates: list[str] = []
     for name, model in zip(options.names(call.values["models"], "--models"), models, strict=True):
-        mechanism = model.mechanism if isinstance(model, Problem) else model
+        mechanism = mechanism_of(model)
         try:
             with call.progress(width=28) as show:
                 certificate = certify(
@@ -102,12 +102,12 @@ def _line(
     "name set check timeout",
     folder(None, "NetCDF file to write; NAME.nc by default."),
     name=argument(
+        f"{options.MACHINES}; all are listed where left out.",
         str | None,
         None,
-        autocompletion=completion.machines,
-        help=f"{options.MACHINES}; all are listed where left out.",
+        names=options.machine_names,
     ),
-    check=option(bool, False, "--check", help="Verify the checksums of all published files."),
+    check=option("--check", "Verify the checksums of all published files.", bool, False),
 )
 def data_command(call: Call) -> bool:
     """List the published certified trajectories, write one as NetCDF, or verify their checksums.
@@ -141,12 +141,11 @@ def data_command(call: Call) -> bool:
 def _write_trajectory(call: Call, path: Path) -> None:
     from ..comparisons.data.certified import certified_dataset, content, published
     from ..models.files import refuse_unwritable, write_bytes
-    from ..models.problem import Problem
     from ..models.trajectory import write_dataset
 
     given = options.only(call.name, call.set, None, "data")
     refuse_unwritable(path.parent, path.name)
-    own = given.mechanism.name if isinstance(given, Problem) else given.name
+    own = mechanism_of(given).name
     if not call.set and not call.name.endswith(".json") and own in published():
         write_bytes(path, content(own))
         return
@@ -177,12 +176,12 @@ def _list_trajectories() -> bool:
 @command(
     "name tag set timeout",
     name=argument(
+        "Name or number of one problem, to see its figures.",
         str | None,
         None,
-        autocompletion=completion.problems,
-        help="Name or number of one problem, to see its figures.",
+        names=options.problem_names,
     ),
-    tag=option(str | None, None, "--tag", help="List only problems with this tag, e.g. loop."),
+    tag=option("--tag", "List only problems with this tag, e.g. loop."),
 )
 def problems_command(call: Call) -> bool:
     """List the benchmark problems, or show one: source, figures beside the reference's, conditions.
@@ -216,6 +215,7 @@ def problems_command(call: Call) -> bool:
     chosen = benchmark(call.name)
     parameters = call.parameters().of(chosen.name)
     with call.worker(isolate=False) as worker:
-        checked = worker.compute(partial(check, chosen, parameters))
+        given = cast("BenchmarkParameters | None", parameters)
+        checked = worker.compute(partial(check, chosen, given))
     output.show(document(checked))
     return checked.holds

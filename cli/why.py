@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from ..models.errors import InputError
-from .call import Call, command, folder, option
+from .call import Call, command
+from .options import folder, option
 
 
 @command(
@@ -37,13 +38,7 @@ def explain_command(call: Call) -> bool:
 @command(
     "models engines knobs until set beam option resume jobs timeout quiet json",
     folder("converge", "Folder for converge.html, converge.json and the runs."),
-    knobs=option(
-        str | None,
-        None,
-        "--knobs",
-        "--knob",
-        help="Knobs, comma-separated, e.g. timestep,solref; all by default.",
-    ),
+    knobs=option("--knobs --knob", "Knobs, comma-separated, e.g. timestep,solref; all by default."),
 )
 def converge_command(call: Call) -> bool:
     """Turn each engine's knobs and see how its error falls: orders, floors, causes, limits.
@@ -78,28 +73,20 @@ def converge_command(call: Call) -> bool:
     "json",
     folder("recommend", "Folder for recommend.html, recommend.json, the texts and the trials."),
     position=option(
-        float | None,
-        None,
-        "--position",
-        help="Largest distance of any marker from the reference (m).",
+        "--position", "Largest distance of any marker from the reference (m).", float | None
     ),
     torque=option(
-        str | None,
-        None,
         "--torque",
-        help="Largest error of any stop's torque: N m (N on points), or a share of the largest: "
-        "0.1%.",
+        "Largest error of any stop's torque: N m (N on points), or a share of the largest: 0.1%.",
     ),
-    release=option(
-        float | None, None, "--release", help="Largest error of any stop's release (s)."
-    ),
+    release=option("--release", "Largest error of any stop's release (s).", float | None),
     neighbours=option(
+        "--neighbours",
+        "Machines of the same kind the settings are to hold on, too; 0: none.",
         int,
         32,
-        "--neighbours",
-        help="Machines of the same kind the settings are to hold on, too; 0: none.",
     ),
-    resume=option(bool, False, "--resume", help="Take finished trials from the folder again."),
+    resume=option("--resume", "Take finished trials from the folder again.", bool, False),
 )
 def recommend_command(call: Call) -> None:
     """Find each engine's cheapest settings that reach an accuracy to the launch or --until.
@@ -126,11 +113,12 @@ def recommend_command(call: Call) -> None:
         raise InputError(
             "nothing is asked; give at least one of --position, --torque and --release."
         )
-    # A named machine stays a name: its neighbours have other parameters.
-    how, name = call.run_options(), call.model.strip()
-    how["model"] = call.only_model() if name.endswith(".json") else name
-    how["parameters"] = None if name.endswith(".json") else call.parameters().of(name)
+    how, given, name = call.run_options(), call.only_model(), call.model.strip()
     del how["models"]
+    if name.endswith(".json"):
+        how["model"] = given
+    else:  # a named machine stays a name: its neighbours have other parameters
+        how.update(model=name, parameters=call.parameters().of(name))
     store = call.store()
     with call.progress("references", 30) as show:
         advice = recommend(**how, **target, neighbours=call.neighbours, store=store, progress=show)

@@ -14,7 +14,7 @@ from ..models.mjcf import writer
 from ..models.mjcf.paths import as_spec as spec_of
 from ..models.mjcf.recorded import Keyframe, RecordedMotion, event_names, stored_motion
 from ..models.mjcf.variants import Variant
-from ..models.problem import Problem, StopLaw
+from ..models.problem import Problem, StopLaw, mechanism_of
 from .runs.runner import Runner
 from .runs.study import Until
 
@@ -46,7 +46,7 @@ def motion_of(given: Mechanism | Problem) -> Runner:
         InputError: the reference cannot begin.
     """
     problem = given if isinstance(given, Problem) else None
-    mechanism = given.mechanism if isinstance(given, Problem) else given
+    mechanism = mechanism_of(given)
     until = Until.of(problem.duration if problem else None)
     return Runner(mechanism, until=until, law=problem.stop_law if problem else StopLaw.RELEASE_ONCE)
 
@@ -143,7 +143,7 @@ def mjcf(
         EngineNotInstalledError: MuJoCo is not there, for `as_spec`.
     """
     found = model_of(given, named_parameters(given, parameters))
-    mechanism = found.mechanism if isinstance(found, Problem) else found
+    mechanism = mechanism_of(found)
     variant = Variant(sensors=sensors, finite_inertia=finite_inertia, throw=throw)
     step, motion = step_and_motion(found, timestep, keyframes=keyframes)
     text = writer.mjcf(mechanism, step, motion, variant)

@@ -5,8 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from ..models.library.benchmark import Benchmark, Condition, ContinuousMotion, KnownValue
-from ..models.spec import Spec
+from ..models.library.benchmark import (
+    Benchmark,
+    BenchmarkParameters,
+    Condition,
+    ContinuousMotion,
+    KnownValue,
+)
 from ..reference.solver import solve
 
 __path__: list[str] = []  # names of earlier releases below this module: see renamed.py
@@ -53,21 +58,20 @@ class ProblemCheck:
     """
 
     benchmark: Benchmark
-    parameters: Spec
+    parameters: BenchmarkParameters
     motion: ContinuousMotion
 
     @cached_property
     def figures(self) -> tuple[CheckedFigure, ...]:
         """Figures of the parameters, beside the motion's."""
         return tuple(
-            CheckedFigure(each, each.read(self.motion))
-            for each in self.benchmark.figures(self.parameters)
+            CheckedFigure(each, each.read(self.motion)) for each in self.parameters.figures()
         )
 
     @cached_property
     def conditions(self) -> tuple[CheckedCondition, ...]:
         """Conditions of the source, beside the motion's errors."""
-        conditions = self.benchmark.conditions(self.parameters)
+        conditions = self.parameters.conditions()
         return tuple(CheckedCondition(each, each.error(self.motion)) for each in conditions)
 
     @property
@@ -76,7 +80,7 @@ class ProblemCheck:
         return all(each.holds for each in (*self.figures, *self.conditions))
 
 
-def check(benchmark: Benchmark, parameters: Spec | None = None) -> ProblemCheck:
+def check(benchmark: Benchmark, parameters: BenchmarkParameters | None = None) -> ProblemCheck:
     """Solve a benchmark by the reference and hold it against its figures.
 
     Args:

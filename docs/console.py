@@ -1,4 +1,4 @@
-"""Run the commands that a Markdown page prints, in blocks of `console`, and write what they answer below each."""
+"""Run the commands in the `console` blocks of a Markdown page and write their output below each."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def commands(text: str) -> list[str]:
 
 
 def answer(command: str, folder: Path) -> str:
-    """What a command line prints in that folder; nothing is said of its exit code, which may be 1 for a verdict."""
+    """Output of a command line run in that folder; any exit code is accepted (1 is a verdict)."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     own = {**os.environ, "COLUMNS": _WIDTH, "PATH": path}
     done = subprocess.run(
@@ -34,7 +34,7 @@ def answer(command: str, folder: Path) -> str:
 
 
 def refresh(page: Path) -> None:
-    """Rewrite a page with the answers of today; its commands share a folder, in the order of the page."""
+    """Rewrite a page with fresh output; its commands share a folder, in the order of the page."""
     text = page.read_text(encoding="utf-8")
     with tempfile.TemporaryDirectory() as folder:
 

@@ -1,4 +1,4 @@
-"""Write what the repository holds generated: schemas, tables, pictures, reference pages (`make generated`).
+"""Generate schemas, tables, pictures and reference pages of the repository (`make generated`).
 
 With names of parts only those: `python docs/generate.py readme commands`.
 """
@@ -127,7 +127,8 @@ def write_problems() -> None:
     engines = kept[0] if kept else "<!-- generated: engines -->\n<!-- end -->"
     figures = markdown.text(library(list(map(check, benchmarks()))))
     page.write_text(
-        f"<!-- written by docs/generate.py -->\n# The problem library\n\n{_PROBLEMS}\n{engines}\n\n{figures}"
+        "<!-- written by docs/generate.py -->\n# The problem "
+        f"library\n\n{_PROBLEMS}\n{engines}\n\n{figures}"
     )
 
 
@@ -142,7 +143,7 @@ def write_engines_on_problems() -> None:
 
 
 def engines_on(entry: Benchmark) -> tuple[str, ...]:
-    """The largest distance of a marker from the reference, in parts of the problem's size, by engine."""
+    """Largest error of a marker against the reference, relative to problem size, by engine."""
     cells = [f"{entry.number} {entry.name}"]
     problem = entry.problem()
     solution = solve(problem)
@@ -167,19 +168,21 @@ def engines_on(entry: Benchmark) -> tuple[str, ...]:
 
 
 _STEPS = {"mujoco": 1e-3, "pymunk": 1e-3, "exudyn": 1e-4}
-"""Of each engine in parts of the problem's characteristic time."""
+"""Time step of each engine, relative to the problem's characteristic time."""
 
 
-_PROBLEMS = """Published and closed-form benchmark problems. A name or number stands wherever a machine's does
-(`trebucheck compare --model slider-crank`, `tb.model("A01")`), with parameters by `--set`, and brings its own duration
-and law of the stops. `trebucheck problems --tag loop` lists, `trebucheck problems pendulum --set length=2` holds the
-reference against the figures for these parameters. Expected values are published, or computed from a closed form or by
-quadrature; the tolerance is what the reference is held to by the tests.
+_PROBLEMS = """\
+Published and closed-form benchmark problems. A name or number stands wherever a machine's does
+(`trebucheck compare --model slider-crank`, `tb.model("A01")`), with parameters by `--set`, and
+brings its own duration and law of the stops. `trebucheck problems --tag loop` lists,
+`trebucheck problems pendulum --set length=2` holds the reference against the figures for these
+parameters. Expected values are published, or computed from a closed form or by quadrature; the
+tolerance is what the reference is held to by the tests.
 
-Engines, tuned, at a thousandth of the problem's characteristic time (Exudyn at a ten-thousandth): the largest error of
-a marker's coordinate up to the problem's end, or its predictability horizon if that is earlier, in parts of the
-mechanism's size; or why there is none. `trebucheck compare` judges them, names the quantities that are off, and looks
-for causes.
+Engines, tuned, at a thousandth of the problem's characteristic time (Exudyn at a ten-thousandth):
+the largest error of a marker's coordinate up to the problem's end, or its predictability horizon if
+that is earlier, in parts of the mechanism's size; or why there is none. `trebucheck compare` judges
+them, names the quantities that are off, and looks for causes.
 """
 
 
@@ -190,7 +193,7 @@ def _with_block(text: str, name: str, content: str) -> str:
 
 
 def small_table(agreement: str) -> str:
-    """The README's table, from the page of all: tuned engines on the paper's machines, a row an engine."""
+    """The README's table: tuned engines on the paper's machines, one row an engine."""
     chosen = ("projectile [m]", "launch time [s]", "joint force")
     rows: dict[str, list[str]] = {}
     titles: list[str] = []
@@ -251,19 +254,17 @@ def write_commands() -> None:
     command: Any = typer.main.get_command(app)
     context = typer.Context(command, info_name="trebucheck")
     text = get_docs_for_click(obj=command, ctx=context, name="trebucheck", title="Commands")
-    text = re.sub(
-        r"^(?:Example: )?(trebucheck .*)$", r"    \1", text, flags=re.MULTILINE
-    )  # examples as code
-    text = text.replace(
-        "\\[", "["
-    )  # escaped, so that a terminal shows units and does not take them for colours
+    # Examples as code.
+    text = re.sub(r"^(?:Example: )?(trebucheck .*)$", r"    \1", text, flags=re.MULTILINE)
+    # Escaped, so that a terminal shows units and does not take them for colours.
+    text = text.replace("\\[", "[")
     (ROOT / "docs" / "commands.md").write_text(
         f"<!-- written by docs/generate.py -->\n{text.strip()}\n"
     )
 
 
 def importer_results() -> dict[str, ImporterResults | None]:
-    """Of each importer that has an adapter; None where it has not been run."""
+    """Results of each importer that has an adapter; None where it has not been run."""
     folders = sorted(
         (path.parent for path in (ROOT / "importers").glob("*/load.py")), key=lambda path: path.name
     )
@@ -274,7 +275,7 @@ def importer_results() -> dict[str, ImporterResults | None]:
 
 
 def write_importers() -> None:
-    """The tables of what reads MJCF, also of each machine, and a page of each importer with reports of its faults."""
+    """Write the tables of importers, also of each machine, and a report page for each one."""
     importers = importer_results()
     page = ROOT / "docs" / "importers.md"
     text = _with_block(page.read_text(), "versions", markdown.text(versions_table(importers)))
@@ -292,7 +293,7 @@ def write_importers() -> None:
 
 
 def write_results() -> None:
-    """What the matrix keeps of the built-in engines on the paper's machines and on every problem (an hour)."""
+    """Run the built-in engines on the paper's machines and all problems for the matrix (1 h)."""
     models = ["fixed", "rolling", *(entry.name for entry in benchmarks())]
     today = datetime.now(UTC).date().isoformat()
     folder = ROOT / "docs" / "results"
@@ -322,19 +323,21 @@ def write_matrix() -> None:
 def write_api() -> None:
     """The page of all public names, from their docstrings."""
     parts = [
-        "<!-- written by docs/generate.py -->\n# API\n\n`import trebucheck as tb`; SI units and radians.\n"
+        "<!-- written by docs/generate.py -->\n# API\n\n`import trebucheck as tb`; SI units and "
+        "radians.\n"
     ]
     for name in sorted(tb.__all__, key=str.lower):
         value = getattr(tb, name)
         if callable(value):
             parts.append(
-                f"## tb.{name}\n\n```text\n{_signature(name, value)}\n\n{_docstring(value)}{_members(value)}\n```\n"
+                f"## tb.{name}\n\n```text\n{_signature(name, value)}\n\n"
+                f"{_docstring(value)}{_members(value)}\n```\n"
             )
     (ROOT / "docs" / "api.md").write_text("\n".join(parts))
 
 
 def _signature(name: str, value: Any) -> str:
-    """As it is called; of what pydantic makes, fields are described below it instead of typed."""
+    """Signature as it is called; fields of pydantic models are described below it instead."""
     called = value.__call__ if isinstance(value, ModuleType) else value
     arguments = list(map(_argument, inspect.signature(called).parameters.values()))
     text = f"tb.{name}({', '.join(arguments)})"
@@ -352,15 +355,23 @@ def _argument(parameter: inspect.Parameter) -> str:
     default = parameter.default
     if default is parameter.empty:
         return f"{stars}{parameter.name}{typed}"
-    return f"{stars}{parameter.name}{typed} = {default.value if isinstance(default, Enum) else default!r}"
+    return (
+        f"{stars}{parameter.name}{typed} = "
+        f"{default.value if isinstance(default, Enum) else default!r}"
+    )
 
 
 def _members(value: Any) -> str:
     """Public methods and properties of a class, with the first line of what is said of them."""
     if not isinstance(value, type) or issubclass(value, Exception):
         return ""
-    own = {name: each for base in reversed(value.__mro__) if "trebucheck" in base.__module__
-           for name, each in vars(base).items() if not name.startswith("_")}  # fmt: skip
+    own = {
+        name: each
+        for base in reversed(value.__mro__)
+        if "trebucheck" in base.__module__
+        for name, each in vars(base).items()
+        if not name.startswith("_")
+    }
     said = {
         name: inspect.getdoc(each)
         for name, each in own.items()
@@ -395,13 +406,15 @@ def write_zoo_list() -> None:
     )
 
 
-_ZOO = """<!-- written by docs/generate.py -->
+_ZOO = """\
+<!-- written by docs/generate.py -->
 # Small MJCF models of one feature each
 
-{count} files, each written by hand, with the certified motion of the mechanism that it is: `files/NAME.nc` has joint
-values, uncertainties, mass matrix and accelerations at three states, and forces of limits and contacts at rest.
-`trebucheck importer my_package:load` holds an importer against them; what importers make of them:
-[docs/importers.md](../../docs/importers.md). *Needs*: what it takes to move one, beside a tree's equations of motion.
+{count} files, each written by hand, with the certified motion of the mechanism that it is:
+`files/NAME.nc` has joint values, uncertainties, mass matrix and accelerations at three states, and
+forces of limits and contacts at rest. `trebucheck importer my_package:load` holds an importer
+against them; what importers make of them: [docs/importers.md](../../docs/importers.md). *Needs*:
+what it takes to move one, beside a tree's equations of motion.
 
 """
 

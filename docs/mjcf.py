@@ -31,9 +31,13 @@ def draw(mechanism: Mechanism, motion: RecordedMotion, folder: Path) -> None:
     first, *others = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in small)
     wait = round(1000 * motion.keyframes[-1].time / (len(small) - 1))
     first.save(
-        folder / f"{mechanism.name}.gif", save_all=True, append_images=[*others, *[others[-1]] * _LAST],
-        duration=wait, loop=0, optimize=False,
-    )  # fmt: skip
+        folder / f"{mechanism.name}.gif",
+        save_all=True,
+        append_images=[*others, *[others[-1]] * _LAST],
+        duration=wait,
+        loop=0,
+        optimize=False,
+    )
 
 
 def _beside(one: Image.Image, other: Image.Image) -> Image.Image:

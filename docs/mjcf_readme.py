@@ -1,4 +1,4 @@
-"""README of each committed MJCF: parameters, signs, stops and keyframes from the model, and its accuracy, measured."""
+"""README of each committed MJCF file: parameters, signs, stops, keyframes and measured accuracy."""
 
 from __future__ import annotations
 
@@ -35,11 +35,22 @@ def readme(name: str, motion: RecordedMotion) -> str:
         f"{text[:1].upper()}{text[1:]}.",
         f"![The machine at its launch]({name}.png) ![The throw, in real time]({name}.gif)",
         f"Needs MuJoCo {_least_version(mechanism)}. SI units.",
-        _table(("file", ""), (
-            (f"`{file}`", "the machine alone"),
-            ("`scene.xml`", "with ground, frame, light and a camera, `side`, whose picture the motion fills"),
-            ("`motion.json`", "the certified events that are the keyframes, and the path that the camera is fitted to"),
-        )),
+        _table(
+            ("file", ""),
+            (
+                (f"`{file}`", "the machine alone"),
+                (
+                    "`scene.xml`",
+                    "with ground, frame, light and a camera, `side`, whose picture the motion "
+                    "fills",
+                ),
+                (
+                    "`motion.json`",
+                    "the certified events that are the keyframes, and the path that the camera is "
+                    "fitted to",
+                ),
+            ),
+        ),
         _USE.format(name=name),
         "## Parameters\n\n" + _parameters(name),
         "## Signs\n\n" + _signs(mechanism),
@@ -48,7 +59,7 @@ def readme(name: str, motion: RecordedMotion) -> str:
         "## Accuracy\n\n" + _accuracy(mechanism, motion),
         "## What reads it\n\n" + _IMPORTERS,
         "## The rest\n\n" + _REST.format(inertia=POINT_INERTIA),
-    ]  # fmt: skip
+    ]
     return "\n\n".join(parts) + "\n"
 
 
@@ -56,71 +67,79 @@ _USE = """```python
 import mujoco, trebucheck as tb
 
 model = mujoco.MjModel.from_xml_path(tb.mjcf_path("{name}"))  # scene=True: the scene
-other = mujoco.MjModel.from_xml_string(tb.mjcf("{name}", g=9.8))  # other parameters, with keyframes of their own
+# Other parameters, with keyframes of their own:
+other = mujoco.MjModel.from_xml_string(tb.mjcf("{name}", g=9.8))
 ```"""
 
 _LIMITS = """\
-A stop is one end of a joint's range, whose other end is far away. Limits are soft in MuJoCo: under load one gives way
-by (1 - d) a / k, with its impedance d, stiffness k, and the acceleration a that it withholds. Here d is the greatest
-that MuJoCo takes and the time constant is two steps, the shortest that it takes, so that what a limit gives way falls
-with the square of the step: whoever changes `timestep` changes `solreflimit` with it, or asks `tb.mjcf` for another
-step. `margin` is there because a limit acts only where the joint is strictly nearer: with 0 a stop that is closed at
-the start would carry nothing then. A limit acts again whenever its joint comes back; the paper's stops are gone once
-released. Up to the launch that is the same motion."""
+A stop is one end of a joint's range, whose other end is far away. Limits are soft in MuJoCo: under
+load one gives way by (1 - d) a / k, with its impedance d, stiffness k, and the acceleration a that
+it withholds. Here d is the greatest that MuJoCo takes and the time constant is two steps, the
+shortest that it takes, so that what a limit gives way falls with the square of the step: whoever
+changes `timestep` changes `solreflimit` with it, or asks `tb.mjcf` for another step. `margin` is
+there because a limit acts only where the joint is strictly nearer: with 0 a stop that is closed at
+the start would carry nothing then. A limit acts again whenever its joint comes back; the paper's
+stops are gone once released. Up to the launch that is the same motion."""
 
 _POINTS = """\
-A stop on a point is a frictionless contact of a small ball with a plane (group 4, hidden). A slot that closes a loop
-is a ball between two planes, both pressed against it by `margin`: as long as both push they are one two-sided
-constraint without play. Ball and planes hang on bodies without mass, where the softness follows the inertia that is
-felt there and a force sensor has a place. Only the pairs that are listed touch. MuJoCo leaves the J-dot v term out of
-contacts, so that the file alone loses a moving point at its wall and finds it again: no lift-off should be read off
-it. Softness is scaled with the step: whoever changes `timestep` asks `tb.mjcf` for another step."""
+A stop on a point is a frictionless contact of a small ball with a plane (group 4, hidden). A slot
+that closes a loop is a ball between two planes, both pressed against it by `margin`: as long as
+both push they are one two-sided constraint without play. Ball and planes hang on bodies without
+mass, where the softness follows the inertia that is felt there and a force sensor has a place. Only
+the pairs that are listed touch. MuJoCo leaves the J-dot v term out of contacts, so that the file
+alone loses a moving point at its wall and finds it again: no lift-off should be read off it.
+Softness is scaled with the step: whoever changes `timestep` asks `tb.mjcf` for another step."""
 
 _SIGNS = """\
-The plane of motion is x-z: x is the direction of launch, z is up. Hinges turn about `0 1 0`, which is clockwise seen
-from the camera, as the paper's angles are. Joints are relative to the parent and read zero at the start. `qpos` is
-({joints}).
+The plane of motion is x-z: x is the direction of launch, z is up. Hinges turn about `0 1 0`, which
+is clockwise seen from the camera, as the paper's angles are. Joints are relative to the parent and
+read zero at the start. `qpos` is ({joints}).
 
 {table}
 
-`<stop>_torque` is a stop's torque, or the force of one on a point, never negative. `<joint>_force` is the force of the
-parent on the child in the child's frame, of a joint that closes a loop the opposite."""
+`<stop>_torque` is a stop's torque, or the force of one on a point, never negative. `<joint>_force`
+is the force of the parent on the child in the child's frame, of a joint that closes a loop the
+opposite."""
 
 _MEASURED = """\
-Largest error of the projectile up to the launch [m], against the certified motion, by the step. *plain*:
-`mujoco.mj_step` or `mujoco.rollout` (the same to the bit) on this file written for the step; *softness kept*: this very
-file with another `timestep`; *events located*: `tb.engine("mujoco")`, which adds what a file cannot: releases found
-inside a step, stops preloaded and taken out once released, and the J-dot v term of points. The difference between the
-first and the last of the three is what plain stepping costs. It does not fall regularly with the step: how far a step
-goes beyond a release is chance, and points at walls are lost and found again."""
+Largest error of the projectile up to the launch [m], against the certified motion, by the step.
+*plain*: `mujoco.mj_step` or `mujoco.rollout` (the same to the bit) on this file written for the
+step; *softness kept*: this very file with another `timestep`; *events located*:
+`tb.engine("mujoco")`, which adds what a file cannot: releases found inside a step, stops preloaded
+and taken out once released, and the J-dot v term of points. The difference between the first and
+the last of the three is what plain stepping costs. It does not fall regularly with the step: how
+far a step goes beyond a release is chance, and points at walls are lost and found again."""
 
 _IMPORTERS = """\
-Verdicts from runs: loading, masses, accelerations, ranges, motion up to the first event and after it. Who refuses or
-misreads the file was also given the variants without sensors and with finite inertia; [all models and
-reports](../../../docs/importers.md).
+Verdicts from runs: loading, masses, accelerations, ranges, motion up to the first event and after
+it. Who refuses or misreads the file was also given the variants without sensors and with finite
+inertia; [all models and reports](../../../docs/importers.md).
 
 <!-- generated: importers -->
 <!-- end -->"""
 
 _REST = """\
-- Each body has an `<inertial>`; a point mass has {inertia:g} kg m^2, twice the least that MuJoCo takes. Of
-  the other bodies all three moments of inertia are the one about the axis of the plane.
-- Geoms are for looking at: no mass, no contact, sizes for the eye. Those in group 4 are the contacts'.
-- RK4 is the integrator: MuJoCo's others are of first order here. In another scene (`MjSpec.attach`) the options are
-  that scene's: give it this file's `timestep`, `integrator` and `tolerance`.
-- Names have no blanks or slashes; `tb.mjcf_names` gives them by the mechanism's own and by those of earlier files.
-- Variants: `tb.mjcf(..., sensors=False)` for older versions of MuJoCo; `finite_inertia=True` for importers that refuse
-  or raise small inertias: mass moved across pins gives point masses one, with the same equations of motion.
-  `throw=True`: the
-  projectile is a body of its own, tied by the equality `hold_projectile`; `trebucheck.models.mjcf.throw.throw(model,
-  data)` steps to the release, lets it go, and steps until it lands. In MuJoCo's tree it stays a child of the sling, so
-  that plain steps move it off its parabola where the machine meets its stops after the release: by up to 7.4e-3 m in
-  2 s at 1 ms and 1.9e-3 m at 0.25 ms (fixed, rolling); without such impacts by 2e-9 m.
+- Each body has an `<inertial>`; a point mass has {inertia:g} kg m^2, twice the least that MuJoCo
+  takes. Of the other bodies all three moments of inertia are the one about the axis of the plane.
+- Geoms are for looking at: no mass, no contact, sizes for the eye. Those in group 4 are the
+  contacts'.
+- RK4 is the integrator: MuJoCo's others are of first order here. In another scene (`MjSpec.attach`)
+  the options are that scene's: give it this file's `timestep`, `integrator` and `tolerance`.
+- Names have no blanks or slashes; `tb.mjcf_names` gives them by the mechanism's own and by those of
+  earlier files.
+- Variants: `tb.mjcf(..., sensors=False)` for older versions of MuJoCo; `finite_inertia=True` for
+  importers that refuse or raise small inertias: mass moved across pins gives point masses one, with
+  the same equations of motion. `throw=True`: the projectile is a body of its own, tied by the
+  equality `hold_projectile`; `trebucheck.models.mjcf.throw.throw(model, data)` steps to the
+  release, lets it go, and steps until it lands. In MuJoCo's tree it stays a child of the sling, so
+  that plain steps move it off its parabola where the machine meets its stops after the release: by
+  up to 7.4e-3 m in 2 s at 1 ms and 1.9e-3 m at 0.25 ms (fixed, rolling); without such impacts by
+  2e-9 m.
 - MIT licence, see LICENSE; changes are in CHANGELOG.md."""
 
 
 def _least_version(mechanism: Mechanism) -> str:
-    """By what was tried: see docs/importers.md."""
+    """Oldest version of MuJoCo that loaded the file when tried: see docs/importers.md."""
     return (
         "3.3.5 or later (contact sensors)"
         if mechanism.point_stops
@@ -251,7 +270,7 @@ def _state(solution: Solution, t: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _speed(mechanism: Mechanism, q: FloatArray, u: FloatArray) -> float:
-    """Of the projectile [m/s]."""
+    """Speed of the projectile [m/s]."""
     kinematics, marker = Kinematics(mechanism), mechanism.marker("projectile")
     assert marker is not None
     return float(

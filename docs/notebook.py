@@ -1,4 +1,4 @@
-"""Execute the cells of a Jupyter notebook, with nothing but this Python, and keep what they show."""
+"""Execute the cells of a Jupyter notebook in this Python alone and keep their output."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Cell = dict[str, Any]
 
 
 def outputs(source: str, names: dict[str, Any]) -> Iterator[Cell]:
-    """Of a cell of code: what it prints, and the value of its last expression."""
+    """Outputs of a code cell: what it prints, and the value of its last expression."""
     statements = ast.parse(source).body
     last = statements[-1] if isinstance(statements[-1], ast.Expr) else None
     if last is not None:
@@ -44,7 +44,7 @@ def outputs(source: str, names: dict[str, Any]) -> Iterator[Cell]:
 
 
 def _shown(value: Any) -> dict[str, Any]:
-    """As a notebook keeps it; a whole page would make the file too large for a repository."""
+    """Output in the notebook's format; framed HTML pages are left out, as they are too large."""
     data: dict[str, Any] = {"text/plain": repr(value).splitlines(keepends=True)}
     if hasattr(value, "_repr_png_"):
         data["image/png"] = b64encode(value._repr_png_()).decode()

@@ -24,6 +24,9 @@ import numpy as np
 
 from ..models.arrays import FloatArray
 from ..models.errors import SimulationError
+from ..models.kinematics import Kinematics
+from ..models.mechanism import Mechanism
+from ..models.problem import SETTLED, speed_scale
 
 AT_REST = 1e-9  # [rad/s, m/s] gap speeds below this are rounding errors of an impact's solution
 _ROUNDING = 1e-10  # of the largest impulse, or speed: error of those that are zero
@@ -228,3 +231,45 @@ def resolve_impact(
         dict(zip(names, solution.tolist(), strict=True)),
         dict(zip(names, (rows @ after).tolist(), strict=True)),
     )
+
+
+# --- Least speeds of rebounds
+
+
+class Rebounds:
+    """Least speeds at which the stops of one motion rebound; see :data:`SETTLED`."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._kinematics = Kinematics(mechanism)
+        self._energy = 0.0
+
+    def note_impact(self, q: FloatArray, u: FloatArray) -> None:
+        """Take the state before an impact into account, each of shape (n_q,)."""
+        self._energy = max(self._energy, float(self._kinematics.kinetic_energy(q, u)))
+
+    def least_speed(self, stop: str, q: FloatArray, u: FloatArray | None = None) -> float:
+        """Closing speed of a stop's gap below which it does not rebound [rad/s, m/s].
+
+        Args:
+            stop: its name.
+            q: position, shape (n_q,).
+            u: speeds there, to be taken into account without an impact.
+        """
+        now = 0.0 if u is None else float(self._kinematics.kinetic_energy(q, u))
+        return SETTLED * speed_scale(max(self._energy, now), self._inverse_inertia(stop, q))
+
+    def _inverse_inertia(self, stop: str, q: FloatArray) -> float:
+        """Speed of a gap by a unit impulse of its stop, loops kept closed [1/(kg m^2), 1/kg]."""
+        row, loops = self._kinematics.gap_jacobian(stop, q), self._kinematics.loop_jacobian(q)
+        n, m = len(row), len(loops)
+        mass, system = self._mass_matrix(q), np.zeros((n + m, n + m))
+        size = float(np.abs(mass).max())
+        system[:n, :n], system[n:, :n], system[:n, n:] = mass / size, loops, loops.T
+        # Loops may be redundant: the motion is unique all the same.
+        response = np.linalg.lstsq(system, np.append(row / size, np.zeros(m)))[0][:n]
+        return float(row @ response)
+
+    def _mass_matrix(self, q: FloatArray) -> FloatArray:
+        k = self._kinematics
+        jacobian = k.gradient(k.centres, q, k.rates(q))
+        return ((jacobian.conj().T * k.masses) @ jacobian).real + np.diag(k.inertias)

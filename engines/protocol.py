@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
+import os
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
+from pathlib import Path
 from typing import Any, ClassVar, Protocol, Self, cast, runtime_checkable
 
 import numpy as np
@@ -33,7 +36,6 @@ from ..models.errors import (
 from ..models.features import COVERED_BY_FEATURES, Basic, Feature, refuse_features
 from ..models.kinematics import immovable_stops, without_stops
 from ..models.mechanism import Mechanism
-from ..models.memory import available_memory
 from ..models.problem import Problem, StopLaw
 from ..models.spec import Positive, Spec
 from ..models.trajectory import PointMotion, Provenance, Trajectory
@@ -42,6 +44,8 @@ from .study import EngineStudy
 from .supplied import Supplied
 
 _MOST_STEPS = 20_000_000
+
+
 # Of a run's samples while it is read, sent from its process, compared and written: seven were
 # measured for an engine while it is read (pymunk, Exudyn), and about as many for what follows.
 _COPIES = 16
@@ -414,3 +418,27 @@ def _sample_size(mechanism: Mechanism) -> int:
     )  # time, energies, states, points
     columns += len(mechanism.stops) + 3 * len(mechanism.joints)  # forces; reactions and drifts
     return 8 * columns * _COPIES
+
+
+# --- Available memory, so that a run that would not fit is refused before it starts
+
+_MEMINFO = Path("/proc/meminfo")
+_GROUP = Path("/sys/fs/cgroup")
+
+
+def available_memory() -> float:
+    """Memory that can be taken without swapping [B]; infinite if unknown."""
+    return min(_memory_limits(), default=float("inf"))
+
+
+def _memory_limits() -> Iterator[float]:
+    with suppress(OSError, ValueError):  # Linux; counts what is only cached as available
+        for line in _MEMINFO.read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                yield 1024.0 * int(line.split()[1])
+    with suppress(OSError, ValueError):  # a container's limit; "max" where it has none
+        limit, used = (int((_GROUP / f"memory.{name}").read_text()) for name in ("max", "current"))
+        yield float(limit - used)
+    if not _MEMINFO.exists():
+        with suppress(OSError, ValueError, AttributeError):
+            yield float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))

@@ -1,4 +1,4 @@
-"""Do the installed engines agree with the reference on the fixed machine, and which tolerance is broken?"""
+"""Compare the installed engines with the reference on the fixed machine, tolerance by tolerance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The observed order of convergence of an engine: halve the step, watch the error of the projectile's position."""
+"""Observed order of convergence of an engine: errors of the projectile's position by step."""
 
 from __future__ import annotations
 

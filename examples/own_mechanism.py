@@ -1,4 +1,4 @@
-"""A mechanism of your own: a double pendulum, moved by the reference and by MuJoCo, compared at MuJoCo's times."""
+"""An own mechanism: a double pendulum in the reference and MuJoCo, compared at MuJoCo's times."""
 
 from __future__ import annotations
 
@@ -33,6 +33,5 @@ error = np.linalg.norm(
     motion.marker("tip").position - reference.marker("tip").position[at], axis=1
 ).max()
 print(f"{len(motion.t)} samples, largest error of the tip's position {error:.1e} m")
-print(
-    pendulum.to_json()[:60], "..."
-)  # `trebucheck compare --model pendulum.json` takes this text as a file
+# `trebucheck compare --model pendulum.json` takes this text as a file.
+print(pendulum.to_json()[:60], "...")

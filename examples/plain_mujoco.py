@@ -1,4 +1,4 @@
-"""The committed MJCF in MuJoCo without trebucheck's adapter: load it, step it, read the sling's limit torque."""
+"""The committed MJCF in plain MuJoCo: load it, step it, read the sling's limit torque."""
 
 # MuJoCo's bindings carry no types.
 # pyright: reportAttributeAccessIssue=false

@@ -1,4 +1,4 @@
-"""A compiled MuJoCo model as an importer, for the adapters of all packages that compile files with MuJoCo."""
+"""Importer on a compiled MuJoCo model, shared by packages that compile files with MuJoCo."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ from tempfile import gettempdir
 HERE = Path(__file__).parent.resolve()
 MADE = HERE.parent / ".importers"
 STEPS = {"drake": "2e-4", "pybullet": "2e-4", "dart": "2e-4"}
-"""Of importers that move by a method of first order [s]; of all others 1e-3."""
+"""Step of importers with a first-order method [s]; all others take 1e-3."""
 TIMEOUT = "900"  # [s] for one answer: compilers of kernels take their time
 
 
@@ -72,7 +72,7 @@ def environment(name: str) -> Path:
 
 
 def failed_installation(said: str) -> str:
-    """What pip said, in a sentence."""
+    """Error message of pip, in a sentence."""
     here = f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"
     absent = re.search(r"No matching distribution found for (\S+)", said)
     errors = [line for line in said.splitlines() if line.startswith("ERROR:")]

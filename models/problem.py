@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from enum import StrEnum
 from typing import Self
@@ -13,9 +14,22 @@ from .shown import Shown
 from .spec import Positive, Spec
 
 _CLOSED = 1e-9  # [m] how well loops of joints must close
-
-
 LONGEST = 1000.0  # [s] a motion that is asked for
+
+SETTLED = 5e-7
+"""Least speed of a rebound, in parts of a speed scale, for the reference and for adapters.
+
+With 0 < e < 1 rebounds follow each other ever faster without an end. A stop that is met more slowly
+does not rebound (e = 0 there); what is left out is 1e-13 times as high as the first fall. The scale
+is sqrt(2 T A): how fast the gap could move with the largest kinetic energy T that the mechanism has
+had at an impact, A being the inverse inertia that the stop meets. It has the unit of the gap's
+speed, so no unit, length, mass or gravity matters.
+"""
+
+
+def speed_scale(energy: float, inverse_inertia: float) -> float:
+    """Speed of a gap [rad/s, m/s] that would take all of an energy [J]."""
+    return math.sqrt(2.0 * energy * max(inverse_inertia, 0.0))
 
 
 class StopLaw(StrEnum):
@@ -68,3 +82,8 @@ class Problem(Shown, Spec):
 
     def __init__(self, mechanism: Mechanism, duration: float = 3.0, **fields: object) -> None:
         super().__init__(mechanism=mechanism, duration=duration, **fields)
+
+
+def mechanism_of(model: Mechanism | Problem) -> Mechanism:
+    """The mechanism of a problem, or the one given."""
+    return model.mechanism if isinstance(model, Problem) else model

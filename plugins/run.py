@@ -28,7 +28,7 @@ HERE = Path(__file__).parent
 FREE_SWING = HERE / "free-swing.json"
 """The fixed machine without its stops: what an engine's scheme does with nothing but joints."""
 DURATION = 2.0  # [s] of the free swing
-RUNS = 8  # a problem has so many parts at most, each with a budget of its own: two presets' checks, runs, diagnoses
+RUNS = 8  # most parts of a problem, each with a budget: checks, runs, diagnoses of two presets
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Plugin:
         self.programs = self.folder / "bin"
         own = [path for path in files(HERE / self.name) if path.parent.name != "tests"]
         self.key = digest([*core_files(self.source), *own, FREE_SWING])
-        """Of all that results follow from."""
+        """Digest of everything that results follow from."""
 
     def run(self) -> None:
         """All stages; nothing but the environment is needed for those that follow."""
@@ -105,7 +105,7 @@ class Plugin:
         self.stage("conform", lambda: self.call(conform, 20 * self.budget))
 
     def stage(self, name: str, work: object, *, always: bool = False) -> int:
-        """Exit code of a stage, run now or before; one that is not asked for is 0, and stays as it was."""
+        """Exit code of a stage, run now or before; 0 if it is not asked for, and left as it was."""
         if (
             self.only
             and name != "environment"
@@ -155,7 +155,10 @@ class Plugin:
 
     def library(self) -> dict[str, Batch]:
         """The library's problems by chapter."""
-        code = "import trebucheck.models.problems.registry as r; print(*(f'{e.number}:{e.name}' for e in r.benchmarks()))"
+        code = (
+            "from trebucheck.models.library.registry import benchmarks; "
+            "print(*(f'{e.number}:{e.name}' for e in benchmarks()))"
+        )
         run = [str(self.programs / "python"), "-c", code]
         chapters: dict[str, tuple[str, ...]] = {}
         for entry in subprocess.run(
@@ -186,14 +189,13 @@ class Plugin:
         return 0 if code in (0, 1) and (out / written).is_file() else code or 1
 
     def matrix(self) -> int:
-        """What there is of results, as one file; none if there is nothing."""
+        """Results so far as one file; none if there are none."""
         found = [
             *self.folder.glob("compare/*/results.json"),
             *self.folder.glob("converge/*/converge.json"),
         ]
-        names = [
-            str(path.relative_to(self.folder)) for path in sorted(found)
-        ]  # results tell their command
+        # Results tell their command.
+        names = [str(path.relative_to(self.folder)) for path in sorted(found)]
         written, path = self.folder / "matrix.json", HERE / "results" / f"{self.name}.json"
         code = self.call(self.trebucheck("matrix", *names, "--quiet", "--out", written.name), 600.0)
         if not code:
@@ -202,7 +204,7 @@ class Plugin:
         return code
 
     def call(self, command: list[str], seconds: float) -> int:
-        """Exit code of a command; 124 if it took longer than that and was ended, as `timeout` has it."""
+        """Exit code of a command; 124 if it timed out, as with `timeout`."""
         process = subprocess.Popen(command, cwd=self.folder, start_new_session=True)
         try:
             return process.wait(seconds)
@@ -222,7 +224,7 @@ def files(folder: Path) -> list[Path]:
 
 
 def core_files(source: Path) -> Iterator[Path]:
-    """Of trebucheck, as far as the results depend on them."""
+    """Files of trebucheck that the results depend on."""
     for folder in ("models", "reference", "engines", "comparisons", "conformance"):
         yield from (path for path in files(source / folder) if path.suffix in (".py", ".cjs"))
     toolkit = source / "plugins" / "toolkit" / "trebucheck_toolkit"
@@ -231,7 +233,7 @@ def core_files(source: Path) -> Iterator[Path]:
 
 
 def digest(paths: list[Path]) -> str:
-    """Of the contents."""
+    """Digest of the contents."""
     found = hashlib.sha256()
     for path in paths:
         found.update(path.read_bytes())
@@ -268,7 +270,8 @@ def main() -> int:
         failed = ", ".join(f"{stage} ({code})" for stage, (code, _) in plugin.done.items() if code)
         seconds = sum(spent for _, spent in plugin.done.values())
         print(
-            f"{plugin.name:<10} {len(plugin.done)} stages in {seconds:.0f} s; failed: {failed or 'none'}"
+            f"{plugin.name:<10} {len(plugin.done)} stages in {seconds:.0f} s; failed: "
+            f"{failed or 'none'}"
         )
     return int(any(code for plugin in plugins for code, _ in plugin.done.values()))
 

@@ -54,8 +54,7 @@ from scipy.optimize import nnls
 from ..models.arrays import BoolArray, FloatArray
 from ..models.errors import InputError, SimulationError
 from ..models.kinematics import Kinematics, initial_state
-from ..models.problem import Problem, StopLaw
-from ..models.rebound import SETTLED, speed_scale
+from ..models.problem import SETTLED, Problem, StopLaw, speed_scale
 from .equations import Equations
 
 TOGETHER = 1e-9  # [s]

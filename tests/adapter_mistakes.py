@@ -28,7 +28,7 @@ from trebucheck.models.features import Feature
 from trebucheck.models.library.registry import library_problem, model
 from trebucheck.models.trajectory import PointMotion, Trajectory
 from trebucheck.reference.equations import Equations
-from trebucheck.reference.perturbed import WithoutCentrifugal, solve_scheduled
+from trebucheck.reference.perturbed import solve_scheduled, without_centrifugal
 from trebucheck.reference.solver import solve
 from wrong_engines import Build, Honest, Spoil
 
@@ -666,7 +666,7 @@ MISTAKES: dict[str, Mistake] = {
     "pins rub": Mistake(_DAMPING, built=_rubbing("pin")),
     # moved wrongly
     "slides rub": Mistake(_DAMPING, moved=_by(_RubbingSlots)),
-    "no velocity-dependent forces": Mistake(("velocity-dependent",), moved=_by(WithoutCentrifugal)),
+    "no velocity-dependent forces": Mistake(("velocity-dependent",), moved=_by(without_centrifugal)),
     "stops hold in both directions": Mistake(("never",), moved=_held),
     "stops open one step late": Mistake(("release",), moved=_opened(lambda t, h: t + h)),
     "stops open 0.05 s late": Mistake(("release",), moved=_opened(lambda t, h: t + 0.05)),

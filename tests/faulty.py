@@ -21,7 +21,7 @@ from trebucheck.engines import registry
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.reference.equations import Equations
-from trebucheck.reference.perturbed import WithoutCentrifugal, solve_scheduled
+from trebucheck.reference.perturbed import solve_scheduled, without_centrifugal
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
@@ -240,7 +240,7 @@ def at_rest(state: State) -> State:
 
 def no_centrifugal(problem: tb.Problem) -> Solution:
     right = solve(problem)
-    return solve_scheduled(problem, right.release_times, WithoutCentrifugal(problem.mechanism))
+    return solve_scheduled(problem, right.release_times, without_centrifugal(problem.mechanism))
 
 
 def never(stop: str) -> Callable[[tb.Problem], Solution]:

@@ -23,7 +23,7 @@ from ...models.files import write_text
 from ...models.launch import Launch
 from ...models.library.registry import benchmarks, find_benchmark, library_problem, model, models
 from ...models.mechanism import Mechanism
-from ...models.problem import Problem, StopLaw
+from ...models.problem import Problem, StopLaw, mechanism_of
 from ...models.trajectory import Trajectory, write_dataset
 from ...reference.certification.redundant import solve_redundant
 from ...reference.solution import Solution
@@ -66,7 +66,7 @@ def certified_dataset(given: Mechanism | Problem) -> xr.Dataset:
         SimulationError: the reference cannot move it.
     """
     problem = given if isinstance(given, Problem) else None
-    mechanism = given.mechanism if isinstance(given, Problem) else given
+    mechanism = mechanism_of(given)
     until = Until.of(problem.duration if problem else None)
     runner = Runner(
         mechanism, until=until, law=problem.stop_law if problem else StopLaw.RELEASE_ONCE

@@ -19,7 +19,7 @@ from ...models.errors import InputError, TrebucheckError
 from ...models.library.given import Model
 from ...models.library.registry import models, parameters_type
 from ...models.mechanism import Mechanism
-from ...models.problem import Problem
+from ...models.problem import Problem, mechanism_of
 from ...models.spec import Spec
 from ...reference.solver import characteristic_time
 from ..runs.process import in_order
@@ -197,7 +197,7 @@ def _words(model: str | Mechanism | Problem, parameters: Spec | None) -> tuple[s
     if not isinstance(model, str):
         return (
             "--model",
-            f"{model.mechanism.name if isinstance(model, Problem) else model.name}.json",
+            f"{mechanism_of(model).name}.json",
         )
     defaults = parameters_type(model)()
     base, own = defaults.model_dump(), (parameters or defaults).model_dump()

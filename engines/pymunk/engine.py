@@ -18,8 +18,6 @@ from .options import PymunkOptions
 from .study import STUDY
 
 _LIBRARY_ERROR_BIAS = (1.0 - 0.1) ** 60
-
-
 BUILT: frozenset[type] = COVERED_BY_FEATURES | {CubicTorsionSpring}
 """Classes that the tables of :mod:`.build` have a handler for; these need the library."""
 

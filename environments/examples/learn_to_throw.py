@@ -1,4 +1,4 @@
-"""Learn when to let go: cross-entropy search over two thresholds, on machines that differ from throw to throw."""
+"""Learn when to release: cross-entropy search over two thresholds on machines that vary."""
 
 from __future__ import annotations
 
@@ -8,15 +8,13 @@ import gymnasium
 import numpy as np
 
 Policy = Callable[[np.ndarray, float], bool]
-"""Of an observation and the time [s]: whether to let go."""
+"""Decision to let go, from an observation and the time [s]."""
 
 env = gymnasium.make(
     "trebucheck_environments:trebucheck/Throw-v0", model="hinged", control_step=0.02
 )
-training, others = (
-    range(4),
-    range(100, 112),
-)  # seeds: each is a machine with other lengths and masses
+# Seeds: each is a machine with other lengths and masses.
+training, others = (range(4), range(100, 112))
 
 
 def score(lets_go: Policy, seeds: range) -> float:
@@ -35,7 +33,7 @@ def score(lets_go: Policy, seeds: range) -> float:
 
 
 def thresholds(angle: float, speed: float) -> Policy:
-    """Let go once the velocity points below an angle [rad] and is fast enough (in the observation's unit)."""
+    """Let go once the velocity points below an angle [rad] and its scaled size is large enough."""
     return lambda observation, _: bool(
         np.arctan2(observation[-1], observation[-2]) < angle and np.hypot(*observation[-2:]) > speed
     )
@@ -59,5 +57,6 @@ for trial in range(5):
     mean, spread = best.mean(axis=0), best.std(axis=0) + 0.02
     print(f"round {trial + 1}: mean {scores.mean():.3f}, best {scores.max():.3f}")
 print(
-    f"learned:                     {score(thresholds(*mean), others):.3f}, at {np.degrees(mean[0]):.0f} degrees"
+    f"learned:                     {score(thresholds(*mean), others):.3f}, at "
+    f"{np.degrees(mean[0]):.0f} degrees"
 )

@@ -23,7 +23,7 @@ pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from trebucheck.models.errors import SimulationError  # noqa: E402
-from trebucheck.models.mjcf.throw import PROJECTILE  # noqa: E402
+from trebucheck.models.mjcf.variants import PROJECTILE  # noqa: E402
 from trebucheck.models.problem import StopLaw  # noqa: E402
 from trebucheck.reference.solver import characteristic_time  # noqa: E402
 from trebucheck.reference.throw.flight import Air, Release, fly  # noqa: E402

@@ -1,4 +1,4 @@
-"""What a machine can throw: the reference's best release, by which the rewards are measured."""
+"""The reference's best release of a machine, by which the rewards are measured."""
 
 from __future__ import annotations
 
@@ -20,13 +20,8 @@ from trebucheck.api.mechanics import (
 )
 from trebucheck.api.mjcf import RecordedMotion
 
-_SPANS = (
-    1.75,
-    2.4,
-    3.0,
-    6.0,
-    12.0,
-)  # most first sweeps end within the first or second; beyond, stops strike often
+# Most first sweeps end within the first or second; beyond, stops strike often.
+_SPANS = (1.75, 2.4, 3.0, 6.0, 12.0)
 _PICTURES = 60  # states that the camera is fitted to
 
 
@@ -35,13 +30,13 @@ class BestThrow:
     """The longest throw of a machine's first sweep, by the reference."""
 
     time: float
-    """Of the release [s]."""
+    """Time of the release [s]."""
     range: float
-    """Distance of the landing [m]: at the height of the fulcrum, measured from it, both at the start."""
+    """Distance of the landing [m], at the height of the fulcrum and measured from its start."""
     sweep_end: float
     """When the first sweep is over [s]; what follows is chaotic."""
     surroundings: Surroundings
-    """Of the flight."""
+    """Surroundings of the flight."""
     projectile: Projectile
     """Its continuous motion, longer than the first sweep."""
     motion: RecordedMotion
@@ -58,9 +53,8 @@ def best_throw(mechanism: Mechanism) -> BestThrow:
         InputError: there is no projectile, gravity is not downwards, or no release throws forwards.
         SimulationError: the reference cannot move the mechanism.
     """
-    return _best_throw(
-        cast("Any", mechanism)
-    )  # type checkers do not see that a description has a hash
+    # Type checkers do not see that a description has a hash.
+    return _best_throw(cast("Any", mechanism))
 
 
 @lru_cache(maxsize=128)
@@ -71,7 +65,8 @@ def _best_throw(mechanism: Mechanism) -> BestThrow:
     farthest = 0.0 if release is None else fly(release, surroundings).range
     if release is None or farthest <= 0:
         raise InputError(
-            f"{mechanism.name!r} with these parameters throws nothing forwards, whenever it releases."
+            f"{mechanism.name!r} with these parameters throws nothing forwards, whenever it "
+            "releases."
         )
     path = _path(mechanism, projectile, release.time)
     return BestThrow(release.time, farthest, projectile.sweep()[1], surroundings, projectile, path)

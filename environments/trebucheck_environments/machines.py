@@ -1,4 +1,4 @@
-"""The machines that episodes are played with: one mechanism, or those drawn around a named machine's parameters."""
+"""Machines of the episodes: one mechanism, or parameters drawn around a named machine's."""
 
 from __future__ import annotations
 
@@ -52,8 +52,9 @@ class Machines:
         _refuse_others(self.given)
         if isinstance(self.given, Mechanism) and (self.parameters or self.spread):
             raise InputError(
-                f"model = {self.given.name!r} is a mechanism as it is: it needs spread = 0 and no parameters, "
-                f"not spread = {self.spread!r} and parameters = {dict(self.parameters)!r}."
+                f"model = {self.given.name!r} is a mechanism as it is: it needs spread = 0 and no "
+                f"parameters, not spread = {self.spread!r} and parameters = "
+                f"{dict(self.parameters)!r}."
             )
 
     def nominal(self) -> Machine:
@@ -87,7 +88,8 @@ class Machines:
             except (InputError, SimulationError) as error:
                 reasons.append(str(error))
         raise InputError(
-            f"spread = {self.spread!r}: none of {_DRAWS} machines drawn throws; the last: {reasons[-1]}"
+            f"spread = {self.spread!r}: none of {_DRAWS} machines drawn throws; the last: "
+            f"{reasons[-1]}"
         )
 
 
@@ -101,7 +103,7 @@ def is_number(value: object) -> bool:
 
 
 def checked_mapping(name: str, given: object) -> dict[str, Any]:
-    """What was given by name, or nothing.
+    """Mapping that was given by name, or an empty one.
 
     Raises:
         InputError: it is no mapping.

@@ -1,4 +1,4 @@
-"""A machine's reference motion at the times of an episode's actions, and what a release at one of them throws."""
+"""Reference motion of a machine at the times of an episode's actions, and its releases there."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ from .best_throw import BestThrow
 Observation = NDArray[np.float32]
 
 BOUND = 100.0
-"""Of observed speeds and slides, which have no unit; most are of order one to thirty."""
+"""Bound of observed speeds and slides, which are scaled; most are of order one to thirty."""
 _BLOCK = 256  # times that are read from the solution at once
 
 
 @dataclass(frozen=True)
 class State:
-    """Of the machine with its projectile, at one time."""
+    """State of the machine with its projectile, at one time."""
 
     q: FloatArray
     u: FloatArray
     velocity: FloatArray
-    """Of the projectile [m/s], shape (2,)."""
+    """Velocity of the projectile [m/s], shape (2,)."""
 
 
 @dataclass(frozen=True)
 class _Block:
-    """Of several times, one a row."""
+    """States at several times, one a row."""
 
     q: FloatArray
     u: FloatArray
@@ -61,7 +61,7 @@ class Motion:
 
     @property
     def projectile(self) -> Projectile:
-        """What is thrown."""
+        """Body that is thrown."""
         return self._best.projectile
 
     @property
@@ -84,7 +84,7 @@ class Motion:
         return block.observed[row].copy()
 
     def _at(self, step: int) -> tuple[_Block, int]:
-        """What is read of the solution around a step, and the row in it."""
+        """Values of the solution around a step, and the row in them."""
         block, row = divmod(step, _BLOCK)
         if block != self._block:
             self._block, self._read = block, self._block_at(self._times(block))

@@ -1,4 +1,4 @@
-"""Pictures of an episode, drawn by MuJoCo: off screen or in its viewer, with the projectile's flight."""
+"""Pictures of an episode, drawn by MuJoCo off screen or in its viewer, with the flight."""
 
 from __future__ import annotations
 
@@ -49,7 +49,10 @@ _LEAST_RADIUS = 0.006  # of the projectile in flight, in parts of its distance: 
 _ROOM = 0.03  # around a projectile in flight, in parts of the whole
 _AROUND = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 _PATH_COLOUR, _BALL_COLOUR = (0.85, 0.12, 0.10, 1.0), (0.25, 0.24, 0.23, 1.0)
-_NO_DISPLAY = "render_mode = 'human' needs a display, and none is to be had here; 'rgb_array' draws without one"
+_NO_DISPLAY = (
+    "render_mode = 'human' needs a display, and none is to be had here; 'rgb_array' draws without "
+    "one"
+)
 
 
 def mujoco() -> Any:
@@ -66,12 +69,12 @@ def mujoco() -> Any:
 
 @dataclass(frozen=True)
 class Instant:
-    """What a picture is of."""
+    """Contents of a picture."""
 
     state: State
-    """Of the machine: at the release, once that is over."""
+    """State of the machine: at the release, once that is over."""
     flight: Flight | None = None
-    """Of the released projectile."""
+    """Flight of the released projectile."""
     aloft: float = 0.0
     """Time since the release [s]."""
 
@@ -123,7 +126,7 @@ class Stage:
         self._corners = corners(mechanism, path)
         self._stepped: int | None = None
         self._without = self.model
-        """Of the machine that its projectile has left."""
+        """Model of the machine without its projectile."""
 
     def set(self, instant: Instant) -> None:
         """Place everything as it is at an instant."""
@@ -135,7 +138,7 @@ class Stage:
         self._library.mj_forward(self.model, self.data)
 
     def look(self, instant: Instant, camera: Any, aspect: float) -> None:
-        """Point a free camera so that it shows the machine and what has been flown of the flight."""
+        """Point a free camera so that it shows the machine and the flight so far."""
         points = self._corners
         if instant.flight is not None:
             points = np.concatenate([points, _upright(self._flown(instant))])
@@ -192,7 +195,7 @@ class Stage:
         self.data.qpos[:], self.data.qvel[:] = places, speeds
 
     def _put(self, place: FloatArray, velocity: FloatArray) -> None:
-        """Set the projectile to a world place [m] and a velocity [m/s]; its slides turn with its carrier."""
+        """Set the projectile to a position and velocity [m, m/s] in the world; its slides turn."""
         joints = [self.data.joint(f"{PROJECTILE}_{axis}") for axis in "xz"]
         for joint in joints:
             joint.qpos[0] = joint.qvel[0] = 0.0
@@ -239,7 +242,8 @@ class Picture:
             self._renderer = library.Renderer(stage.model, size[1], size[0])
         except Exception as error:  # whatever the graphics libraries raise
             raise SimulationError(
-                f"MuJoCo cannot draw here: {error}; without a display it needs MUJOCO_GL=egl or MUJOCO_GL=osmesa."
+                f"MuJoCo cannot draw here: {error}; without a display it needs MUJOCO_GL=egl or "
+                "MUJOCO_GL=osmesa."
             ) from error
 
     def show(self, instant: Instant) -> FloatArray:

@@ -76,7 +76,10 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
         UnsupportedProblemError: the machine cannot be written as MJCF, for pictures.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["human", "rgb_array"], "render_fps": 100}  # type: ignore[misc]
+    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
+        "render_modes": ["human", "rgb_array"],
+        "render_fps": 100,
+    }
 
     def __init__(
         self,
@@ -97,7 +100,10 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
         modes = [
             mode for mode in self.metadata["render_modes"] if mode != "human" or may_have_display()
         ]
-        self.metadata = {"render_modes": modes, "render_fps": 1 / self.control_step}  # type: ignore[misc]
+        self.metadata = {  # type: ignore[misc]
+            "render_modes": modes,
+            "render_fps": 1 / self.control_step,
+        }
         self.flight = bool(flight)
         self._machine: Machine | None = None
         self._shown: Picture | Window | None = None
@@ -118,13 +124,13 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
 
     @property
     def machine(self) -> Machine:
-        """That of this episode."""
+        """Machine of this episode."""
         assert self._machine is not None
         return self._machine
 
     @property
     def observation_names(self) -> tuple[str, ...]:
-        """What the observation's components are."""
+        """Names of the observation's components."""
         mechanism = self.machine.mechanism
         angles, slides = mechanism.angles, mechanism.coordinates[len(mechanism.angles) :]
         turned = [f"{function} {name}" for function in ("cos", "sin") for name in angles]
@@ -180,7 +186,7 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
         return self._motion.time(self._steps) + self._aloft
 
     def render(self) -> Any:
-        """What is to be seen now, shape (height, width, 3); None but for "rgb_array".
+        """Draw the present picture, shape (height, width, 3); None but for "rgb_array".
 
         After the release the camera draws back so far that it shows the machine and the flight up
         to now; after an episode that ended with its release, the whole flight.
@@ -201,7 +207,7 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
         return {**self.__dict__, "_shown": None, "_flight": self._flight is not None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """As :meth:`__getstate__` left it."""
+        """Restore what :meth:`__getstate__` left."""
         self.__dict__.update(state)
         self._flight = self._motion.thrown(self._steps) if state["_flight"] else None
 
@@ -260,7 +266,7 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
         return self._result(flown.range / self.machine.best.range, True, **more)
 
     def instant(self) -> Instant:
-        """What a picture of now is of."""
+        """Contents of a picture of the present state."""
         aloft = self._flight.time if self._flight and self._over else self._aloft
         return Instant(self._motion.state(self._steps), self._flight, aloft)
 

@@ -1,4 +1,4 @@
-"""Drake: accelerations from a continuous plant, motion from a discrete one, which alone has limits and loops."""
+"""Drake: accelerations by a continuous plant, motion by a discrete one (limits and loops)."""
 
 import logging
 from importlib.metadata import version

@@ -54,7 +54,7 @@ _forward, _mass_matrix = jax.jit(mjx.forward), jax.jit(mjx.full_m)
 
 @jax.jit
 def _advance(model: mjx.Model, data: mjx.Data, steps: int) -> mjx.Data:
-    """So many steps; their number is an argument of what is compiled, so that it is compiled once a model."""
+    """Take several steps; their number is a static argument, so that a model is compiled once."""
     return jax.lax.fori_loop(0, steps, lambda _, at: mjx.step(model, at), data)
 
 

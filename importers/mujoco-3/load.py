@@ -1,4 +1,4 @@
-"""The previous major version of MuJoCo: its compiler and `mj_step`, with the integrator that the file states."""
+"""The previous major version of MuJoCo: its compiler and `mj_step`, with the file's integrator."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""MuJoCo Warp on the processor, in single precision: `put_model`, `forward`, and `step` as a captured graph."""
+"""MuJoCo Warp on the CPU, single precision: `put_model`, `forward`, and `step` as a graph."""
 
 import sys
 from importlib.metadata import version

@@ -1,4 +1,4 @@
-"""Pinocchio: a model for algorithms, here moved by its `aba` in a Runge-Kutta method of this adapter."""
+"""Pinocchio: accelerations by its `aba`, integrated by a Runge-Kutta method of this adapter."""
 
 import xml.etree.ElementTree as ET
 
@@ -56,7 +56,7 @@ class Model:
 
 
 def _joints(path: str, name: str, count: int) -> list[str]:
-    """Names in the file of what became one joint: several joints of a body are a composite, named after the first."""
+    """File names of joints: several joints of a body become a composite, named after the first."""
     if count == 1:
         return [name]
     bodies = (

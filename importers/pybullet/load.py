@@ -1,4 +1,4 @@
-"""PyBullet: `loadMJCF` makes a body of each tree; the gravity of the file is not read, nor are keyframes."""
+"""PyBullet: `loadMJCF` makes a body of each tree; gravity and keyframes are not read."""
 
 from importlib.metadata import version
 

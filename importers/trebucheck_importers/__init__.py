@@ -1,1 +1,1 @@
-"""Importers of MJCF against models of one feature each: what they must get right, and what one gets wrong."""
+"""Checks of MJCF importers on models of one feature each, with a verdict for each quantity."""

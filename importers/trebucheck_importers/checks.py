@@ -24,17 +24,17 @@ _LONGEST_TEXT = 4000
 
 @dataclass(frozen=True)
 class Loaded:
-    """What an importer made of a model, asked and answering in the order of the file's joints."""
+    """A model loaded by an importer, asked and answering in the order of the file's joints."""
 
     process: ImporterProcess
     offers: frozenset[str]
     order: list[int]
-    """Of each joint of the file its place in the importer's order."""
+    """Index of each joint of the file in the importer's order."""
     lacks: frozenset[str]
     precision: Literal["float64", "float32"]
 
     def vector(self, name: str, *states: FloatArray, more: Sequence[object] = ()) -> Any:
-        """What a method answers for states that are sent in the importer's order."""
+        """Result of a method for states that are sent in the importer's order."""
         back = np.argsort(self.order)
         return self.process.call(name, *(state[back] for state in states), *more)
 
@@ -72,8 +72,12 @@ def check_model(
         if found.fault is None:
             break
     return ModelResult(
-        model=expected.name, feature=expected.feature, checks=own.checks, printed=own.printed, variants=tuple(tried)
-    ), facts  # fmt: skip
+        model=expected.name,
+        feature=expected.feature,
+        checks=own.checks,
+        printed=own.printed,
+        variants=tuple(tried),
+    ), facts
 
 
 def _check_file(
@@ -181,9 +185,12 @@ def _compared(
     worst = int(np.argmax(abs(got - wanted) / limit))
     error = float(abs(got - wanted)[worst])
     return Check(
-        quantity=quantity, verdict=Verdict.RIGHT if error <= limit[worst] else Verdict.WRONG, error=error,
-        tolerance=float(limit[worst]), text=f"{where[worst]}: expected {wanted[worst]:.9g}, found {got[worst]:.9g}",
-    )  # fmt: skip
+        quantity=quantity,
+        verdict=Verdict.RIGHT if error <= limit[worst] else Verdict.WRONG,
+        error=error,
+        tolerance=float(limit[worst]),
+        text=f"{where[worst]}: expected {wanted[worst]:.9g}, found {got[worst]:.9g}",
+    )
 
 
 def _total_mass(loaded: Loaded, expected: Expected) -> Check:
@@ -261,7 +268,7 @@ def _start(loaded: Loaded, expected: Expected) -> Check:
 class _Run:
     positions: FloatArray
     steps: int
-    """In each interval of the samples."""
+    """Steps in each interval of the samples."""
     step: float
     """[s]"""
     forces: FloatArray | None
@@ -271,7 +278,7 @@ _Judge = Callable[[_Run, _Run], Check]
 
 
 def _decided(loaded: Loaded, motion: Motion, timestep: float, judge: _Judge) -> tuple[Check, _Run]:
-    """The verdict on the finer of two runs, and that run; while they leave it undecided, with half their steps.
+    """Verdict on the finer of two runs, and that run; steps are halved while it is undecided.
 
     Raises:
         SimulationError: there are not even two runs.
@@ -299,7 +306,8 @@ def _run(loaded: Loaded, motion: Motion, steps: int) -> _Run:
     positions, forces = loaded.ordered(read["q"], 2), read.get("limit_force")
     if positions.shape != motion.positions.shape:
         raise SimulationError(
-            f"its motion has {len(positions)} samples; {count + 1} are needed, the start among them."
+            f"its motion has {len(positions)} samples; {count + 1} are needed, the start among "
+            "them."
         )
     return _Run(
         positions,

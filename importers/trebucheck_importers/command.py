@@ -78,10 +78,14 @@ def importer_command(
     store = None if out is None else Store(out / "models", resume, out / "models")
     with output.progress("importer", told=told) as progress:
         results = check_importer(
-            loader, python=python or Path(sys.executable), models=options.names(models, "--models") if models else (),
-            timestep=options.positive(timestep, "--timestep"), timeout=options.positive(timeout, "--timeout"),
-            progress=progress, store=store,
-        ).made_by(output.command_line(context))  # fmt: skip
+            loader,
+            python=python or Path(sys.executable),
+            models=options.names(models, "--models") if models else (),
+            timestep=options.positive(timestep, "--timestep"),
+            timeout=options.positive(timeout, "--timeout"),
+            progress=progress,
+            store=store,
+        ).made_by(output.command_line(context))
     written = {} if out is None else _written(results, loader, out)
     if json:
         typer.echo(results.to_json())

@@ -1,4 +1,4 @@
-"""What an importer must get right of a model, as labelled data: masses, accelerations, limits, and a certified motion.
+"""Expected results of importing a model, as data: masses, accelerations, limits, certified motion.
 
 All of it is in the coordinates of the file's joints.
 """
@@ -92,7 +92,7 @@ def _constraint_forces(equations: Equations, dataset: xr.Dataset, q: FloatArray)
 
 
 def _free_interval(dataset: xr.Dataset) -> tuple[float, float]:
-    """The samples between which no stop acts: after the last release, before the first impact [s]."""
+    """Samples between which no stop acts: after the last release, before the first impact [s]."""
     times = np.asarray(dataset["time"].values, dtype=np.float64)
     released = (
         np.asarray(dataset["release_time"].values) if "release_time" in dataset else np.array([])
@@ -138,12 +138,12 @@ class Motion:
     """Shape (n, n_joints) [rad or m]."""
     speeds: FloatArray
     uncertainty: FloatArray
-    """Of the positions, shape (n, n_joints)."""
+    """Uncertainty of the positions, shape (n, n_joints)."""
 
 
 @dataclass(frozen=True)
 class Expected:
-    """What of a model is checked."""
+    """Expected results of a model."""
 
     name: str
     feature: str
@@ -156,7 +156,7 @@ class Expected:
     mass_matrices: FloatArray
     accelerations: FloatArray
     rounding: FloatArray
-    """By how much positions that are relatively off by 1 change the accelerations through loops, shape (3, n)."""
+    """Change of accelerations by relative position errors of 1 through loops, shape (3, n)."""
     whole: Motion
     free: Motion
     """The part of it in which no limit or contact acts."""
@@ -164,7 +164,7 @@ class Expected:
     resting_force: FloatArray
     """Generalized forces of limits and contacts on the joints at the end; zero where none acts."""
     pressing: float
-    """Acceleration with which a limit that is touched at the end is pressed [rad/s^2 or m/s^2]; 0 where none is."""
+    """Acceleration that presses a touched limit at the end [rad/s^2 or m/s^2]; else 0."""
     variants: Mapping[str, FileVariant]
     """Other files of the same motion."""
 
@@ -177,13 +177,24 @@ class Expected:
         masses = np.asarray(data["mass_matrix"].values, dtype=np.float64)
         states = [*zip(data["state_position"].values, data["state_velocity"].values, strict=True)]
         return cls(
-            model.name, model.feature, model.xml, model.joint_names, model.needs, model.total_mass, model.limits,
-            states=states, mass_matrices=masses,
+            model.name,
+            model.feature,
+            model.xml,
+            model.joint_names,
+            model.needs,
+            model.total_mass,
+            model.limits,
+            states=states,
+            mass_matrices=masses,
             accelerations=np.asarray(data["acceleration"].values, dtype=np.float64),
             rounding=np.array([_rounding(model, q) for q, _ in states]),
-            whole=whole, free=_motion(data.isel(time=_free(data))), has_events=events,
-            resting_force=force, pressing=float(abs(np.linalg.solve(masses[-1], force)).max()), variants=model.variants,
-        )  # fmt: skip
+            whole=whole,
+            free=_motion(data.isel(time=_free(data))),
+            has_events=events,
+            resting_force=force,
+            pressing=float(abs(np.linalg.solve(masses[-1], force)).max()),
+            variants=model.variants,
+        )
 
     def of_variants(self) -> Iterator[tuple[str, Expected]]:
         """The same of each variant, with its name."""
@@ -192,7 +203,7 @@ class Expected:
 
 
 def _rounding(model: ZooModel, joints: FloatArray) -> FloatArray:
-    """What relative errors of 1 in the positions do to the joints' accelerations where loops are closed by the file.
+    """Change of the joints' accelerations by relative position errors of 1, in loops of the file.
 
     The file closes one that is open by r with the acceleration r / T^2. Joint positions that are
     off by d open it by |J| d, points of both its bodies, as large as the machine, by their own

@@ -1,4 +1,4 @@
-"""The stored data of the zoo's models, and of the machines, whose own are published; how the zoo's are made."""
+"""Stored data of the zoo's models and of the machines, and how the zoo's are computed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CHECKSUMS = "SHA256SUMS"
 
 
 def names() -> tuple[str, ...]:
-    """Of the zoo's models and the machines."""
+    """Names of the zoo's models and the machines."""
     return (*(each.name for each in zoo()), *models())
 
 
@@ -33,7 +33,7 @@ def model(name: str) -> ZooModel:
 
 @cache
 def expected(name: str) -> Expected:
-    """What an importer must get right of a model.
+    """Expected results of importing a model.
 
     Raises:
         InputError: there is none of that name, or its data are not as they were stored.
@@ -58,7 +58,7 @@ def _stored(name: str) -> bytes:
 
 
 def publish(folder: Path, *names: str) -> None:
-    """Compute the data of models of the zoo anew, all without names, beside their files; and the list of checksums.
+    """Recompute the data of models of the zoo (all by default) and the list of checksums.
 
     Raises:
         SimulationError: the reference cannot move one.

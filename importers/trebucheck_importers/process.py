@@ -1,4 +1,4 @@
-"""An importer behind a pipe: started when needed, ended when it does not answer, started again after a crash."""
+"""An importer behind a pipe: restarted after a crash, ended when it does not answer."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class ImporterProcess:
     timeout: float = 60.0
     """Longest wait for an answer [s]."""
     printed: list[str] = field(default_factory=list[str], init=False)
-    """What it printed since the list was emptied."""
+    """Lines it printed since the list was emptied."""
     _process: subprocess.Popen[str] | None = field(default=None, init=False)
     _loaded: str | None = field(default=None, init=False)
     """The file that was loaded last; again, where the process had to be started again."""
@@ -45,7 +45,8 @@ class ImporterProcess:
         name, _, function = self.loader.rpartition(":")
         if not name or not function:
             raise InputError(
-                f"loader {self.loader[:60]!r} must be a module and a function, my_package:load, or my_file.py:load."
+                f"loader {self.loader[:60]!r} must be a module and a function, my_package:load, or "
+                "my_file.py:load."
             )
         if name.endswith(".py") and not Path(name).is_file():
             raise InputError(f"loader {self.loader[:200]!r}: there is no file {name[:200]!r}.")
@@ -57,7 +58,7 @@ class ImporterProcess:
         self._end()
 
     def call(self, name: str, *arguments: object) -> Any:
-        """What the importer answers.
+        """Ask the importer and return its answer.
 
         Raises:
             InputError: it cannot be started.
@@ -98,7 +99,8 @@ class ImporterProcess:
         if "error" in answer:
             self._end()
             raise InputError(
-                f"loader {self.loader[:200]!r} cannot be imported: {shortened(str(answer['error']))}."
+                f"loader {self.loader[:200]!r} cannot be imported: "
+                f"{shortened(str(answer['error']))}."
             )
 
     def _ask(self, request: Mapping[str, object]) -> Mapping[str, Any]:

@@ -1,4 +1,4 @@
-"""Checks of an importer as documents: in a terminal, as a page with reports of its faults, and several side by side."""
+"""Checks of importers as documents: terminal, page with fault reports, and comparison."""
 
 from __future__ import annotations
 
@@ -52,7 +52,10 @@ def document(results: ImporterResults) -> Document:
         for check in file.checks
         if check.verdict in (Verdict.WRONG, Verdict.FAILED, Verdict.UNDECIDED)
     )
-    about = f"{versions(results)}; {results.integrator}, {results.precision}, steps of {results.timestep:g} s and half"
+    about = (
+        f"{versions(results)}; {results.integrator}, {results.precision}, steps of "
+        f"{results.timestep:g} s and half"
+    )
     blocks: list[Block] = [Text(f"{verdict}."), Text(about, lead="Importer:"), table(heads, rows)]
     return Document("Importer", (*blocks, *([Listing(wrong)] if wrong else [])), verdict=verdict)
 
@@ -71,7 +74,7 @@ def page(results: ImporterResults, title: str) -> Document:
 
 
 def overview(importers: Mapping[str, ImporterResults | None]) -> Document:
-    """Two tables of several importers: how many models are right in each quantity, and the verdict on each model.
+    """Tables of several importers: models right in each quantity, and the verdict on each model.
 
     None stands for an importer that has not been run.
     """
@@ -89,7 +92,7 @@ def overview(importers: Mapping[str, ImporterResults | None]) -> Document:
 
 
 def versions_table(importers: Mapping[str, ImporterResults | None]) -> Document:
-    """Versions, integrator, precision and step of several importers; None: one that has not been run."""
+    """Versions, integrator, precision and step of several importers; None: not run."""
     rows = [
         row(name, versions(results), results.integrator, results.precision, f"{results.timestep:g}")
         if results
@@ -100,7 +103,7 @@ def versions_table(importers: Mapping[str, ImporterResults | None]) -> Document:
 
 
 def machine_table(importers: Mapping[str, ImporterResults | None], name: str) -> Document:
-    """What several importers make of one model; None: one that has not been run."""
+    """Results of several importers on one model; None: not run."""
     cells = ((who, results, whole(results, name)) for who, results in importers.items())
     rows = [
         row(
@@ -124,7 +127,7 @@ def _verdict(results: ImporterResults) -> str:
 
 
 def versions(results: ImporterResults) -> str:
-    """Of the importer's packages, in a line."""
+    """Versions of the importer's packages, in a line."""
     return (
         ", ".join(f"{name} {version}" for name, version in results.versions.items())
         or results.loader
@@ -171,7 +174,7 @@ def _tally(results: ImporterResults | None, quantity: str) -> Cell:
 
 
 def whole(results: ImporterResults | None, name: str) -> Cell:
-    """All quantities of a model in some words: the first one that is not right, and which variant is."""
+    """All quantities of a model in some words: the first that is not right, and its variant."""
     model = next((each for each in results.models if each.model == name), None) if results else None
     if model is None:
         return Cell("not run", "muted")
@@ -196,7 +199,7 @@ def _in_a_word(file: FileResult) -> Cell:
 
 
 def _distinct(said: Mapping[str, str]) -> str:
-    """Lines that were printed, without places in files, each with the first model that caused it."""
+    """Distinct printed lines, without places in files, each with the first model that caused it."""
     lines: dict[str, str] = {}
     for model, text in said.items():
         for line in text.splitlines():
@@ -229,7 +232,7 @@ def fault_reports(results: ImporterResults, title: str) -> Iterator[tuple[Block,
 
 
 def _faults(results: ImporterResults) -> Iterator[tuple[ModelResult, Check, list[str]]]:
-    """Each fault once: models by what is first wrong in them; where the simplest are among them, these alone."""
+    """Distinct faults: models by their first wrong quantity; the simplest stand for the others."""
     groups: dict[str, list[tuple[ModelResult, Check]]] = {}
     for model in results.models:
         first = next(
@@ -248,7 +251,7 @@ def _faults(results: ImporterResults) -> Iterator[tuple[ModelResult, Check, list
 
 
 def _call(check: Check, title: str) -> str:
-    """What was asked for, as the adapter calls it."""
+    """Call that produced the result, as the adapter writes it."""
     calls: Mapping[str, str] = {
         "loads": "load(path)",
         "joints": "load(path).joints",
@@ -258,4 +261,7 @@ def _call(check: Check, title: str) -> str:
         "ranges": "load(path).limits()",
         "start": "load(path).start()",
     }
-    return f"{calls.get(check.quantity, 'load(path).simulate(q, u, interval, count, steps)')}  # importers/{title}/load.py"
+    return (
+        f"{calls.get(check.quantity, 'load(path).simulate(q, u, interval, count, steps)')}  # "
+        f"importers/{title}/load.py"
+    )

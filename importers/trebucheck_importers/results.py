@@ -1,4 +1,4 @@
-"""What a check of an importer finds, as data."""
+"""Results of a check of an importer, as data."""
 
 from __future__ import annotations
 
@@ -10,11 +10,20 @@ from trebucheck.api.mechanics import Positive, Real, Spec
 from trebucheck.api.studies import ResultFile
 
 Quantity = Literal[
-    "loads", "joints", "total mass", "mass matrix", "accelerations", "ranges", "start", "free motion", "limits kept",
-    "motion with events", "force at rest",
-]  # fmt: skip
+    "loads",
+    "joints",
+    "total mass",
+    "mass matrix",
+    "accelerations",
+    "ranges",
+    "start",
+    "free motion",
+    "limits kept",
+    "motion with events",
+    "force at rest",
+]
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
-"""What is checked of each model, in this order."""
+"""Quantities that are checked of each model, in this order."""
 
 
 class Verdict(StrEnum):
@@ -53,7 +62,7 @@ class FileResult(Spec):
 
     @property
     def fault(self) -> Check | None:
-        """The first quantity that is wrong, or in which the importer failed; None where there is none."""
+        """First quantity that is wrong or in which the importer failed; None if there is none."""
         return next(
             (check for check in self.checks if check.verdict in (Verdict.WRONG, Verdict.FAILED)),
             None,
@@ -61,13 +70,13 @@ class FileResult(Spec):
 
 
 class VariantResult(FileResult):
-    """A file of the same motion that the writer offers for importers that refuse or misread the first."""
+    """A file of the same motion, for importers that refuse or misread the first one."""
 
     variant: str
 
 
 class ModelResult(FileResult):
-    """One model: its file, and, where that is refused or misread, variants of it until one is right."""
+    """One model: its file and, where that is refused or misread, variants until one is right."""
 
     model: str
     feature: str
@@ -93,7 +102,7 @@ class ImporterResults(ResultFile):
         return all(model.fault is None for model in self.models)
 
     def count(self, verdict: Verdict, quantity: str | None = None) -> int:
-        """Of checks, of all quantities or of one."""
+        """Count of checks, of all quantities or of one."""
         checks = (check for model in self.models for check in model.checks)
         return sum(
             check.verdict == verdict and quantity in (None, check.quantity) for check in checks

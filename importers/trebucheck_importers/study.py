@@ -62,18 +62,21 @@ def check_importer(
     for each in kept:
         facts |= each.facts
     return ImporterResults.made_here(
-        loader=loader, timestep=timestep, models=tuple(each.result for each in kept),
-        integrator=str(facts.get("integrator", "not stated")), precision=facts.get("precision", "float64"),
+        loader=loader,
+        timestep=timestep,
+        models=tuple(each.result for each in kept),
+        integrator=str(facts.get("integrator", "not stated")),
+        precision=facts.get("precision", "float64"),
         versions={str(k): str(v) for k, v in dict(facts.get("versions", {})).items()},
-    )  # fmt: skip
+    )
 
 
 class _Kept(Spec):
-    """What a store keeps of a model."""
+    """Stored results of a model."""
 
     result: ModelResult
     facts: Mapping[str, JsonValue]
-    """What the importer says of itself."""
+    """Facts that the importer states of itself."""
 
 
 @dataclass(frozen=True)

@@ -11,20 +11,19 @@ from .expected import Expected, Motion
 from .zoo.model import TIME_CONSTANT
 
 ROUNDING = {"float64": 1e-9, "float32": 1e-5}
-"""Relative, of what follows from the file by arithmetic alone: some hundred roundings times a condition number."""
+"""Relative tolerance of arithmetic alone: some hundred roundings times a condition number."""
 SOFTNESS = 10 * (1 - 0.9999)
-"""Relative, of accelerations where equalities act: ten times what the files' impedance leaves of a constraint."""
+"""Relative tolerance of accelerations with equalities: ten times the files' softness."""
 ROUNDINGS = 10
-"""Of each position on its way to the residual of a loop."""
+"""Roundings of each position on its way to the residual of a loop."""
 REST_FORCE = 1e-3
 """Relative, of a force at rest: what a user of limit forces needs."""
 TELLS_NOTHING = 1e-2
 """A tolerance above this part of how far the joints move decides nothing."""
 REFINEMENTS = 5
-"""So often the step is halved again where a verdict is undecided: a method of first order is then 32 times as near."""
-_REBOUND = math.exp(
-    -2
-)  # of a critically damped limit that cannot pull: it is left at twice its time constant
+"""Halvings of the step while a verdict is undecided: 32 times the accuracy at first order."""
+# Of a critically damped limit that cannot pull: it is left at twice its time constant.
+_REBOUND = math.exp(-2)
 _SAFETY = 2.0
 
 
@@ -50,7 +49,7 @@ def of_motion(
 
 
 def give(expected: Expected, motion: Motion) -> float:
-    """By how much constraints of the files' time constant give way where they carry the motion's accelerations.
+    """Yield of constraints with the files' time constant under the motion's accelerations.
 
     That is a T^2; it is allowed where loops or events are part of the motion.
     """
@@ -61,12 +60,12 @@ def give(expected: Expected, motion: Motion) -> float:
 
 
 def of_impact(expected: Expected, step: float) -> float:
-    """How far a joint may pass its limit, v (T + h): penetration of a critically damped limit is v T / e."""
+    """Largest passage of a limit, v (T + h): a critically damped limit gives way by v T / e."""
     return float(abs(expected.whole.speeds).max()) * (TIME_CONSTANT + step)
 
 
 def of_rebound(expected: Expected) -> float:
-    """How far a joint may hop back from a limit that it is pressed on, by the rebound of the file's own limit."""
+    """Largest hop back from a limit that is pressed, by the rebound of the file's own limit."""
     if expected.pressing == 0.0:
         return 0.0
     speed = _REBOUND * float(abs(expected.whole.speeds).max())

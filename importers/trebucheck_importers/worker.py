@@ -1,4 +1,4 @@
-"""Runs an importer in a process of its own, perhaps with another Python: JSON in on one pipe, JSON out on another.
+"""Run an importer in its own process, perhaps another Python: JSON in and out on two pipes.
 
 Run as a file, `python worker.py pkg.module:load [folder]`, so that beside the importer's package
 only NumPy is needed. Each request is one line, `{"call": name, "arguments": [...]}`; each answer
@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 ATTRIBUTES = ("joints", "integrator", "precision", "lacks", "versions")
-"""Of what `load` returns, all but `joints` optional."""
+"""Attributes of what `load` returns, all but `joints` optional."""
 METHODS = ("total_mass", "mass_matrix", "acceleration", "limits", "start", "simulate")
 """All optional: what is not there is not offered."""
 _PRINTED = 20_000  # characters of what was printed that are handed on
@@ -38,7 +38,7 @@ class _Caught:
             os.dup2(self.file.fileno(), descriptor)
 
     def text(self) -> str:
-        """What was written since the last call."""
+        """Text written since the last call."""
         sys.stdout.flush()
         sys.stderr.flush()
         end = os.lseek(self.file.fileno(), 0, os.SEEK_END)
@@ -93,7 +93,7 @@ def _function(loader: str, folder: str) -> Callable[[str], Any]:
 
 
 def plain(value: Any) -> Any:
-    """As JSON has it: arrays as lists, whatever holds names and numbers likewise."""
+    """Value as JSON has it: arrays as lists, mappings and sequences alike."""
     if isinstance(value, dict):
         return {str(name): plain(each) for name, each in value.items()}
     if isinstance(value, (str, bool, int, float, type(None))):
@@ -116,7 +116,7 @@ def answered(make: Callable[[], Any]) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Answer requests until there are no more; the first answer says whether the loader could be imported."""
+    """Answer requests until there are no more; the first answer tells if the loader imports."""
     answers = os.fdopen(os.dup(1), "w")
     caught = _Caught()
     warnings.simplefilter("always")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 from scipy.optimize import brentq
@@ -59,16 +59,40 @@ class Condition:
 
 
 class BenchmarkParameters(Spec):
-    """Base of the parameters of benchmark problems.
+    """Base of the benchmark problems: a subclass has its parameters, mechanism and known values.
 
     Raises:
         InputError: a value is not finite or outside its range.
     """
 
+    number: ClassVar[str]
+    name: ClassVar[str]
+    """The mechanism's, too."""
+    tags: ClassVar[tuple[str, ...]]
+    text: ClassVar[str]
+    source: ClassVar[str]
+    stop_law: ClassVar[StopLaw] = StopLaw.RELEASE_ONCE
+
     @property
     def duration(self) -> float:
         """Time for which the motion is followed [s]."""
         raise NotImplementedError(type(self).__name__)
+
+    def mechanism(self) -> Mechanism:
+        """The mechanism with these parameters."""
+        raise NotImplementedError(type(self).__name__)
+
+    def figures(self) -> tuple[KnownValue, ...]:
+        """Numbers that the motion must have."""
+        return ()
+
+    def conditions(self) -> tuple[Condition, ...]:
+        """Criteria of the source."""
+        return ()
+
+    def problem(self) -> Problem:
+        """The run that the problem asks for."""
+        return Problem(self.mechanism(), duration=self.duration, stop_law=self.stop_law)
 
 
 @dataclass(frozen=True)
@@ -81,11 +105,13 @@ class Benchmark:
     text: str
     source: str
     parameters: type[BenchmarkParameters]
-    build: Callable[[Any], Mechanism]
-    """The mechanism, of parameters of that type; it has the benchmark's name."""
-    figures: Callable[[Any], tuple[KnownValue, ...]] = lambda parameters: ()
-    conditions: Callable[[Any], tuple[Condition, ...]] = lambda parameters: ()
-    stop_law: StopLaw = StopLaw.RELEASE_ONCE
+    stop_law: StopLaw
+
+    @classmethod
+    def of(cls, parameters: type[BenchmarkParameters]) -> Benchmark:
+        """The entry of the problem that has these parameters."""
+        p = parameters
+        return cls(p.number, p.name, p.tags, p.text, p.source, p, p.stop_law)
 
     def problem(self, parameters: BenchmarkParameters | None = None) -> Problem:
         """The run that the benchmark asks for.
@@ -93,15 +119,11 @@ class Benchmark:
         Args:
             parameters: of the benchmark's own type; the published ones where left out.
         """
-        values = parameters or self.parameters()
-        return Problem(self.build(values), duration=values.duration, stop_law=self.stop_law)
+        return (parameters or self.parameters()).problem()
 
 
 _GRID = 500  # samples among which sign changes are looked for
-
-
 _SAMPLES = 400  # at which a motion is compared with a closed form
-
 
 Quantity = Callable[[Trajectory], FloatArray]
 """Values of a trajectory's n samples, shape (n,)."""

@@ -8,12 +8,11 @@ from collections.abc import Callable
 import numpy as np
 from pydantic import Field
 
-from ..elements import FreeJoint, PointStop, SlotJoint, Stop
+from ..elements import FreeJoint, PointStop, Stop
 from ..mechanism import Body, Marker, Mechanism
 from ..problem import StopLaw
 from ..spec import Positive, Real
 from .benchmark import (
-    Benchmark,
     BenchmarkParameters,
     ContinuousMotion,
     KnownValue,
@@ -21,6 +20,7 @@ from .benchmark import (
     energy_figure,
     speed,
 )
+from .parts import slot
 from .pendulums import pin_links, rods
 
 _ZENO = (
@@ -31,6 +31,13 @@ _ZENO = (
 
 class BouncingParameters(BenchmarkParameters):
     """A body that falls on a level floor from rest."""
+
+    number = "D01"
+    name = "bouncing"
+    tags = ("contact", "impact", "closed-form")
+    text = "body that bounces on a floor and comes to rest after infinitely many impacts"
+    source = _ZENO
+    stop_law = StopLaw.UNILATERAL
 
     mass: Positive = Field(default=2.0, description="[kg]")
     height: Positive = Field(default=1.0, description="of the fall [m]")
@@ -55,9 +62,65 @@ class BouncingParameters(BenchmarkParameters):
         """Past the rest; ten rebounds without loss."""
         return 1.25 * self.rest_time if self.restitution < 1 else 20.5 * self.speed / self.g
 
+    def mechanism(self) -> Mechanism:
+        ball = Body(
+            name="ball",
+            angle="turn",
+            mass=self.mass,
+            centre=(0, 0),
+            inertia=self.mass * (self.height / 10) ** 2,
+        )
+        floor = PointStop(
+            name="floor",
+            body="ball",
+            point=(0, 0),
+            normal=(0, 1),
+            offset=0,
+            closed=False,
+            restitution=self.restitution,
+        )
+        return Mechanism(
+            name=self.name,
+            bodies=(ball,),
+            joints=(slot("line", "ball", (0, 1), coordinate="height"),),
+            stops=(floor,),
+            markers=(Marker(name="ball", body="ball", point=(0, 0)),),
+            gravity=self.g,
+            start=(0.0, self.height),
+        )
+
+    def figures(self) -> tuple[KnownValue, ...]:
+        fall = self.speed / self.g
+        common = _first_impact("floor", fall, (1 + self.restitution) * self.mass * self.speed)
+        if self.restitution == 1:
+            tenth = 19 * fall
+            end, energy = self.duration, self.mass * self.g * self.height
+            return (
+                *common,
+                KnownValue(
+                    "tenth impact", tenth, "s", 1e-11 * tenth, lambda motion: motion.impacts[9][0]
+                ),
+                energy_figure(1e-11 * energy, end),
+            )
+        rest = KnownValue(
+            "rest",
+            self.rest_time,
+            "s",
+            1e-10 * max(1.0, self.rest_time),
+            lambda motion: motion.rest_times["floor"][0],
+        )
+        return (*common, rest)
+
 
 class StoppedPendulumParameters(BenchmarkParameters):
     """Two equal uniform rods, the upper between two stops beside the vertical, let go from rest."""
+
+    number = "D02"
+    name = "stopped-pendulum"
+    tags = ("tree", "contact", "impact")
+    text = "double pendulum whose upper rod swings between two stops"
+    source = "energy lost in an impact: W. Thomson, P. G. Tait, Natural Philosophy (1879), Sec. 308"
+    stop_law = StopLaw.UNILATERAL
 
     length: Positive = Field(default=1.0, description="of each rod [m]")
     mass: Positive = Field(default=1.0, description="of each rod [kg]")
@@ -72,12 +135,51 @@ class StoppedPendulumParameters(BenchmarkParameters):
 
     @property
     def duration(self) -> float:
-        """Time for which the motion is followed [s]."""
         return round(9.0 * math.sqrt(self.length / self.g), 2)
+
+    def mechanism(self) -> Mechanism:
+        down = math.pi / 2
+        # Clockwise from the vertical is to the left.
+        left = Stop(
+            name="left",
+            body="rod 1",
+            sense=-1,
+            limit=-(down + self.opening),
+            closed=False,
+            restitution=self.restitution,
+        )
+        right = Stop(
+            name="right",
+            body="rod 1",
+            sense=1,
+            limit=down - self.opening,
+            closed=False,
+            restitution=self.restitution,
+        )
+        return pin_links(
+            self.name,
+            rods(2, self.length, self.mass),
+            self.length,
+            self.g,
+            (down, down + self.swing),
+            stops=(left, right),
+        )
+
+    def figures(self) -> tuple[KnownValue, ...]:
+        scale = 4 * self.mass * self.g * self.length
+        balance = _energy_balance(self, self.duration)
+        return (KnownValue("energy less that of the impacts", 0.0, "J", 1e-11 * scale, balance),)
 
 
 class FallingRodParameters(BenchmarkParameters):
     """A uniform rod that falls, slanting and without spin, on a smooth level floor."""
+
+    number = "D03"
+    name = "falling-rod"
+    tags = ("free", "contact", "impact", "closed-form")
+    text = "slanting rod that falls on a floor with one end"
+    source = "W. Goldsmith, Impact (1960), Ch. II: Newton's law of impact for a rigid rod"
+    stop_law = StopLaw.UNILATERAL
 
     length: Positive = Field(default=1.0, description="of the rod [m]")
     mass: Positive = Field(default=2.0, description="[kg]")
@@ -100,64 +202,58 @@ class FallingRodParameters(BenchmarkParameters):
 
     @property
     def duration(self) -> float:
-        """Time for which the motion is followed [s]."""
         return 1.5 * self.speed / self.g
 
-
-def _bouncing(p: BouncingParameters) -> Mechanism:
-    ball = Body(
-        name="ball", angle="turn", mass=p.mass, centre=(0, 0), inertia=p.mass * (p.height / 10) ** 2
-    )
-    floor = PointStop(
-        name="floor",
-        body="ball",
-        point=(0, 0),
-        normal=(0, 1),
-        offset=0,
-        closed=False,
-        restitution=p.restitution,
-    )
-    return Mechanism(
-        name="bouncing",
-        bodies=(ball,),
-        joints=(
-            SlotJoint(
-                name="line",
-                child="ball",
-                parent_point=(0, 0),
-                child_point=(0, 0),
-                axis=(0, 1),
-                coordinate="height",
-            ),
-        ),
-        stops=(floor,),
-        markers=(Marker(name="ball", body="ball", point=(0, 0)),),
-        gravity=p.g,
-        start=(0.0, p.height),
-    )
-
-
-def _bouncing_figures(p: BouncingParameters) -> tuple[KnownValue, ...]:
-    fall = p.speed / p.g
-    common = _first_impact("floor", fall, (1 + p.restitution) * p.mass * p.speed)
-    if p.restitution == 1:
-        tenth = 19 * fall
-        end, energy = p.duration, p.mass * p.g * p.height
-        return (
-            *common,
-            KnownValue(
-                "tenth impact", tenth, "s", 1e-11 * tenth, lambda motion: motion.impacts[9][0]
-            ),
-            energy_figure(1e-11 * energy, end),
+    def mechanism(self) -> Mechanism:
+        half = self.length / 2
+        rod = Body(
+            name="rod",
+            angle="a",
+            mass=self.mass,
+            centre=(0, 0),
+            inertia=self.mass * self.length**2 / 12,
         )
-    rest = KnownValue(
-        "rest",
-        p.rest_time,
-        "s",
-        1e-10 * max(1.0, p.rest_time),
-        lambda motion: motion.rest_times["floor"][0],
-    )
-    return (*common, rest)
+        ends = tuple(
+            PointStop(
+                name=name,
+                body="rod",
+                point=(x, 0),
+                normal=(0, 1),
+                offset=0,
+                closed=False,
+                restitution=self.restitution,
+            )
+            for name, x in (("right", half), ("left", -half))
+        )
+        return Mechanism(
+            name=self.name,
+            bodies=(rod,),
+            joints=(FreeJoint(name="flight", child="rod", coordinates=("x", "y")),),
+            stops=ends,
+            markers=(
+                Marker(name="right", body="rod", point=(half, 0)),
+                Marker(name="left", body="rod", point=(-half, 0)),
+            ),
+            gravity=self.g,
+            start=(self.slope, 0.0, self.height + half * math.sin(self.slope)),
+        )
+
+    def figures(self) -> tuple[KnownValue, ...]:
+        fall, momentum = self.speed / self.g, self.impulse
+        # The blow on the right end turns the rod counterclockwise.
+        spin = (
+            -momentum * self.length / 2 * math.cos(self.slope) / (self.mass * self.length**2 / 12)
+        )
+        return (
+            *_first_impact("right", fall, momentum),
+            KnownValue(
+                "spin after it",
+                spin,
+                "rad/s",
+                1e-11 * abs(spin),
+                lambda m: at(speed("a"), m.impacts[0][0])(m),
+            ),
+        )
 
 
 def _first_impact(stop: str, time: float, impulse: float) -> tuple[KnownValue, ...]:
@@ -170,35 +266,6 @@ def _first_impact(stop: str, time: float, impulse: float) -> tuple[KnownValue, .
             1e-11 * impulse,
             lambda motion: motion.impacts[0][1][stop],
         ),
-    )
-
-
-def _stopped_pendulum(p: StoppedPendulumParameters) -> Mechanism:
-    down = math.pi / 2
-    # Clockwise from the vertical is to the left.
-    left = Stop(
-        name="left",
-        body="rod 1",
-        sense=-1,
-        limit=-(down + p.opening),
-        closed=False,
-        restitution=p.restitution,
-    )
-    right = Stop(
-        name="right",
-        body="rod 1",
-        sense=1,
-        limit=down - p.opening,
-        closed=False,
-        restitution=p.restitution,
-    )
-    return pin_links(
-        "stopped-pendulum",
-        rods(2, p.length, p.mass),
-        p.length,
-        p.g,
-        (down, down + p.swing),
-        stops=(left, right),
     )
 
 
@@ -220,88 +287,4 @@ def _energy_balance(
     return read
 
 
-def _stopped_figures(p: StoppedPendulumParameters) -> tuple[KnownValue, ...]:
-    scale = 4 * p.mass * p.g * p.length
-    balance = _energy_balance(p, p.duration)
-    return (KnownValue("energy less that of the impacts", 0.0, "J", 1e-11 * scale, balance),)
-
-
-def _falling_rod(p: FallingRodParameters) -> Mechanism:
-    half = p.length / 2
-    rod = Body(name="rod", angle="a", mass=p.mass, centre=(0, 0), inertia=p.mass * p.length**2 / 12)
-    ends = tuple(
-        PointStop(
-            name=name,
-            body="rod",
-            point=(x, 0),
-            normal=(0, 1),
-            offset=0,
-            closed=False,
-            restitution=p.restitution,
-        )
-        for name, x in (("right", half), ("left", -half))
-    )
-    return Mechanism(
-        name="falling-rod",
-        bodies=(rod,),
-        joints=(FreeJoint(name="flight", child="rod", coordinates=("x", "y")),),
-        stops=ends,
-        markers=(
-            Marker(name="right", body="rod", point=(half, 0)),
-            Marker(name="left", body="rod", point=(-half, 0)),
-        ),
-        gravity=p.g,
-        start=(p.slope, 0.0, p.height + half * math.sin(p.slope)),
-    )
-
-
-def _falling_rod_figures(p: FallingRodParameters) -> tuple[KnownValue, ...]:
-    fall, momentum = p.speed / p.g, p.impulse
-    # The blow on the right end turns the rod counterclockwise.
-    spin = -momentum * p.length / 2 * math.cos(p.slope) / (p.mass * p.length**2 / 12)
-    return (
-        *_first_impact("right", fall, momentum),
-        KnownValue(
-            "spin after it",
-            spin,
-            "rad/s",
-            1e-11 * abs(spin),
-            lambda m: at(speed("a"), m.impacts[0][0])(m),
-        ),
-    )
-
-
-BOUNCING = Benchmark(
-    number="D01",
-    name="bouncing",
-    tags=("contact", "impact", "closed-form"),
-    text="body that bounces on a floor and comes to rest after infinitely many impacts",
-    source=_ZENO,
-    parameters=BouncingParameters,
-    build=_bouncing,
-    figures=_bouncing_figures,
-    stop_law=StopLaw.UNILATERAL,
-)
-STOPPED_PENDULUM = Benchmark(
-    number="D02",
-    name="stopped-pendulum",
-    tags=("tree", "contact", "impact"),
-    text="double pendulum whose upper rod swings between two stops",
-    source="energy lost in an impact: W. Thomson, P. G. Tait, Natural Philosophy (1879), Sec. 308",
-    parameters=StoppedPendulumParameters,
-    build=_stopped_pendulum,
-    figures=_stopped_figures,
-    stop_law=StopLaw.UNILATERAL,
-)
-FALLING_ROD = Benchmark(
-    number="D03",
-    name="falling-rod",
-    tags=("free", "contact", "impact", "closed-form"),
-    text="slanting rod that falls on a floor with one end",
-    source="W. Goldsmith, Impact (1960), Ch. II: Newton's law of impact for a rigid rod",
-    parameters=FallingRodParameters,
-    build=_falling_rod,
-    figures=_falling_rod_figures,
-    stop_law=StopLaw.UNILATERAL,
-)
-CONTACTS = (BOUNCING, STOPPED_PENDULUM, FALLING_ROD)
+CONTACTS = (BouncingParameters, StoppedPendulumParameters, FallingRodParameters)

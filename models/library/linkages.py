@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
+import cmath
 import math
-from dataclasses import replace
-from functools import partial
 from typing import Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from ..arrays import FloatArray
-from ..elements import GROUND, SlotJoint
+from ..elements import GROUND
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import Positive, Real
 from .benchmark import (
-    Benchmark,
     BenchmarkParameters,
     Condition,
     KnownValue,
@@ -28,7 +26,7 @@ from .benchmark import (
     suite_condition,
 )
 from .closed_forms import LOWEST, Swing, slow_swing_period, time_between, turn, turn_period
-from .parts import pin, rod
+from .parts import pin, rod, slot
 
 UPRIGHT = -math.pi / 2  # [rad] angle of a link that points up
 _UPRIGHT_SHARE = (
@@ -39,6 +37,15 @@ _SUITE = "M. Gonzalez et al., MBS benchmark library (Univ. of A Coruna, 2005)"
 
 class FourBarParameters(BenchmarkParameters):
     """N windows of equal uniform links: N + 1 upright cranks and N level couplers."""
+
+    number = "A02"
+    name = "n-four-bar"
+    tags = ("loop", "singular", "closed-form", "scalable", "IFToMM")
+    text = "N four-bar linkages in a row that pass their singular positions"
+    source = (
+        f"{_SUITE}, problem A02, in the IFToMM library; "
+        "E. Bayo, A. Avello, Nonlinear Dyn. 5 (1994) 209"
+    )
 
     N: int = Field(default=1, ge=1, le=100, description="number of windows")
     length: Positive = Field(default=1.0, description="of each link [m]")
@@ -54,6 +61,10 @@ class FourBarParameters(BenchmarkParameters):
         moment, inertia = (self.N + 1) / 2 + self.N, (self.N + 1) / 3 + self.N
         return math.sqrt(moment * self.g / (inertia * self.length))
 
+    def angle(self, t: FloatArray) -> FloatArray:
+        """Angle of every crank at times t [s], shape (n,) [rad]."""
+        return UPRIGHT + turn(self.omega, self.turning, t)
+
     @property
     def turning(self) -> float:
         """Speed of the cranks at the start [rad/s]."""
@@ -67,9 +78,81 @@ class FourBarParameters(BenchmarkParameters):
             1.5 * turn_period(self.omega, self.turning),
         )
 
+    def mechanism(self) -> Mechanism:
+        cranks = tuple(
+            rod(f"crank {i}", f"a{i}", self.length, self.mass) for i in range(self.N + 1)
+        )
+        couplers = tuple(
+            rod(f"coupler {i}", f"b{i}", self.length, self.mass) for i in range(1, self.N + 1)
+        )
+        end = (self.length, 0.0)
+        pivots = tuple(
+            pin(f"pivot {i}", GROUND, f"crank {i}", (i * self.length, 0)) for i in range(self.N + 1)
+        )
+        left = tuple(
+            pin(f"left {i}", f"crank {i - 1}", f"coupler {i}", end) for i in range(1, self.N + 1)
+        )
+        right = tuple(
+            pin(f"right {i}", f"crank {i}", f"coupler {i}", end, end) for i in range(1, self.N + 1)
+        )
+        return Mechanism(
+            name=self.name,
+            bodies=cranks + couplers,
+            joints=pivots + left + right,
+            markers=(Marker(name="B0", body="crank 0", point=end),),
+            gravity=self.g,
+            start=(UPRIGHT,) * (self.N + 1) + (0.0,) * self.N,
+            start_speeds=(self.turning,) * (self.N + 1) + (0.0,) * self.N,
+        )
 
-class ThreeCranksParameters(BenchmarkParameters):
+    def figures(self) -> tuple[KnownValue, ...]:
+        end, angle = self.duration, coordinate("a0")
+        turn = turn_period(self.omega, self.turning)
+        name = "largest error of the first crank's angle"
+        return (
+            KnownValue(
+                "time of a turn", turn, "s", 1e-9, passage(angle, UPRIGHT + 2 * math.pi, end)
+            ),
+            path_figure(name, "rad", 1e-9, angle, self.angle, end),
+        )
+
+    def conditions(self) -> tuple[Condition, ...]:
+        end = self.duration
+        return (suite_condition("B0", self.length, self.angle, end, round(20 * end)),)
+
+
+class SwingingParameters(BenchmarkParameters):
+    """Base of the linkages that are let go from rest and move like a pendulum."""
+
+    @property
+    def swing(self) -> Swing:
+        """Motion in closed form."""
+        raise NotImplementedError(type(self).__name__)
+
+    @property
+    def duration(self) -> float:
+        return 2.5 * self.swing.period
+
+    def figures(self) -> tuple[KnownValue, ...]:
+        swing, end = self.swing, self.duration
+        last = float(swing.at(np.array([end]))[0])
+        return (
+            *swing.figures(end, 1e-11 * swing.period, 1e-10),
+            KnownValue("angle at the end", last, "rad", 1e-10, at(coordinate(swing.angle), end)),
+        )
+
+
+class ThreeCranksParameters(SwingingParameters):
     """A beam on three equal parallel cranks, of which one is redundant, let go from rest."""
+
+    number = "C01"
+    name = "three-cranks"
+    tags = ("loop", "redundant", "closed-form")
+    text = "beam on three parallel cranks, one of them redundant"
+    source = (
+        "moves as a pendulum; "
+        "on redundant constraints M. Wojtyra, Multibody Syst. Dyn. 14 (2005) 23"
+    )
 
     length: Positive = Field(default=1.0, description="of each crank, a uniform rod [m]")
     spacing: Positive = Field(default=0.8, description="between neighbouring cranks [m]")
@@ -82,16 +165,33 @@ class ThreeCranksParameters(BenchmarkParameters):
 
     @property
     def swing(self) -> Swing:
-        """Its motion."""
         omega = math.sqrt(
             (1.5 * self.crank + self.beam) * self.g / ((self.crank + self.beam) * self.length)
         )
         return Swing("a1", omega, self.amplitude)
 
-    @property
-    def duration(self) -> float:
-        """Time for which the motion is followed [s]."""
-        return 2.5 * self.swing.period
+    def mechanism(self) -> Mechanism:
+        cranks = tuple(rod(f"crank {i}", f"a{i}", self.length, self.crank) for i in (1, 2, 3))
+        inertia = self.beam * (2 * self.spacing) ** 2 / 12
+        beam = Body(
+            name="beam", angle="b", mass=self.beam, centre=(self.spacing, 0), inertia=inertia
+        )
+        end = (self.length, 0.0)
+        pivots = tuple(
+            pin(f"pivot {i}", GROUND, f"crank {i}", ((i - 1) * self.spacing, 0)) for i in (1, 2, 3)
+        )
+        pins = tuple(
+            pin(f"pin {i}", f"crank {i}", "beam", end, ((i - 1) * self.spacing, 0))
+            for i in (1, 2, 3)
+        )
+        return Mechanism(
+            name=self.name,
+            bodies=(*cranks, beam),
+            joints=pivots + pins,
+            markers=(Marker(name="beam", body="beam", point=beam.centre),),
+            gravity=self.g,
+            start=(LOWEST + self.amplitude,) * 3 + (0.0,),
+        )
 
 
 class SliderCrankParameters(BenchmarkParameters):
@@ -99,6 +199,15 @@ class SliderCrankParameters(BenchmarkParameters):
 
     With too little speed to turn over the crank swings, up to 270 degrees to and fro.
     """
+
+    number = "C02"
+    name = "slider-crank"
+    tags = ("loop", "slot", "quadrature")
+    text = "slider-crank that turns over and over"
+    source = (
+        "time of a turn by quadrature: "
+        "E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. III"
+    )
 
     crank: Positive = Field(default=1.0, description="length of the crank [m]")
     rod: Positive = Field(default=2.0, description="length of the rod, more than the crank's [m]")
@@ -175,18 +284,158 @@ class SliderCrankParameters(BenchmarkParameters):
 
     @property
     def duration(self) -> float:
-        """Time for which the motion is followed [s]."""
         return 1.5 * (self.turn_time if self.share > 1 else self.swing_time)
+
+    def mechanism(self) -> Mechanism:
+        # The slider, a point mass at the rod's end, is part of the rod.
+        mass = self.m_rod + self.m_slider
+        centre = (self.m_rod / 2 + self.m_slider) * self.rod / mass
+        inertia = (
+            self.m_rod * (self.rod**2 / 12 + (centre - self.rod / 2) ** 2)
+            + self.m_slider * (self.rod - centre) ** 2
+        )
+        loaded = Body(name="rod", angle="b", mass=mass, centre=(centre, 0), inertia=inertia)
+        end = (self.rod, 0.0)
+        return Mechanism(
+            name=self.name,
+            bodies=(rod("crank", "a", self.crank, self.m_crank), loaded),
+            joints=(
+                pin("pivot", GROUND, "crank"),
+                pin("crank pin", "crank", "rod", (self.crank, 0)),
+                slot("slot", "rod", (1, 0), on=end),
+            ),
+            markers=(Marker(name="slider", body="rod", point=end),),
+            gravity=self.g,
+            start=(0.0, 0.0),
+            start_speeds=(self.speed, -self.speed * self.crank / self.rod),
+        )
+
+    def figures(self) -> tuple[KnownValue, ...]:
+        end = self.duration
+        scale = self.inertia(0.0) * self.speed**2
+        if self.share > 1:
+            name, time, measured = (
+                "time of a turn",
+                self.turn_time,
+                passage(coordinate("a"), 2 * math.pi, end),
+            )
+        else:
+            name, time, measured = "period", self.swing_time, period(coordinate("a"), LOWEST, end)
+        return (
+            KnownValue(name, time, "s", 1e-10 * time, measured, "quadrature"),
+            energy_figure(1e-10 * scale, end),
+        )
 
 
 class SingularSliderCrankParameters(SliderCrankParameters):
     """The same with a rod as long as the crank."""
 
+    number = "C03"
+    name = "singular-slider-crank"
+    tags = ("loop", "slot", "singular", "quadrature")
+    text = "slider-crank with equal links, whose slider passes the crank's pivot"
+    source = (
+        "E. Bayo, A. Avello, Nonlinear Dyn. 5 (1994) 209, on such positions; "
+        "time of a turn by quadrature"
+    )
+
     rod: Positive = Field(default=1.0, description="length of the rod: the crank's [m]")
 
 
-class TrammelParameters(BenchmarkParameters):
+class QuickReturnParameters(BenchmarkParameters):
+    """A crank whose pin runs in the slot of an arm that is pivoted below it."""
+
+    number = "C05"
+    name = "quick-return"
+    tags = ("loop", "slot", "quadrature")
+    text = "crank whose pin runs in the slot of a swinging arm"
+    source = (
+        "time of a turn by quadrature: "
+        "E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. III"
+    )
+
+    crank: Positive = Field(default=0.2, description="from its pivot to its pin [m]")
+    distance: Positive = Field(
+        default=0.5, description="of the arm's pivot below the crank's, more than the crank [m]"
+    )
+    arm: Positive = Field(default=0.9, description="length of the arm [m]")
+    m_crank: Positive = Field(default=1.0, description="of the crank, a uniform rod [kg]")
+    m_arm: Positive = Field(default=2.0, description="of the arm, a uniform rod [kg]")
+    g: Positive = Field(default=9.81, description="gravity [m/s^2]")
+    speed: Positive = Field(default=12.0, description="of the crank at the start, level [rad/s]")
+
+    @property
+    def turn_time(self) -> float:
+        """Time of the crank's first turn [s]; it does not turn back."""
+        return time_between(0.0, 2 * math.pi, self.speed, self.inertia, self.potential)
+
+    def arm_angle(self, a: float) -> tuple[float, float]:
+        """The arm's angle [rad] at the crank's, and its derivative."""
+        pin = self.crank * cmath.exp(-1j * a)
+        reach = pin + 1j * self.distance
+        return -cmath.phase(reach), (pin / reach).real
+
+    def inertia(self, a: float) -> float:
+        """Reduced to the crank's angle [kg m^2]."""
+        return (
+            self.m_crank * self.crank**2 / 3
+            + self.m_arm * self.arm**2 / 3 * self.arm_angle(a)[1] ** 2
+        )
+
+    def potential(self, a: float) -> float:
+        """Energy of crank and arm [J]."""
+        arm = self.m_arm * self.arm * math.sin(self.arm_angle(a)[0])
+        return -self.g / 2 * (self.m_crank * self.crank * math.sin(a) + arm)
+
+    @property
+    def duration(self) -> float:
+        return 1.5 * self.turn_time
+
+    def mechanism(self) -> Mechanism:
+        angle, slope = self.arm_angle(0.0)
+        return Mechanism(
+            name=self.name,
+            bodies=(
+                rod("crank", "a", self.crank, self.m_crank),
+                rod("arm", "b", self.arm, self.m_arm),
+            ),
+            joints=(
+                pin("crank pivot", GROUND, "crank"),
+                pin("arm pivot", GROUND, "arm", (0, -self.distance)),
+                slot("slot", "crank", (1, 0), on=(self.crank, 0), parent="arm"),
+            ),
+            markers=(Marker(name="tip", body="arm", point=(self.arm, 0)),),
+            gravity=self.g,
+            start=(0.0, angle),
+            start_speeds=(self.speed, slope * self.speed),
+        )
+
+    def figures(self) -> tuple[KnownValue, ...]:
+        end, a = self.duration, coordinate("a")
+        half = time_between(0.0, math.pi, self.speed, self.inertia, self.potential)
+        turn, scale = self.turn_time, self.inertia(0.0) * self.speed**2
+        return (
+            KnownValue(
+                "time of a turn", turn, "s", 1e-11, passage(a, 2 * math.pi, end), "quadrature"
+            ),
+            KnownValue(
+                "time of the first half", half, "s", 1e-11, passage(a, math.pi, end), "quadrature"
+            ),
+            energy_figure(1e-11 * max(1.0, scale), end),
+        )
+
+
+_SPAN = 10.0  # periods of an oscillation
+
+
+class TrammelParameters(SwingingParameters):
     """A uniform rod whose ends run in a level and in an upright slot, let go from rest."""
+
+    number = "C04"
+    name = "trammel"
+    tags = ("loop", "slot", "closed-form")
+    text = "elliptic trammel: a rod whose ends run in two crossing slots"
+    source = "moves as a pendulum: E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. IV"
 
     length: Positive = Field(default=2.0, description="of the rod [m]")
     mass: Positive = Field(default=3.0, description="of the rod [kg]")
@@ -200,201 +449,25 @@ class TrammelParameters(BenchmarkParameters):
         """Its motion: the centre moves on a circle of half the length as fast as the rod turns."""
         return Swing("a", math.sqrt(1.5 * self.g / self.length), self.amplitude)
 
-    @property
-    def duration(self) -> float:
-        """Time for which the motion is followed [s]."""
-        return 2.5 * self.swing.period
-
-
-def _four_bars(p: FourBarParameters) -> Mechanism:
-    cranks = tuple(rod(f"crank {i}", f"a{i}", p.length, p.mass) for i in range(p.N + 1))
-    couplers = tuple(rod(f"coupler {i}", f"b{i}", p.length, p.mass) for i in range(1, p.N + 1))
-    end = (p.length, 0.0)
-    pivots = tuple(
-        pin(f"pivot {i}", GROUND, f"crank {i}", (i * p.length, 0)) for i in range(p.N + 1)
-    )
-    left = tuple(pin(f"left {i}", f"crank {i - 1}", f"coupler {i}", end) for i in range(1, p.N + 1))
-    right = tuple(
-        pin(f"right {i}", f"crank {i}", f"coupler {i}", end, end) for i in range(1, p.N + 1)
-    )
-    return Mechanism(
-        name="n-four-bar",
-        bodies=cranks + couplers,
-        joints=pivots + left + right,
-        markers=(Marker(name="B0", body="crank 0", point=end),),
-        gravity=p.g,
-        start=(UPRIGHT,) * (p.N + 1) + (0.0,) * p.N,
-        start_speeds=(p.turning,) * (p.N + 1) + (0.0,) * p.N,
-    )
-
-
-def _four_bar_angle(p: FourBarParameters, t: FloatArray) -> FloatArray:
-    return UPRIGHT + turn(p.omega, p.turning, t)
-
-
-def _four_bar_figures(p: FourBarParameters) -> tuple[KnownValue, ...]:
-    end, angle = p.duration, coordinate("a0")
-    turn = turn_period(p.omega, p.turning)
-    name = "largest error of the first crank's angle"
-    return (
-        KnownValue("time of a turn", turn, "s", 1e-9, passage(angle, UPRIGHT + 2 * math.pi, end)),
-        path_figure(name, "rad", 1e-9, angle, lambda t: _four_bar_angle(p, t), end),
-    )
-
-
-def _four_bar_conditions(p: FourBarParameters) -> tuple[Condition, ...]:
-    end = p.duration
-    return (suite_condition("B0", p.length, lambda t: _four_bar_angle(p, t), end, round(20 * end)),)
-
-
-def _three_cranks(p: ThreeCranksParameters) -> Mechanism:
-    cranks = tuple(rod(f"crank {i}", f"a{i}", p.length, p.crank) for i in (1, 2, 3))
-    inertia = p.beam * (2 * p.spacing) ** 2 / 12
-    beam = Body(name="beam", angle="b", mass=p.beam, centre=(p.spacing, 0), inertia=inertia)
-    end = (p.length, 0.0)
-    pivots = tuple(
-        pin(f"pivot {i}", GROUND, f"crank {i}", ((i - 1) * p.spacing, 0)) for i in (1, 2, 3)
-    )
-    pins = tuple(
-        pin(f"pin {i}", f"crank {i}", "beam", end, ((i - 1) * p.spacing, 0)) for i in (1, 2, 3)
-    )
-    return Mechanism(
-        name="three-cranks",
-        bodies=(*cranks, beam),
-        joints=pivots + pins,
-        markers=(Marker(name="beam", body="beam", point=beam.centre),),
-        gravity=p.g,
-        start=(LOWEST + p.amplitude,) * 3 + (0.0,),
-    )
-
-
-def _slider_crank(name: str, p: SliderCrankParameters) -> Mechanism:
-    # The slider, a point mass at the rod's end, is part of the rod.
-    mass = p.m_rod + p.m_slider
-    centre = (p.m_rod / 2 + p.m_slider) * p.rod / mass
-    inertia = (
-        p.m_rod * (p.rod**2 / 12 + (centre - p.rod / 2) ** 2) + p.m_slider * (p.rod - centre) ** 2
-    )
-    loaded = Body(name="rod", angle="b", mass=mass, centre=(centre, 0), inertia=inertia)
-    end = (p.rod, 0.0)
-    slot = SlotJoint(name="slot", child="rod", parent_point=(0, 0), child_point=end, axis=(1, 0))
-    return Mechanism(
-        name=name,
-        bodies=(rod("crank", "a", p.crank, p.m_crank), loaded),
-        joints=(
-            pin("pivot", GROUND, "crank"),
-            pin("crank pin", "crank", "rod", (p.crank, 0)),
-            slot,
-        ),
-        markers=(Marker(name="slider", body="rod", point=end),),
-        gravity=p.g,
-        start=(0.0, 0.0),
-        start_speeds=(p.speed, -p.speed * p.crank / p.rod),
-    )
-
-
-def _slider_crank_figures(p: SliderCrankParameters) -> tuple[KnownValue, ...]:
-    end = p.duration
-    scale = p.inertia(0.0) * p.speed**2
-    if p.share > 1:
-        name, time, measured = (
-            "time of a turn",
-            p.turn_time,
-            passage(coordinate("a"), 2 * math.pi, end),
+    def mechanism(self) -> Mechanism:
+        start = LOWEST + self.amplitude
+        level = slot("level", "rod", (1, 0), coordinate="x")
+        upright = slot("upright", "rod", (0, 1), on=(self.length, 0))
+        return Mechanism(
+            name=self.name,
+            bodies=(rod("rod", "a", self.length, self.mass),),
+            joints=(level, upright),
+            markers=(Marker(name="pen", body="rod", point=(self.length / 4, 0)),),
+            gravity=self.g,
+            start=(start, -self.length * math.cos(start)),
         )
-    else:
-        name, time, measured = "period", p.swing_time, period(coordinate("a"), LOWEST, end)
-    return (
-        KnownValue(name, time, "s", 1e-10 * time, measured, "quadrature"),
-        energy_figure(1e-10 * scale, end),
-    )
 
 
-def _trammel(p: TrammelParameters) -> Mechanism:
-    start = LOWEST + p.amplitude
-    level = SlotJoint(
-        name="level",
-        child="rod",
-        parent_point=(0, 0),
-        child_point=(0, 0),
-        axis=(1, 0),
-        coordinate="x",
-    )
-    upright = SlotJoint(
-        name="upright", child="rod", parent_point=(0, 0), child_point=(p.length, 0), axis=(0, 1)
-    )
-    return Mechanism(
-        name="trammel",
-        bodies=(rod("rod", "a", p.length, p.mass),),
-        joints=(level, upright),
-        markers=(Marker(name="pen", body="rod", point=(p.length / 4, 0)),),
-        gravity=p.g,
-        start=(start, -p.length * math.cos(start)),
-    )
-
-
-def _swing_figures(p: ThreeCranksParameters | TrammelParameters) -> tuple[KnownValue, ...]:
-    swing, end = p.swing, p.duration
-    last = float(swing.at(np.array([end]))[0])
-    return (
-        *swing.figures(end, 1e-11 * swing.period, 1e-10),
-        KnownValue("angle at the end", last, "rad", 1e-10, at(coordinate(swing.angle), end)),
-    )
-
-
-N_FOUR_BAR = Benchmark(
-    number="A02",
-    name="n-four-bar",
-    tags=("loop", "singular", "closed-form", "scalable", "IFToMM"),
-    text="N four-bar linkages in a row that pass their singular positions",
-    source=f"{_SUITE}, problem A02, in the IFToMM library; "
-    "E. Bayo, A. Avello, Nonlinear Dyn. 5 (1994) 209",
-    parameters=FourBarParameters,
-    build=_four_bars,
-    figures=_four_bar_figures,
-    conditions=_four_bar_conditions,
+LINKAGES = (
+    FourBarParameters,
+    ThreeCranksParameters,
+    SliderCrankParameters,
+    SingularSliderCrankParameters,
+    QuickReturnParameters,
+    TrammelParameters,
 )
-THREE_CRANKS = Benchmark(
-    number="C01",
-    name="three-cranks",
-    tags=("loop", "redundant", "closed-form"),
-    text="beam on three parallel cranks, one of them redundant",
-    source="moves as a pendulum; "
-    "on redundant constraints M. Wojtyra, Multibody Syst. Dyn. 14 (2005) 23",
-    parameters=ThreeCranksParameters,
-    build=_three_cranks,
-    figures=_swing_figures,
-)
-SLIDER_CRANK = Benchmark(
-    number="C02",
-    name="slider-crank",
-    tags=("loop", "slot", "quadrature"),
-    text="slider-crank that turns over and over",
-    source="time of a turn by quadrature: "
-    "E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. III",
-    parameters=SliderCrankParameters,
-    build=partial(_slider_crank, "slider-crank"),
-    figures=_slider_crank_figures,
-)
-SINGULAR_SLIDER_CRANK = replace(
-    SLIDER_CRANK,
-    number="C03",
-    name="singular-slider-crank",
-    tags=("loop", "slot", "singular", "quadrature"),
-    text="slider-crank with equal links, whose slider passes the crank's pivot",
-    source="E. Bayo, A. Avello, Nonlinear Dyn. 5 (1994) 209, on such positions; "
-    "time of a turn by quadrature",
-    parameters=SingularSliderCrankParameters,
-    build=partial(_slider_crank, "singular-slider-crank"),
-)
-TRAMMEL = Benchmark(
-    number="C04",
-    name="trammel",
-    tags=("loop", "slot", "closed-form"),
-    text="elliptic trammel: a rod whose ends run in two crossing slots",
-    source="moves as a pendulum: E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. IV",
-    parameters=TrammelParameters,
-    build=_trammel,
-    figures=_swing_figures,
-)
-LINKAGES = (N_FOUR_BAR, THREE_CRANKS, SLIDER_CRANK, SINGULAR_SLIDER_CRANK, TRAMMEL)

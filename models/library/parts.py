@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..elements import GROUND, PinJoint, PrismaticJoint
+from ..elements import GROUND, PinJoint, PrismaticJoint, SlotJoint
 from ..mechanism import Body
 from ..spec import Vector
 
@@ -30,6 +30,21 @@ def rail(name: str, parent: str, child: str, coordinate: str) -> PrismaticJoint:
     """A prismatic joint along the parent's x axis."""
     return PrismaticJoint(
         name=name, parent=parent, child=child, parent_point=(0, 0), child_point=(0, 0), axis=(1, 0),
+        coordinate=coordinate,
+    )  # fmt: skip
+
+
+def slot(
+    name: str,
+    child: str,
+    axis: Vector,
+    on: Vector = (0, 0),
+    coordinate: str | None = None,
+    parent: str = GROUND,
+) -> SlotJoint:
+    """A slot along an axis through the parent's origin, in which a point of the child runs."""
+    return SlotJoint(
+        name=name, parent=parent, child=child, parent_point=(0, 0), child_point=on, axis=axis,
         coordinate=coordinate,
     )  # fmt: skip
 

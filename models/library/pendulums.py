@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.polynomial import laguerre
@@ -15,7 +13,6 @@ from ..elements import GROUND, Stop
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import Positive, Real
 from .benchmark import (
-    Benchmark,
     BenchmarkParameters,
     Condition,
     KnownValue,
@@ -27,14 +24,18 @@ from .benchmark import (
 from .closed_forms import LOWEST, Swing
 from .parts import pin, rod
 
-_SUITE = (
-    "M. Gonzalez et al., MBS benchmark library (Univ. of A Coruna, 2005), problem A01, "
-    "in the IFToMM library"
-)
-
 
 class PendulumParameters(BenchmarkParameters):
     """A point mass on a massless link."""
+
+    number = "A01"
+    name = "pendulum"
+    tags = ("tree", "closed-form", "IFToMM")
+    text = "simple pendulum let go level"
+    source = (
+        "M. Gonzalez et al., MBS benchmark library (Univ. of A Coruna, 2005), problem A01, "
+        "in the IFToMM library"
+    )
 
     length: Positive = Field(default=1.0, description="link [m]")
     mass: Positive = Field(default=1.0, description="bob [kg]")
@@ -53,9 +54,40 @@ class PendulumParameters(BenchmarkParameters):
         """10 s at 1 m, as the source has it, and at least one and a half periods."""
         return max(10.0 * math.sqrt(self.length * 9.81 / self.g), 1.5 * self.swing.period)
 
+    def mechanism(self) -> Mechanism:
+        return Mechanism(
+            name=self.name,
+            bodies=(
+                Body(name="link", angle="phi", mass=self.mass, centre=(self.length, 0), inertia=0),
+            ),
+            joints=(pin("pivot", GROUND, "link"),),
+            markers=(Marker(name="P1", body="link", point=(self.length, 0)),),
+            gravity=self.g,
+            start=(LOWEST + self.amplitude,),
+        )
+
+    def figures(self) -> tuple[KnownValue, ...]:
+        # Near the highest position errors grow, as the period does: by 1 / cos(amplitude / 2).
+        growth = 1.0 / math.cos(self.amplitude / 2)
+        return self.swing.figures(
+            self.duration, max(1e-12, 1e-12 * self.swing.period * growth), 1e-11 * growth
+        )
+
+    def conditions(self) -> tuple[Condition, ...]:
+        return (suite_condition("P1", self.length, self.swing.at, self.duration, 20),)
+
 
 class HighPendulumParameters(PendulumParameters):
     """The same, let go one degree below the highest position."""
+
+    number = "B01"
+    name = "high-pendulum"
+    tags = ("tree", "closed-form", "sensitive")
+    text = "simple pendulum let go one degree below its highest position"
+    source = (
+        "period by an elliptic integral: "
+        "E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. IV"
+    )
 
     amplitude: Real = Field(
         default=math.radians(179),
@@ -64,9 +96,18 @@ class HighPendulumParameters(PendulumParameters):
         description="start, from the lowest position [rad]",
     )
 
+    def conditions(self) -> tuple[Condition, ...]:
+        return ()
+
 
 class ChainParameters(BenchmarkParameters):
     """Equal uniform rods, each pinned to the one before, let go from rest on a straight line."""
+
+    number = "B03"
+    name = "chain"
+    tags = ("tree", "chaotic", "scalable")
+    text = "chain of N uniform rods let go level"
+    source = "energy is conserved"
 
     N: int = Field(default=5, ge=1, le=200, description="number of rods")
     length: Positive = Field(default=0.2, description="of each rod [m]")
@@ -79,9 +120,28 @@ class ChainParameters(BenchmarkParameters):
         """Some three swings of the chain as one rod."""
         return round(9.0 * math.sqrt(self.N * self.length / self.g), 2)
 
+    def mechanism(self) -> Mechanism:
+        return pin_links(
+            self.name,
+            rods(self.N, self.length, self.mass),
+            self.length,
+            self.g,
+            (self.start,) * self.N,
+        )
+
+    def figures(self) -> tuple[KnownValue, ...]:
+        scale = self.N**2 * self.mass * self.g * self.length
+        return (energy_figure(1e-11 * scale, self.duration),)
+
 
 class DoublePendulumParameters(ChainParameters):
     """The same with two rods of 1 m, slightly above the horizontal."""
+
+    number = "B02"
+    name = "double-pendulum"
+    tags = ("tree", "chaotic")
+    text = "two uniform rods, chaotic"
+    source = "energy is conserved; T. Shinbrot et al., Am. J. Phys. 60 (1992) 491, on its chaos"
 
     N: int = Field(default=2, ge=2, le=2, description="number of rods")
     length: Positive = Field(default=1.0, description="of each rod [m]")
@@ -92,6 +152,15 @@ class DoublePendulumParameters(ChainParameters):
 
 class HangingChainParameters(BenchmarkParameters):
     """Equal point masses on equal massless links, let go in their slowest small oscillation."""
+
+    number = "B04"
+    name = "hanging-chain"
+    tags = ("tree", "closed-form", "scalable")
+    text = "N point masses on a hanging chain in their slowest small oscillation"
+    source = (
+        "frequencies by the roots of a Laguerre polynomial: "
+        "D. Bernoulli, Comm. Acad. Petrop. 6 (1733) 108"
+    )
 
     N: int = Field(default=5, ge=1, le=50, description="number of links")
     length: Positive = Field(default=0.2, description="of each link [m]")
@@ -114,20 +183,41 @@ class HangingChainParameters(BenchmarkParameters):
         return root, angles / angles[-1]
 
     @property
+    def period(self) -> float:
+        """Period of the slowest small oscillation [s]."""
+        return 2 * math.pi / math.sqrt(self.shape[0] * self.g / self.length)
+
+    @property
     def duration(self) -> float:
-        """Time for which the motion is followed [s]."""
-        return 1.5 * _hanging_period(self)
+        return 1.5 * self.period
 
+    def mechanism(self) -> Mechanism:
+        links = tuple(
+            Body(
+                name=f"link {i + 1}",
+                angle=f"a{i + 1}",
+                mass=self.mass,
+                centre=(self.length, 0),
+                inertia=0,
+            )
+            for i in range(self.N)
+        )
+        start = LOWEST + self.amplitude * self.shape[1]
+        return pin_links(self.name, links, self.length, self.g, tuple(start.tolist()))
 
-def _pendulum(name: str, p: PendulumParameters) -> Mechanism:
-    return Mechanism(
-        name=name,
-        bodies=(Body(name="link", angle="phi", mass=p.mass, centre=(p.length, 0), inertia=0),),
-        joints=(pin("pivot", GROUND, "link"),),
-        markers=(Marker(name="P1", body="link", point=(p.length, 0)),),
-        gravity=p.g,
-        start=(LOWEST + p.amplitude,),
-    )
+    def figures(self) -> tuple[KnownValue, ...]:
+        exact = self.period
+        # A small oscillation: its period differs from the linear one by the amplitude's square.
+        read = period(coordinate("a1"), LOWEST, 1.5 * exact)
+        return (
+            KnownValue(
+                "period of the slowest small oscillation",
+                exact,
+                "s",
+                exact * self.amplitude**2,
+                read,
+            ),
+        )
 
 
 def pin_links(
@@ -165,101 +255,10 @@ def rods(count: int, length: float, mass: float) -> tuple[Body, ...]:
     return tuple(rod(f"rod {i + 1}", f"a{i + 1}", length, mass) for i in range(count))
 
 
-def _chain(name: str, p: ChainParameters) -> Mechanism:
-    return pin_links(name, rods(p.N, p.length, p.mass), p.length, p.g, (p.start,) * p.N)
-
-
-def _hanging_chain(p: HangingChainParameters) -> Mechanism:
-    links = tuple(
-        Body(name=f"link {i + 1}", angle=f"a{i + 1}", mass=p.mass, centre=(p.length, 0), inertia=0)
-        for i in range(p.N)
-    )
-    start = LOWEST + p.amplitude * p.shape[1]
-    return pin_links("hanging-chain", links, p.length, p.g, tuple(start.tolist()))
-
-
-def _swing_figures(p: PendulumParameters) -> tuple[KnownValue, ...]:
-    # Near the highest position errors grow, as the period does with the amplitude: by 1 / cos of
-    # its half.
-    growth = 1.0 / math.cos(p.amplitude / 2)
-    return p.swing.figures(p.duration, max(1e-12, 1e-12 * p.swing.period * growth), 1e-11 * growth)
-
-
-def _swing_conditions(p: PendulumParameters) -> tuple[Condition, ...]:
-    return (suite_condition("P1", p.length, p.swing.at, p.duration, 20),)
-
-
-def _chain_figures(p: ChainParameters) -> tuple[KnownValue, ...]:
-    scale = p.N**2 * p.mass * p.g * p.length
-    return (energy_figure(1e-11 * scale, p.duration),)
-
-
-def _hanging_period(p: HangingChainParameters) -> float:
-    return 2 * math.pi / math.sqrt(p.shape[0] * p.g / p.length)
-
-
-def _hanging_figures(p: HangingChainParameters) -> tuple[KnownValue, ...]:
-    exact = _hanging_period(p)
-    # The oscillation is small: its period differs from the linear one by the amplitude's square.
-    read = period(coordinate("a1"), LOWEST, 1.5 * exact)
-    return (
-        KnownValue(
-            "period of the slowest small oscillation", exact, "s", exact * p.amplitude**2, read
-        ),
-    )
-
-
-HIGH_PENDULUM = Benchmark(
-    number="B01",
-    name="high-pendulum",
-    tags=("tree", "closed-form", "sensitive"),
-    text="simple pendulum let go one degree below its highest position",
-    source="period by an elliptic integral: "
-    "E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. IV",
-    parameters=HighPendulumParameters,
-    build=partial(_pendulum, "high-pendulum"),
-    figures=_swing_figures,
+PENDULUMS = (
+    PendulumParameters,
+    HighPendulumParameters,
+    DoublePendulumParameters,
+    ChainParameters,
+    HangingChainParameters,
 )
-PENDULUM = replace(
-    HIGH_PENDULUM,
-    number="A01",
-    name="pendulum",
-    tags=("tree", "closed-form", "IFToMM"),
-    text="simple pendulum let go level",
-    source=_SUITE,
-    parameters=PendulumParameters,
-    build=partial(_pendulum, "pendulum"),
-    conditions=_swing_conditions,
-)
-DOUBLE_PENDULUM = Benchmark(
-    number="B02",
-    name="double-pendulum",
-    tags=("tree", "chaotic"),
-    text="two uniform rods, chaotic",
-    source="energy is conserved; T. Shinbrot et al., Am. J. Phys. 60 (1992) 491, on its chaos",
-    parameters=DoublePendulumParameters,
-    build=partial(_chain, "double-pendulum"),
-    figures=_chain_figures,
-)
-CHAIN = replace(
-    DOUBLE_PENDULUM,
-    number="B03",
-    name="chain",
-    tags=("tree", "chaotic", "scalable"),
-    text="chain of N uniform rods let go level",
-    source="energy is conserved",
-    parameters=ChainParameters,
-    build=partial(_chain, "chain"),
-)
-HANGING_CHAIN = Benchmark(
-    number="B04",
-    name="hanging-chain",
-    tags=("tree", "closed-form", "scalable"),
-    text="N point masses on a hanging chain in their slowest small oscillation",
-    source="frequencies by the roots of a Laguerre polynomial: "
-    "D. Bernoulli, Comm. Acad. Petrop. 6 (1733) 108",
-    parameters=HangingChainParameters,
-    build=_hanging_chain,
-    figures=_hanging_figures,
-)
-PENDULUMS = (PENDULUM, HIGH_PENDULUM, DOUBLE_PENDULUM, CHAIN, HANGING_CHAIN)

@@ -15,11 +15,10 @@ from .benchmark import Benchmark, BenchmarkParameters
 from .catapult import CatapultParameters, catapult
 from .contacts import CONTACTS
 from .floating_arm import FloatingArmParameters, floating_arm
-from .joints import JOINT_PROBLEMS
 from .linkages import LINKAGES
-from .oscillators import OSCILLATORS
 from .pendulums import PENDULUMS
-from .squeezer import SQUEEZER
+from .single_elements import SINGLE_ELEMENTS
+from .squeezer import SqueezerParameters
 from .trebuchet import HingedParameters, TrebuchetParameters, fixed, hinged, rolling
 
 
@@ -127,12 +126,10 @@ def _of_library(name: str) -> _Model | None:
     )
 
 
+_PROBLEMS = (*PENDULUMS, *LINKAGES, *CONTACTS, *SINGLE_ELEMENTS, SqueezerParameters)
 _BENCHMARKS = {
-    entry.name: entry
-    for entry in sorted(
-        (*PENDULUMS, *LINKAGES, *CONTACTS, *OSCILLATORS, *JOINT_PROBLEMS, SQUEEZER),
-        key=lambda entry: entry.number,
-    )
+    parameters.name: Benchmark.of(parameters)
+    for parameters in sorted(_PROBLEMS, key=lambda parameters: parameters.number)
 }
 
 

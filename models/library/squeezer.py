@@ -16,7 +16,7 @@ from pydantic import Field
 from ..elements import GROUND, ConstantTorque, SpringDamper
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import NonNegative, Positive, Real, Vector
-from .benchmark import Benchmark, BenchmarkParameters, KnownValue, Quantity, at, coordinate
+from .benchmark import BenchmarkParameters, KnownValue, Quantity, at, coordinate
 from .parts import pin
 
 _END = 0.03  # [s]
@@ -55,6 +55,17 @@ _DIGITS = 1e-9  # relative
 class SqueezerParameters(BenchmarkParameters):
     """Motor and spring of the mechanism; its geometry and masses are the published ones."""
 
+    number = "A03"
+    name = "squeezer"
+    tags = ("loop", "spring", "motor", "published", "IFToMM")
+    text = "Andrews' squeezing mechanism: seven bodies, driven by a motor against a spring"
+    source = (
+        "W. Schiehlen, Multibody Systems Handbook (1990); "
+        "E. Hairer, G. Wanner, Solving ODEs II (1996), Sec. VII.7; "
+        "end state: F. Mazzia, C. Magherini, Test Set for IVP Solvers 2.4 (2008); "
+        "problem A03 in the IFToMM library"
+    )
+
     torque: Real = Field(
         default=0.033, description="of the motor on the crank, counterclockwise [N m]"
     )
@@ -63,8 +74,57 @@ class SqueezerParameters(BenchmarkParameters):
 
     @property
     def duration(self) -> float:
-        """Time for which the motion is followed [s]."""
         return _END
+
+    def mechanism(self) -> Mechanism:
+        start = {own: -_START[angle] for angle, own in _OWN.items()}
+        for angle, other in _OTHER.items():
+            start[_OWN[angle]] += start[other]
+        a, b, c, d = (-0.06934, -0.00227), (-0.03635, 0.03273), (0.014, 0.072), (0.02, -0.018)
+        spring = SpringDamper(
+            name="spring",
+            body="K3",
+            point=d,
+            relative_point=c,
+            stiffness=self.stiffness,
+            rest_length=self.rest_length,
+        )
+        return Mechanism(
+            name=self.name,
+            bodies=_BODIES,
+            joints=(
+                pin("O", GROUND, "K1", (0, 0)),
+                pin("F", "K1", "K2", (0.007, 0)),
+                pin("B", GROUND, "K3", b),
+                pin("A5", GROUND, "K5", a),
+                pin("G", "K5", "K4", (0.04, 0)),
+                pin("A7", GROUND, "K7", a),
+                pin("H", "K7", "K6", (0, -0.04)),
+                pin("E3", "K2", "K3", _E, (0, -0.035)),
+                pin("E4", "K2", "K4", _E, (0, -0.02)),
+                pin("E6", "K2", "K6", _E, (0.02, 0)),
+            ),
+            force_elements=(spring, ConstantTorque(name="motor", body="K1", torque=-self.torque)),
+            markers=(Marker(name="E", body="K2", point=_E), Marker(name="D", body="K3", point=d)),
+            gravity=0,
+            start=tuple(start[f"k{i}"] for i in (1, 2, 3, 5, 4, 7, 6)),
+        )
+
+    def figures(self) -> tuple[KnownValue, ...]:
+        """The published end state; of other parameters nothing is published."""
+        if self != SqueezerParameters():
+            return ()
+        return tuple(
+            KnownValue(
+                f"{angle} at 0.03 s",
+                value,
+                "rad",
+                _DIGITS * abs(value),
+                at(published(angle), _END),
+                "published",
+            )
+            for angle, value in _END_ANGLES.items()
+        )
 
 
 def published(angle: str) -> Quantity:
@@ -74,41 +134,6 @@ def published(angle: str) -> Quantity:
         return lambda trajectory: -own(trajectory)
     other = coordinate(_OTHER[angle])
     return lambda trajectory: other(trajectory) - own(trajectory)
-
-
-def _squeezer(p: SqueezerParameters) -> Mechanism:
-    start = {own: -_START[angle] for angle, own in _OWN.items()}
-    for angle, other in _OTHER.items():
-        start[_OWN[angle]] += start[other]
-    a, b, c, d = (-0.06934, -0.00227), (-0.03635, 0.03273), (0.014, 0.072), (0.02, -0.018)
-    spring = SpringDamper(
-        name="spring",
-        body="K3",
-        point=d,
-        relative_point=c,
-        stiffness=p.stiffness,
-        rest_length=p.rest_length,
-    )
-    return Mechanism(
-        name="squeezer",
-        bodies=_BODIES,
-        joints=(
-            pin("O", GROUND, "K1", (0, 0)),
-            pin("F", "K1", "K2", (0.007, 0)),
-            pin("B", GROUND, "K3", b),
-            pin("A5", GROUND, "K5", a),
-            pin("G", "K5", "K4", (0.04, 0)),
-            pin("A7", GROUND, "K7", a),
-            pin("H", "K7", "K6", (0, -0.04)),
-            pin("E3", "K2", "K3", _E, (0, -0.035)),
-            pin("E4", "K2", "K4", _E, (0, -0.02)),
-            pin("E6", "K2", "K6", _E, (0.02, 0)),
-        ),
-        force_elements=(spring, ConstantTorque(name="motor", body="K1", torque=-p.torque)),
-        markers=(Marker(name="E", body="K2", point=_E), Marker(name="D", body="K3", point=d)),
-        gravity=0,
-        start=tuple(start[f"k{i}"] for i in (1, 2, 3, 5, 4, 7, 6)),
-    )
 
 
 _E = (-0.028, 0.0)
@@ -126,36 +151,4 @@ _BODIES = (
     _body(4, 0.00706, 5.667e-7, (0, -(0.02 - 0.01421))),
     _body(7, 0.05498, 1.912e-5, (-0.00449, -0.01228)),
     _body(6, 0.00706, 5.667e-7, (0.02 - 0.01421, 0)),
-)
-
-
-def _figures(p: SqueezerParameters) -> tuple[KnownValue, ...]:
-    """The published end state; of other parameters nothing is published."""
-    if p != SqueezerParameters():
-        return ()
-    return tuple(
-        KnownValue(
-            f"{angle} at 0.03 s",
-            value,
-            "rad",
-            _DIGITS * abs(value),
-            at(published(angle), _END),
-            "published",
-        )
-        for angle, value in _END_ANGLES.items()
-    )
-
-
-SQUEEZER = Benchmark(
-    number="A03",
-    name="squeezer",
-    tags=("loop", "spring", "motor", "published", "IFToMM"),
-    text="Andrews' squeezing mechanism: seven bodies, driven by a motor against a spring",
-    source="W. Schiehlen, Multibody Systems Handbook (1990); "
-    "E. Hairer, G. Wanner, Solving ODEs II (1996), Sec. VII.7; "
-    "end state: F. Mazzia, C. Magherini, Test Set for IVP Solvers 2.4 (2008); "
-    "problem A03 in the IFToMM library",
-    parameters=SqueezerParameters,
-    build=_squeezer,
-    figures=_figures,
 )

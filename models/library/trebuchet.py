@@ -70,11 +70,7 @@ def short_end(l1: float, beam: float) -> float:
 
 
 FULCRUM, SLING_PIN, HANGER_PIN = "fulcrum", "sling pin", "hanger pin"
-
-
 HANGER_REST, SLING_REST, ARM_STOP, TROUGH = "hanger rest", "sling rest", "arm stop", "trough"
-
-
 PROJECTILE, COUNTERWEIGHT = "projectile", "counterweight"
 
 

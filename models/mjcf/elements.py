@@ -56,8 +56,6 @@ def rail_contact(slot: str, side: str) -> str:
 
 
 _THICKNESS = 4.0  # radii of a ball: half of it is that of a wall on a moving body
-
-
 _BEYOND = 1e4  # lengths of the machine: half the extent of such a wall, whose end no point reaches
 
 

@@ -169,7 +169,6 @@ _REFERENCES = (
     "site1", "site2", "refsite", "tendon", "tendon1", "objname",
 )  # fmt: skip
 
-
 _OTHERS = re.compile(r"[^\w.-]")
 
 

@@ -31,7 +31,6 @@ from .appearance import STONE, Appearance
 from .elements import Forces, Points, force_sensor, torque_sensor
 from .recorded import HOME, RecordedMotion
 from .scene import SCENE_FILE, ground_level, scene
-from .throw import Thrown
 from .tree import (
     add_angle_tendon,
     as_text,
@@ -47,7 +46,7 @@ from .tree import (
     start_angles,
     valid_names,
 )
-from .variants import Variant, inertias
+from .variants import Thrown, Variant, inertias
 
 KINETIC_ENERGY, POTENTIAL_ENERGY = "energy/kinetic", "energy/potential"
 

@@ -20,7 +20,7 @@ from .sweep.study import Artefact, Sweep
 
 
 def chapters(sections: Mapping[str, JsonValue]) -> Iterator[Block]:
-    """A chapter for each study; one that failed says why, one without a chapter of its own is named."""
+    """Chapters of the studies; a failed study states why, one without a chapter is named."""
     for name in dict.fromkeys([*_CHAPTERS, *sections]):
         if name not in sections:
             continue
@@ -69,7 +69,7 @@ def _engines(values: Sequence[EngineValue]) -> list[str]:
 def _engine_value(
     values: Sequence[EngineValue], engine: str, form: str = ".6g", tolerance: str = ""
 ) -> str:
-    """An engine's value, or why there is none; with its tolerance where a format for it is given."""
+    """An engine's value, or why there is none; with its tolerance where it has a format."""
     entry = next((each for each in values if each.engine == engine), None)
     if entry is None or entry.value is None:
         return "–" if entry is None else entry.note or "–"
@@ -94,8 +94,10 @@ def _identification(data: JsonValue) -> Iterator[Block]:
     yield from _findings(identification.findings)
     yield from _fits(identification)
     yield from _sensitivities(identification)
-    extents = [(e.angle, _degrees(e.low), ", ".join(e.ends_low), _degrees(e.high), ", ".join(e.ends_high))
-               for e in identification.fit.extents]  # fmt: skip
+    extents = [
+        (e.angle, _degrees(e.low), ", ".join(e.ends_low), _degrees(e.high), ", ".join(e.ends_high))
+        for e in identification.fit.extents
+    ]
     headings = ("angle", "from [deg]", "ended by", "to [deg]", "ended by")
     yield from _section("Start angles compatible with every printed digit", headings, extents)
     search = identification.search
@@ -144,8 +146,8 @@ def _sensitivities(identification: Identification) -> Iterator[Block]:
     headings = ("number", "by θ [per rad]", "by φ", "by α", "tells θ", "tells φ", "tells α")
     c = identification.conditioning
     text = (
-        f"Rank {c.rank} of 3, condition number {c.condition_number:.3g}; the joint 95 % region reaches "
-        f"{_degrees(*c.half_lengths)} deg along its axes, the best determined first."
+        f"Rank {c.rank} of 3, condition number {c.condition_number:.3g}; the joint 95 % region "
+        f"reaches {_degrees(*c.half_lengths)} deg along its axes, the best determined first."
     )
     yield from _section("Which number determines which angle", headings, rows, [text])
 
@@ -303,7 +305,7 @@ _DESIGN: Values = {
     "R": lambda named: named[1].ratio,
     "efficiency": lambda named: named[1].efficiency,
 }
-"""Of a throw with the name of its machine."""
+"""Columns of the designs' table, computed from a machine's name and its throw."""
 
 
 def _designs(design: Design) -> Iterator[Block]:
@@ -317,8 +319,8 @@ def _designs(design: Design) -> Iterator[Block]:
         f"{low:g} to {high:g}" for low, high in (design.bounds.r, design.bounds.h, design.bounds.l1)
     )
     text = (
-        f"Chosen within r {r}, h {h}, l1 {l1} m, masses and l1 + l2 kept. "
-        f"Asked besides: {'; '.join(design.constraints)}."
+        f"Chosen within r {r}, h {h}, l1 {l1} m, masses and l1 + l2 kept. Asked besides: "
+        f"{'; '.join(design.constraints)}."
     )
     active = "; ".join(
         f"{d.name} stands on {', '.join(d.optimality.active) or 'no bound'}" for d in design.designs
@@ -339,13 +341,14 @@ def _confirmed(each: CoincidingDesign) -> Iterator[Block]:
 
 
 def _machines(data: JsonValue) -> Iterator[Block]:
-    """What each machine that the paper names makes of the energy it has."""
+    """Share of its energy that each machine named by the paper gives to the projectile."""
     machines = Machines.model_validate(data)
     text = (
-        "Efficiency: the projectile's kinetic energy at 45 degrees over the energy available, which is the potential "
-        "energy at the start less the least there is. All have the paper's masses and arm; who wins depends on the "
-        f"sling, so each machine also gets its fastest, of {machines.slings[0]:g} to {machines.slings[1]:g} m, and "
-        f"each kind its most efficient machine with {_bounds(machines)}."
+        "Efficiency: the projectile's kinetic energy at 45 degrees over the energy available, "
+        "which is the potential energy at the start less the least there is. All have the paper's "
+        "masses and arm; who wins depends on the sling, so each machine also gets its fastest, of "
+        f"{machines.slings[0]:g} to {machines.slings[1]:g} m, and each kind its most efficient "
+        f"machine with {_bounds(machines)}."
     )
     yield Figure(efficiencies(machines), "Who makes most of its energy", text)
     names = _engines([value for machine in machines.machines for value in machine.engines])
@@ -355,8 +358,8 @@ def _machines(data: JsonValue) -> Iterator[Block]:
         for machine in machines.machines
     ]
     text = (
-        "Largest distance of any marked point from the reference up to the launch, each engine with its tuned preset "
-        "at its own default step; in brackets the agreement tolerance."
+        "Largest distance of any marked point from the reference up to the launch, each engine "
+        "with its tuned preset at its own default step; in brackets the agreement tolerance."
     )
     yield from _section("How well the engines follow [m]", ("machine", *names), rows, [text])
 
@@ -368,7 +371,10 @@ def _bounds(machines: Machines) -> str:
         if name != "theta0"
     ]
     low, high = (math.degrees(angle) for angle in machines.bounds["theta0"])
-    return f"{', '.join(spans)} and, where the arm begins backward, a start of {low:.0f} to {high:.0f} deg"
+    return (
+        f"{', '.join(spans)} and, where the arm begins backward, a start of {low:.0f} to "
+        f"{high:.0f} deg"
+    )
 
 
 def _throws(machines: Machines, names: Sequence[str]) -> Iterator[Block]:

@@ -26,7 +26,7 @@ def paper_command(
     json: options.Json = False,
     out: Annotated[Path, options.out("Folder for paper.html and paper.json.")] = Path("paper"),
 ) -> None:
-    """Judge every number and statement of the paper that a solver can reach, by the reference and every engine.
+    """Judge all numbers and statements of the paper in a solver's reach, by reference and engines.
 
     Writes paper.html (self-contained) and paper.json; prints the verdicts. A verdict follows from
     stated rules. What fails here is a row that says so, never a lost report.

@@ -1,4 +1,4 @@
-"""The paper's Figs. 2 to 7, drawn again: our curves, engines' samples on them, and the numbers it prints."""
+"""The paper's Figs. 2 to 7, redrawn: our curves, samples of engines, and printed numbers."""
 
 from __future__ import annotations
 

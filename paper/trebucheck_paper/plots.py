@@ -21,19 +21,21 @@ _SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "diamond", "triangle", "star
 _MACHINES = {"a": "fixed", "b": "rolling"}
 
 _CAPTIONS = {
-    "Fig. 2": "Multiplier of the hanger's constraint against time, fixed machine, in the paper's sign.",
-    "Fig. 3": "Multiplier of the sling's constraint against time, fixed machine, in the paper's sign. The kink is the "
-    "hanger's release.",
+    "Fig. 2": "Multiplier of the hanger's constraint against time, fixed machine, in the paper's "
+    "sign.",
+    "Fig. 3": "Multiplier of the sling's constraint against time, fixed machine, in the paper's "
+    "sign. The kink is the hanger's release.",
     "Fig. 4": "Range against the time of release, without drag, and the paper's best release.",
-    "Fig. 5": "Launch speed at 45 deg against l1, l1 + l2 kept, under two laws of a rest, and the paper's numbers.",
+    "Fig. 5": "Launch speed at 45 deg against l1, l1 + l2 kept, under two laws of a rest, and the "
+    "paper's numbers.",
     "Fig. 6": "Path of the counterweight up to the launch.",
-    "Fig. 7": "Kinetic energy of the projectile over the total energy against the time of launch; thin lines: the "
-    "velocity is at 45 deg.",
+    "Fig. 7": "Kinetic energy of the projectile over the total energy against the time of launch; "
+    "thin lines: the velocity is at 45 deg.",
 }
 
 
 def plots(series: Sequence[PaperSeries]) -> list[tuple[str, str, Panels]]:
-    """Name, caption and plot of each figure of the paper that there are series of, in the paper's order."""
+    """Name, caption and plot of each figure of the paper with series, in the paper's order."""
     names = sorted({_figure(each) for each in series})
     return [
         (name, _CAPTIONS.get(name, ""), _panels([each for each in series if _figure(each) == name]))

@@ -1,4 +1,4 @@
-"""The audit of the paper as a document: verdicts, claims, the paper's figures and tables, and the further studies."""
+"""The audit of the paper as a document: verdicts, claims, figures, tables and further studies."""
 
 from __future__ import annotations
 
@@ -50,11 +50,12 @@ _MARKS: dict[Verdict, Mark] = {
 
 
 def document(study: Study) -> Document:
-    """The verdicts, what matters most, and everything behind them; a terminal shows the verdicts and their causes."""
+    """Document of verdicts, findings and evidence; a terminal shows verdicts and causes."""
     names = engines(study)
     intro = (
-        "“Computational Modeling of a Trebuchet”: its numbers, orders and statements against a certified Lagrangian "
-        f"reference and {', '.join(names) or 'no engine'}. Every verdict follows from a stated rule."
+        "“Computational Modeling of a Trebuchet”: its numbers, orders and statements against a "
+        f"certified Lagrangian reference and {', '.join(names) or 'no engine'}. Every verdict "
+        "follows from a stated rule."
     )
     tiles = tuple(
         doc.Tile(str(number), verdict.value, _MARKS[verdict])
@@ -86,7 +87,7 @@ def document(study: Study) -> Document:
 
 
 def summary(study: Study) -> str:
-    """Markdown for the README: how many claims there are, and those that do not hold, printed against ours."""
+    """Markdown for the README: number of claims, and those that fail, printed against ours."""
     failing = [claim for claim in facts(study.claims) if claim.verdict is Verdict.FAILS]
     rows = [(claim.where, claim.name, claim.printed, _value(claim.ours, 4)) for claim in failing]
     columns = ("where", "does not hold", "printed", "ours")
@@ -153,7 +154,7 @@ def disagreeing(study: Study) -> list[tuple[Claim, EngineValue]]:
 
 
 def findings(study: Study, most: int = 3) -> list[str]:
-    """The most important results: what holds, then what departs most, one of each place in the paper."""
+    """Most important results: what holds, then the largest departure of each place in the paper."""
     texts = [_holding(study), *(_failing(claim) for claim in worst(study.claims, most - 1))]
     return [each for each in texts if each][:most]
 
@@ -168,8 +169,9 @@ def _holding(study: Study) -> str:
         return ""
     whole = [c for c in holding if all(each.agrees(c.ours) is not False for each in c.engines)]
     return (
-        f"Of {len(numbers)} printed numbers that engines were asked for, {len(holding)} come out, to their digits or "
-        f"within the paper's grid, and {len(whole)} of these in {', '.join(names)} as well."
+        f"Of {len(numbers)} printed numbers that engines were asked for, {len(holding)} come out, "
+        f"to their digits or within the paper's grid, and {len(whole)} of these in "
+        f"{', '.join(names)} as well."
     )
 
 
@@ -204,7 +206,7 @@ def _section(claim: Claim) -> str:
 
 
 def _value(quantity: Quantity | None, digits: int = 9) -> str:
-    """A value with its unit, to the first digit of its uncertainty, and to five digits where that is not known."""
+    """Value with its unit, to its uncertainty's first digit, or to five digits if unknown."""
     if quantity is None:
         return "–"
     value, width = abs(quantity.value), quantity.uncertainty
@@ -215,13 +217,14 @@ def _value(quantity: Quantity | None, digits: int = 9) -> str:
 
 
 def _claims(study: Study, names: Sequence[str]) -> Iterator[Block]:
-    """Every claim with our value and the engines'; in a terminal, those that do not hold follow with their causes."""
+    """Claims with our value and the engines'; a terminal lists those that fail, with causes."""
     yield Heading("Claims", 2, "claims")
     yield Note(
-        "“Ours” is the reference's, with the half width it is known to (certified where a certificate has the "
-        "quantity). Engines run with their tuned presets at their own default steps; green lies within the engine's "
-        "tolerance, carried over to the quantity by how strongly the machine's parameters move it with the "
-        "projectile's position; point at a value for the tolerance and at a verdict for its rule."
+        "“Ours” is the reference's, with the half width it is known to (certified where a "
+        "certificate has the quantity). Engines run with their tuned presets at their own default "
+        "steps; green lies within the engine's tolerance, carried over to the quantity by how "
+        "strongly the machine's parameters move it with the projectile's position; point at a "
+        "value for the tolerance and at a verdict for its rule."
     )
     columns = (
         words("where", medium="terminal"),
@@ -245,7 +248,10 @@ def _claims(study: Study, names: Sequence[str]) -> Iterator[Block]:
     ]
     yield table(columns, rows)
     if len(counted) < len(study.claims):
-        repeated = "A verdict in parentheses: the row states the same fact as another one, by which it is counted."
+        repeated = (
+            "A verdict in parentheses: the row states the same fact as another one, by which it is "
+            "counted."
+        )
         yield Text(repeated, "muted")
     for claim in counted:
         if claim.verdict in (Verdict.FAILS, Verdict.OPEN):

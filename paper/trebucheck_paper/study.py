@@ -96,7 +96,8 @@ UNREACHED = (
     Unreached(
         where="Table II",
         printed="g 1.62, 3.71, 9.81, 8.87 m/s²; ρ 0, 0.02, 1.2, 65",
-        why="facts of other worlds, given to the solvers; the unit of ρ, printed m/kg³, is taken as kg/m³",
+        why="facts of other worlds, given to the solvers; the unit of ρ, printed m/kg³, is taken "
+        "as kg/m³",
     ),
     Unreached(
         where="Sec. V",
@@ -106,7 +107,8 @@ UNREACHED = (
     Unreached(
         where="Figs. 2 to 7",
         printed="axes and curves",
-        why="pictures without a table: only what text and captions say of them can be held against ours",
+        why="pictures without a table: only what text and captions say of them can be held against "
+        "ours",
     ),
     Unreached(
         where="Eqs. (1), (6), (7), (11)",
@@ -114,7 +116,7 @@ UNREACHED = (
         why="definitions, which are followed here",
     ),
 )
-"""The numbers of the paper that no solver can reach, and why: with them, every number in it is accounted for."""
+"""Numbers of the paper out of a solver's reach, with reasons, so that every number is counted."""
 
 _ORDER = ("I", "Eq", "II", "III", "IV", "Fig", "Table", "V", "VI", "VII")
 _LOCATION = re.compile(r"Secs?\. ([IV]+)|(Eq|Fig|Table)")
@@ -230,7 +232,7 @@ def _of_section(name: str, evidence: Evidence) -> list[Claim]:
 
 
 def order(where: str) -> int:
-    """Index, in the paper's order, of the first section, equation, figure or table that is named."""
+    """Index, in the paper's order, of the first section, equation, figure or table named."""
     match = _LOCATION.match(where)
     return len(_ORDER) if match is None else _ORDER.index(match[1] or match[2])
 
@@ -285,7 +287,7 @@ class Jobs:
 
     @property
     def names(self) -> list[str]:
-        """Of the jobs under way."""
+        """Names of the jobs under way."""
         return [name for future, name in self._futures.items() if future.running()]
 
     def finished(self) -> Iterator[tuple[str, Any, str | None]]:
@@ -296,7 +298,7 @@ class Jobs:
 
 @contextmanager
 def _quiet_tracker() -> Generator[None, None, None]:
-    """A process that tracks locks, started meanwhile, removes those of killed jobs without telling the user of each.
+    """Start the resource tracker early; it then removes locks of killed jobs without messages.
 
     loky starts it with the first pool; it outlives the jobs and can only be told through the
     environment.

@@ -602,7 +602,6 @@ _KINDS: ElementTable[str] = ElementTable(
     },
 )
 
-
 BUILT: frozenset[type] = frozenset({*_HELD.handlers, *_GAPS.handlers, *_KINDS.handlers})
 """Classes of elements that the redundant formulation has."""
 

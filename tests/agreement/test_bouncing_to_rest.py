@@ -18,7 +18,7 @@ from trebucheck.reference.solver import solve
 
 def bouncing(restitution: float, height: float) -> Mechanism:
     entry = benchmark("bouncing")
-    return entry.build(entry.parameters(restitution=restitution, height=height))
+    return entry.parameters(restitution=restitution, height=height).mechanism()
 
 
 def duration(restitution: float, height: float) -> float:

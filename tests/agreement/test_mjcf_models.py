@@ -19,8 +19,7 @@ from trebucheck.comparisons.data.certified import content
 from trebucheck.models import mjcf as descriptions
 from trebucheck.models.library.registry import models, parameters_type
 from trebucheck.models.mjcf.recorded import event_names, stored_motion
-from trebucheck.models.mjcf.throw import released, throw
-from trebucheck.models.mjcf.variants import POINT_INERTIA
+from trebucheck.models.mjcf.variants import POINT_INERTIA, released, throw
 from trebucheck.models.mjcf.writer import mjcf
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve

@@ -22,7 +22,7 @@ from trebucheck.comparisons.diagnosis.rerun import Rerun
 from trebucheck.comparisons.runs.results import Diagnosis, Metric, RankedCause
 from trebucheck.models.trajectory import PointMotion
 from trebucheck.reference.equations import Equations
-from trebucheck.reference.perturbed import WithDamping, WithJoint, WithTiltedGravity
+from trebucheck.reference.perturbed import with_damping, with_joint_element, with_tilted_gravity
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
@@ -105,12 +105,12 @@ def test_elements_do_the_work_that_they_store_or_take() -> None:
         return found.kinetic_energy + found.potential_energy
 
     for equations in (
-        WithJoint(mechanism, "sling pin", stiffness=1e3),
-        WithTiltedGravity(mechanism, 0.3),
+        with_joint_element(mechanism, "sling pin", stiffness=1e3),
+        with_tilted_gravity(mechanism, 0.3),
     ):
         kept = energy(equations)
         assert np.abs(kept - kept[0]).max() < 1e-8 * np.abs(kept).max()
-    assert np.all(np.diff(energy(WithDamping(mechanism, 0.1))) < 0)
+    assert np.all(np.diff(energy(with_damping(mechanism, 0.1))) < 0)
 
 
 def test_turned_gravity_is_the_turned_mechanism() -> None:
@@ -121,7 +121,7 @@ def test_turned_gravity_is_the_turned_mechanism() -> None:
     free = mechanism.model_copy(update={"stops": ()})
     turned = free.model_copy(update={"start": tuple(q + angle for q in free.start)})
     t = np.linspace(0.0, 1.0, 20)
-    tilted = solve(tb.Problem(free, duration=1.0), equations=WithTiltedGravity(free, angle)).motion(
+    tilted = solve(tb.Problem(free, duration=1.0), equations=with_tilted_gravity(free, angle)).motion(
         t
     )
     upright = solve(tb.Problem(turned, duration=1.0)).motion(t)

@@ -28,7 +28,7 @@ from trebucheck.engines import protocol
 from trebucheck.models.elements import GROUND
 from trebucheck.models.errors import SimulationError
 from trebucheck.models.mechanism import Body, Marker, Mechanism
-from trebucheck.models.memory import available_memory
+from trebucheck.engines.protocol import available_memory
 from trebucheck.reference.certification import certify as certification
 from trebucheck.reference.integrator import MOST_STEPS
 from trebucheck.reference.solver import solve

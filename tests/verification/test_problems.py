@@ -13,9 +13,9 @@ import trebucheck as tb
 from trebucheck.comparisons.problems import ProblemCheck, check
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.models.library.closed_forms import swing, swing_period, turn, turn_period
-from trebucheck.models.library.pendulums import HIGH_PENDULUM
+from trebucheck.models.library.pendulums import HighPendulumParameters
 from trebucheck.models.library.registry import benchmark, benchmarks
-from trebucheck.models.library.squeezer import SQUEEZER
+from trebucheck.models.library.squeezer import SqueezerParameters
 from trebucheck.reference.certification.redundant import solve_redundant
 from trebucheck.reference.taylor.solve import solve_taylor
 
@@ -79,10 +79,10 @@ def test_a_wrong_figure_is_seen() -> None:
 
 
 def test_the_period_close_to_the_highest_position_by_taylor_series() -> None:
-    parameters = HIGH_PENDULUM.parameters()
-    period = HIGH_PENDULUM.figures(parameters)[0]
+    parameters = HighPendulumParameters()
+    period = parameters.figures()[0]
     for precision in ("double", "extended"):
-        motion = solve_taylor(HIGH_PENDULUM.problem(parameters), precision=precision)
+        motion = solve_taylor(parameters.problem(), precision=precision)
         assert period.read(motion) == pytest.approx(period.value, abs=1e-12)
 
 
@@ -136,7 +136,7 @@ def test_names_numbers_and_tags() -> None:
 
 def test_the_squeezer_in_redundant_coordinates() -> None:
     """The published end state by another formulation and another set of unknowns."""
-    problem = SQUEEZER.problem()
+    problem = SqueezerParameters().problem()
     motion = solve_redundant(problem, 1e-12)
     q, _ = motion.state(problem.duration)
     mechanism = problem.mechanism
@@ -145,7 +145,7 @@ def test_the_squeezer_in_redundant_coordinates() -> None:
     ]
     k1, k2, k3, k4, k5, k6, k7 = relative
     angles = (-k1, k1 - k2, -k3, k5 - k4, -k5, k7 - k6, -k7)
-    for figure, angle in zip(SQUEEZER.figures(SQUEEZER.parameters()), angles, strict=True):
+    for figure, angle in zip(SqueezerParameters().figures(), angles, strict=True):
         assert angle == pytest.approx(figure.value, rel=1e-9)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from mechanisms import angle_stop, hanging_bob
-from trebucheck.models.library.contacts import BOUNCING, BouncingParameters
+from trebucheck.models.library.contacts import BouncingParameters
 from trebucheck.models.library.pendulums import pin_links, rods
 from trebucheck.reference import contact as bouncing
 from trebucheck.reference.solution import Solution
@@ -22,7 +22,7 @@ G, LENGTH = 9.81, 2.0
 
 def _bouncing(**changes: float) -> tuple[BouncingParameters, Solution]:
     parameters = BouncingParameters(**changes)
-    return parameters, solve(BOUNCING.problem(parameters))
+    return parameters, solve(parameters.problem())
 
 
 @pytest.mark.parametrize("e", [0.0, 0.5, 0.8])
@@ -39,7 +39,7 @@ def test_a_body_on_a_floor(e: float, height: float, g: float) -> None:
 
 def test_taylor_series_has_the_same_time_of_rest() -> None:
     parameters = BouncingParameters(restitution=0.8)
-    motion = solve_taylor(BOUNCING.problem(parameters))
+    motion = solve_taylor(parameters.problem())
     assert motion.rest_times["floor"] == (pytest.approx(parameters.rest_time, abs=1e-10),)
 
 

@@ -1,4 +1,4 @@
-"""Small MJCF models of one feature each, and the mechanism that each one is: what an importer can be held to.
+"""Small MJCF models of one feature each, with the mechanism that each one is.
 
 A file is written by hand and needs nothing of ours; `README.md` lists them.
 """

@@ -40,12 +40,17 @@ def _weld() -> Mechanism:
 
 
 def _joint_equality() -> Mechanism:
-    """The weight falls twice the cart's way: seen from the cart, along the straight line in direction (-1, -2)."""
+    """Joint equality: the weight falls twice the cart's way, along (-1, -2) seen from the cart."""
     bodies = (body("cart", None, 3.0, (0, 0), 0.01), body("weight", None, 1.0, (0, 0), 0.01))
     size = math.hypot(1, 2)
     line = SlotJoint(
-        name="line", parent="cart", child="weight", parent_point=(1, 0), child_point=(0, 0), axis=(-1 / size, -2 / size)
-    )  # fmt: skip
+        name="line",
+        parent="cart",
+        child="weight",
+        parent_point=(1, 0),
+        child_point=(0, 0),
+        axis=(-1 / size, -2 / size),
+    )
     joints = (
         rail("track", "cart", (1, 0), "s"),
         rail("shaft", "weight", (0, -1), "h", at=(1, 0)),

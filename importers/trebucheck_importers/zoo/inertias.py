@@ -11,7 +11,7 @@ _PIVOT = (of("pivot", a=1),)
 
 
 def _from_geoms() -> tuple[float, float, float]:
-    """Mass [kg], centre [m] and inertia [kg m^2] of a box of 3 kg at 0.3 m and a ball of 0.5 kg at 0.7 m."""
+    """Mass [kg], centre [m] and inertia [kg m^2]: box of 3 kg at 0.3 m, ball of 0.5 kg at 0.7 m."""
     mass = 3.0 + 0.5
     centre = (3.0 * 0.3 + 0.5 * 0.7) / mass
     box = 3.0 / 3 * (0.3**2 + 0.05**2) + 3.0 * (centre - 0.3) ** 2

@@ -83,8 +83,13 @@ def _frame() -> Mechanism:
 def _fixed_body() -> Mechanism:
     bodies = (body("rod", "a", 2.0, (0.3, 0), 0.06), body("bracket", None, 0.5, (0.1, 0), 0.004))
     weld = WeldJoint(
-        name="weld", parent="rod", child="bracket", parent_point=(0.6, 0), child_point=(0, 0), angle=0.7
-    )  # fmt: skip
+        name="weld",
+        parent="rod",
+        child="bracket",
+        parent_point=(0.6, 0),
+        child_point=(0, 0),
+        angle=0.7,
+    )
     return mechanism("fixed-body", bodies, (pin("pivot", GROUND, "rod"), weld), (0.2,))
 
 
@@ -102,18 +107,25 @@ def _slide_on_link() -> Mechanism:
 
 def _turned_slide() -> Mechanism:
     slot = SlotJoint(
-        name="slot", child="rod", parent_point=(0, 0), child_point=(0, 0), axis=(math.sin(0.5), math.cos(0.5)),
+        name="slot",
+        child="rod",
+        parent_point=(0, 0),
+        child_point=(0, 0),
+        axis=(math.sin(0.5), math.cos(0.5)),
         coordinate="s",
-    )  # fmt: skip
+    )
     return rod("turned-slide", joint=slot, start=(0.8, 0.2), start_speeds=(2.0, 1.0))
 
 
 def _planar_free() -> Mechanism:
     free = FreeJoint(name="free", child="plate", coordinates=("x", "y"))
     return mechanism(
-        "planar-free", (body("plate", "a", 1.2, (0.1, 0.05), 0.03),), (free,), (0.4, 0.0, 1.0),
+        "planar-free",
+        (body("plate", "a", 1.2, (0.1, 0.05), 0.03),),
+        (free,),
+        (0.4, 0.0, 1.0),
         start_speeds=(-3.0, 1.0, 4.0),
-    )  # fmt: skip
+    )
 
 
 def _two_trees() -> Mechanism:
@@ -142,26 +154,56 @@ def joint_models() -> tuple[ZooModel, ...]:
         ZooModel("inclined-slide", "an axis that is not of length one", inclined, _RAIL),
         ZooModel("negative-axis", "a hinge about -y", rod("negative-axis"), (of("pivot", a=-1),)),
         ZooModel("joint-offset", "a hinge away from its body's origin", offset, _PIVOT),
-        ZooModel("joint-ref", "ref: a joint value of the drawn position", rod("joint-ref"), (of("pivot", 0.5, a=1),)),
-        ZooModel("hinge-limit", "range of a hinge", on_range, _PIVOT, {"pivot": (-1.0, 0.8)}, ("limits",)),
-        ZooModel("slide-limit", "range of a slide", on_slide, _RAIL, {"rail": (-0.4, 2.0)}, ("limits",)),
         ZooModel(
-            "degrees", "angles in degrees", degrees, (of("pivot", -third, a=1),),
+            "joint-ref",
+            "ref: a joint value of the drawn position",
+            rod("joint-ref"),
+            (of("pivot", 0.5, a=1),),
+        ),
+        ZooModel(
+            "hinge-limit", "range of a hinge", on_range, _PIVOT, {"pivot": (-1.0, 0.8)}, ("limits",)
+        ),
+        ZooModel(
+            "slide-limit", "range of a slide", on_slide, _RAIL, {"rail": (-0.4, 2.0)}, ("limits",)
+        ),
+        ZooModel(
+            "degrees",
+            "angles in degrees",
+            degrees,
+            (of("pivot", -third, a=1),),
             {"pivot": (-math.pi / 2, math.radians(150))},
         ),
         ZooModel("chain", "two links, no armature", chain("chain", 0.9, -0.5), _ELBOW),
         ZooModel("offset-centre", "centres of mass off every line", _offset_centre(), _ELBOW),
         ZooModel(
-            "nested-frames", "turned frames", _nested_frames(), (of("shoulder", -0.5, a=1), of("elbow", b=1, a=-1))
+            "nested-frames",
+            "turned frames",
+            _nested_frames(),
+            (of("shoulder", -0.5, a=1), of("elbow", b=1, a=-1)),
         ),
         ZooModel("frame", "a frame element", _frame(), (of("pivot", -0.5, a=1),)),
         ZooModel("fixed-body", "a body without a joint", _fixed_body(), _PIVOT),
-        ZooModel("slide-on-link", "a slide in a link that turns", _slide_on_link(), (*_PIVOT, *_RAIL)),
         ZooModel(
-            "turned-slide", "a slide and a hinge on a turned body", _turned_slide(), (*_RAIL, of("pivot", -0.5, a=1))
+            "slide-on-link", "a slide in a link that turns", _slide_on_link(), (*_PIVOT, *_RAIL)
+        ),
+        ZooModel(
+            "turned-slide",
+            "a slide and a hinge on a turned body",
+            _turned_slide(),
+            (*_RAIL, of("pivot", -0.5, a=1)),
         ),
         ZooModel("planar-free", "two slides and a hinge on one body", _planar_free(), free),
         ZooModel("two-trees", "two bodies on the ground", _two_trees(), trees),
-        ZooModel("start-speeds", "a start in motion", chain("start-speeds", 0.0, 0.0, speeds=(3.0, -2.0)), _ELBOW),
-        ZooModel("keyframe", "the second of two keyframes", chain("keyframe", 1.2, 0.3, speeds=(-0.5, 1.0)), _ELBOW),
-    )  # fmt: skip
+        ZooModel(
+            "start-speeds",
+            "a start in motion",
+            chain("start-speeds", 0.0, 0.0, speeds=(3.0, -2.0)),
+            _ELBOW,
+        ),
+        ZooModel(
+            "keyframe",
+            "the second of two keyframes",
+            chain("keyframe", 1.2, 0.3, speeds=(-0.5, 1.0)),
+            _ELBOW,
+        ),
+    )

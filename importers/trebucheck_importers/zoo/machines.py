@@ -1,4 +1,4 @@
-"""The named machines as models of the same kind: their own files, and joints that read zero at the start."""
+"""The named machines as zoo models: their own files, and joints that read zero at the start."""
 
 from __future__ import annotations
 
@@ -26,21 +26,29 @@ def machine_model(name: str) -> ZooModel:
     """
     mechanism = model(name)
     text = Path(mjcf_path(name)).read_text()
-    names = [joint.get("name", "") for joint in ET.fromstring(text).find("worldbody").iter("joint")]  # pyright: ignore[reportOptionalMemberAccess]
+    worldbody = ET.fromstring(text).find("worldbody")
+    assert worldbody is not None
+    names = [joint.get("name", "") for joint in worldbody.iter("joint")]
     start = dict(zip(mechanism.coordinates, mechanism.start, strict=True))
     joints = tuple(
         JointCoordinate(joint, weights, -sum(weight * start[q] for q, weight in weights.items()))
         for joint, weights in zip(names, _weights(mechanism, GROUND), strict=True)
     )
     return ZooModel(
-        name, f"the {name} machine", mechanism, joints, limits=dict(_limits(mechanism, joints)),
-        needs=("limits", "loops") if mechanism.loop_joints else ("limits",), stop_law=StopLaw.RELEASE_ONCE, text=text,
+        name,
+        f"the {name} machine",
+        mechanism,
+        joints,
+        limits=dict(_limits(mechanism, joints)),
+        needs=("limits", "loops") if mechanism.loop_joints else ("limits",),
+        stop_law=StopLaw.RELEASE_ONCE,
+        text=text,
         variants=dict(_variants(mechanism, text)),
-    )  # fmt: skip
+    )
 
 
 def _variants(mechanism: Mechanism, text: str) -> Iterator[tuple[str, FileVariant]]:
-    """A machine's file otherwise, where it then is another; with finite inertia the ground may have given some mass."""
+    """Variants of a machine's file that differ; finite inertia may move some mass to the ground."""
     seen = {text}
     for name, variant in _VARIANTS.items():
         other = mjcf(mechanism, motion=stored_motion(mechanism), variant=variant)
@@ -55,7 +63,7 @@ def _variants(mechanism: Mechanism, text: str) -> Iterator[tuple[str, FileVarian
 
 
 def _weights(mechanism: Mechanism, parent: str) -> Iterator[Mapping[str, float]]:
-    """Of the joints below a body, depth first, slides before hinges."""
+    """Weights of the joints below a body, depth first, slides before hinges."""
     angles = {body.name: body.angle for body in mechanism.bodies}
     for body in mechanism.children(parent):
         joint = mechanism.joint_of(body.name)
@@ -69,7 +77,7 @@ def _weights(mechanism: Mechanism, parent: str) -> Iterator[Mapping[str, float]]
 def _limits(
     mechanism: Mechanism, joints: tuple[JointCoordinate, ...]
 ) -> Iterator[tuple[str, tuple[float, float]]]:
-    """Of the stops that act between a body and its parent; their other end is far away."""
+    """Limits of the stops that act between a body and its parent; their other end is far away."""
     angles = {body.name: body.angle for body in mechanism.bodies}
     far = 1e10
     for stop in mechanism.stops:

@@ -1,4 +1,4 @@
-"""What a model of the zoo is: a file, the mechanism that is the same machine, and how the joints of both correspond."""
+"""A model of the zoo: a file, its mechanism, and how the joints of both correspond."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from trebucheck.api.mechanics import FloatArray, Mechanism, Problem, StopLaw
 
 Needs = Literal["limits", "loops", "contact"]
 TIME_CONSTANT = 2e-3
-"""Time constant of every limit, contact and equality of the files [s], as their `solref` states it."""
+"""Time constant of every limit, contact and equality of the files [s], by their `solref`."""
 
 
 @dataclass(frozen=True)
 class JointCoordinate:
-    """A joint of a file: its value is the weighted sum of the mechanism's coordinates, plus its value at their zero."""
+    """A joint of a file: weighted sum of the mechanism's coordinates, plus its value at zero."""
 
     joint: str
     weights: Mapping[str, float]
@@ -31,7 +31,7 @@ class FileVariant:
 
     text: str
     total_mass: float
-    """Of its bodies [kg]."""
+    """Total mass of its bodies [kg]."""
 
 
 @dataclass(frozen=True)
@@ -44,25 +44,25 @@ class ZooModel:
 
     name: str
     feature: str
-    """What the file has that an importer must read, in some words."""
+    """Feature of the file that an importer must read, in some words."""
     mechanism: Mechanism
     joints: tuple[JointCoordinate, ...]
-    """In the order of the file, depth first, which is that of `qpos`; one coordinate each."""
+    """Joints in the order of the file, depth first, as in `qpos`; one coordinate each."""
     limits: Mapping[str, tuple[float, float]] = field(
         default_factory=dict[str, tuple[float, float]]
     )
     """Ranges by joint [rad or m]."""
     needs: tuple[Needs, ...] = ()
-    """What beside the equations of motion of a tree an importer must have to move it."""
+    """Abilities that an importer needs to move it, beside a tree's equations of motion."""
     duration: float = 2.0
     """[s]"""
     stop_law: StopLaw = StopLaw.UNILATERAL
     text: str = ""
-    """Of the file, where it is none of the zoo's folder."""
+    """Text of the file, where it is not in the zoo's folder."""
     inertia_without_mass: float = 0.0
-    """What the mechanism has as mass and the file as armature [kg]."""
+    """Mass of the mechanism that the file has as armature [kg]."""
     variants: Mapping[str, FileVariant] = field(default_factory=dict[str, FileVariant])
-    """By name, for importers that refuse or misread the file."""
+    """Variants by name, for importers that refuse or misread the file."""
 
     @property
     def problem(self) -> Problem:
@@ -71,7 +71,7 @@ class ZooModel:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """In the order of the file."""
+        """Names of the joints, in the order of the file."""
         return tuple(each.joint for each in self.joints)
 
     @property
@@ -91,7 +91,7 @@ class ZooModel:
 
     @property
     def total_mass(self) -> float:
-        """Of the file's bodies [kg]."""
+        """Total mass of the file's bodies [kg]."""
         return sum(body.mass for body in self.mechanism.bodies) - self.inertia_without_mass
 
     @property

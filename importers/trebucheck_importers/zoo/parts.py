@@ -49,9 +49,15 @@ def rail(
 ) -> PrismaticJoint:
     """A body's origin on a line through a point of its parent."""
     return PrismaticJoint(
-        name=name, parent=parent, child=child, parent_point=at, child_point=(0, 0), axis=axis, coordinate=coordinate,
+        name=name,
+        parent=parent,
+        child=child,
+        parent_point=at,
+        child_point=(0, 0),
+        axis=axis,
+        coordinate=coordinate,
         angle=angle,
-    )  # fmt: skip
+    )
 
 
 def mechanism(

@@ -15,7 +15,7 @@ from .model import ZooModel
 
 @cache
 def zoo() -> tuple[ZooModel, ...]:
-    """In the order of what they build on."""
+    """Models of the zoo, each after those it builds on."""
     return (*joint_models(), *inertia_models(), *force_models(), *constraint_models())
 
 
@@ -28,6 +28,7 @@ def zoo_model(name: str) -> ZooModel:
     found = next((model for model in zoo() if model.name == name), None)
     if found is None:
         raise InputError(
-            f"there is no model {name[:60]!r} in the zoo; there are: {', '.join(m.name for m in zoo())}."
+            f"there is no model {name[:60]!r} in the zoo; there are: "
+            f"{', '.join(m.name for m in zoo())}."
         )
     return found

@@ -1,1 +1,1 @@
-"""Machines chosen: the most efficient of each kind that the paper names, and a rolling one designed as a whole."""
+"""Chosen machines: the most efficient of each named kind, and a rolling one designed as a whole."""

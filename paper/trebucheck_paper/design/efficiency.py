@@ -1,4 +1,4 @@
-"""What every machine that the paper names makes of its energy: as given, with its fastest sling, and at its best.
+"""Efficiency of every machine that the paper names: as given, with its fastest sling, at its best.
 
 The paper cites machines without their lengths. What it says of them can only be compared with all
 such machines within stated bounds, at the paper's masses and length of arm. Where a machine has the
@@ -43,22 +43,17 @@ from ..evidence.engine_runs import Allowed, speed_allowance
 SLINGS = (2.0, 14.0)
 """Lengths looked at [m]: up to the paper's whole arm."""
 BOUNDS: dict[str, tuple[float, float]] = {"l1": (7.0, 13.0), "r": SLINGS, "theta0": (1.7, 2.6)}
-"""Arm on the sling's side [m], sling [m], start of an arm that begins backward [rad]: 30 to 82 deg below level."""
+"""Bounds of l1 and r [m], and of theta0 of an arm that begins backward [rad]: 30 to 82 deg down."""
 _STARTS = 8  # of the search for the lowest position: a linkage has few
 _SEED = 1
 _LENGTHS, _REFINED_LENGTHS = 25, 7  # lengths at first, and in each closer look
-_LENGTH_REFINEMENTS = (
-    4  # each a third as wide as the one before: 0.5 m become 6 mm, where the speed is flat to 1e-6
-)
+# Each a third as wide as the one before: 0.5 m become 6 mm, where the speed is flat to 1e-6.
+_LENGTH_REFINEMENTS = 4
 _SLING_DURATION = 4.0  # [s] in which machines of this size launch
-_GRID = {
-    "l1": 7,
-    "r": 9,
-    "theta0": 5,
-}  # points of the coarse grid, with spacings of 1 m, 1.5 m and 13 deg
-_REFINEMENTS = (
-    3  # finer grids, one point to each side of the best: spacings become 4 cm, 6 cm and 0.5 deg
-)
+# Points of the coarse grid, with spacings of 1 m, 1.5 m and 13 deg.
+_GRID = {"l1": 7, "r": 9, "theta0": 5}
+# Finer grids, one point to each side of the best: spacings become 4 cm, 6 cm and 0.5 deg.
+_REFINEMENTS = 3
 _BESIDE, _CLOSER = 1, 3.0
 _DURATION = 5.0  # [s] in which machines of this size launch
 _BACKWARD = 1.0  # [rad] a start beyond this is one of an arm that begins backward
@@ -85,7 +80,7 @@ class WidestThrow(SlingThrow):
 
 
 class MachineEfficiency(Spec):
-    """One machine at the paper's masses and arm, with the paper's sling and with its fastest one."""
+    """One machine with the paper's masses and arm, with the paper's sling and with its fastest."""
 
     name: str
     text: str
@@ -109,7 +104,8 @@ class MachineEfficiency(Spec):
     )
     distances: tuple[EngineValue, ...] = Field(
         default=(),
-        description="largest distance of any marker from ours up to the launch [m], each with its tolerance",
+        description="largest distance of any marker from ours up to the launch [m], each with its "
+        "tolerance",
     )
 
 
@@ -119,7 +115,8 @@ class Machines(Spec):
     machines: tuple[MachineEfficiency, ...]
     slings: tuple[Real, Real] = Field(description="sling lengths looked at, from and to [m]")
     bounds: dict[str, tuple[Real, Real]] = Field(
-        description="of l1 [m], r [m] and, where the arm begins backward, theta0 [rad], for the most efficient"
+        description="of l1 [m], r [m] and, where the arm begins backward, theta0 [rad], for the "
+        "most efficient"
     )
     seconds: Real = Field(description="wall time [s]")
 
@@ -129,7 +126,7 @@ class Machines(Spec):
 
 
 def thrown_mass(mechanism: Mechanism) -> float:
-    """Of the projectile [kg]."""
+    """Mass of the projectile [kg]."""
     mass = mechanism.thrown_mass(
         next(marker for marker in mechanism.markers if marker.name == PROJECTILE)
     )
@@ -138,7 +135,7 @@ def thrown_mass(mechanism: Mechanism) -> float:
 
 
 def kinetic_energy(mechanism: Mechanism, speed: float) -> float:
-    """Of the projectile [J], at a speed [m/s]."""
+    """Kinetic energy of the projectile [J], at a speed [m/s]."""
     return 0.5 * thrown_mass(mechanism) * speed**2
 
 
@@ -185,7 +182,7 @@ def _closes(equations: Equations, q: FloatArray) -> bool:
 
 @dataclass(frozen=True)
 class Launched:
-    """What a throw at 45 degrees comes to; speed 0 where there is none, or the arm had passed its stop."""
+    """Result of a throw at 45 degrees; speed 0 without a launch, or past the arm's stop."""
 
     speed: float
     """[m/s]"""
@@ -199,7 +196,7 @@ _NONE = Launched(0.0, math.nan, math.nan)
 
 
 def fastest_sling(name: str) -> tuple[float, Mechanism, Launched] | None:
-    """Length [m], machine and throw of a named machine with its fastest sling; None: no sling, or none launches."""
+    """Length [m], machine and throw of a named machine's fastest sling; None: none launches."""
     if "r" not in parameters_type(name).model_fields:
         return None
     lengths = np.linspace(*SLINGS, _LENGTHS)
@@ -269,14 +266,14 @@ class Widest:
     """The most efficient machine that was found."""
 
     chosen: dict[str, float]
-    """By the names of :data:`BOUNDS`."""
+    """Chosen values by the names of :data:`BOUNDS`."""
     mechanism: Mechanism
     thrown: Launched
     efficiency: float
 
 
 def most_efficient(name: str) -> Widest | None:
-    """Of all named machines within the bounds; None where none launches, or there is no integrator for so many."""
+    """Most efficient of all named machines within the bounds; None without launch or integrator."""
     grid = {key: np.linspace(*BOUNDS[key], _GRID[key]) for key in _free(name)}
     spacing = {key: float(values[1] - values[0]) for key, values in grid.items()}
     lowest: dict[float, float] = {}
@@ -298,7 +295,7 @@ def most_efficient(name: str) -> Widest | None:
 
 
 def _free(name: str) -> list[str]:
-    """Free parameters; the start only of machines whose arm begins backward, which the paper does not describe."""
+    """Free parameters; the start only of machines whose arm begins backward (not in the paper)."""
     fields = parameters_type(name).model_fields
     start = fields["theta0"].default
     return [key for key in BOUNDS if key in fields and (key != "theta0" or start > _BACKWARD)]

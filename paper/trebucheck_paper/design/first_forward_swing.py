@@ -1,4 +1,4 @@
-"""The first forward swing of a throw, read for two instants: largest kinetic energy and best release."""
+"""The first forward swing of a throw: instants of largest kinetic energy and best release."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ from .efficiency import available_energy
 
 
 class Reading(StrEnum):
-    """What the projectile's largest kinetic energy is to coincide with."""
+    """Instant that the projectile's largest kinetic energy is to coincide with."""
 
     RANGE_OPTIMAL = "range-optimal release"
     """The machine's own best angle."""
@@ -83,7 +83,7 @@ class Throwing(Spec):
 
 
 class Bounds(Spec):
-    """What may be chosen, and between which values."""
+    """Bounds of the chosen parameters."""
 
     r: tuple[Real, Real] = Field(default=(2.0, 12.0), description="sling [m]")
     h: tuple[Real, Real] = Field(default=(2.0, 14.0), description="hanger [m]")
@@ -100,7 +100,8 @@ class Optimality(Spec):
         description="of the coincidence; [m of range per s] where range is the objective"
     )
     neighbours: tuple[Real, ...] = Field(
-        description="objective at neighbours that also coincide, minus the design's own: all negative at a maximum"
+        description="objective at neighbours that also coincide, minus the design's own: all "
+        "negative at a maximum"
     )
     active: tuple[str, ...] = Field(
         description="bounds it stands on, such as 'h at 14'; empty: it lies inside"
@@ -116,7 +117,8 @@ class CoincidingDesign(Spec):
 
     name: str
     objective: Literal["range", "nearness"] = Field(
-        description="largest range, or least relative change of r, h and l1 from the paper's machine"
+        description="largest range, or least relative change of r, h and l1 from the paper's "
+        "machine"
     )
     reading: Reading
     throwing: Throwing
@@ -155,14 +157,11 @@ class Design(Spec):
         return next((design for design in self.designs if design.name == name), None)
 
 
-_SPANS = (
-    1.9,
-    3.0,
-)  # longest simulated motions, in characteristic times; Table I's rolling machine has swept after 1.5
+# Longest simulated motions, in characteristic times; Table I's rolling machine has swept after 1.5.
+_SPANS = (1.9, 3.0)
 _SCAN = 1000  # samples from the sling's release on: a spacing of some 2 ms on Table I
-_DEGREE = (
-    10  # of interpolants over two such intervals, in which a throw changes by a tenth: to rounding
-)
+# Of interpolants over two such intervals, in which a throw changes by a tenth: to rounding.
+_DEGREE = 10
 _REAL = 1e-9  # [s] imaginary part of a root that is rounding
 _LOOKS = 200  # at the arm's angle, which changes by 0.03 rad in between
 _COARSE = 1e-11  # local error where heyoka is not installed
@@ -262,7 +261,7 @@ class _Scanned:
         return None if i in (0, len(self.times) - 1) else self._zero(rate, i - 1, i + 1)
 
     def _zero(self, rate: Along, before: int, after: int) -> float | None:
-        """Of a smooth quantity between two of the instants [s], on its interpolant through Chebyshev's points."""
+        """Zero of a smooth quantity between two instants [s], by its Chebyshev interpolant."""
         domain = (float(self.times[before]), float(self.times[after]))
         fit = Chebyshev.interpolate(lambda t: rate(*self.projectile.states(t)), _DEGREE, domain)
         if not np.all(np.isfinite(fit.coef)):
@@ -297,7 +296,7 @@ def _scanned(mechanism: Mechanism, solver: Solver) -> _Scanned | None:
 
 
 def _ranges(position: FloatArray, velocity: FloatArray, around: Surroundings) -> FloatArray:
-    """Of releases, NaN where nothing lands [m], shape (n,)."""
+    """Ranges of releases, NaN where nothing lands [m], shape (n,)."""
     ranges = (
         position[:, 0]
         + velocity[:, 0] * fall_time(position[:, 1], velocity[:, 1], around)
@@ -309,7 +308,7 @@ def _ranges(position: FloatArray, velocity: FloatArray, around: Surroundings) ->
 def _range_rates(
     position: FloatArray, velocity: FloatArray, acceleration: FloatArray, around: Surroundings
 ) -> FloatArray:
-    """Change of the range per second of later release [m/s], shape (n,): as flight.range_rate, for many at once."""
+    """Change of the range per second of later release [m/s], shape (n,), as flight.range_rate."""
     time = fall_time(position[:, 1], velocity[:, 1], around)
     moved = velocity + acceleration * time[:, None]
     return moved[:, 0] - velocity[:, 0] / (velocity[:, 1] - around.gravity * time) * moved[:, 1]

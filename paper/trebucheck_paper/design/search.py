@@ -22,15 +22,12 @@ from .first_forward_swing import (
 )
 
 NAMES = ("r", "h", "l1")
-_STEP = 1e-4  # of finite differences, relative: errors of 1e-8 relative from the third derivative, 1e-6 from rounding
+_STEP = 1e-4  # relative, of differences: errors 1e-8 (third derivative) and 1e-6 (rounding)
 _GRID = (6, 4, 5)  # places of r, h and l1 in the coarse look
 _NEAR = 0.06  # [s] largest difference of a start's two instants: Table I's rolling machine has 0.05
 _STARTS = 3
-_DRAWS, _DRAWN, _LONGEST = (
-    12,
-    0.5,
-    0.2,
-)  # steps towards the condition, how near is enough [ms], longest of them
+# Steps towards the condition, how near is enough [ms], longest of them.
+_DRAWS, _DRAWN, _LONGEST = (12, 0.5, 0.2)
 _REACH = 0.4  # of x, to either side, in which a search goes on before it looks around again
 _BOXES = 10
 _ITERATIONS = 15  # in one box
@@ -48,7 +45,7 @@ class NoThrowError(Exception):
 
 @dataclass(frozen=True)
 class Family:
-    """Rolling machines on one beam, all but r, h and l1 as given; x is (r, h, l1) over the given machine's."""
+    """Rolling machines on one beam; x is (r, h, l1) relative to the given machine's."""
 
     parameters: TrebuchetParameters
     beam: float
@@ -87,7 +84,7 @@ class Family:
         return self._known[key]
 
     def values(self, x: FloatArray) -> FloatArray:
-        """Range [km] and time between the two instants [ms]; for no throw, values that a line search rejects."""
+        """Range [km] and delay between the instants [ms]; without a throw, values to reject."""
         swing = self.sweep(x)
         return (
             _NO_THROW
@@ -108,7 +105,7 @@ class Family:
         return np.array(columns).T / (2 * _STEP)
 
     def starts(self) -> list[FloatArray]:
-        """Machines of a coarse grid whose two instants are near each other, the farthest throwing first."""
+        """Machines of a coarse grid with near instants, the farthest throwing first."""
         low, high = self.box
         axes = [np.linspace(a, b, n + 2)[1:-1] for a, b, n in zip(low, high, _GRID, strict=True)]
         candidates: list[tuple[float, FloatArray]] = []
@@ -121,7 +118,7 @@ class Family:
         return [x for _, x in candidates[:_STARTS]]
 
     def maximised(self, starts: Sequence[FloatArray], objective: Objective) -> list[FloatArray]:
-        """Optima reached from each start under the condition that the two instants coincide, the best first."""
+        """Optima from each start with coinciding instants, the best first."""
         optima = [
             x
             for start in starts
@@ -130,13 +127,13 @@ class Family:
         return sorted(optima, key=lambda x: -objective.value(self, x))
 
     def farthest(self, start: FloatArray) -> FloatArray | None:
-        """Of largest range, whatever the two instants."""
+        """Machine of the largest range, whatever the two instants."""
         return self._optimum(start, RANGE, coincide=False)
 
     def _optimum(
         self, start: FloatArray, objective: Objective, coincide: bool
     ) -> FloatArray | None:
-        """In boxes that follow the search: steps taken whole may lead to machines that do not throw."""
+        """Optimum in boxes that follow the search: full steps may reach machines that fail."""
         low, high = (edge + sign * 2 * _STEP for edge, sign in zip(self.box, (1, -1), strict=True))
         try:
             x, reach = (
@@ -161,7 +158,7 @@ class Family:
             return None
 
     def _drawn(self, x: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-        """A machine whose two instants nearly coincide, by Newton's steps along the condition's gradient.
+        """Machine whose two instants nearly coincide, by Newton steps along the gradient.
 
         Raises:
             NoThrowError: a machine on the way does not throw.
@@ -249,7 +246,7 @@ class Family:
         )
 
     def _neighbours(self, x: FloatArray, normal: FloatArray, objective: Objective) -> list[float]:
-        """Changes of the objective at neighbouring coinciding machines, along two tangents in both directions."""
+        """Changes of the objective at neighbouring coinciding machines, along two tangents."""
         _, _, tangents = np.linalg.svd(normal[None, :])
         value, gains = objective.value(self, x), list[float]()
         for direction in (*tangents[1:], *(-tangents[1:])):
@@ -261,12 +258,12 @@ class Family:
 
 @dataclass(frozen=True)
 class Objective:
-    """What is to be largest."""
+    """Quantity to maximise, with its derivative."""
 
     value: Callable[[Family, FloatArray], float]
     slope: Callable[[Family, FloatArray], FloatArray]
     unit: float = 1.0
-    """What one of it is in the unit it is reported in."""
+    """Size of its unit in the unit that is reported."""
 
 
 RANGE = Objective(

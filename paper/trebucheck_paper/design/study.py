@@ -1,4 +1,4 @@
-"""A rolling machine whose projectile is fastest at its best release: the question the paper's Sec. VI ends with."""
+"""A rolling machine that is fastest at its best release, the question that ends Sec. VI."""
 
 from __future__ import annotations
 
@@ -56,7 +56,8 @@ FARTHEST, NEAREST, AT_45 = "farthest", "nearest to the paper's", "fastest at 45 
 """Names of the designs."""
 CONSTRAINTS = (
     "same masses, gravity and start angles as the given machine; arm of the given length, l1 + l2",
-    "the sling's rest opens, and the velocity then comes down to 45 degrees within three natural times",
+    "the sling's rest opens, and the velocity then comes down to 45 degrees within three natural "
+    "times",
     "the projectile's speed is largest inside the first sweep, not at an end of it",
     "the best release of the first sweep throws forward, back to the fulcrum's height",
     "the arm does not come to its stop (theta = 3 pi / 2) before either instant",
@@ -70,7 +71,7 @@ def design_rolling(
     engines: Sequence[str] = ENGINES,
     worker: Worker | None = None,
 ) -> Design:
-    """Choose r, h and l1 of a rolling machine so that its largest kinetic energy comes at its best release.
+    """Choose r, h, l1 of a rolling machine so that its energy is largest at its best release.
 
     One condition on three lengths: of all machines that meet it, the one that throws farthest and
     the one nearest to the given machine are looked for, by sequential quadratic programming from
@@ -122,8 +123,9 @@ class _Search:
         starts = self.family.starts()
         if not starts:
             raise InputError(
-                f"bounds = {self.bounds.model_dump()} hold no machine of the coarse grid that throws and has its "
-                "largest kinetic energy near its best release; wider ones are needed."
+                f"bounds = {self.bounds.model_dump()} hold no machine of the coarse grid that "
+                "throws and has its largest kinetic energy near its best release; wider ones are "
+                "needed."
             )
         return starts
 
@@ -177,7 +179,8 @@ def _reference_throw(
     swing = first_forward_swing_of(mechanism, solve)
     if swing is None:
         raise InputError(
-            f"the {mechanism.name!r} machine to compare with does not throw in its first forward swing."
+            f"the {mechanism.name!r} machine to compare with does not throw in its first forward "
+            "swing."
         )
     return read_throw(parameters, swing)
 
@@ -202,7 +205,7 @@ QUANTITIES = {
     "best_release_speed": BEST_SPEED,
     "best_range": BEST_RANGE,
 }
-"""By their names in the data."""
+"""Quantities by their names in the data."""
 _STEP = 1e-4  # [s] for derivatives in time of what changes over hundredths of a second
 
 
@@ -234,7 +237,7 @@ def confirmed(
 
 
 def tolerances(swing: FirstForwardSwing, position: float | None) -> dict[str, float]:
-    """Tolerance of each quantity that follows from one of the projectile's position [m], to first order.
+    """Tolerances of quantities that follow from the projectile's position [m], to first order.
 
     The velocity is allowed w times as much and the acceleration w^2 times, w being the rate at
     which the velocity turns (see `paper.evidence.engine_runs`). Where a quantity's instant is a

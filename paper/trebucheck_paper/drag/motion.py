@@ -1,4 +1,4 @@
-"""Releases of one throw, the drag areas with which one of them flies farthest, and grids they may be picked from."""
+"""Releases of a throw, the drag areas that make one of them the best, and sampling grids."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from trebucheck.api.mechanics import (
 )
 
 _SCAN = 800  # instants of the last part of the sweep between which an angle is looked for
-_JUST = 2.5e-4  # [s] a peak some 50 ms wide is symmetrical to some 1e-7 s over this: a ten-thousandth of a degree
+_JUST = 2.5e-4  # [s] a peak 50 ms wide is symmetrical to 1e-7 s over this: 1e-4 deg
 _FLIGHT = 1e-8  # relative local error: some 1e-5 m, which moves a peak by less than 1e-7 s
 _RESOLVED = 1e-4  # of a drag area, reported with three digits
 _GROWTH = 4.0
@@ -38,11 +38,11 @@ _MOST = 12  # times the drag area is raised by that factor; drag is then a milli
 
 
 class AngleReading(StrEnum):
-    """What the printed angle of release is an angle of."""
+    """Meaning of the printed angle of release."""
 
     VELOCITY = "of the velocity"
     ACROSS_SLING = "across the sling"
-    """Of the normal to the sling: the paper adds 90 deg to phi, as if the sling's pin stood still."""
+    """Normal to the sling: the paper adds 90 deg to phi, as if the sling's pin stood still."""
 
 
 class PrintedAngle(Spec):
@@ -69,8 +69,8 @@ class GridPoint(Spec):
     time: Real = Field(description="[s]")
     angle: Real = Field(description="[rad]")
     drag_areas: DragInterval | None = Field(
-        description="with which it throws farther than its neighbours; None: with no drag area, as drag only ever "
-        "favours later releases"
+        description="with which it throws farther than its neighbours; None: with no drag area, as "
+        "drag only ever favours later releases"
     )
     agrees: bool = Field(description="whether its angle is the printed one, to the printed digits")
 
@@ -84,8 +84,8 @@ class WorldOnGrid(Spec):
     )
     beside: tuple[GridPoint, ...] = Field(description="those on either side of the printed angle")
     any_phase: DragInterval | None = Field(
-        description="drag areas with which the printed angle is the best of some grid of this step, wherever it "
-        "starts; None: of none"
+        description="drag areas with which the printed angle is the best of some grid of this "
+        "step, wherever it starts; None: of none"
     )
 
 
@@ -96,7 +96,8 @@ class GridReading(Spec):
     root_mean_square: NonNegative = Field(description="of the nearest points' misses [rad]")
     worlds: tuple[WorldOnGrid, ...]
     shared: DragInterval | None = Field(
-        description="drag areas that make every world's nearest point the best of the grid that starts at t = 0"
+        description="drag areas that make every world's nearest point the best of the grid that "
+        "starts at t = 0"
     )
     agreeing: tuple[str, ...] = Field(
         description="worlds whose nearest point has the printed angle"
@@ -119,14 +120,15 @@ class Throwing:
 
     @cached_property
     def mass(self) -> float:
-        """Of the projectile [kg].
+        """Mass of the projectile [kg].
 
         Raises:
             InputError: the projectile is no body's centre, so that it has no mass of its own.
         """
         if self.projectile.mass is None:
             raise InputError(
-                f"the marker {self.projectile.name!r} has no mass of its own, so drag has nothing to slow."
+                f"the marker {self.projectile.name!r} has no mass of its own, so drag has nothing "
+                "to slow."
             )
         return self.projectile.mass
 
@@ -150,14 +152,14 @@ class Throwing:
         return best
 
     def angle(self, times: FloatArray, reading: AngleReading) -> FloatArray:
-        """Of releases at times [s], shape (n,) [rad], continuous along them."""
+        """Angles of releases at times [s], shape (n,) [rad], continuous along them."""
         if reading is AngleReading.VELOCITY:
             velocity = self.projectile.states(times)[1]
             return np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
         return np.unwrap(self._across(times))
 
     def _across(self, times: FloatArray) -> FloatArray:
-        """Direction in which the sling's turning alone would throw: the normal to it, on the side it turns to."""
+        """Normal to the sling on the side it turns to: the throw by the sling's turning alone."""
         mechanism = self.projectile.solution.problem.mechanism
         motion, body = self.projectile.solution.motion(times), self.projectile.body
         index = [b.name for b in mechanism.bodies].index(body.name)
@@ -171,7 +173,7 @@ class Throwing:
         return np.angle(np.exp(1j * across))
 
     def time_of(self, angle: float, reading: AngleReading) -> float | None:
-        """When the angle [rad] is last met before the first forward swing ends [s]; None where it is not."""
+        """Time when the angle [rad] is last met in the first forward swing [s]; None if never."""
         times, angles = self._sweep(reading)
         below = np.flatnonzero((angles[:-1] > angle) & (angles[1:] <= angle))
         if not len(below):
@@ -197,14 +199,14 @@ class Throwing:
         return times, angles - 2 * math.pi * round(float(angles[-1]) / (2 * math.pi))
 
     def optimal_with(self, time: float) -> float:
-        """The drag area with which a release at that time [s] is the best: releases just before and after it are even.
+        """Drag area that makes a release at that time [s] the best one of those around it.
 
         0 where a later one is better even without air, infinite where none makes it late enough.
         """
         return self.indifferent(time - _JUST, time + _JUST)
 
     def indifferent(self, early: float, late: float) -> float:
-        """The drag area with which two releases [s] fly equally far: beyond it the later, flatter one is the better.
+        """Drag area at which two releases [s] fly equally far; beyond it the later one is better.
 
         0 where that is so without air, infinite where it never is.
         """
@@ -222,7 +224,7 @@ class Throwing:
         return self._known[early, late]
 
     def best(self, drag_area: float, near: float, within: float) -> Release:
-        """The best release with a drag area, searched within some seconds of a time [s] close to it."""
+        """Best release with a drag area, searched within some seconds of a time [s] close to it."""
 
         def rate(t: float) -> float:
             return range_rate(self.projectile.release_at(t), self.surroundings(drag_area))
@@ -234,7 +236,7 @@ class Throwing:
         )
 
     def range(self, release: Release, drag_area: float = 0.0) -> float:
-        """Of a release with a drag area [m].
+        """Range of a release with a drag area [m].
 
         Raises:
             InputError: the projectile never comes up to the fulcrum's height.
@@ -252,7 +254,7 @@ class Throwing:
         return flight.range
 
     def _root(self, rising: Callable[[float], float]) -> float:
-        """Where a function of the drag area becomes positive: 0 where it is so without air, infinite where never."""
+        """Drag area where a function becomes positive: 0 if without air, infinite if never."""
         if rising(0.0) > 0:
             return 0.0
         if self.world.density == 0:
@@ -273,7 +275,7 @@ class Throwing:
 
 
 def interval(low: float, high: float) -> DragInterval | None:
-    """Drag areas from `low` to `high` [m^2]; None where `high` is 0: a later release is then better in any air."""
+    """Drag areas from `low` to `high` [m^2]; None if `high` is 0 (later is always better)."""
     return (
         DragInterval(low=low, high=None if math.isinf(high) else high)
         if high > 0 and math.isfinite(low)
@@ -282,7 +284,7 @@ def interval(low: float, high: float) -> DragInterval | None:
 
 
 def common(intervals: Sequence[DragInterval | None]) -> DragInterval | None:
-    """What all intervals share; None where they share nothing, or one of them is empty."""
+    """Intersection of all intervals; None if they share nothing or one of them is empty."""
     nonempty = [each for each in intervals if each is not None]
     if len(nonempty) < len(intervals) or not nonempty:
         return None
@@ -339,7 +341,7 @@ class _OnGrid:
 
     @property
     def first(self) -> int:
-        """The best point without air: one of the two beside the best release, as the range has a single peak there."""
+        """Best grid point without air: one of the two beside the only peak of the range."""
         below = math.floor(self.throwing.vacuum.time / self.step)
         return below + int(
             self.throwing.indifferent(below * self.step, (below + 1) * self.step) == 0
@@ -361,7 +363,7 @@ class _OnGrid:
         )
 
     def between(self, early: float, late: float) -> DragInterval | None:
-        """Drag areas that make some release between two times [s] better than those a step before and after it."""
+        """Drag areas that make some release between two times [s] better than its neighbours."""
         low = self.throwing.indifferent(early - self.step, early)
         return interval(low, self.throwing.indifferent(late, late + self.step))
 

@@ -1,4 +1,4 @@
-"""The drag area behind the paper's Table II: which one gives its angles, and whether any one gives them all.
+"""Drag area behind the paper's Table II: those that give its angles, one by one and together.
 
 Two things the paper leaves open are tried both ways: whether a planet's g acts in the throw or in
 the flight only, and whether an angle of release is that of the velocity or, as it computes it in
@@ -46,7 +46,7 @@ from .motion import (
 STEPS = (TIME_STEP, CAPTION_STEP)
 """Between release times [s]: the text's, and that of the caption of Fig. 4."""
 
-_NODES = 8  # of a curve of best angles, which is smooth; what is reported as fitted does not come from between them
+_NODES = 8  # of a smooth curve of best angles; reported fits are not interpolated
 _BEYOND = math.radians(5.0)  # a curve goes this far below the lowest printed angle
 
 
@@ -64,7 +64,8 @@ class WorldFit(Spec):
     vacuum_time: Real = Field(description="of the best release without air [s]")
     vacuum_angle: Real = Field(description="[rad]")
     drag_area: NonNegative | None = Field(
-        description="that gives the printed angle [m^2]; None where none does, or any drag area gives the same"
+        description="that gives the printed angle [m^2]; None where none does, or any drag area "
+        "gives the same"
     )
     drag_areas: DragInterval | None = Field(
         description="that give the printed digits; None where none does"
@@ -131,7 +132,7 @@ def drag_study(
     printed: Sequence[PrintedAngle] = PRINTED,
     steps: Sequence[float] = STEPS,
 ) -> DragStudy:
-    """Fit the drag area to printed angles of release, world by world and in common, under every reading.
+    """Fit the drag area to printed release angles, by world and in common, under each reading.
 
     Args:
         mechanism: what throws; the paper's fixed machine where left out.
@@ -178,7 +179,7 @@ _Curve = tuple[list[float], list[float]]
 
 
 def _curve(throwing: Throwing, lowest: float) -> _Curve:
-    """From the best release without air to where the velocity is down at `lowest` [rad], or as far as drag takes it."""
+    """Curve from the best release without air to `lowest` [rad], or to the limit of drag."""
     start = throwing.vacuum.time
     end = throwing.time_of(lowest, AngleReading.VELOCITY) or throwing.projectile.sweep()[1]
     areas, times = [0.0], [start]
@@ -241,7 +242,7 @@ def _area(throwing: Throwing, angle: float, reading: AngleReading) -> float | No
 def _least_squares(
     rows: Sequence[tuple[Throwing, _Curve, PrintedAngle]], most: float, reading: AngleReading
 ) -> float:
-    """Over all worlds' angles, each counting alike: a grid's coarseness, not the printed digits, is what scatters them.
+    """Least squares over all worlds' angles, equally weighted: the grid scatters more than digits.
 
     Between no drag and the largest drag area any one world asks for.
     """
@@ -262,7 +263,7 @@ def _least_squares(
 
 
 def _angle(throwing: Throwing, at: float, reading: AngleReading) -> float:
-    """Of a release [rad], in (-pi, pi]."""
+    """Angle of a release [rad], in (-pi, pi]."""
     return math.remainder(float(throwing.angle(np.array([at]), reading)[0]), 2 * math.pi)
 
 
@@ -332,8 +333,9 @@ def _without_grid(reading: Reading, rows: dict[str, PrintedAngle]) -> str:
         else "no one drag area gives all"
     )
     return (
-        f"{_label(reading)}: {'; '.join(parts)}; {together}; least squares, {reading.common_drag_area:.3g} m^2, gives "
-        f"{angles} (deg; {math.degrees(reading.root_mean_square):.2g} deg root mean square)"
+        f"{_label(reading)}: {'; '.join(parts)}; {together}; least squares, "
+        f"{reading.common_drag_area:.3g} m^2, gives {angles} (deg; "
+        f"{math.degrees(reading.root_mean_square):.2g} deg root mean square)"
     )
 
 
@@ -341,7 +343,10 @@ def _format_fit(fit: WorldFit, row: PrintedAngle) -> str:
     if fit.drag_areas is not None:
         return f"{row.printed} takes {_areas(fit.drag_areas)}"
     if row.value > fit.vacuum_angle:
-        return f"{row.printed} lies above {_degrees(fit.vacuum_angle)}, the best without air, which drag only lowers"
+        return (
+            f"{row.printed} lies above {_degrees(fit.vacuum_angle)}, the best without air, which "
+            "drag only lowers"
+        )
     return f"{row.printed} is not reached: without air the best is {_degrees(fit.vacuum_angle)}"
 
 
@@ -350,8 +355,8 @@ def _of_the_best_grid(reading: Reading, grid: GridReading, rows: dict[str, Print
     for each in grid.worlds:
         point = each.nearest
         parts.append(
-            f"{each.world} {_degrees(point.angle)} at {point.time:g} s with {_areas(point.drag_areas)} "
-            f"({rows[each.world].printed} printed)"
+            f"{each.world} {_degrees(point.angle)} at {point.time:g} s with "
+            f"{_areas(point.drag_areas)} ({rows[each.world].printed} printed)"
         )
     one = (
         f"one drag area, {_areas(grid.shared)}, gives all these"
@@ -365,7 +370,8 @@ def _of_the_best_grid(reading: Reading, grid: GridReading, rows: dict[str, Print
     )
     return (
         f"of grids from t = 0, that of {grid.step:g} s agrees with most ({_label(reading)}; "
-        f"{' and '.join(grid.agreeing) or 'none'} to the printed digits): {'; '.join(parts)}; {one}{some}"
+        f"{' and '.join(grid.agreeing) or 'none'} to the printed digits): {'; '.join(parts)}; "
+        f"{one}{some}"
     )
 
 
@@ -380,13 +386,14 @@ def _where_g_acts(
     )
     errors = [math.degrees(each.root_mean_square) for each in (grid, worse)]
     return (
-        f"g {best.gravity} fits better than g {other.gravity}: {len(grid.agreeing)} against {len(worse.agreeing)} "
-        f"printed angles, {errors[0]:.2g} against {errors[1]:.2g} deg root mean square of the nearest points"
+        f"g {best.gravity} fits better than g {other.gravity}: {len(grid.agreeing)} against "
+        f"{len(worse.agreeing)} printed angles, {errors[0]:.2g} against {errors[1]:.2g} deg root "
+        "mean square of the nearest points"
     )
 
 
 def _one_digit_off(grid: GridReading, rows: dict[str, PrintedAngle]) -> Iterator[str]:
-    """Where the grid's angle, rounded as the print is, is not the printed one but for a single digit."""
+    """Grid angles that, rounded as the print, differ from the printed one in a single digit."""
     for each in grid.worlds:
         printed = rows[each.world].printed
         decimals = len(printed.partition(".")[2])
@@ -395,7 +402,10 @@ def _one_digit_off(grid: GridReading, rows: dict[str, PrintedAngle]) -> Iterator
             len(ours) == len(printed)
             and sum(a != b for a, b in zip(ours, printed, strict=True)) == 1
         ):
-            yield f"{each.world}'s printed {printed} and the {ours} of that grid differ in a single digit"
+            yield (
+                f"{each.world}'s printed {printed} and the {ours} of that grid differ in a single "
+                "digit"
+            )
 
 
 def _out_of_reach(row: PrintedAngle, readings: Sequence[Reading]) -> Iterator[str]:
@@ -414,15 +424,20 @@ def _out_of_reach(row: PrintedAngle, readings: Sequence[Reading]) -> Iterator[st
         if shifted
         else "wherever the grid starts: never"
     )
-    yield f"{row.world}'s {row.printed} deg is the best release of no reading and no grid from t = 0; {where}"
+    yield (
+        f"{row.world}'s {row.printed} deg is the best release of no reading and no grid from t = "
+        f"0; {where}"
+    )
 
 
 def _any_one(readings: Sequence[Reading]) -> str:
     given = [_label(r) for r in readings if r.shared]
     given += [
-        f"{_label(r)} on the grid of {g.step:g} s" for r in readings for g in r.grids
+        f"{_label(r)} on the grid of {g.step:g} s"
+        for r in readings
+        for g in r.grids
         if g.shared and len(g.agreeing) == len(g.worlds)
-    ]  # fmt: skip
+    ]
     if given:
         return f"one drag area gives all printed angles: {'; '.join(given)}"
     loose = [
@@ -433,8 +448,8 @@ def _any_one(readings: Sequence[Reading]) -> str:
     ]
     if loose:
         return (
-            "one drag area gives all printed angles only if each world's grid may start where it likes: "
-            + "; ".join(loose)
+            "one drag area gives all printed angles only if each world's grid may start where it "
+            "likes: " + "; ".join(loose)
         )
     return "no one drag area gives all printed angles under any reading, wherever a grid starts"
 

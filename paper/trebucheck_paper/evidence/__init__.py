@@ -1,1 +1,1 @@
-"""What the claims are judged by: the printed numbers, the throws with their quantities, and the rules of a verdict."""
+"""Evidence of the verdicts: printed numbers, throws with their quantities, and the rules."""

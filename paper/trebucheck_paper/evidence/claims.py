@@ -1,4 +1,4 @@
-"""The claims as data: the numbers the paper prints, and what is found about them (paper.json and its schema).
+"""Claims as data: the numbers that the paper prints and the findings (paper.json and its schema).
 
 Each printed number is written here once: a value, and the half unit of its last digit.
 """
@@ -22,7 +22,7 @@ class Printed(NamedTuple):
     """A printed number."""
 
     text: str
-    """As printed, with its unit."""
+    """Text as printed, with its unit."""
     digits: str
     """The number alone."""
     value: float
@@ -34,7 +34,7 @@ class Printed(NamedTuple):
 
 
 def parse(text: str) -> Printed:
-    """The first number of a text, with its printed digits: '99.4' is 99.4 to within 0.05, '2.42:1' 2.42 to 0.005.
+    """First number of a text with its printed digits: '99.4' +- 0.05, '2.42:1' is 2.42 +- 0.005.
 
     Raises:
         InputError: there is no number in it.
@@ -42,7 +42,8 @@ def parse(text: str) -> Printed:
     match = _NUMBER.search(text)
     if match is None:
         raise InputError(
-            f"printed = {text!r} holds no number; one with its printed digits is needed, such as '99.4'."
+            f"printed = {text!r} holds no number; one with its printed digits is needed, such as "
+            "'99.4'."
         )
     number = Decimal(match.group())
     exponent = number.as_tuple().exponent
@@ -54,7 +55,7 @@ def parse(text: str) -> Printed:
 RELEASE_TIME, BEST_ANGLE = parse("2.745 s"), parse("45°")
 SLING_ANGLE, SLING_RADIANS = parse("585°"), parse("10.2 rad")
 TIME_STEP, CAPTION_STEP = 0.005, 0.01
-"""Between the release times [s] that the range is sampled at: by the text (Sec. IV), and by the caption of Fig. 4."""
+"""Steps between release times [s]: by the text (Sec. IV), and by the caption of Fig. 4."""
 
 # Sec. V: the fulcrum's position on a beam of fixed length.
 LAUNCH_SPEED, LEVER_RATIO, BEAM = parse("99.4 m/s"), parse("2.5:1"), parse("14 m")
@@ -78,7 +79,7 @@ FORMAT = "trebucheck-paper-1"
 
 
 class Verdict(StrEnum):
-    """What becomes of a claim; the text is what the table shows."""
+    """Verdict on a claim; the text is what the table shows."""
 
     HOLDS = "holds to the printed digits"
     WITHIN_GRID = "holds within its grid"
@@ -97,7 +98,7 @@ class Quantity(Spec):
 
 
 class EngineValue(Spec):
-    """What one engine's tuned run says about the same quantity."""
+    """Value of the same quantity in one engine's tuned run."""
 
     engine: str
     value: Real | None = Field(description="None where it has none; `note` then says why")
@@ -107,7 +108,7 @@ class EngineValue(Spec):
     note: str | None = None
 
     def agrees(self, ours: Quantity | None) -> bool | None:
-        """Whether it lies within its tolerance of ours, which has its own uncertainty; None where that is not asked."""
+        """Whether it agrees with ours, within tolerance and uncertainty; None if not judged."""
         if ours is None or self.value is None or self.tolerance is None:
             return None
         return abs(self.value - ours.value) <= self.tolerance + (ours.uncertainty or 0.0)
@@ -133,7 +134,8 @@ class Claim(Spec):
     why: str = Field(default="", description="cause of a verdict other than 'holds'")
     departure: Real | None = Field(
         default=None,
-        description="distance of ours from what is claimed, as its share; 1: a claimed fact is not there",
+        description="distance of ours from what is claimed, as its share; 1: a claimed fact is not "
+        "there",
     )
 
 

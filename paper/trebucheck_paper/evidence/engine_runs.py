@@ -1,4 +1,4 @@
-"""Engines on the paper's machines: their samples as a motion, and how far their quantities may lie from ours.
+"""Engines on the paper's machines: samples as a motion, and tolerances of their quantities.
 
 Tolerances are stated for release times, torques, the energy and the projectile's position. What an
 error of the position means for another quantity is estimated on the machine itself: each parameter
@@ -41,9 +41,8 @@ from .claims import EngineValue
 from .quantities import BEND, LAUNCH_TIME, Readings, ThrowQuantity, read
 
 _DEGREE = 5  # error ~ step^6: far below that of any engine, at the steps they are run with
-_CROWDED = (
-    0.5  # of the median step: samples closer than this (a release inside a step) unsettle a spline
-)
+# Of the median step: samples closer than this (a release inside a step) unsettle a spline.
+_CROWDED = 0.5
 
 
 class SampledMotion:
@@ -108,12 +107,10 @@ class SampledMotion:
 
 _Result = TypeVar("_Result")
 TAIL = 0.02  # [s] an engine runs on past what is read, so that there are samples on both sides
-_CHANGE = (
-    1e-6  # of a parameter's scale: far above the solver's rounding, far below what bends a response
-)
-_TOLERANCE = (
-    1e-12  # of the solver for these: a change of 1e-6 is then known to one part in a million
-)
+# Of a parameter's scale: far above the solver's rounding, far below what bends a response.
+_CHANGE = 1e-6
+# Of the solver for these: a change of 1e-6 is then known to one part in a million.
+_TOLERANCE = 1e-12
 _TICK = 1e-3  # [s] between samples of the changed machines' motions
 
 Amplification = dict[ThrowQuantity, float]
@@ -154,7 +151,7 @@ def _moved(mechanism: Mechanism, until: float) -> tuple[Readings, FloatArray]:
 def allowances(
     engine: Engine, mechanism: Mechanism, ours: Readings, amplified: Amplification
 ) -> Readings:
-    """The tolerance of each quantity of an engine's tuned preset; those without one behind them are left out."""
+    """Tolerances of each quantity of a tuned preset; those without a basis are left out."""
     position = _applied(engine, "position_max", mechanism, PROJECTILE)
     tolerances: Readings = {}
     if position is not None:
@@ -211,7 +208,7 @@ class Allowed:
 
 
 def allowed(runner: Engine, mechanism: Mechanism) -> Allowed:
-    """The tuned preset's tolerances at its step on a mechanism, as a comparison would judge them."""
+    """Tolerances of the tuned preset at its step on a mechanism, as a comparison judges them."""
     position, speed = (
         _applied(runner, "position_max", mechanism, PROJECTILE),
         _applied(runner, "launch_speed", mechanism),
@@ -226,7 +223,7 @@ def turning(projectile: Projectile, time: float) -> float:
 
 
 def speed_allowance(tolerances: Allowed, projectile: Projectile, time: float) -> float | None:
-    """Of the speed at the launch [m/s]: p w, and what the speed changes while the projectile goes p."""
+    """Tolerance of the launch speed [m/s]: p w, and the change of speed along p."""
     if tolerances.speed is not None or tolerances.position is None:
         return tolerances.speed
     _, velocity, acceleration = (part[0] for part in projectile.states(np.array([time])))
@@ -236,7 +233,7 @@ def speed_allowance(tolerances: Allowed, projectile: Projectile, time: float) ->
 
 
 def attempted(run: Callable[[], _Result]) -> _Result | str:
-    """What a run gives, or why there is nothing: a plug-in may raise anything, and the study must survive it."""
+    """Result of a run, or why there is none: plug-ins may raise anything; the study goes on."""
     try:
         return run()
     except Exception as error:
@@ -246,7 +243,7 @@ def attempted(run: Callable[[], _Result]) -> _Result | str:
 def simulated(
     name: str, mechanism: Mechanism, end: float, worker: Worker | None
 ) -> Trajectory | str:
-    """An engine's tuned run up to `end` [s], or why there is none; in this process if there is no worker."""
+    """An engine's tuned run up to `end` [s], or why there is none; here if there is no worker."""
     at = worker or Worker(isolate=False)
     return attempted(lambda: at.simulate(engine(name), Problem(mechanism, duration=end)))
 
@@ -254,7 +251,7 @@ def simulated(
 def launches(
     engines: Sequence[str], projectile: Projectile, launch: float, worker: Worker | None
 ) -> tuple[tuple[EngineValue, ...], tuple[EngineValue, ...]]:
-    """Launch speeds [m/s] and least theta - theta(0) [rad] of engines on the reference's machine."""
+    """Launch speeds [m/s] and least theta - theta(0) [rad] of engines on our machine."""
     mechanism = projectile.solution.problem.mechanism
     runs = {name: simulated(name, mechanism, launch + TAIL, worker) for name in engines}
     speeds = [_speed(name, run, projectile, launch) for name, run in runs.items()]

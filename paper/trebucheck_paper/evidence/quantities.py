@@ -1,4 +1,4 @@
-"""The quantities of a throw that the paper's numbers are compared with, read from any motion in the same way."""
+"""Quantities of a throw that the paper's numbers are compared with, read from any motion."""
 
 from __future__ import annotations
 
@@ -32,10 +32,8 @@ from .claims import CAPTION_STEP, TIME_STEP
 _SCAN = 0.01  # [s] in which the arm cannot come to its stop and back
 _LOOK = 1.0  # [s] after the launch in which the arm's arrival at its stop is looked for
 _FEWEST = 8  # samples below which a fit of three coefficients says nothing
-_NEAR, _PART = (
-    50,
-    0.2,
-)  # samples beside a kink, and share of the shorter phase, that its slopes are fitted to at least
+# Samples beside a kink, and share of the shorter phase, that its slopes are fitted to at least.
+_NEAR, _PART = (50, 0.2)
 _DEGREE = 5  # of these fits: the curve bends, so that a line's slope would be one of its middle
 _DIRECT = {
     "release_time": "release_time",
@@ -49,11 +47,11 @@ class ThrowQuantity:
     """One quantity of a throw; two are the same if name, unit and law are."""
 
     name: str
-    """As certificates label it, if they hold it."""
+    """Name as in certificates, if they have it."""
     unit: str
     """SI; '' where there is none."""
     law: StopLaw = StopLaw.RELEASE_ONCE
-    """Of the stops in the motion it is read from."""
+    """Law of the stops in the motion it is read from."""
     metric: str | None = field(default=None, compare=False)
     """Metric whose tolerance is this quantity's own; None: there is none."""
     follows_position: bool = field(default=True, compare=False)
@@ -99,7 +97,7 @@ class Formula:
         return Formula(self.unit, lambda values: self.value(values) + shift)
 
     def times(self, factor: float, unit: str | None = None) -> Formula:
-        """In another unit, or a multiple of it."""
+        """Quantity in another unit, or a multiple of it."""
         return Formula(
             self.unit if unit is None else unit, lambda values: factor * self.value(values)
         )
@@ -135,7 +133,7 @@ def parabola(stop: str) -> ThrowQuantity:
 
 
 def climb(stop: str) -> ThrowQuantity:
-    """Largest rise of a stop's torque, which should fall, up to the first release, as a share of its start."""
+    """Largest rise of a stop's torque before the first release, relative to its start."""
     return _shape("climb", stop)
 
 
@@ -245,7 +243,7 @@ def _of_the_launch(motion: Motion, trajectory: Trajectory, readings: Readings) -
 
 
 def vacuum_ranges(trajectory: Trajectory) -> FloatArray:
-    """Range of a release without drag at every sample [m], NaN where the projectile never comes back to y = 0."""
+    """Range without drag for a release at each sample [m], NaN if y = 0 is never reached again."""
     (x, y), (vx, vy) = (
         trajectory.marker(PROJECTILE).position.T,
         trajectory.marker(PROJECTILE).velocity.T,
@@ -359,7 +357,7 @@ class Fit(NamedTuple):
 
 
 def fit(t: FloatArray, values: FloatArray, degree: int) -> Fit | None:
-    """Least-squares polynomial through samples, shape (n,) each; None where there are too few, or they are constant."""
+    """Least-squares polynomial through samples, shape (n,) each; None if too few or constant."""
     variance = float(np.var(values)) if len(t) >= _FEWEST else 0.0
     if not variance > 0:
         return None
@@ -368,7 +366,7 @@ def fit(t: FloatArray, values: FloatArray, degree: int) -> Fit | None:
 
 
 def _shapes(trajectory: Trajectory) -> _Values:
-    """How the torques of the stops closed at the start run, up to the first release and between the releases."""
+    """Shapes of the initial stops' torques, up to the first release and between the releases."""
     closed = [
         stop.name
         for stop in trajectory.mechanism.stops

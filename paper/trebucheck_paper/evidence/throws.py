@@ -45,9 +45,8 @@ from .quantities import (
     read,
 )
 
-_TAIL = (
-    0.05  # [s] past the last instant that is read, so that polynomials have samples on both sides
-)
+# [s] past the last instant that is read, so that polynomials have samples on both sides.
+_TAIL = 0.05
 _SAMPLES = 3000  # of the reference, over the whole motion, for what is read along it
 _COARSE = 1e-12  # tolerance of the second integration, for quantities that no certificate holds
 _SAFETY = 4.0  # on the difference of the two, as where the certificate's own estimate is made
@@ -61,7 +60,7 @@ class EngineThrow:
     engine: str
     values: Readings = field(default_factory=Readings)
     tolerances: Readings = field(default_factory=Readings)
-    """Of each value, where an agreement tolerance is behind it."""
+    """Tolerance of each value that has an agreement tolerance."""
     trajectory: Trajectory | None = None
     note: str | None = None
     """Why there is no throw."""
@@ -94,7 +93,7 @@ class MachineThrow:
 def throw_by_all(
     name: str, parameters: TrebuchetParameters, engines: Sequence[str], worker: Worker
 ) -> MachineThrow:
-    """Throw with a named machine under the paper's law of its stops, and once more with an arm stop that acts.
+    """Throw with a named machine under the paper's stop law, and again with an acting arm stop.
 
     Args:
         name: of the machine.
@@ -125,11 +124,12 @@ def throw_by_all(
 
 
 def _reference(mechanism: Mechanism) -> tuple[Solution, float]:
-    """The motion up to the last instant that is read: the fastest release, or the arm's arrival at its stop."""
+    """Motion up to the last instant read: the fastest release, or the arm's arrival at its stop."""
     launch = solve_to_launch(mechanism).launch
     if launch is None:
         raise InputError(
-            f"{mechanism.name!r} does not launch, so the paper's quantities of a throw are not there."
+            f"{mechanism.name!r} does not launch, so the paper's quantities of a throw are not "
+            "there."
         )
     end = launch.time + BEYOND_LAUNCH
     longer = solve(Problem(mechanism, duration=end + 1.0))
@@ -139,7 +139,7 @@ def _reference(mechanism: Mechanism) -> tuple[Solution, float]:
 
 
 def _uncertainties(mechanism: Mechanism, ours: Readings, until: float) -> Readings:
-    """Of the certificate where it has them; else four times what a coarser integration changes, and rounding.
+    """Uncertainties of the certificate, else four times a coarser integration's change.
 
     The coarser one is read at half as many instants, so that what is fitted to samples is known no
     better than that.
@@ -195,7 +195,7 @@ def _finished(
     until: float,
     worker: Worker,
 ) -> EngineThrow:
-    """With its tolerances, and with what it finds where the arm's stop acts; one that failed is not run again."""
+    """Throw with its tolerances and its values where the arm stop acts; failed ones unchanged."""
     if throw.trajectory is None:
         return throw
     runner = engine(throw.engine)
@@ -218,7 +218,7 @@ def _finished(
 
 
 def _with_arm_stop(mechanism: Mechanism, until: float) -> Readings:
-    """Launch and first blow on the arm's stop by the reference, stops being unilateral, up to a time [s]."""
+    """Reference launch and first blow on the unilateral arm stop, up to a time [s]."""
     solution = solve(Problem(mechanism, duration=until, stop_law=StopLaw.UNILATERAL))
     return _read_with_arm_stop(
         MinimalMotion(solution), solution.trajectory(np.linspace(0.0, until, _SAMPLES))
@@ -242,7 +242,7 @@ def _read_with_arm_stop(motion: Motion, trajectory: Trajectory) -> tuple[Reading
 
 
 def _first_blow(trajectory: Trajectory) -> tuple[float | None, float]:
-    """When [s], and how late that may be [s]: an impact, else the first sample at which the stop pushes."""
+    """Time [s] of the first blow and its delay [s]: an impact, else the first pushing sample."""
     blows = [time for time, impulses in trajectory.impacts if ARM_STOP in impulses]
     if blows:
         return blows[0], 0.0

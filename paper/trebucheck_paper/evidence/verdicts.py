@@ -1,4 +1,4 @@
-"""One claim as data and a rule; the rules that turn a number of ours and the paper's into a verdict; none is typed in.
+"""Claims as data and rules; the rules turn our number and the paper's into a verdict.
 
 Each rule is a function that returns a :class:`Judgement`: the verdict, the rule in words, and,
 where the claim does not simply hold, a sentence that says why, with the computed numbers in it.
@@ -26,7 +26,7 @@ class Judgement:
     rule: str
     why: str = ""
     departure: float | None = None
-    """How far ours lies from the claim, as a share of what is claimed; 1 where a claimed fact is not there at all."""
+    """Distance of ours from the claim, relative to the claim; 1 where a claimed fact is absent."""
 
 
 @dataclass(frozen=True)
@@ -39,14 +39,14 @@ class Cause:
 
 @dataclass(frozen=True)
 class Grid:
-    """Our value at the one point of the paper's own sampling that this sampling finds to be the best.
+    """Our value at the point of the paper's own sampling that is the best one.
 
     A printed number that was picked from a grid is our value there. That the values on either side
     of our own point enclose the printed number is no agreement: the grid has no point between them.
     """
 
     step: str
-    """With unit, such as '0.005 s'."""
+    """Step with unit, such as '0.005 s'."""
     point: float
     value: float
 
@@ -81,7 +81,7 @@ def as_printed(
 
 
 def by_reading(ours: Mapping[str, Quantity], printed: str) -> Judgement:
-    """A printed number that may mean several things: decided where each of them gives the same verdict.
+    """Printed number of several meanings: decided where each of them gives the same verdict.
 
     Args:
         ours: our value of each meaning, by what it is.
@@ -111,7 +111,7 @@ def positive(margin: Quantity, what: str, causes: Iterable[Cause] = ()) -> Judge
 def vanishes(
     ours: Quantity, allowed: float, reason: str, causes: Iterable[Cause] = ()
 ) -> Judgement:
-    """A difference that should not be there: at most what is allowed, for a stated reason, and our uncertainty."""
+    """Difference that should vanish: at most a stated allowance and our uncertainty."""
     rule = (
         f"|ours| is at most {allowed:.3g} {ours.unit}".rstrip()
         + f" ({reason}) plus our uncertainty"
@@ -124,14 +124,17 @@ def vanishes(
 def coincides(
     ours: Quantity, resolution: float, reason: str, causes: Iterable[Cause] = ()
 ) -> Judgement:
-    """Two things the paper finds in one place: they are, or they lie closer than its own sampling can tell.
+    """Coincidence in the paper: equal, or nearer than its own sampling can resolve.
 
     Args:
         ours: their distance.
         resolution: what the paper can tell apart, in the unit of ours.
         reason: where that comes from.
     """
-    rule = f"the distance is nothing but our uncertainty; or at most {resolution:.3g} {ours.unit} ({reason})"
+    rule = (
+        f"the distance is nothing but our uncertainty; or at most {resolution:.3g} {ours.unit} "
+        f"({reason})"
+    )
     if abs(ours.value) <= (ours.uncertainty or 0.0):
         return Judgement(Verdict.HOLDS, rule)
     if abs(ours.value) <= resolution:
@@ -154,7 +157,7 @@ def at_least(ours: Quantity, need: float, reason: str, causes: Iterable[Cause] =
 
 
 def at_most(ours: Quantity, most: float, reason: str, causes: Iterable[Cause] = ()) -> Judgement:
-    """A smallness: ours, with its uncertainty, does not go beyond a stated need, for a stated reason."""
+    """Smallness: ours and its uncertainty do not exceed a stated need, for a stated reason."""
     rule = f"ours is at most {most:g} {ours.unit}".rstrip() + f" ({reason})"
     if ours.value <= most + (ours.uncertainty or 0.0):
         return Judgement(Verdict.HOLDS, rule)
@@ -164,7 +167,7 @@ def at_most(ours: Quantity, most: float, reason: str, causes: Iterable[Cause] = 
 def distinguishable(
     ours: Quantity, printed: str, resolution: float, reason: str, causes: Iterable[Cause] = ()
 ) -> Judgement:
-    """Two things the paper says are different: they lie farther apart than its own sampling and digits can hide.
+    """Difference in the paper: larger than its own sampling and digits can hide.
 
     Args:
         ours: one of them.
@@ -197,7 +200,7 @@ def occurs(occurred: bool, what: str, causes: Iterable[Cause] = ()) -> Judgement
 
 
 def undecided(missing: str) -> Judgement:
-    """What it would take to judge is not there.
+    """Undecided: the data needed for a verdict is missing.
 
     Args:
         missing: a sentence that says what.
@@ -218,7 +221,7 @@ def _format(ours: Quantity | float, unit: str = "", digits: int = 6) -> str:
 FIXED, ROLLING = "fixed", "rolling"
 _Key = TypeVar("_Key")
 Rule = Callable[[Quantity, str], Judgement]
-"""Of our value and the printed text."""
+"""Rule that judges our value against the printed text."""
 
 
 @dataclass(frozen=True)
@@ -227,7 +230,7 @@ class Evidence:
 
     parameters: TrebuchetParameters
     throws: Mapping[str, MachineThrow]
-    """By machine."""
+    """Throws by machine."""
     sections: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """Results of the further studies, by name; one that failed is absent."""
     failures: Mapping[str, str] = field(default_factory=dict[str, str])
@@ -240,7 +243,7 @@ class Evidence:
 
     @property
     def uncertainties(self) -> Values:
-        """Of the reference's values."""
+        """Uncertainties of the reference's values."""
         return _flat({name: throw.uncertainties for name, throw in self.throws.items()})
 
     @property
@@ -348,7 +351,7 @@ def spread(
     values: Mapping[_Key, float],
     widths: Mapping[_Key, float],
 ) -> tuple[float, float | None]:
-    """A function's value, and the sum of what each width changes in it; None where a width is not known.
+    """Value of a function, and the sum of changes by each width; None if a width is unknown.
 
     A sum, not a root of squares: the errors of one run's quantities are correlated.
 

@@ -1,4 +1,4 @@
-"""Start angles from printed figures: least squares, and the set of all that give every printed digit.
+"""Start angles from printed figures: least squares, and the set that gives every printed digit.
 
 A printed number is uniform over what rounds to it, of standard deviation half width / sqrt(3).
 Least squares with these gives a best point and a covariance. The set of compatible angles, those
@@ -34,9 +34,9 @@ _PER_HALF = math.sqrt(3.0)  # standard deviations in a half width, for a uniform
 _CONFIDENCE = 0.95
 _STEP = 0.05  # [rad] the largest a linear program may go at once
 _ROUNDS = 40
-_SETTLED = 1e-9  # [rad] a millionth of the narrowest compatible sets met, and 100 times the computation's own error
-_BINDING = 1e-4  # half widths: by how much a number may be off its bound and still count as what ends the set
-_HARDLY = 1e-6  # share of the largest singular value below which a direction is not determined: differences' noise
+_SETTLED = 1e-9  # [rad] 1e-6 of the narrowest compatible sets, 100 times our error
+_BINDING = 1e-4  # half widths: distance from a bound that still counts as active
+_HARDLY = 1e-6  # of the largest singular value: below it a direction is undetermined (noise)
 
 
 def fit(
@@ -113,7 +113,8 @@ def _covariance(slopes: FloatArray, free: Sequence[str]) -> FloatArray:
     values = np.linalg.svd(slopes, compute_uv=False)
     if values[-1] <= _HARDLY * values[0]:
         raise InputError(
-            f"the printed numbers leave a combination of {' and '.join(free)} open; others are needed."
+            f"the printed numbers leave a combination of {' and '.join(free)} open; others are "
+            "needed."
         )
     return np.asarray(np.linalg.inv(slopes.T @ slopes), dtype=np.float64)
 
@@ -200,7 +201,8 @@ def _end(
             return at, tuple(ends)
     names = " and ".join(ANGLES[column] for column in columns)
     raise InputError(
-        f"the printed numbers do not bound {names}; more of them, or ones with more digits, are needed."
+        f"the printed numbers do not bound {names}; more of them, or ones with more digits, are "
+        "needed."
     )
 
 
@@ -214,7 +216,7 @@ def _program(misses: FloatArray, slopes: FloatArray, towards: FloatArray) -> Flo
 
 
 def conditioning(slopes: FloatArray, names: Sequence[str]) -> Conditioning:
-    """Of a Jacobian of the fitted misses [1/rad], shape (n, 3), and the names of its rows."""
+    """Conditioning of a Jacobian of misses [1/rad], shape (n, 3), with the names of its rows."""
     left, values, directions = np.linalg.svd(slopes * _PER_HALF, full_matrices=False)
     # A singular vector's sign is arbitrary: its largest component is shown as positive.
     largest = np.argmax(np.abs(directions), axis=1)
@@ -231,7 +233,7 @@ def conditioning(slopes: FloatArray, names: Sequence[str]) -> Conditioning:
 
 
 def left_out(headlines: Headlines, at: FloatArray) -> tuple[Left, ...]:
-    """How the compatible set grows when a number is left out, to first order about a point of it."""
+    """Growth of the compatible set when a number is left out, to first order about a point."""
     misses, slopes = headlines.misses(at), headlines.jacobian(at)
     whole = _linear_widths(misses, slopes)
     every = np.arange(len(misses))
@@ -246,7 +248,7 @@ def left_out(headlines: Headlines, at: FloatArray) -> tuple[Left, ...]:
 
 
 def _linear_widths(misses: FloatArray, slopes: FloatArray) -> list[float | None]:
-    """Of {d: |misses + slopes d| <= 1} along each angle [rad]; None where it has no end, or is empty."""
+    """Widths of {d: |misses + slopes d| <= 1} by angle [rad]; None if unbounded or empty."""
     rows, room = np.vstack([slopes, -slopes]), np.concatenate([1 - misses, 1 + misses])
     free = [(None, None)] * slopes.shape[1]
     widths: list[float | None] = []

@@ -1,4 +1,4 @@
-"""The paper's printed numbers that depend on its start angles, computed at any start; what they say of it, as data.
+"""Printed numbers that depend on the start angles, computed at any start, and their statements.
 
 SI units and radians throughout.
 """
@@ -146,7 +146,8 @@ class Left(Spec):
 
     name: str
     growth: tuple[Real | None, ...] = Field(
-        description="of its extent along each angle, as a factor, to first order about the fit; None: without end"
+        description="of its extent along each angle, as a factor, to first order about the fit; "
+        "None: without end"
     )
 
 
@@ -224,9 +225,8 @@ SWING, TWICE_SWING = "counterweight swings out further by", "there and back"
 SHORTER = "launch speed with the shorter arm"
 """At the l1 of the largest launch speed, the whole arm's length unchanged (Sec. V)."""
 
-_BEYOND = (
-    0.3  # [s] solved past the printed release, and once more as long where a machine launches later
-)
+# [s] solved past the printed release, and once more as long where a machine launches later.
+_BEYOND = 0.3
 _SAMPLES = 200  # of the counterweight's swing, between which its turning point is found
 _ROUNDED = "half a unit of the last printed digit"
 
@@ -277,7 +277,7 @@ PRINTED = (
     _fitted(SWING, "Sec. VI", PRINTED_SWING, "m"),
     _implied(TWICE_SWING, "Sec. VI", WAY, "m"),
 )
-"""What the print allows. Not fitted: what is another printed number in other units, twice it, or follows from it."""
+"""Printed numbers to fit; none repeats, doubles or follows from another one."""
 
 NEEDED = (RELEASE, PHI, SPEED, R_FIXED, R_ROLLING, SHORTER)
 """Without these there is no search and no bounded fit."""
@@ -303,7 +303,7 @@ def machines(
 
 @dataclass
 class Headlines:
-    """Misses of the printed numbers as functions of the start angles; every start is computed once."""
+    """Misses of the printed numbers as functions of the start angles, each start computed once."""
 
     parameters: TrebuchetParameters
     printed: tuple[PrintedQuantity, ...] = PRINTED
@@ -318,7 +318,8 @@ class Headlines:
         missing = [name for name in NEEDED if name not in names]
         if wrong or missing:
             raise InputError(
-                f"printed holds {names!r}; each of {NEEDED} must be there, and others of {tuple(known)}, all but once."
+                f"printed holds {names!r}; each of {NEEDED} must be there, and others of "
+                f"{tuple(known)}, all but once."
             )
 
     def misses(self, angles: Start) -> FloatArray:
@@ -334,7 +335,7 @@ class Headlines:
         return self._known[key]
 
     def jacobian(self, angles: Start, step: float = 1e-5) -> FloatArray:
-        """Of the misses, [1/rad], shape (n, 3): central differences, good to step^2 and rounding / step."""
+        """Jacobian of the misses [1/rad], shape (n, 3), by central differences."""
         at = np.asarray(angles, dtype=np.float64)
         columns = [
             (self.misses(at + d) - self.misses(at - d)) / (2 * step) for d in np.eye(3) * step
@@ -343,7 +344,7 @@ class Headlines:
 
     @property
     def release_time(self) -> float:
-        """As printed [s]: phi is given for that instant."""
+        """Release time as printed [s]: phi is given for that instant."""
         return next(quantity.value for quantity in self.printed if quantity.name == RELEASE)
 
     @property
@@ -388,9 +389,8 @@ def computed(
 
 
 def _moved(mechanism: Mechanism, duration: float) -> Solution:
-    reference = ReferenceEngine(
-        integrator="auto"
-    )  # Taylor series where heyoka is: several times as fast
+    # Taylor series where heyoka is: several times as fast.
+    reference = ReferenceEngine(integrator="auto")
     solution = reference.solve(Problem(mechanism, duration))
     return solution if solution.launch else reference.solve(Problem(mechanism, 2 * duration))
 

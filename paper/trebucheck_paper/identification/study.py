@@ -53,12 +53,12 @@ from .quantities import (
 THETA = (-math.pi / 2, math.pi / 2)
 """The arm points in the direction of the launch (Sec. I)."""
 
-_CELLS = 30  # of half a turn: 6 deg, over which the values of a launch change by some tenths of themselves
+_CELLS = 30  # of half a turn: 6 deg, which change a launch's values by some tenths
 _STARTS = 8
-_BEYOND = 0.3  # [s] past the printed release time; a fixed machine that takes longer misses by 40 half widths and more
+_BEYOND = 0.3  # [s] past the printed release time; later releases miss by over 40 half widths
 _PATIENCE = 2.0  # times as long for the machines whose time of launch is not printed
 _LOST = 1e4  # half widths: the miss of a machine that does not launch
-_NEAR = 0.4  # [rad] a start is refined within this, some four cells of the grid: what lies beyond has its own starts
+_NEAR = 0.4  # [rad] radius of a start's refinement, some four cells of the grid
 _SAME = 1e-3  # [rad] minima closer than this are one
 
 
@@ -84,9 +84,8 @@ class _Search:
     def run(self) -> Search:
         step = math.pi / _CELLS
         thetas = np.linspace(*THETA, _CELLS + 1)
-        slings = step * np.arange(
-            1.0, 2 * _CELLS
-        )  # at 0 and 2 pi the sling would lie on the arm's far side
+        # At 0 and 2 pi the sling would lie on the arm's far side.
+        slings = step * np.arange(1.0, 2 * _CELLS)
         starts = np.stack([self._branch(thetas, slings, lower) for lower in (False, True)])
         costs = self._costs(starts)
         # Neighbours in theta0 and the sling's angle; the two values of alpha0 are branches of their
@@ -113,7 +112,7 @@ class _Search:
         return least, half_mass * (v.value + v.half) ** 2 / (ratio.value - ratio.half)
 
     def _branch(self, thetas: FloatArray, slings: FloatArray, lower: bool) -> FloatArray:
-        """Starts of the printed energy, shape (n_theta, n_sling, 3); NaN in alpha0 where there is none."""
+        """Starts of the printed energy, shape (n_theta, n_sling, 3); NaN in alpha0 if none."""
         p = self.parameters
         theta, sling = np.meshgrid(thetas, slings, indexing="ij")
         phi = theta + sling
@@ -136,7 +135,7 @@ class _Search:
         return costs
 
     def _fixed_misses(self, starts: FloatArray) -> FloatArray:
-        """Of time, phi, speed and R, shape (n, 4)."""
+        """Misses of time, phi, speed and R, shape (n, 4)."""
         builds = [fixed(self._started(start)) for start in starts.tolist()]
         time, phi, speed = self._launches(builds, self.printed[RELEASE].value + _BEYOND)
         values = {RELEASE: time, PHI: phi, SPEED: speed, R_FIXED: self._ratio(starts, speed)}
@@ -150,14 +149,13 @@ class _Search:
     def _launches(
         self, builds: Sequence[Mechanism], until: float
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Time [s], phi at the printed release time [deg] and speed [m/s] of launches at 45 deg, each (n,)."""
+        """Time [s], phi at the printed release [deg] and speed [m/s] at 45 deg, each (n,)."""
         from trebucheck.api.mechanics import launch_batch
 
         self.machines += len(builds)
         batch = launch_batch(builds, duration=until)
-        late = np.clip(
-            self.printed[RELEASE].value - batch.time, -TIME_STEP, TIME_STEP
-        )  # a step or two: there phi is a straight line
+        # A step or two: there phi is a straight line.
+        late = np.clip(self.printed[RELEASE].value - batch.time, -TIME_STEP, TIME_STEP)
         return batch.time, np.degrees(batch.q[:, 1] + batch.u[:, 1] * late), batch.speed
 
     def _ratio(self, starts: FloatArray, speed: FloatArray) -> FloatArray:
@@ -170,7 +168,7 @@ class _Search:
         return 0.5 * p.m_b * speed**2 / energy
 
     def _miss(self, quantity: PrintedQuantity, value: FloatArray) -> FloatArray:
-        """In half widths. Phi is compared within a turn: how many turns phi0 is counted with is the paper's choice."""
+        """Misses in half widths; phi within a turn, as the paper chooses how phi0 counts turns."""
         error = value - quantity.value
         if quantity.name == PHI:
             error = np.remainder(error + 180.0, 360.0) - 180.0
@@ -179,15 +177,20 @@ class _Search:
         return np.nan_to_num(error / half, nan=_LOST)
 
     def _quick(self, starts: FloatArray) -> FloatArray:
-        """Misses of all numbers that a launch at 45 deg gives, of all three machines, shape (n, 6)."""
+        """Misses of all numbers of a launch at 45 deg, of all three machines, shape (n, 6)."""
         trios = [machines(self.parameters, start) for start in starts]
         alike = [trio[0] for trio in trios] + [trio[2] for trio in trios]
         n, until = len(starts), _PATIENCE * self.printed[RELEASE].value
         time, phi, speed = self._launches(alike, until)
         _, _, rolling_speed = self._launches([trio[1] for trio in trios], until)
         values = (
-            time[:n], phi[:n], speed[:n], self._ratio(starts, speed[:n]), self._ratio(starts, rolling_speed), speed[n:],
-        )  # fmt: skip
+            time[:n],
+            phi[:n],
+            speed[:n],
+            self._ratio(starts, speed[:n]),
+            self._ratio(starts, rolling_speed),
+            speed[n:],
+        )
         return np.stack(
             [self._miss(self.printed[k], v) for k, v in zip(NEEDED, values, strict=True)], axis=1
         )
@@ -312,7 +315,7 @@ def _start(headlines: Headlines, searched: Search | None) -> Angles:
 
 
 def _nested(headlines: Headlines, free: Fit) -> Iterator[Fit]:
-    """With what the paper gives away: its Eq. (6) at t = 0, then its sling rest, which is the arm itself."""
+    """Nested fits: with the paper's Eq. (6) at t = 0, then with its sling rest on the arm."""
     _, phi, alpha = free.angles
     level = "Eq. (6) at t = 0, theta - phi + phi[0] = 0 with phi = phi[0], leaves theta0 = 0"
     yield fit(headlines, (0.0, phi, alpha), ("phi0", "alpha0"), name="theta0 = 0", because=level)
@@ -337,7 +340,7 @@ def _sensitivities(headlines: Headlines, slopes: FloatArray) -> tuple[Sensitivit
 
 
 def _rounds(headlines: Headlines, free: Fit) -> Iterator[Round]:
-    """Multiples of pi / n inside the compatible set's extents, each computed; until there are too many to mean much."""
+    """Multiples of pi / n inside the compatible set's extents, computed, up to too many."""
     if not free.compatible:
         return
     for n in _DIVISIONS:
@@ -378,14 +381,16 @@ def _findings(
 ) -> Iterator[str]:
     if not free.compatible:
         yield (
-            f"no start angles give every printed figure: at best one of them is {free.least_worst:.3g} half widths off"
+            "no start angles give every printed figure: at best one of them is "
+            f"{free.least_worst:.3g} half widths off"
         )
         return
     widths = [math.degrees(e.high - e.low) for e in free.extents]
     yield (
-        f"every printed figure comes out for start angles in a set {_listed(ANGLES, widths)} wide: a thin valley, as "
-        f"the worst determined combination ({_direction(of_fitted.directions[-1])}) is known "
-        f"{of_fitted.condition_number:.3g} times less well than the best ({_direction(of_fitted.directions[0])})"
+        f"every printed figure comes out for start angles in a set {_listed(ANGLES, widths)} wide: "
+        "a thin valley, as the worst determined combination "
+        f"({_direction(of_fitted.directions[-1])}) is known {of_fitted.condition_number:.3g} times "
+        f"less well than the best ({_direction(of_fitted.directions[0])})"
     )
     decided = zip(of_fitted.directions, of_fitted.decided_by, strict=True)
     yield "; ".join(
@@ -411,7 +416,8 @@ def _findings(
             f"{searched.machines} launches over all starts of the printed energy, theta0 within "
             f"{math.degrees(searched.theta[1]):.3g} deg of level, show no second set{following}"
             if not any(s.miss <= 1 for s in others)
-            else f"the search finds {1 + sum(s.miss <= 1 for s in others)} separate sets of start angles"
+            else f"the search finds {1 + sum(s.miss <= 1 for s in others)} separate sets of start "
+            "angles"
         )
 
 
@@ -437,8 +443,8 @@ def _round_findings(rounds: Sequence[Round], single: Angles | None) -> Iterator[
     coarse, fine = alone[0].divisions, max(r.divisions for r in alone)
     degrees = ", ".join(f"{math.degrees(angle):g}" for angle in single)
     yield (
-        f"among multiples of pi / {coarse} it holds one point, ({degrees}) deg, and no other among multiples of "
-        f"{180 / fine:g} deg"
+        f"among multiples of pi / {coarse} it holds one point, ({degrees}) deg, and no other among "
+        f"multiples of {180 / fine:g} deg"
     )
 
 

@@ -1,4 +1,4 @@
-"""Claims on what is fitted to printed numbers: the start angles, and the drag area behind Table II (Sec. IV)."""
+"""Claims on fitted values: the start angles, and the drag area behind Table II (Sec. IV)."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def drag_rows(study: DragStudy, evidence: Evidence) -> Iterator[Row]:
 
 
 def _reading(study: DragStudy) -> Reading:
-    """As the table's words have it: the velocity's angle, g changed throughout; the first one if there is no such."""
+    """Reading of the table: the velocity's angle with g changed throughout; else the first."""
     printed_reading = (AngleReading.VELOCITY, GravityReading.THROW_AND_FLIGHT)
     return next(
         (r for r in study.readings if (r.angle, r.gravity) == printed_reading), study.readings[0]
@@ -114,11 +114,12 @@ def _degrees(angle: float) -> Quantity:
 
 
 def _judged(study: DragStudy, reading: Reading, fit: WorldFit, printed: PrintedAngle) -> Judgement:
-    """A drag area, or another reading, that gives the angle leaves the claim open; else vacuum comes nearest to it."""
+    """Judgement: open if a drag area or another reading gives the angle; else vacuum is nearest."""
     if printed.density > 0 and fit.drag_areas is not None:
         return undecided(
-            f"the drag area is not printed: C_d A from {_format(fit.drag_areas)} gives {printed.printed}°; that "
-            f"which suits it best, {reading.common_drag_area:.3g} m², gives {math.degrees(fit.common_angle):.1f}°"
+            f"the drag area is not printed: C_d A from {_format(fit.drag_areas)} gives "
+            f"{printed.printed}°; that which suits it best, {reading.common_drag_area:.3g} m², "
+            f"gives {math.degrees(fit.common_angle):.1f}°"
         )
     pairs = [
         (r, f)
@@ -128,13 +129,18 @@ def _judged(study: DragStudy, reading: Reading, fit: WorldFit, printed: PrintedA
     ]
     if pairs:
         others = "; ".join(
-            f"{math.degrees(f.vacuum_angle):.4g} deg {r.angle.value} with g changed {r.gravity.value}"
+            f"{math.degrees(f.vacuum_angle):.4g} deg {r.angle.value} with g changed "
+            f"{r.gravity.value}"
             for r, f in pairs
         )
-        plain = f"{math.degrees(fit.vacuum_angle):.4g} deg {reading.angle.value} with g changed {reading.gravity.value}"
+        plain = (
+            f"{math.degrees(fit.vacuum_angle):.4g} deg {reading.angle.value} with g changed "
+            f"{reading.gravity.value}"
+        )
         return undecided(
-            "the table does not say whether its angle is that of the velocity or, as Sec. IV computes it, across the "
-            f"sling, nor where g was changed: it is {plain}, which does not give the print; but {others}"
+            "the table does not say whether its angle is that of the velocity or, as Sec. IV "
+            f"computes it, across the sling, nor where g was changed: it is {plain}, which does "
+            f"not give the print; but {others}"
         )
     causes = [
         Cause(printed.density > 0, "no drag area gives it: drag only ever lowers the best angle")
@@ -151,7 +157,7 @@ def _format(areas: DragInterval) -> str:
 
 
 def _grid(reading: Reading, fit: WorldFit) -> Grid | None:
-    """The point of the finest grid that is the best one with some drag area, the nearest to the printed angle."""
+    """Point of the finest grid, best for some drag area, nearest to the printed angle."""
     if not reading.grids:
         return None
     grid = min(reading.grids, key=lambda each: each.step)
@@ -160,7 +166,7 @@ def _grid(reading: Reading, fit: WorldFit) -> Grid | None:
 
 
 def _one_area(study: DragStudy) -> Row:
-    """The four angles are of one projectile: some one drag area gives them all, or gives them on the grid."""
+    """One projectile for four angles: one drag area gives them all, or gives them on the grid."""
     best = min(study.readings, key=lambda reading: reading.root_mean_square)
     return Row(
         "one projectile gives the whole table",
@@ -174,21 +180,28 @@ def _one_area(study: DragStudy) -> Row:
 
 
 def _one_area_judged(study: DragStudy, best: Reading) -> Judgement:
-    rule = "some one drag area gives every printed angle; or makes each the best point of one grid of times from t = 0"
+    rule = (
+        "some one drag area gives every printed angle; or makes each the best point of one grid of "
+        "times from t = 0"
+    )
     if any(reading.shared is not None for reading in study.readings):
         return Judgement(Verdict.HOLDS, rule)
     grids = [(r, g) for r in study.readings for g in r.grids]
     for reading, grid in grids:
         if grid.shared and len(grid.agreeing) == len(study.printed):
-            why = f"on a grid of {grid.step:g} s, angles read as {reading.angle.value}, g changed {reading.gravity.value}"
+            why = (
+                f"on a grid of {grid.step:g} s, angles read as {reading.angle.value}, g changed "
+                f"{reading.gravity.value}"
+            )
             return Judgement(Verdict.WITHIN_GRID, rule, why)
     miss, most = (
         math.degrees(best.root_mean_square),
         max((len(grid.agreeing) for _, grid in grids), default=0),
     )
     why = (
-        f"with the best common area, {best.common_drag_area:.3g} m², the angles miss by {miss:.2g} deg (root mean "
-        f"square) under the reading that fits best; a grid gives at most {most} of the {len(study.printed)}"
+        f"with the best common area, {best.common_drag_area:.3g} m², the angles miss by {miss:.2g} "
+        f"deg (root mean square) under the reading that fits best; a grid gives at most {most} of "
+        f"the {len(study.printed)}"
     )
     apart = all(
         common([f.drag_areas for f in r.worlds if f.drag_areas is not None]) is None
@@ -256,7 +269,8 @@ def _exception(study: DragStudy, angles: dict[str, float]) -> Row:
     )
     never = Cause(
         not gives,
-        "drag only ever lowers the best angle, and no reading and no drag area gives the printed one",
+        "drag only ever lowers the best angle, and no reading and no drag area gives the printed "
+        "one",
     )
     some = Cause(gives, "another reading of the table gives it: see the section on drag")
     return Row(
@@ -272,7 +286,7 @@ def _exception(study: DragStudy, angles: dict[str, float]) -> Row:
 
 
 def _elsewhere(study: DragStudy, reading: Reading, evidence: Evidence) -> Iterator[Row]:
-    """The largest speed comes at another angle than the best one, on every world of the table but ours.
+    """Largest speed at another angle than the best one, on every world of the table but ours.
 
     Gravity only scales the time of a throw from rest: the angle of the largest speed is the same
     everywhere. In Sec. IV the two angles pass as one on the Earth without air; so they do elsewhere
@@ -282,10 +296,13 @@ def _elsewhere(study: DragStudy, reading: Reading, evidence: Evidence) -> Iterat
     gap = math.degrees(values[of.BEST_ANGLE] - values[of.FASTEST_ANGLE])
     at_home = Cause(
         True,
-        f"on the Earth without air, where Sec. IV finds the two at one angle, they are {gap:.3g} deg apart, and "
-        "gravity alone changes nothing in that",
+        f"on the Earth without air, where Sec. IV finds the two at one angle, they are {gap:.3g} "
+        "deg apart, and gravity alone changes nothing in that",
     )
-    reason = f"what passes as the same in Sec. IV: the turn in a step of {TIME_STEP:g} s on the Earth without air"
+    reason = (
+        f"what passes as the same in Sec. IV: the turn in a step of {TIME_STEP:g} s on the Earth "
+        "without air"
+    )
     for printed in study.printed:
         if printed.gravity == evidence.parameters.g:
             continue
@@ -300,7 +317,8 @@ def _elsewhere(study: DragStudy, reading: Reading, evidence: Evidence) -> Iterat
             f"largest speed at another angle, {printed.world}",
             _SEC,
             f"not {printed.printed}°",
-            f"angle of the velocity where the projectile is fastest; that of the best release is {angle} deg ({drag})",
+            "angle of the velocity where the projectile is fastest; that of the best release is "
+            f"{angle} deg ({drag})",
             of.FASTEST_ANGLE.of(FIXED).times(180 / math.pi, "deg"),
             lambda q, _, angle=angle: distinguishable(q, angle, turned, reason, [at_home]),
             FIXED,
@@ -309,7 +327,7 @@ def _elsewhere(study: DragStudy, reading: Reading, evidence: Evidence) -> Iterat
 
 
 def _angle_per_step(evidence: Evidence) -> float:
-    """How much the velocity turns in one step of the paper's release times, about the best release [deg]."""
+    """Turn of the velocity in one step of the paper's release times, at the best release [deg]."""
     throw = evidence.throws[FIXED]
     times = throw.values[of.BEST_TIME] + TIME_STEP / 2 * np.array([-1.0, 1.0])
     early, late = velocity_angles(throw.at(times))

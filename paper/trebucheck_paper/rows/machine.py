@@ -1,4 +1,4 @@
-"""Claims on the machine itself: Table I, Eqs. (2) to (5) and (8) to (10), its scale, its coordinates and the start."""
+"""Claims on the machine: Table I, Eqs. (2) to (5) and (8) to (10), scale, coordinates, start."""
 
 from __future__ import annotations
 
@@ -49,11 +49,9 @@ from ..evidence.verdicts import (
 _ROUNDING = 1e-12  # of sums of a few terms, relative: a thousand times what they can lose
 _ALMOST = 10.0  # [deg]: 'almost' is taken as within ten
 _MASS_SCALE, _LENGTH_SCALE = 10_000.0, 50.0  # Table I over the model that was measured
-_SCALED = 1e-9  # relative, of quantities of two integrations at a relative tolerance of 1e-13 over a throw
-_STATES, _SEED = (
-    64,
-    1,
-)  # random states, with angles all round: energies that agree in all of them are taken as equal
+_SCALED = 1e-9  # relative, of two integrations of a throw at a relative tolerance of 1e-13
+# Random states, with angles all round: energies that agree in all of them are taken as equal.
+_STATES, _SEED = (64, 1)
 _SPEEDS = 3.0  # [rad/s, m/s] standard deviation of the random speeds
 
 Energies = Callable[[TrebuchetParameters, FloatArray, FloatArray], tuple[float, float]]
@@ -135,7 +133,7 @@ def _start(p: TrebuchetParameters) -> Iterator[Row]:
 
 
 def _upright(p: TrebuchetParameters) -> Row:
-    """Of the hanger, or of the counterweight as the fulcrum sees it: whichever is nearer to the vertical."""
+    """Angle of the hanger, or of the counterweight from the fulcrum: the more vertical one."""
     x, y = _at_start(fixed(p), COUNTERWEIGHT)
     hanger, seen = (
         abs(math.degrees(math.atan2(x, y)))
@@ -148,14 +146,16 @@ def _upright(p: TrebuchetParameters) -> Row:
     )
     steep = Cause(
         off.value > _ALMOST,
-        f"the hanger starts {hanger:.3g} deg from the vertical, and the counterweight stands {seen:.3g} deg from it as "
-        f"the fulcrum sees it; with the hanger upright the machine {instead}, not with {LAUNCH_SPEED}",
+        f"the hanger starts {hanger:.3g} deg from the vertical, and the counterweight stands "
+        f"{seen:.3g} deg from it as the fulcrum sees it; with the hanger upright the machine "
+        f"{instead}, not with {LAUNCH_SPEED}",
     )
     return Row(
         "counterweight almost straight up",
         "Sec. I",
         "upright",
-        "angle to the vertical at the start, of the hanger or of the line from the fulcrum, the smaller",
+        "angle to the vertical at the start, of the hanger or of the line from the fulcrum, the "
+        "smaller",
         off,
         lambda q, _: at_most(q, _ALMOST, "'almost' asks for ten degrees", [steep]),
     )
@@ -195,7 +195,8 @@ def _scaled(evidence: Evidence) -> Row:
         "the model behaves as the machine",
         "Sec. II, Table I",
         "50, 10,000",
-        "launch speed of the machine with its lengths over 50 and its masses over 10,000, times √50, relative",
+        "launch speed of the machine with its lengths over 50 and its masses over 10,000, times "
+        "√50, relative",
         Quantity(
             value=speed / evidence.throws[FIXED].values[SPEED] - 1, uncertainty=_SCALED, unit=""
         ),
@@ -246,7 +247,8 @@ def _energies(evidence: Evidence) -> Iterator[Row]:
             f"kinetic and potential energy, {name}",
             where,
             "T, U",
-            f"largest difference of the paper's T and U from the mechanism's in {_STATES} random states, relative",
+            f"largest difference of the paper's T and U from the mechanism's in {_STATES} random "
+            "states, relative",
             Quantity(value=worst, uncertainty=_ROUNDING, unit=""),
             lambda q, _: vanishes(q, 0.0, "the same machine"),
             name,
@@ -254,7 +256,7 @@ def _energies(evidence: Evidence) -> Iterator[Row]:
 
 
 def largest_difference(mechanism: Mechanism, p: TrebuchetParameters, of: Energies) -> float:
-    """Of a mechanism's kinetic and potential energy from the paper's, relative to their sum, in random states."""
+    """Largest relative difference of a mechanism's energies from the paper's, in random states."""
     equations, random = Equations(mechanism), np.random.default_rng(_SEED)
     n, differences = len(mechanism.coordinates), list[float]()
     for _ in range(_STATES):
@@ -323,15 +325,16 @@ def _freedoms(mechanism: Mechanism) -> int:
 
 
 def _floating_arm() -> Row:
-    """Of another machine than ours, perhaps: the paper cites it without a drawing or a number but this one."""
+    """Claim on a floating arm, perhaps another machine: cited without a drawing."""
     machine = model("floating-arm")
     count = _count(_freedoms(machine))
     # Planar: an arm with nothing to hold it has three freedoms; a sling adds its angle, a
     # counterweight its height.
     unbound = 3 + (len(machine.bodies) - 1) + 1
     why = (
-        f"the paper does not say how it is built; an arm on two tracks with its sling has {count.value:g} degrees of "
-        f"freedom, and {unbound} coordinates before the tracks and the counterweight's pin bind them"
+        "the paper does not say how it is built; an arm on two tracks with its sling has "
+        f"{count.value:g} degrees of freedom, and {unbound} coordinates before the tracks and the "
+        "counterweight's pin bind them"
     )
     quantity = "generalized coordinates less loops, of the arm on two tracks"
     return Row(

@@ -1,4 +1,4 @@
-"""Claims on other machines than the paper's two: which beats which (Secs. I and VI), and one designed (end of Sec. VI).
+"""Claims on other machines: which beats which (Secs. I and VI), and one designed (Sec. VI, end).
 
 Who wins may depend on lengths that the paper gives for its own machines only. So each comparison is
 made with the paper's sling, with each machine's fastest one, and with each kind's most efficient
@@ -80,9 +80,9 @@ def _judged(
     better: MachineEfficiency, worse: MachineEfficiency, machines: Machines, need: float
 ) -> Judgement:
     rule = (
-        f"the ratio of efficiencies is above {need:g} with the paper's sling, with each machine's fastest one and with "
-        f"the most efficient of each kind, {_within(machines, better)}; it fails where not even the most efficient of "
-        "the favoured kind beats the other as built"
+        f"the ratio of efficiencies is above {need:g} with the paper's sling, with each machine's "
+        f"fastest one and with the most efficient of each kind, {_within(machines, better)}; it "
+        "fails where not even the most efficient of the favoured kind beats the other as built"
     )
     ratios, facts = _ratios(better, worse)
     if all(ratio > need for ratio in ratios):
@@ -92,9 +92,15 @@ def _judged(
             Verdict.OPEN, rule, f"other lengths were not looked at, which needs heyoka: {facts}"
         )
     at_best = better.most_efficient.efficiency / worse.table_one.efficiency
-    last = f"the most efficient {_format_name(better)} against the {_format_name(worse)} machine as built, {at_best:.3g}"
+    last = (
+        f"the most efficient {_format_name(better)} against the {_format_name(worse)} machine as "
+        f"built, {at_best:.3g}"
+    )
     if at_best > need or any(ratio > need for ratio in ratios):
-        why = f"it depends on lengths that the paper does not give: {facts}; {last} ({_within(machines, better)})"
+        why = (
+            f"it depends on lengths that the paper does not give: {facts}; {last} "
+            f"({_within(machines, better)})"
+        )
         return Judgement(Verdict.OPEN, rule, why)
     return Judgement(
         Verdict.FAILS, rule, f"{facts}; {last} ({_within(machines, better)})", need - at_best
@@ -102,7 +108,7 @@ def _judged(
 
 
 def _ratios(better: MachineEfficiency, worse: MachineEfficiency) -> tuple[list[float], str]:
-    """Of the comparisons that were made, and what they are."""
+    """Ratios of the comparisons that were made, and their description."""
     pairs = {
         "with the paper's sling": (better.table_one, worse.table_one),
         "with the fastest": (
@@ -142,7 +148,7 @@ def _within(machines: Machines, machine: MachineEfficiency) -> str:
 
 
 def _full_energy(machine: MachineEfficiency, machines: Machines) -> Row:
-    """That the whole of the counterweight's energy goes to the projectile."""
+    """Claim that all of the counterweight's energy goes to the projectile."""
     best = machine.most_efficient
     row = partial(
         Row,
@@ -187,7 +193,7 @@ def _ratio(above: EngineValue, below: EngineValue) -> EngineValue:
 
 
 def design_rows(design: Design) -> Iterator[Row]:
-    """On a rolling machine whose largest kinetic energy comes at its best release; none where none was found."""
+    """Throw with its tolerances and its values where the arm stop acts; failed ones unchanged."""
     if not design.designs:
         return
     best, paper, where = design.designs[0], design.paper_rolling, "Secs. VI, VII"
@@ -208,15 +214,17 @@ def design_rows(design: Design) -> Iterator[Row]:
     gain, size = best.throwing.range - paper.range, paper.range / best.throwing.range
     shorter = Cause(
         gain < 0,
-        f"{_bounds(design)}, the farthest coinciding machine throws {best.throwing.range:.5g} m, the paper's rolling "
-        f"one {paper.range:.5g} m and its fixed one {design.paper_fixed.range:.5g} m; with all lengths {size:.3g} "
-        "times as large, which is another machine, the coinciding one would throw as far as the paper's",
+        f"{_bounds(design)}, the farthest coinciding machine throws {best.throwing.range:.5g} m, "
+        f"the paper's rolling one {paper.range:.5g} m and its fixed one "
+        f"{design.paper_fixed.range:.5g} m; with all lengths {size:.3g} times as large, which is "
+        "another machine, the coinciding one would throw as far as the paper's",
     )
     yield Row(
         "such a machine throws farther",
         where,
         "> 0",
-        f"range of the farthest coinciding machine, {_bounds(design)}, less that of the paper's rolling machine",
+        f"range of the farthest coinciding machine, {_bounds(design)}, less that of the paper's "
+        "rolling machine",
         Quantity(value=gain, unit="m"),
         lambda q, _: positive(q, "the gain within the bounds that are named", [shorter]),
         ROLLING,
@@ -232,7 +240,7 @@ def design_rows(design: Design) -> Iterator[Row]:
 
 
 def _bounds(design: Design) -> str:
-    """Within which a verdict on all designs holds: ours, as the paper gives none; and whether they matter."""
+    """Bounds of the verdict on all designs (ours; none are printed), and which are active."""
     bounds, p = design.bounds, design.paper_rolling.parameters
     spans = [
         f"{name} {low:g} to {high:g} m"
@@ -240,7 +248,10 @@ def _bounds(design: Design) -> str:
     ]
     active = design.designs[0].optimality.active
     stands = f"the best coinciding one stands on {', '.join(active) or 'none of these bounds'}"
-    return f"with {', '.join(spans)} ({stands}), l1 + l2 = {p.l1 + p.l2:g} m, and the paper's masses and start angles"
+    return (
+        f"with {', '.join(spans)} ({stands}), l1 + l2 = {p.l1 + p.l2:g} m, and the paper's masses "
+        "and start angles"
+    )
 
 
 def _difference(first: EngineValue, second: EngineValue) -> EngineValue:
@@ -261,14 +272,17 @@ def _largest_range(design: Design, best: CoincidingDesign) -> Iterator[Row]:
     cause = Cause(
         lost > 0,
         f"{_bounds(design)}, the machine of r = {p.r:.3g}, h = {p.h:.3g}, l1 = {p.l1:.3g} m throws "
-        f"{other.range:.5g} m, its peak {abs(other.gap):.2g} s {'after' if other.gap > 0 else 'before'} the release; "
-        f"that is {other.range / best.throwing.range:.3g} times as far as the best coinciding one, at any size of both",
+        f"{other.range:.5g} m, its peak {abs(other.gap):.2g} s "
+        f"{'after' if other.gap > 0 else 'before'} the release; that is "
+        f"{other.range / best.throwing.range:.3g} times as far as the best coinciding one, at any "
+        "size of both",
     )
     yield Row(
         _LARGEST,
         "Secs. VI, VII",
         "largest",
-        f"largest range of any rolling machine, {_bounds(design)}, less that of the best coinciding one",
+        f"largest range of any rolling machine, {_bounds(design)}, less that of the best "
+        "coinciding one",
         Quantity(value=lost, unit="m"),
         lambda q, _: vanishes(
             q,

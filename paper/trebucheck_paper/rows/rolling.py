@@ -1,4 +1,4 @@
-"""Claims on the rolling machine against the fixed one, and on the computation's own error: Secs. VI and VII."""
+"""Claims on the rolling against the fixed machine, and on the computation's error (VI, VII)."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def _paths(evidence: Evidence) -> Iterator[Row]:
 
 
 def _additional_way(evidence: Evidence) -> Row:
-    """It is printed for the initial swing, whose end is not said: the launch, or the return to where it began."""
+    """Additional way in the initial swing, whose end is unstated: launch, or return."""
     travelled, widths = _loss(of.SIDEWAYS), evidence.uncertainties
     value, width = spread(travelled.value, evidence.ours, widths)
     up_to_launch = Quantity(value=value, uncertainty=width, unit="m")
@@ -226,16 +226,17 @@ def _peaks(evidence: Evidence) -> Iterator[Row]:
 
 
 def _error(name: str) -> Row:
-    """What it says of the paper's own computation no other computation can tell."""
+    """Claim on the paper's own computation, which no other computation can judge."""
     return Row(
         f"energy's deviation, {name}",
         "Sec. VII",
         f"{ENERGY_ERROR}, {ENERGY_SHARE}",
-        "largest change of the total energy up to the launch, in our computation, which is not the paper's",
+        "largest change of the total energy up to the launch, in our computation, which is not the "
+        "paper's",
         of.ENERGY_DRIFT.of(name),
         undecided(
-            "the paper speaks of the error of its own computation, of which neither energies nor program are "
-            "published; that ours is smaller says nothing of it"
+            "the paper speaks of the error of its own computation, of which neither energies nor "
+            "program are published; that ours is smaller says nothing of it"
         ),
         name,
         fact=f"energy's deviation, {FIXED}",

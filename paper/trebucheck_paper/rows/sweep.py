@@ -64,8 +64,8 @@ def _rising(sweep: Sweep) -> Cause:
         at_printed is not None
         and at_printed.speed is not None
         and peak.speed.value > at_printed.speed.value,
-        f"the speed goes on rising to {peak.speed.value:.2f} m/s at l1 = {peak.l1.value:.2f} m, "
-        f"a lever ratio of {peak.lever_ratio:.2f}:1",
+        f"the speed goes on rising to {peak.speed.value:.2f} m/s at l1 = {peak.l1.value:.2f} m, a "
+        f"lever ratio of {peak.lever_ratio:.2f}:1",
     )
 
 
@@ -125,8 +125,8 @@ def _ratios(sweep: Sweep, evidence: Evidence, rising: Cause) -> Iterator[Row]:
         fact=_BEST_RATIO,
     )
     why = (
-        "the cited machine is another: its arm starts backward and its sling lies on a trough; its own dimensions are "
-        "not in the paper"
+        "the cited machine is another: its arm starts backward and its sling lies on a trough; its "
+        "own dimensions are not in the paper"
     )
     yield Row(
         "best lever ratio of a similar system", _SEC, "3 to 5", quantity, ratio, undecided(why)
@@ -134,7 +134,7 @@ def _ratios(sweep: Sweep, evidence: Evidence, rising: Cause) -> Iterator[Row]:
 
 
 def _optimised(sweep: Sweep, evidence: Evidence, rising: Cause) -> Row:
-    """How near the machine is to the best: by the paper's numbers 98.9 %, counting their rounding in its favour."""
+    """Nearness to the best machine: 98.9 % by the paper's numbers, with rounding in its favour."""
     low, high = LAUNCH_SPEED, BEST_SPEED
     need = round((low.value - low.half) / (high.value + high.half), 4)
     share = evidence.ours[FIXED, SPEED] / sweep.peak.speed.value
@@ -159,8 +159,8 @@ def _falls_backward(sweep: Sweep) -> Row:
     falls = any(position.arm_torque < 0 or position.furthest_back < 0 for position in positions)
     never = Cause(
         not falls,
-        f"at all {len(positions)} places below {BACKWARD_L1} that were looked at gravity turns the arm forward, with "
-        f"{turning:.4g} N m or more, and the arm never comes behind its start",
+        f"at all {len(positions)} places below {BACKWARD_L1} that were looked at gravity turns the "
+        f"arm forward, with {turning:.4g} N m or more, and the arm never comes behind its start",
     )
     return Row(
         _BACKWARD,
@@ -191,7 +191,7 @@ def _past_pivot(sweep: Sweep) -> Row:
 
 
 def _below(sweep: Sweep) -> Iterator[Row]:
-    """The slope of our curve on both sides of a place; and whether a parabola through it shows a trend below."""
+    """Slopes of our curve on both sides of a place, and the trend of a parabola below it."""
     limit = BACKWARD_L1.value
     pairs = [
         (x, y)
@@ -223,8 +223,8 @@ def _below(sweep: Sweep) -> Iterator[Row]:
         return
     thrown = Cause(
         int(inside.sum()) == sum(x < limit for x in sweep.curve.l1),
-        f"all {inside.sum()} places from {l1[inside][0]:g} m on throw forward, with {speed[inside].min():.4g} to "
-        f"{speed[inside].max():.4g} m/s",
+        f"all {inside.sum()} places from {l1[inside][0]:g} m on throw forward, with "
+        f"{speed[inside].min():.4g} to {speed[inside].max():.4g} m/s",
     )
     yield Row(
         "no trend below l1 = 9.9",
@@ -241,11 +241,14 @@ def _below(sweep: Sweep) -> Iterator[Row]:
 
 
 def _suspect(sweep: Sweep) -> Row:
-    """The paper plots a speed of zero there and says in the same sentence that it seems to be an error: one claim."""
+    """Claim on the plotted speed of zero, which the paper itself calls a likely error."""
     near, position = sweep.suspect, sweep.position(ZERO_L1.value)
     ours = position.speed if position and position.speed else Quantity(value=near.speed, unit="m/s")
     miss = abs(ours.value - near.from_neighbours)
-    smooth = f"a launch with the speed that its neighbours on the curve give, {near.from_neighbours:.6g} m/s"
+    smooth = (
+        "a launch with the speed that its neighbours on the curve give, "
+        f"{near.from_neighbours:.6g} m/s"
+    )
     return Row(
         "zero launch speed at l1 = 10.3 is an error",
         _FIG,
@@ -289,8 +292,9 @@ def _beyond(sweep: Sweep) -> Iterator[Row]:
         Cause(True, f"a rest that may pull as well, as the paper's, {launches}"),
         Cause(
             swing is not None and not swing.zeros,
-            "in the paper's order of events the hanger's multiplier never comes to zero there: both constraints then "
-            "hold for ever and nothing is launched, with which its zero agrees",
+            "in the paper's order of events the hanger's multiplier never comes to zero there: "
+            "both constraints then hold for ever and nothing is launched, with which its zero "
+            "agrees",
         ),
     ]
     yield Row(

@@ -1,4 +1,4 @@
-"""Claims on the throw: constraint torques and events (Secs. III, VI, VII), the fixed machine's release (Sec. IV)."""
+"""Claims on the throw: constraint torques, events (Secs. III, VI, VII), fixed release (Sec. IV)."""
 
 from __future__ import annotations
 
@@ -47,9 +47,8 @@ _ROUNDING = 64 * 2.2e-16 * 10  # of angles up to ten radians
 _DEGREE = 180 / math.pi
 
 
-_ACROSS = (
-    1.0  # [deg] the paper finds the right angle between two angles that it rounds to a degree each
-)
+# [deg] the paper finds the right angle between two angles that it rounds to a degree each.
+_ACROSS = 1.0
 _roughly = partial(
     at_least, need=0.99, reason="'roughly' asks that the curve accounts for 99 % of the variance"
 )
@@ -95,14 +94,14 @@ def _order(name: str, where: str) -> Row:
 
 
 def _pairing(evidence: Evidence, name: str, where: str, printed: str) -> Row:
-    """By Eq. (1) lambda is the multiplier of G1, by Eq. (6) that of the sling's angle: then it is the sling's."""
+    """Pairing of lambda: the multiplier of G1 by Eq. (1), the sling's by Eq. (6)."""
     first, second = (
         evidence.throws[name].values[of.release_time(stop)] for stop in (HANGER_REST, SLING_REST)
     )
     swapped = Cause(
         first < second,
-        f"the hanger's multiplier, which Eqs. (1) and (7) call γ, is zero first, at {first:.4g} s; with the symbols "
-        "the other way round, as in Figs. 2 and 3, all agrees",
+        f"the hanger's multiplier, which Eqs. (1) and (7) call γ, is zero first, at {first:.4g} s; "
+        "with the symbols the other way round, as in Figs. 2 and 3, all agrees",
     )
     return Row(
         f"which multiplier vanishes first, {name}",
@@ -300,7 +299,10 @@ def _best_release() -> Iterator[Row]:
 def _grids(throw: MachineThrow) -> Iterator[Row]:
     fine = throw.values[of.grid_release(TIME_STEP)]
     off = abs(math.remainder(fine, CAPTION_STEP)) > 1e-9  # a multiple of the step, but for rounding
-    sentence = f"{fine:g} s, the best of the multiples of {TIME_STEP:g} s, is no multiple of {CAPTION_STEP:g} s"
+    sentence = (
+        f"{fine:g} s, the best of the multiples of {TIME_STEP:g} s, is no multiple of "
+        f"{CAPTION_STEP:g} s"
+    )
     caption = [Cause(off, f"text and caption cannot both be right: {sentence}")]
     for source, where, step, causes, fact in (
         ("text", "Sec. IV", TIME_STEP, [], "time of the best release"),
@@ -337,7 +339,8 @@ def _angles(evidence: Evidence, throw: MachineThrow) -> Iterator[Row]:
     across = math.remainder(-(throw.values[of.BEST_PHI] * _DEGREE + 90.0), 360.0)
     added = Cause(
         True,
-        f"the paper adds 90° to the sling's angle, which gives {across:.4g} deg, not the velocity's",
+        f"the paper adds 90° to the sling's angle, which gives {across:.4g} deg, not the "
+        "velocity's",
     )
     yield Row(
         "best angle of release",
@@ -374,7 +377,8 @@ def _pin_speed(l1: float, throw: MachineThrow, time: float) -> Cause:
     at_printed = float(_to_sling(throw.at(np.array([RELEASE_TIME.value])))[0]) - 90.0
     return Cause(
         speed > 0,
-        f"the sling's pin still moves with {speed:.3g} m/s; at the printed {RELEASE_TIME} ours is {at_printed:.3g} deg",
+        f"the sling's pin still moves with {speed:.3g} m/s; at the printed {RELEASE_TIME} ours is "
+        f"{at_printed:.3g} deg",
     )
 
 

@@ -47,12 +47,11 @@ _GUESSES = (0.3, 0.4, 0.5, 0.6, 0.8, 1.0)  # [s] guesses somebody might type
 _EARLY = (9.0, 9.5, 9.89, 10.0, 11.0)  # [m] either side of the paper's threshold
 _LATE = (8.6, 9.0, 9.4, 9.8)  # [m] below it
 SPANS = 2.5
-"""End of the search for a launch, in the machine's characteristic times: Table I launches after 1.5 of them."""
+"""End of the launch search in characteristic times: Table I launches after 1.5 of them."""
 _TORQUE_SAMPLES = 600  # over the motion: a spacing of some 7 ms on Table I
 _DOP853 = 1e-12  # local error where heyoka is not installed: its batch's own default
-_ITERATIONS = (
-    50  # Newton's method doubles its digits in each: whatever has not ended by then wanders
-)
+# Newton's method doubles its digits in each: whatever has not ended by then wanders.
+_ITERATIONS = 50
 _CONVERGED = 1e-9  # [s] largest last step of a search that converged
 _SAME = 1e-6  # [s] largest difference of one zero found twice; distinct zeros differ by seconds
 _BETWEEN = (0.1, 1.0)  # [s] interval of the search for a matching guess
@@ -68,13 +67,14 @@ class Curve(Spec):
         description="a rest can only push [m/s]; None: no launch"
     )
     bilateral: tuple[Real | None, ...] = Field(
-        description="a rest is held, pulling too, until its torque comes to zero [m/s]; None: no launch"
+        description="a rest is held, pulling too, until its torque comes to zero [m/s]; None: no "
+        "launch"
     )
     times: tuple[Real | None, ...] = Field(description="of the launch, under release-once [s]")
 
 
 class RootSearch(Spec):
-    """Newton's search for the zero of the hanger's torque, both rests held, from one guess for all places."""
+    """Newton's search for the zero of the hanger's torque, from one guess for all places."""
 
     guess: Real = Field(description="[s]")
     lowest: Real | None = Field(
@@ -90,12 +90,13 @@ class RootSearch(Spec):
 
 
 class WrongZero(Spec):
-    """What follows when the hanger's rest is held until the second zero of its torque, not the first."""
+    """Results of holding the hanger's rest until the second zero of its torque, not the first."""
 
     l1: Real = Field(description="[m]")
     release_times: dict[str, Real | None] = Field(description="[s]")
     crossings: tuple[Vector, ...] = Field(
-        description="time [s] and speed [m/s] when the velocity stands on the 45 deg line, negative: thrown backward"
+        description="time [s] and speed [m/s] when the velocity stands on the 45 deg line, "
+        "negative: thrown backward"
     )
 
 
@@ -108,7 +109,7 @@ class EarlyCrossing(Spec):
 
 
 class Artefact(Spec):
-    """Whether ways to compute it wrongly account for what the paper shows below its threshold, and at single points.
+    """Test whether errors of computing cause what the paper shows below its threshold.
 
     Nothing of the paper's program is published: what is found here can only be compatible with it.
     """
@@ -125,7 +126,7 @@ class Artefact(Spec):
 
 
 def release_once(mechanisms: Sequence[Mechanism]) -> tuple[FloatArray, FloatArray]:
-    """Times [s] and speeds [m/s] of the launches under the release-once law, NaN where there is none; each (n,)."""
+    """Times [s] and speeds [m/s] of release-once launches, NaN where there is none; each (n,)."""
     duration = SPANS * max(characteristic_time(mechanism) for mechanism in mechanisms)
     if importlib.util.find_spec("heyoka") is not None:
         batch = launch_batch(mechanisms, duration)
@@ -139,12 +140,12 @@ def release_once(mechanisms: Sequence[Mechanism]) -> tuple[FloatArray, FloatArra
 
 
 def pulls_at_start(rigid: RigidSwing) -> bool:
-    """Whether a rest that touches at the start would have to pull there: only then do the two laws differ."""
+    """Whether a rest that touches at the start would have to pull; only then the laws differ."""
     return any(rigid.start_torque(stop.name) < 0 for stop in rigid.mechanism.stops if stop.closed)
 
 
 def bilateral(rigid: RigidSwing) -> Solution:
-    """The motion with each rest held until its own torque comes to zero, from either side, then gone.
+    """Motion with each rest held from both sides until its torque is zero, then gone.
 
     Raises:
         SimulationError: the integrator gave up.
@@ -169,7 +170,7 @@ def bilateral(rigid: RigidSwing) -> Solution:
 
 
 def first_zero(solution: Solution, held: Sequence[str], after: float) -> tuple[float, str] | None:
-    """When the torque of a held stop first comes to zero later than `after` [s], and which it is."""
+    """Time of the first zero of a held stop's torque later than `after` [s], and the stop."""
     times = np.linspace(after, solution.problem.duration, _TORQUE_SAMPLES)[1:]
     torques = solution.motion(times).stop_torques
     zeros: list[tuple[float, str]] = []
@@ -190,7 +191,7 @@ def _zero(solution: Solution, name: str, before: float, behind: float) -> float:
 
 @dataclass(frozen=True)
 class Searches:
-    """Newton's method on the hanger's torque, both rests held, for many positions of the fulcrum at once."""
+    """Newton's method on the hanger's torque, both rests held, for many fulcrum positions."""
 
     l1: FloatArray
     rigids: tuple[RigidSwing, ...]
@@ -214,7 +215,7 @@ class Searches:
         )
 
     def matching_guess(self, threshold: float) -> float | None:
-        """Guess [s] at which the search begins to fail just at a threshold [m]; None if none does so."""
+        """Guess [s] at which the search begins to fail at a threshold [m]; None if none does."""
 
         def above(guess: float) -> float:
             lowest = self.search(guess, ()).lowest
@@ -261,7 +262,7 @@ class Searches:
 
 
 def wrong_zero(rigid: RigidSwing) -> WrongZero | None:
-    """The motion when the hanger's rest is held to the second zero of its torque; None if there is none.
+    """Motion with the hanger's rest held to its torque's second zero; None if there is none.
 
     Raises:
         SimulationError: the integrator gave up.

@@ -35,7 +35,7 @@ _ROUNDING = 256 * float(np.finfo(np.float64).eps)
 
 
 class Swing(Spec):
-    """The machine with both rests held, pulling too: one rigid body that swings about the fulcrum for ever."""
+    """Swing of the machine with both rests held on both sides: one rigid body on the fulcrum."""
 
     l1: Real = Field(description="[m]")
     largest_angle: Real = Field(description="of theta [rad]")
@@ -78,22 +78,22 @@ class RigidSwing:
 
     @property
     def torque(self) -> float:
-        """Of gravity about the fulcrum at the start [N m]; positive turns the arm clockwise, which throws."""
+        """Torque of gravity about the fulcrum at the start [N m]; positive throws (clockwise)."""
         return self.parameters.g * self.moment.real
 
     @property
     def acceleration(self) -> float:
-        """Of theta at the start [rad/s^2]."""
+        """Acceleration of theta at the start [rad/s^2]."""
         return self.torque / self.inertia
 
     def point_acceleration(self, body: str) -> tuple[float, float]:
-        """Of a body's centre at the start, x and y [m/s^2]."""
+        """Acceleration of a body's centre at the start, x and y [m/s^2]."""
         z = self._centres[[b.name for b in self.mechanism.bodies].index(body)]
         acceleration = -1j * self.acceleration * z
         return acceleration.real, acceleration.imag
 
     def rest_torque(self, stop: str) -> tuple[float, complex]:
-        """A and w of a rest's torque a + Re(w e^{-i d}) [N m]; of a body that hangs on the arm and carries none."""
+        """Terms a and w of a rest's torque a + Re(w e^{-i d}) [N m]; its body carries none."""
         rest, g = (
             next(each for each in self.mechanism.angle_stops if each.name == stop),
             self.parameters.g,
@@ -127,7 +127,7 @@ class RigidSwing:
 
     @property
     def period(self) -> float:
-        """Of the swing [s]."""
+        """Period of the swing [s]."""
         return float(4 * ellipk(math.sin(self.amplitude / 2) ** 2) / self.frequency)
 
     @property
@@ -148,7 +148,7 @@ class RigidSwing:
         return self.sense * angle, self.sense * rate
 
     def largest_torque(self, stop: str) -> float:
-        """Of a rest, over the whole swing [N m]: at an end of it, or where e^{-i d} points along w."""
+        """Largest torque of a rest over the swing [N m]: at an end, or with e^{-i d} along w."""
         constant, wave = self.rest_torque(stop)
         end = 2 * self.sense * self.amplitude
         best = cmath.phase(wave)
@@ -185,7 +185,7 @@ class RigidSwing:
 def pendulum(
     amplitude: FloatArray, frequency: FloatArray, t: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Angle from the start [rad] and its rate [rad/s] of pendulums let go at rest, arrays of one shape.
+    """Angle from the start [rad] and its rate [rad/s] of pendulums let go at rest, one shape.
 
     Args:
         amplitude: from the start to the lowest place [rad].
@@ -200,7 +200,7 @@ def pendulum(
 
 
 def hanger_torque_on_beam(parameters: TrebuchetParameters, beam: float) -> Polynomial:
-    """Torque of the hanger's rest at the start, both rests held, times the inertia about the fulcrum, of l1.
+    """Initial hanger-rest torque times the fulcrum inertia, both rests held, against l1.
 
     From the paper's Eqs. (1)-(7), from rest, with t = theta(0), a = alpha(0), l2 = beam - l1, and T
     and I of :func:`gravity_and_inertia`:
@@ -221,7 +221,7 @@ def hanger_torque_on_beam(parameters: TrebuchetParameters, beam: float) -> Polyn
 def gravity_and_inertia(
     parameters: TrebuchetParameters, beam: float
 ) -> tuple[Polynomial, Polynomial]:
-    """Torque of gravity about the fulcrum at the start [N m], and inertia about it [kg m^2], of l1: exact.
+    """Gravity torque [N m] and inertia [kg m^2] about the fulcrum at the start, of l1: exact.
 
     T = g [m_a (l1 - l2)/2 cos t + m_b (l1 cos t + r cos p) + m_cw (h cos a - l2 cos t)],   p =
     phi(0) I = m_a (l1^3 + l2^3) / (3 beam) + m_b |sling's end|^2 + m_cw |hanger's end|^2

@@ -1,4 +1,4 @@
-"""The fixed machine with its fulcrum anywhere on a beam of fixed length: the paper's Sec. V and Fig. 5."""
+"""The fixed machine with its fulcrum anywhere on a beam of fixed length: Sec. V and Fig. 5."""
 
 from __future__ import annotations
 
@@ -40,17 +40,14 @@ from .rigid_swing import (
 
 ENGINES = ("mujoco", "pymunk", "exudyn")
 WITH_ENGINES = (8.6, 9.0, 9.5, 9.89, 10.3, 12.6, 12.72, 12.73, 12.9)
-"""Positions l1 [m] that engines simulate: where the paper's machine falls backward, where its plot is zero, and both
-sides of the regime change."""
+"""Positions l1 [m] that engines simulate: backward falls, the plot's zeros, the regime change."""
 DENNY = (3.0, 5.0)
 """Lever ratios the paper quotes as the best for a similar system."""
 HAIR = 1e-6
 """Either side of the regime change [m]: to this it is located."""
 _INTERVALS = 180  # of the curve: 25 mm each over the paper's range
-_HALF_WIDTH, _DEGREE = (
-    0.25,
-    14,
-)  # of the interpolation around the peak [m]; its coefficients fall below rounding there
+# Of the interpolation around the peak [m]; its coefficients fall below rounding there.
+_HALF_WIDTH, _DEGREE = (0.25, 14)
 _SAFETY = 4.0  # on the difference of two integrators, as where certificates are estimated
 
 
@@ -94,7 +91,7 @@ class Position(Spec):
 
 
 class Backward(Spec):
-    """Where on the beam the machine would start to fall backward: the zero of gravity's torque about the fulcrum."""
+    """Place on the beam where the machine starts to fall backward: zero torque of gravity."""
 
     l1: Real | None = Field(
         description="below it the arm turns backward [m]; None: nowhere on the beam"
@@ -111,7 +108,7 @@ class Backward(Spec):
 
 
 class Neighbourhood(Spec):
-    """A point of the curve against its neighbours on the paper's grid: whether anything happens there."""
+    """Point of the curve and its neighbours on the paper's grid."""
 
     l1: Real = Field(description="[m]")
     step: Real = Field(description="of the grid [m]")
@@ -144,7 +141,8 @@ class Regime(Spec):
     above: Position | None = Field(default=None, description="a hair above it")
     swing: Swing | None = Field(
         default=None,
-        description="just above it, taken in the paper's order: both held until the hanger's torque is zero",
+        description="just above it, taken in the paper's order: both held until the hanger's "
+        "torque is zero",
     )
 
 
@@ -200,7 +198,7 @@ class Beam:
         return release_once([fixed(on_beam(self.parameters, self.length, float(x))) for x in l1])[1]
 
     def bilateral_speed(self, rigid: RigidSwing, free: float) -> float:
-        """Under the bilateral law, `free` being that under release-once [m/s]; NaN without a launch."""
+        """Speed under the bilateral law [m/s], with `free` under release-once; NaN: no launch."""
         if not pulls_at_start(rigid):
             return (
                 free  # the laws differ in nothing but a rest that would have to pull at the start
@@ -233,7 +231,7 @@ class Beam:
         )
 
     def peak(self, curve: Curve) -> Peak:
-        """By the root of the derivative of an interpolant through Chebyshev's points, checked by another integrator."""
+        """Peak by the derivative of a Chebyshev interpolant, checked by another integrator."""
         l1, speeds = (
             np.array(curve.l1),
             np.array([np.nan if v is None else v for v in curve.release_once]),
@@ -273,9 +271,13 @@ class Beam:
         end = solution.segments[-1].end if launch is None else launch.time
         trajectory = solution.trajectory(np.linspace(0.0, end, 500))
         speeds, back = launches(engines, Projectile(solution), end, worker) if launch else ((), ())
-        speed = None if launch is None else Quantity(
-            value=launch.speed, uncertainty=_SAFETY * abs(other - launch.speed), unit="m/s"
-        )  # fmt: skip
+        speed = (
+            None
+            if launch is None
+            else Quantity(
+                value=launch.speed, uncertainty=_SAFETY * abs(other - launch.speed), unit="m/s"
+            )
+        )
         held = self.bilateral_speed(rigid, np.nan if launch is None else launch.speed)
         return Position(
             l1=l1,
@@ -328,7 +330,7 @@ class Beam:
         )
 
     def start_torque(self, l1: float) -> float:
-        """Of the hanger's rest, both held, by the equations of motion [N m]."""
+        """Initial torque of the hanger's rest, both held, by the equations of motion [N m]."""
         mechanism = self.rigid(l1).mechanism
         q = np.array(mechanism.start)
         closed = [stop.name for stop in mechanism.stops if stop.closed]
@@ -416,7 +418,7 @@ def fulcrum_sweep(
     worker: Worker | None = None,
     with_engines: Sequence[float] = WITH_ENGINES,
 ) -> Sweep:
-    """Launch speed of the fixed machine against l1, on a beam of fixed length, with peak, regime change and artefacts.
+    """Launch speed of the fixed machine against l1 on its beam, with peak, regimes and artefacts.
 
     Args:
         parameters: all but l1 and l2; Table I where left out.
@@ -433,7 +435,8 @@ def fulcrum_sweep(
     """
     if not 0 < start < end < beam:
         raise InputError(
-            f"start = {start!r} m and end = {end!r} m must satisfy 0 < start < end < beam = {beam!r} m."
+            f"start = {start!r} m and end = {end!r} m must satisfy 0 < start < end < beam = "
+            f"{beam!r} m."
         )
     began = time.perf_counter()
     line = Beam(parameters or TrebuchetParameters(), beam, start, end)

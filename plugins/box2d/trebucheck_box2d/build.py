@@ -1,4 +1,4 @@
-"""The Box2D world of a mechanism: rigid bodies about their centres of mass, and joints between them.
+"""The Box2D world of a mechanism: rigid bodies about their centres of mass, and joints.
 
 Box2D's angles are anticlockwise, and all its numbers are of single precision.
 """

@@ -1,4 +1,4 @@
-"""Box2D 2.3: bodies in Cartesian coordinates, joints and limits by sequential impulses, single precision."""
+"""Box2D 2.3: Cartesian bodies, joints and limits by sequential impulses, single precision."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .study import STUDY
 
 
 class Box2DEngine(BuiltinEngine):
-    """Box2D's world; the defaults are the tuned preset: many iterations a step, closed stops held by a margin.
+    """Box2D's world; defaults are the tuned preset: many iterations a step, a margin of stops.
 
     The stock preset has the iterations that Box2D's manual suggests, and limits where the stops
     are.
@@ -39,14 +39,16 @@ class Box2DEngine(BuiltinEngine):
         joint_gaps=True,
         located_releases=False,
         stop_laws=frozenset(StopLaw),
-        formulation="Cartesian coordinates in single precision, joints and limits by sequential impulses, "
-        "semi-implicit Euler",
+        formulation="Cartesian coordinates in single precision, joints and limits by sequential "
+        "impulses, semi-implicit Euler",
         features=frozenset(Feature) - {Feature.MOVING_WALL},
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
     )
     stock_options: ClassVar[Mapping[str, object]] = {
-        "velocity_iterations": 8, "position_iterations": 3, "set_back": 0.0,
-    }  # fmt: skip
+        "velocity_iterations": 8,
+        "position_iterations": 3,
+        "set_back": 0.0,
+    }
 
     velocity_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
         default=100, description="of the impulses of the joints, each step"
@@ -55,10 +57,11 @@ class Box2DEngine(BuiltinEngine):
         default=100, description="of the correction of the joints' drift, each step"
     )
     set_back: NonNegative = Field(
-        default=1e-3, le=0.03,
-        description="by how much limits lie beyond the stops [rad]: Box2D tolerates up to 2 degrees, and a limit is "
-        "active only where the angle is not short of it by rounding",
-    )  # fmt: skip
+        default=1e-3,
+        le=0.03,
+        description="by how much limits lie beyond the stops [rad]: Box2D tolerates up to 2 "
+        "degrees, and a limit is active only where the angle is not short of it by rounding",
+    )
     least_inertia: LeastInertia = 1e-3
 
     @property
@@ -73,7 +76,7 @@ class Box2DEngine(BuiltinEngine):
         return plain_run(problem, motion, self.name, self.timestep)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
-        """Masses, inertias, anchors and gravity read back from the built world, and what follows from them."""
+        """Masses, inertias, anchors and gravity of the built world, and what follows from them."""
         self.refuse_absence()
         from .inspect import inspect
 

@@ -21,7 +21,7 @@ from .read import Reader
 
 
 def inspect(mechanism: Mechanism, states: Sequence[State]) -> Inspection:
-    """Inspect the built world in each state, without the masses that a motion has moved along pins."""
+    """Inspect the built world in each state, without masses moved along pins for the motion."""
     built = Built(mechanism)
     held = read_back(built)
     equations = Equations(held)
@@ -63,7 +63,7 @@ def _body(built: Built, body: Body) -> Body:
 
 
 def _joint(built: Built, joint: AnyJoint) -> AnyJoint:
-    """With the anchors at which Box2D has it, in the frames of the mechanism's bodies."""
+    """Joint with Box2D's anchors, in the frames of the mechanism's bodies."""
     if isinstance(joint, FreeJoint):
         return joint
     made, changed = built.joints[joint.name], dict[str, tuple[float, ...]]()

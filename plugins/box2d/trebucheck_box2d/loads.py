@@ -1,4 +1,4 @@
-"""Springs, dampers, motors and constant forces, which Box2D's users apply to its bodies before each step."""
+"""Springs, dampers, motors and constant forces, applied to Box2D's bodies before each step."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Turning = Callable[[str], tuple[float, float]]
 def forces(
     element: AnyForceElement, point: PointMotion
 ) -> Iterator[tuple[str, FloatArray, FloatArray]]:
-    """Forces of an element on bodies: the body's name, where it acts and the force, in the world."""
+    """Forces of an element on bodies: body name, point and force in world axes."""
     if isinstance(element, ConstantForce):
         yield element.body, point(element.body, element.point)[0], np.array(element.force)
     if isinstance(element, SpringDamper):

@@ -67,8 +67,12 @@ class Motion(StepAhead):
             )
             for name, velocity in self._velocities().items()
         }
-        contacts = {name: max(0.0, limit.sense * float(self.built.pins[limit.index].GetReactionTorque(rate)))
-                    for name, limit in self.limits.items()}  # fmt: skip
+        contacts = {
+            name: max(
+                0.0, limit.sense * float(self.built.pins[limit.index].GetReactionTorque(rate))
+            )
+            for name, limit in self.limits.items()
+        }
         if self.once:
             self.limits = {
                 name: limit for name, limit in self.limits.items() if contacts[name] > 0.0
@@ -79,7 +83,7 @@ class Motion(StepAhead):
         return state, contacts, replace(seen, potential_energy=potential, reactions=reactions)
 
     def _velocities(self) -> dict[str, FloatArray]:
-        """Of the joints' points, by the joints' names [m/s]."""
+        """Velocities of the joints' points, by joint names [m/s]."""
         joints = [joint for joint in self.mechanism.joints if joint.name in self.built.joints]
         return {
             joint.name: self.reader.point(joint.child, joint.child_point)[1] for joint in joints

@@ -1,4 +1,4 @@
-"""What a Box2D world shows of a mechanism, in its present state."""
+"""Readings of a Box2D world in its present state, as quantities of the mechanism."""
 
 from __future__ import annotations
 
@@ -74,11 +74,11 @@ class Reader:
         return float(np.linalg.norm([direction @ apart for direction in held]))
 
     def angle(self, name: str) -> float:
-        """Of a body, anticlockwise [rad]."""
+        """Angle of a body, anticlockwise [rad]."""
         return float(self.built.bodies[name].angle)
 
     def turning(self, name: str) -> float:
-        """Of a body, anticlockwise [rad/s]."""
+        """Angular velocity of a body, anticlockwise [rad/s]."""
         return float(self.built.bodies[name].angularVelocity)
 
     def point(self, name: str, point: tuple[float, float]) -> tuple[FloatArray, FloatArray]:

@@ -1,4 +1,4 @@
-"""What studies need to know of Box2D."""
+"""Box2D's entries for studies: tolerances, orders and causes."""
 
 from __future__ import annotations
 
@@ -20,10 +20,13 @@ from trebucheck.engines.study import (
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     return (
-        Cause("iterations", "sequential impulses end before the joints hold, or before their rounding settles",
-              Intervention({"velocity_iterations": 10_000, "position_iterations": 1000})),
+        Cause(
+            "iterations",
+            "sequential impulses end before the joints hold, or before their rounding settles",
+            Intervention({"velocity_iterations": 10_000, "position_iterations": 1000}),
+        ),
         time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
-    )  # fmt: skip
+    )
 
 
 _SCHEME = "semi-implicit Euler, impulses"

@@ -1,4 +1,4 @@
-"""DART: skeletons by their own steps and joint limits, or by their dynamics in a scheme of one's own."""
+"""DART: skeletons by their own steps and joint limits, or by their dynamics in an own scheme."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class DartEngine(BuiltinEngine):
 
     @property
     def supplied(self) -> Supplied:
-        """In `World.step` limits are DART's; their torques are what a step's change of speed leaves over."""
+        """Assistance: in `World.step` limits are DART's; torques come from speed changes."""
         return MOVED if self.mode == "dynamics" else LIMITED
 
     def _run(self, problem: Problem) -> Recording:

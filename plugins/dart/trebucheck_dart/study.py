@@ -1,4 +1,4 @@
-"""What studies need to know of DART."""
+"""DART's entries for studies: tolerances, orders and causes."""
 
 from __future__ import annotations
 
@@ -24,10 +24,13 @@ from trebucheck_toolkit.scheme_tables import (
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     return (
-        Cause("own step", "semi-implicit Euler with limits, releases at a step's end",
-              Intervention({"mode": "dynamics"})),
+        Cause(
+            "own step",
+            "semi-implicit Euler with limits, releases at a step's end",
+            Intervention({"mode": "dynamics"}),
+        ),
         time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
-    )  # fmt: skip
+    )
 
 
 STUDY = EngineStudy(

@@ -40,7 +40,7 @@ class DartTree:
         self.markers = {each.name: (each.body, _in_space(each.point)) for each in mechanism.markers}
 
     # --- Building
-    # ----------------------------------------------------------------------------------------------------
+    # ---------------------------------------------------------------------------------------------
 
     def _add(self, body: Body, joint: AnyJoint) -> None:
         parent, frame = (
@@ -75,7 +75,7 @@ class DartTree:
         joint: AnyJoint,
         last: bool,
     ) -> Any:
-        """A body of DART's on a joint: the mechanism's if it is the joint's last one, or one without mass."""
+        """Body node on a joint: the mechanism's body on its last joint, else one without mass."""
         properties.mName, properties.mT_ParentBodyToJoint = name, frame
         if last:
             properties.mT_ChildBodyToJoint = _frame(0.0, joint.child_point)
@@ -103,20 +103,20 @@ class DartTree:
         self.bodies[body.name] = node
 
     # --- Dynamics
-    # ----------------------------------------------------------------------------------------------------
+    # ---------------------------------------------------------------------------------------------
 
     def mass_matrix(self, j: FloatArray) -> FloatArray:
-        """By `getMassMatrix`."""
+        """Mass matrix by `getMassMatrix`."""
         self.skeleton.setPositions(j)
         return np.array(self.skeleton.getMassMatrix())
 
     def bias(self, j: FloatArray, v: FloatArray) -> FloatArray:
-        """By `getCoriolisAndGravityForces`."""
+        """Bias forces by `getCoriolisAndGravityForces`."""
         self.place(j, v)
         return np.array(self.skeleton.getCoriolisAndGravityForces())
 
     def total_mass(self) -> float:
-        """Of all bodies [kg]."""
+        """Mass of all bodies [kg]."""
         return float(self.skeleton.getMass())
 
     def centres(self, j: FloatArray) -> dict[str, FloatArray]:
@@ -128,7 +128,7 @@ class DartTree:
         }
 
     # --- Steps
-    # -------------------------------------------------------------------------------------------------------
+    # ---------------------------------------------------------------------------------------------
 
     def place(self, j: FloatArray, v: FloatArray) -> None:
         """Set the state."""
@@ -147,7 +147,7 @@ class DartTree:
         return np.array(self.skeleton.getPositions()), np.array(self.skeleton.getVelocities())
 
     def step(self, forces: FloatArray) -> Mapping[str, FloatArray]:
-        """Take one step; the reactions are DART's body forces, in the bodies' frames at its start."""
+        """Take one step; reactions are DART's body forces, in the bodies' frames at its start."""
         turned = {name: self._pose(name)[:2, :2] for name in self.bodies if name != GROUND}
         self.skeleton.setForces(forces)
         self.world.step()
@@ -157,10 +157,10 @@ class DartTree:
         }
 
     # --- What it shows
-    # -----------------------------------------------------------------------------------------------
+    # ---------------------------------------------------------------------------------------------
 
     def observe(self, j: FloatArray, v: FloatArray, a: FloatArray) -> Observation:
-        """What the skeleton shows; reactions are the body forces of its inverse dynamics."""
+        """Readings of the skeleton; reactions are the body forces of its inverse dynamics."""
         skeleton = self.skeleton
         self.place(j, v)
         skeleton.setAccelerations(a)
@@ -187,7 +187,7 @@ class DartTree:
 
 
 def _inertia(body: Body) -> Any:
-    """Of a flat body the inertias in its plane are half of that about its normal."""
+    """Inertia tensor of a flat body: in-plane moments are half of that about its normal."""
     moment = np.diag([0.5 * body.inertia, 0.5 * body.inertia, body.inertia])
     return dartpy.dynamics.Inertia(body.mass, _in_space(body.centre), moment)
 

@@ -1,4 +1,4 @@
-"""The Drake plant of a mechanism: a tree of joints in the x-y plane, turning about -z, which is clockwise.
+"""The Drake plant of a mechanism: a tree in the x-y plane, turning about -z, which is clockwise.
 
 A slide is a prismatic joint. Where the child turns as well, it is on a body without mass that
 slides, which a revolute joint follows; welds are Drake's.
@@ -49,7 +49,7 @@ class Built:
         """End the building."""
         self.plant.Finalize()
         self.positions = np.array([joint.position_start() for joint in self.moving], dtype=int)
-        """Of each joint coordinate its place among Drake's positions."""
+        """Index of each joint coordinate among Drake's positions."""
         self.speeds = np.array([joint.velocity_start() for joint in self.moving], dtype=int)
 
     def in_order(self, values: FloatArray, places: FloatArray) -> FloatArray:

@@ -21,9 +21,8 @@ from trebucheck_toolkit.schemes import State
 from .build import Built
 from .read import Reader
 
-_ROUNDING = (
-    1e-10  # of the largest reaction: what is left of a torque about an axis where nothing acts
-)
+# Of the largest reaction: what is left of a torque about an axis where nothing acts.
+_ROUNDING = 1e-10
 
 
 def run(problem: Problem, timestep: float) -> Recording:
@@ -72,7 +71,7 @@ class Motion:
         port.FixValue(self.context, self.built.in_order(forces, self.built.speeds))
 
     def contacts(self) -> Mapping[str, float]:
-        """Torques of the limits: the reaction torques about their joints' axes, which z points against."""
+        """Torques of the limits: reaction torques about the joint axes, with z opposed to them."""
         forces = self.plant.get_reaction_forces_output_port().Eval(self.context)
         rounding = _ROUNDING * max(
             (float(np.abs(force.get_coeffs()).max()) for force in forces), default=0.0
@@ -84,7 +83,7 @@ class Motion:
         return {name: torque if torque > rounding else 0.0 for name, torque in torques.items()}
 
     def observe(self) -> Observation:
-        """What the plant shows."""
+        """Readings of the plant."""
         q, u = self.state()
         seen = self.reader.observe(self.context)
         others = subtree_sums(self.mechanism, self.applied.on_bodies(q, u))
@@ -97,7 +96,7 @@ class Motion:
 
 
 def _limits(built: Built) -> dict[str, tuple[Any, int]]:
-    """Set the limits of the plant's joints; of each stop, its joint and the sense in which it turns it."""
+    """Set the limits of the plant's joints; return each stop's joint and sense of turning."""
     limits = JointLimits(built.coordinates, "drake's discrete plant").limits
     for index, (low, high) in Limit.ranges(limits.values()).items():
         built.moving[index].set_position_limits([low], [high])

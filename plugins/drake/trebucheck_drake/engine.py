@@ -1,4 +1,4 @@
-"""Drake: MultibodyPlant, continuous with an integrator of its own, or discrete with limits of its own."""
+"""Drake: MultibodyPlant, continuous with its own integrator, or discrete with its own limits."""
 
 from __future__ import annotations
 
@@ -43,8 +43,9 @@ class DrakeEngine(BuiltinEngine):
         joint_gaps=False,
         located_releases=True,
         stop_laws=frozenset(StopLaw),
-        formulation="minimal relative joints; continuous: error-controlled Runge-Kutta, stops and loops by multipliers "
-        "(stock: discrete, joint limits as compliant constraints, semi-implicit Euler)",
+        formulation="minimal relative joints; continuous: error-controlled Runge-Kutta, stops and "
+        "loops by multipliers (stock: discrete, joint limits as compliant constraints, "
+        "semi-implicit Euler)",
         features=frozenset(Feature),
     )
     stock_options: ClassVar[Mapping[str, object]] = {"mode": "discrete"}
@@ -62,7 +63,7 @@ class DrakeEngine(BuiltinEngine):
 
     @property
     def lacking(self) -> frozenset[Basic | Feature]:
-        """A discrete plant's limits are those of joints, without rebound, and forces that close loops untold."""
+        """Features lacking: discrete limits act on joints, do not rebound; loop forces unknown."""
         return (
             frozenset()
             if self.mode == "continuous"

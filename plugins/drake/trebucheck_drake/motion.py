@@ -44,7 +44,7 @@ class Model:
         return self.built.in_order(self.built.coordinates.forces(generalized), self.built.speeds)
 
     def accelerations(self, q: FloatArray, u: FloatArray, applied: FloatArray) -> FloatArray:
-        """By Drake's articulated-body algorithm."""
+        """Accelerations by Drake's articulated-body algorithm."""
         self.place(q, u)
         self.apply(applied)
         rates = self.plant.EvalTimeDerivatives(self.context).CopyToVector()[

@@ -1,4 +1,4 @@
-"""What a Drake plant shows in a context."""
+"""Readings of a Drake plant in a context."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Reader:
         self.built, self.plant = built, built.plant
 
     def observe(self, context: Any) -> Observation:
-        """What the plant shows; reactions are those of `reaction_forces`, without what acts on the bodies beyond."""
+        """Readings of the plant; reactions by `reaction_forces`, without what acts beyond."""
         mechanism = self.built.mechanism
         return Observation(
             points={m.name: self._point(context, m.body, m.point) for m in mechanism.markers},

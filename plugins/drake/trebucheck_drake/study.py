@@ -1,4 +1,4 @@
-"""What studies need to know of Drake."""
+"""Drake's entries for studies: tolerances, orders and causes."""
 
 from __future__ import annotations
 
@@ -19,11 +19,18 @@ from trebucheck_toolkit.scheme_tables import EULER_STEPS, error_controlled, loca
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     return (
-        Cause("discrete plant", "semi-implicit Euler with compliant limits, where the continuous plant has neither",
-              Intervention({"mode": "continuous"})),
-        Cause("accuracy", "the local error that the integrator is asked for", Intervention({"accuracy": 1e-13})),
+        Cause(
+            "discrete plant",
+            "semi-implicit Euler with compliant limits, where the continuous plant has neither",
+            Intervention({"mode": "continuous"}),
+        ),
+        Cause(
+            "accuracy",
+            "the local error that the integrator is asked for",
+            Intervention({"accuracy": 1e-13}),
+        ),
         time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
-    )  # fmt: skip
+    )
 
 
 STUDY = EngineStudy(

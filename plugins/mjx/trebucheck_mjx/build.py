@@ -19,7 +19,7 @@ _WITHOUT_WARP = ("Failed to import warp:", "Failed to import mujoco_warp:")
 
 @contextmanager
 def _without_words_on_warp() -> Generator[None, None, None]:
-    """MJX prints on the standard output that Warp is missing, which it does not need; what else is printed is kept."""
+    """Drop MJX's line on a missing Warp, which it does not need; other output is kept."""
     printed = io.StringIO()
     try:
         with redirect_stdout(printed):
@@ -56,7 +56,7 @@ _NOT_IN_MJX = (
 
 @dataclass(frozen=True)
 class Seen:
-    """What the model says in a state."""
+    """Readings of the model in a state."""
 
     mass: FloatArray
     """Full mass matrix, shape (n_v, n_v)."""
@@ -115,13 +115,13 @@ class Built:
     def dynamics(
         self, q: FloatArray, u: FloatArray, generalized: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Accelerations of MJX's joints and full mass matrix in a state, under generalized forces, nothing held."""
+        """Accelerations of MJX's joints and mass matrix in a state, under forces, nothing held."""
         j, v = self.joint_state(q, u)
         a, mass = self._dynamics(j, v, self.sums.T @ generalized)
         return np.asarray(a, dtype=np.float64), np.asarray(mass, dtype=np.float64)
 
     def forward(self, q: FloatArray, u: FloatArray, generalized: FloatArray) -> Seen:
-        """All that MJX says in a state, under generalized forces on the mechanism's coordinates [N m, N]."""
+        """Readings in a state, under generalized forces on mechanism coordinates [N m, N]."""
         j, v = self.joint_state(q, u)
         found = self._forward(j, v, self.sums.T @ generalized, self._warm)
         return Seen(*(np.asarray(each, dtype=np.float64) for each in found))

@@ -47,8 +47,8 @@ class MjxEngine(BuiltinEngine):
         joint_gaps=False,
         located_releases=True,
         stop_laws=frozenset(StopLaw),
-        formulation="minimal relative joints, RK4, double precision; stops, loops and springs by multipliers "
-        "(stock: single precision, stops as soft limits)",
+        formulation="minimal relative joints, RK4, double precision; stops, loops and springs by "
+        "multipliers (stock: single precision, stops as soft limits)",
         features=frozenset(Feature),
     )
     stock_options: ClassVar[Mapping[str, object]] = {"limits": "soft", "precision": "single"}
@@ -63,12 +63,12 @@ class MjxEngine(BuiltinEngine):
 
     @property
     def lacking(self) -> frozenset[Basic | Feature]:
-        """What multipliers bring: MJX's own limits are taken for stops on angles alone."""
+        """Features lacking without multipliers: MJX's own limits are for stops on angles alone."""
         return frozenset() if self.limits == "multipliers" else _OF_MULTIPLIERS
 
     @property
     def supplied(self) -> Supplied:
-        """With multipliers all but the tree's dynamics, and its RK4 where nothing is held."""
+        """Assistance: with multipliers, all but the tree's dynamics and free RK4 steps."""
         return (
             {Part.STEPS: "while something is held", **HELD}
             if self.limits == "multipliers"

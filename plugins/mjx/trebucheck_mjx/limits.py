@@ -39,7 +39,7 @@ class LimitedMotion:
         return self.present
 
     def contacts(self) -> Mapping[str, float]:
-        """Torques of the limits: MJX's constraint forces, which are theirs alone, by the rows of their gaps."""
+        """Torques of the limits: MJX's constraint forces, by the rows of their gaps."""
         kinematics, q = self.kinematics, self.present[0]
         names = [stop.name for stop in self.mechanism.stops]
         rows = np.reshape(
@@ -49,5 +49,5 @@ class LimitedMotion:
         return {name: max(0.0, float(torque)) for name, torque in zip(names, torques, strict=True)}
 
     def observe(self) -> Observation:
-        """What the model shows."""
+        """Readings of the model."""
         return self.reader.observe(self.seen, *self.present)

@@ -1,4 +1,4 @@
-"""A mechanism as MJX moves it, stops and loops held by multipliers; states are in the mechanism's coordinates."""
+"""Motion of a mechanism by MJX, stops and loops by multipliers, in mechanism coordinates."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Model:
 
 
 class Motion(ConstrainedDynamics):
-    """The tree moved by MJX's RK4 while nothing is held, and by RK4 on its accelerations otherwise."""
+    """The tree moved by MJX's RK4 while nothing is held, else by RK4 on its accelerations."""
 
     def __init__(self, mechanism: Mechanism, timestep: float) -> None:
         self.mjx = Model(mechanism, timestep)

@@ -1,4 +1,4 @@
-"""What an MJX model shows in a state: its sensors, and energies from its mass matrix and centres of mass."""
+"""Readings of an MJX model in a state: sensors, and energies by mass matrix and centres."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Reader:
         self.names = mjcf_names(built.mechanism)
 
     def observe(self, seen: Seen, q: FloatArray, u: FloatArray) -> Observation:
-        """What the model shows; reactions without what acts on the bodies beyond their joints."""
+        """Readings of the model; reactions without what acts on the bodies beyond their joints."""
         mechanism, model = self.built.mechanism, self.built.model
         _, v = self.built.joint_state(q, u)
         weight = model.body_mass[:, None] * model.opt.gravity

@@ -1,4 +1,4 @@
-"""What studies need to know of MJX."""
+"""MJX's entries for studies: tolerances, orders and causes."""
 
 from __future__ import annotations
 
@@ -20,11 +20,14 @@ from trebucheck_toolkit.scheme_tables import RK4_LOCATED, located_tolerances
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     return (
-        Cause("soft limits", "stops are springs with dampers of MuJoCo's stock stiffness, which give way",
-              Intervention({"limits": "multipliers"})),
+        Cause(
+            "soft limits",
+            "stops are springs with dampers of MuJoCo's stock stiffness, which give way",
+            Intervention({"limits": "multipliers"}),
+        ),
         Cause("precision", "numbers of 24 bits", Intervention({"precision": "double"})),
         time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
-    )  # fmt: skip
+    )
 
 
 STUDY = EngineStudy(

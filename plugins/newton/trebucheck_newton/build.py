@@ -1,4 +1,4 @@
-"""The Newton model of a mechanism: an articulation in the x-y plane, turning about -z, which is clockwise.
+"""The Newton model of a mechanism: an articulation in the x-y plane, turning about -z (clockwise).
 
 A slide is a prismatic joint; where the child turns as well, it is onto a link almost without mass,
 which a revolute joint follows.
@@ -18,16 +18,18 @@ from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck_toolkit.joint_coordinates import JointCoordinates
 
 _CLOCKWISE = (0.0, 0.0, -1.0)
-_LEAST = 1e-9  # of a carrier's mass, as a part of its body's; of inertias, of m d^2 with d the centre's distance
+# Least mass of a carrier, relative to its body's, and least inertia, relative to m d^2 with d the
+# centre's distance.
+_LEAST = 1e-9
 
 
 class Built:
-    """A mechanism's model; `bodies` and `joints` are indices of Newton's by the mechanism's names."""
+    """Model of a mechanism; `bodies` and `joints` are Newton's indices by mechanism names."""
 
     def __init__(
         self, mechanism: Mechanism, limits: dict[int, tuple[float, float]], frequency: float
     ) -> None:
-        """Build the model, with ranges of its joint coordinates and the frequency of their limits [rad/s]."""
+        """Build the model, with ranges of its coordinates and the limits' frequency [rad/s]."""
         self.mechanism, self.coordinates = mechanism, JointCoordinates(mechanism)
         self.limits, self.frequency = limits, frequency
         self.builder: Any = newton.ModelBuilder(gravity=(*mechanism.gravity_vector, 0.0))
@@ -71,7 +73,7 @@ class Built:
             )
 
     def _range(self, body: Body, joint: AnyJoint) -> dict[str, float]:
-        """Arguments of a joint's limit, critically damped for its body alone; none where it has none."""
+        """Limit arguments of a joint, critically damped for its body alone; empty without limit."""
         index, self.moving = self.moving, self.moving + 1
         if index not in self.limits:
             return {"armature": 0.0}
@@ -88,12 +90,16 @@ class Built:
     def _link(self, body: Body) -> int:
         centre = body.centre
         inertia = max(body.inertia, _LEAST * body.mass * max(math.hypot(*centre), 1e-3) ** 2)
-        moment = inertia * np.eye(
-            3
-        )  # Newton corrects inertias of flat bodies, whose two add up to the third, by rounding
-        found = int(self.builder.add_link(
-            mass=body.mass, com=wp.vec3(*centre, 0.0), inertia=wp.mat33(moment.tolist()), label=body.name,
-        ))  # fmt: skip
+        # Newton corrects inertias of flat bodies, whose two add up to the third, by rounding.
+        moment = inertia * np.eye(3)
+        found = int(
+            self.builder.add_link(
+                mass=body.mass,
+                com=wp.vec3(*centre, 0.0),
+                inertia=wp.mat33(moment.tolist()),
+                label=body.name,
+            )
+        )
         self.bodies[body.name] = found
         return found
 

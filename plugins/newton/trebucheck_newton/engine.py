@@ -1,4 +1,4 @@
-"""Newton: articulations by MuJoCo's solver or by its own Featherstone, with a state of single precision."""
+"""Newton: articulations by MuJoCo's solver or its own Featherstone, state in single precision."""
 
 from __future__ import annotations
 
@@ -44,8 +44,9 @@ class NewtonEngine(BuiltinEngine):
         joint_gaps=False,
         located_releases=False,
         stop_laws=frozenset({StopLaw.RELEASE_ONCE}),
-        formulation="minimal relative joints, state in single precision; MuJoCo's RK4, limits as soft constraints "
-        "(stock: Featherstone's algorithm by semi-implicit Euler, limits as springs and dampers)",
+        formulation="minimal relative joints, state in single precision; MuJoCo's RK4, limits as "
+        "soft constraints (stock: Featherstone's algorithm by semi-implicit Euler, limits as "
+        "springs and dampers)",
         features=frozenset(Feature) - {Feature.MOVING_WALL},
         lacking=frozenset({Basic.LOOP, Basic.POINT_STOP, Basic.REBOUND}),
     )
@@ -61,7 +62,7 @@ class NewtonEngine(BuiltinEngine):
 
     @property
     def supplied(self) -> Supplied:
-        """Springs and motors are joint forces; SolverFeatherstone does not tell the torques of its limits."""
+        """Assistance: springs and motors are joint forces; Featherstone has no limit torques."""
         return LIMITED if self.solver == "featherstone" else {Part.ELEMENTS: ""}
 
     def _run(self, problem: Problem) -> Recording:
@@ -84,7 +85,7 @@ class NewtonEngine(BuiltinEngine):
         return NewtonTree(mechanism, limits.ranges(closed), self.limit_frequency, self.timestep)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
-        """The built articulation's mass matrix, forces and accelerations in each state, in single precision."""
+        """Mass matrix, forces and accelerations of the articulation, in single precision."""
         self.refuse_absence()
         _quieten()
         found = TreeMotion(self._tree(mechanism)).inspect(states)

@@ -1,4 +1,4 @@
-"""What studies need to know of Newton."""
+"""Newton's entries for studies: tolerances, orders and causes."""
 
 from __future__ import annotations
 

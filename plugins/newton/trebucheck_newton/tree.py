@@ -1,4 +1,4 @@
-"""A mechanism as Newton's articulation: its dynamics, what it shows, and the steps of `SolverFeatherstone`."""
+"""A mechanism as Newton's articulation: dynamics, readings and steps of `SolverFeatherstone`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class NewtonTree:
     """The articulation at a present state, which is of single precision."""
 
     rounding = 1e-4
-    """Of the largest term of a limit's torque: a speed's rounding, 6e-8 of it, in a thousandth of a second or less."""
+    """Noise of a limit's torque, relative to its largest term: speed rounding in 1 ms or less."""
 
     def __init__(
         self,
@@ -30,7 +30,7 @@ class NewtonTree:
         frequency: float,
         timestep: float = 1e-3,
     ) -> None:
-        """Build it, with the ranges of its joint coordinates and the frequency of their limits [rad/s]."""
+        """Build it, with the ranges of its coordinates and the limits' frequency [rad/s]."""
         self.mechanism, self.timestep = mechanism, timestep
         self.built = Built(mechanism, limits, frequency)
         self.model: Any = self.built.model
@@ -50,15 +50,15 @@ class NewtonTree:
         return self.built.coordinates
 
     # --- Dynamics
-    # ----------------------------------------------------------------------------------------------------
+    # ---------------------------------------------------------------------------------------------
 
     def mass_matrix(self, j: FloatArray) -> FloatArray:
-        """By `eval_mass_matrix`."""
+        """Mass matrix by `eval_mass_matrix`."""
         self.place(j, np.zeros_like(j))
         return newton.eval_mass_matrix(self.model, self.now).numpy()[0].astype(float)
 
     def bias(self, j: FloatArray, v: FloatArray) -> FloatArray:
-        """By `eval_inverse_dynamics_passive`."""
+        """Bias forces by `eval_inverse_dynamics_passive`."""
         self.place(j, v)
         motion, gravity = (wp.zeros(len(j), dtype=wp.float32, device="cpu") for _ in range(2))
         newton.eval_inverse_dynamics_passive(
@@ -67,7 +67,7 @@ class NewtonTree:
         return motion.numpy().astype(float) + gravity.numpy().astype(float)
 
     def total_mass(self) -> float:
-        """Of all bodies [kg], without the carriers of slides."""
+        """Mass of all bodies [kg], without the carriers of slides."""
         return float(sum(self.mass[self.built.bodies[body.name]] for body in self.mechanism.bodies))
 
     def centres(self, j: FloatArray) -> dict[str, FloatArray]:
@@ -83,7 +83,7 @@ class NewtonTree:
         }
 
     # --- Steps
-    # -------------------------------------------------------------------------------------------------------
+    # ---------------------------------------------------------------------------------------------
 
     def place(self, j: FloatArray, v: FloatArray) -> None:
         """Set the state."""
@@ -111,7 +111,7 @@ class NewtonTree:
         self.solver, self.told = solver, solver.observables({"body_parent_f", *told})
 
     def step(self, forces: FloatArray) -> Mapping[str, FloatArray]:
-        """Take one step; the reactions are Newton's wrenches of the joints, force first, in the world's axes."""
+        """Take one step; reactions are Newton's joint wrenches, force first, in world axes."""
         if self.solver is None:
             self.solve_by(newton.solvers.SolverFeatherstone(self.model, angular_damping=0.0))
         self.control.joint_f.assign(forces.astype(np.float32))
@@ -127,10 +127,10 @@ class NewtonTree:
         }
 
     # --- What it shows
-    # -----------------------------------------------------------------------------------------------
+    # ---------------------------------------------------------------------------------------------
 
     def observe(self, j: FloatArray, v: FloatArray, a: FloatArray) -> Observation:
-        """What Newton's bodies show in a state; reactions are told by steps alone."""
+        """Readings of Newton's bodies in a state; only steps report reactions."""
         self.place(j, v)
         return self.look()
 

@@ -1,4 +1,4 @@
-"""The OpenSim model of a mechanism: a tree of custom joints in the x-y plane, turning about -z, which is clockwise.
+"""The OpenSim model of a mechanism: a tree of custom joints in the x-y plane, turning about -z.
 
 One custom joint has all the slides and the turn of a body: translations along directions of its
 parent, then the rotation. Every coordinate has an actuator, which takes the generalized forces of
@@ -68,7 +68,7 @@ class Built:
             actuator.setOverrideActuation(state, float(force))
 
     def _places(self, n: int) -> FloatArray:
-        """Of each joint coordinate its place among Simbody's speeds."""
+        """Index of each joint coordinate among Simbody's speeds."""
         state, places = osim.State(self.state), []
         for coordinate in self.moving:
             for other in self.moving:
@@ -91,9 +91,13 @@ class Built:
         self.model.addBody(link)
         turned = joint.turned_by or 0.0
         frames = (
-            self.bodies[joint.parent], in_space(joint.parent_point), osim.Vec3(0.0, 0.0, -turned),
-            link, in_space(joint.child_point), osim.Vec3(0.0),
-        )  # fmt: skip
+            self.bodies[joint.parent],
+            in_space(joint.parent_point),
+            osim.Vec3(0.0, 0.0, -turned),
+            link,
+            in_space(joint.child_point),
+            osim.Vec3(0.0),
+        )
         freedoms = [
             (k, f) for k, f in enumerate(self.coordinates.freedoms) if f.joint.name == joint.name
         ]

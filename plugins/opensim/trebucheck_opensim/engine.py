@@ -48,8 +48,9 @@ class OpenSimEngine(BuiltinEngine):
         joint_gaps=False,
         located_releases=True,
         stop_laws=frozenset(StopLaw),
-        formulation="mobilizers (Simbody), stops as locked coordinates, error-controlled Runge-Kutta-Merson; with "
-        "loops or springs multipliers and RK4 (stock: stops as coordinate limit forces)",
+        formulation="mobilizers (Simbody), stops as locked coordinates, error-controlled "
+        "Runge-Kutta-Merson; with loops or springs multipliers and RK4 (stock: stops as coordinate "
+        "limit forces)",
         features=frozenset(Feature),
     )
     stock_options: ClassVar[Mapping[str, object]] = {"limits": "springs", "accuracy": 1e-5}
@@ -62,7 +63,8 @@ class OpenSimEngine(BuiltinEngine):
     )
     limits: Literal["locks", "springs"] = Field(
         default="locks",
-        description="what a stop is: a locked coordinate while it holds, or a coordinate limit force",
+        description="what a stop is: a locked coordinate while it holds, or a coordinate limit "
+        "force",
     )
     limit_stiffness: Positive = Field(
         default=1e6, description="of a coordinate limit force [N m/degree]"
@@ -76,12 +78,12 @@ class OpenSimEngine(BuiltinEngine):
 
     @property
     def lacking(self) -> frozenset[Basic | Feature]:
-        """What locks bring: limit forces act on joints alone, and give back what their springs do."""
+        """Features lacking without locks: limit forces act on joints alone and rebound."""
         return frozenset() if self.limits == "locks" else _OF_LOCKS
 
     @property
     def supplied(self) -> Supplied:
-        """With locks, which stops hold and their torques; Simbody's integrator moves what locks alone hold."""
+        """Assistance: with locks, stops and their torques; Simbody integrates between events."""
         if self.limits == "springs":
             return NOTHING
         own = {Part.STOPS: "torques: Simbody's locks hold them"}

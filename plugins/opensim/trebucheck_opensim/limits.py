@@ -88,5 +88,5 @@ class LimitedMotion:
         }
 
     def observe(self) -> Observation:
-        """What the model shows."""
+        """Readings of the model."""
         return self.motion.reader.observe(self.present)

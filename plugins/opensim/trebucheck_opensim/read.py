@@ -1,4 +1,4 @@
-"""What an OpenSim model shows in a state."""
+"""Readings of an OpenSim model in a state."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Reader:
         self.built = built
 
     def observe(self, state: osim.State) -> Observation:
-        """What the model shows; reactions without what acts on the bodies beyond their joints."""
+        """Readings of the model; reactions without what acts on the bodies beyond their joints."""
         model, mechanism = self.built.model, self.built.mechanism
         model.realizeAcceleration(state)
         return Observation(

@@ -1,4 +1,4 @@
-"""What studies need to know of OpenSim."""
+"""OpenSim's entries for studies: tolerances, orders and causes."""
 
 from __future__ import annotations
 
@@ -19,11 +19,18 @@ from trebucheck_toolkit.scheme_tables import error_controlled, located_tolerance
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     return (
-        Cause("limit forces", "stops are springs with dampers, which give way and begin without force",
-              Intervention({"limits": "locks"})),
-        Cause("accuracy", "the local error that the integrator is asked for", Intervention({"accuracy": 1e-12})),
+        Cause(
+            "limit forces",
+            "stops are springs with dampers, which give way and begin without force",
+            Intervention({"limits": "locks"}),
+        ),
+        Cause(
+            "accuracy",
+            "the local error that the integrator is asked for",
+            Intervention({"accuracy": 1e-12}),
+        ),
         time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
-    )  # fmt: skip
+    )
 
 
 STUDY = EngineStudy(

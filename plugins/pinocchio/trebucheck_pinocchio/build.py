@@ -1,4 +1,4 @@
-"""The Pinocchio model of a mechanism: a tree of joints in the x-y plane, turning about -z, which is clockwise.
+"""The Pinocchio model of a mechanism: a joint tree in the x-y plane, turning about -z (clockwise).
 
 Each body is on the last of its joints: a prismatic one for every slide, then a revolute one if it
 turns. That joint's frame has the body's directions and lies at its `child_point`. A welded body is
@@ -25,9 +25,9 @@ class Place:
     """Where a body's frame is."""
 
     joint: int
-    """Of Pinocchio's joints the one that carries it."""
+    """Pinocchio's joint that carries the body."""
     frame: Any
-    """Of the body in the frame of that joint (SE3)."""
+    """Placement of the body in the frame of that joint (SE3)."""
 
 
 class Built:

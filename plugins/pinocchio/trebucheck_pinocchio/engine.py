@@ -1,4 +1,4 @@
-"""Pinocchio: a tree of joints with forward and inverse dynamics, and neither time steps nor stops of its own."""
+"""Pinocchio: forward and inverse dynamics of a joint tree, without time steps or stops."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .study import STUDY
 
 
 class PinocchioEngine(BuiltinEngine):
-    """Pinocchio's forward dynamics in a time-stepping scheme of one's own; the defaults are the tuned preset.
+    """Pinocchio's forward dynamics in a time-stepping scheme; defaults are the tuned preset.
 
     Accelerations are those of `aba`, the mass matrix that of `crba`, energies and points
     Pinocchio's, reactions the joint forces of `rnea` at the accelerations found. Stops and joints
@@ -42,8 +42,8 @@ class PinocchioEngine(BuiltinEngine):
         joint_gaps=False,
         located_releases=True,
         stop_laws=frozenset(StopLaw),
-        formulation="minimal relative joints (articulated-body algorithm), stops and loops by multipliers, RK4 "
-        "(stock: semi-implicit Euler, releases at a step's end)",
+        formulation="minimal relative joints (articulated-body algorithm), stops and loops by "
+        "multipliers, RK4 (stock: semi-implicit Euler, releases at a step's end)",
         features=frozenset(Feature),
     )
     stock_options: ClassVar[Mapping[str, object]] = {

@@ -1,4 +1,4 @@
-"""A mechanism as Pinocchio moves it, and what it shows of a state; states are in the mechanism's coordinates."""
+"""Motion and readings of a mechanism by Pinocchio; states are in mechanism coordinates."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ class Model:
         )
 
     def accelerations(self, q: FloatArray, u: FloatArray, applied: FloatArray) -> FloatArray:
-        """By `aba`."""
+        """Accelerations by `aba`."""
         to = self.coordinates
         a = pin.aba(self.model, self.data, to.positions(q), to.speeds(u), to.forces(applied))
         return to.mechanism_speeds(np.array(a))
 
     def mass_matrix(self, q: FloatArray) -> FloatArray:
-        """By `crba`."""
+        """Mass matrix by `crba`."""
         upper = np.triu(pin.crba(self.model, self.data, self.coordinates.positions(q)))
         return self.coordinates.mass_matrix(upper + np.triu(upper, 1).T)
 
     def bias(self, q: FloatArray, u: FloatArray) -> FloatArray:
-        """Generalized forces of gravity and of the motion, with M a = -bias where nothing else acts."""
+        """Bias forces of gravity and motion, with M a = -bias where nothing else acts."""
         to = self.coordinates
         forces = pin.nonLinearEffects(self.model, self.data, to.positions(q), to.speeds(u))
         return np.linalg.solve(to.sums.T, np.array(forces))
@@ -79,7 +79,7 @@ class Motion(ConstrainedDynamics):
         )
 
     def _needed_by_subtrees(self) -> dict[str, FloatArray]:
-        """Force that each joint of the tree would give if only gravity acted beyond it [N], by its name.
+        """Force of each tree joint if only gravity acted beyond it [N], by name.
 
         It is the joint force of `rnea`. A weld is no joint of Pinocchio's: there it is what the
         welded body's acceleration and the joints on it ask for.

@@ -1,4 +1,4 @@
-"""What studies need to know of Pinocchio."""
+"""Pinocchio's entries for studies: tolerances, orders and causes."""
 
 from __future__ import annotations
 
@@ -19,11 +19,18 @@ from trebucheck_toolkit.scheme_tables import EULER_STEPS, RK4_LOCATED, located_t
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     return (
-        Cause("event location", "a stop is let go at the end of the step in which its torque vanishes",
-              Intervention({"locate_releases": True})),
-        Cause("scheme", "what semi-implicit Euler leaves out of a step", Intervention({"scheme": "RK4"})),
+        Cause(
+            "event location",
+            "a stop is let go at the end of the step in which its torque vanishes",
+            Intervention({"locate_releases": True}),
+        ),
+        Cause(
+            "scheme",
+            "what semi-implicit Euler leaves out of a step",
+            Intervention({"scheme": "RK4"}),
+        ),
         time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
-    )  # fmt: skip
+    )
 
 
 STUDY = EngineStudy(

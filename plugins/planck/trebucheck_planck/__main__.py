@@ -1,4 +1,4 @@
-"""`python -m trebucheck_planck` installs planck.js by npm, in the version of node/package.json, beside this package."""
+"""Install planck.js by npm in the version of node/package.json: `python -m trebucheck_planck`."""
 
 from .bridge import PLANCK
 

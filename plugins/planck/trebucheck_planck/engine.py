@@ -1,4 +1,4 @@
-"""planck.js: bodies in Cartesian coordinates, joints and limits by sequential impulses, double precision."""
+"""planck.js: Cartesian bodies, joints and limits by sequential impulses, double precision."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from .study import STUDY
 
 
 class PlanckEngine(BuiltinEngine):
-    """planck.js's world, moved by Node.js; the defaults are the tuned preset: short steps, slops near rounding.
+    """planck.js's world in Node.js; defaults are the tuned preset: short steps, small slops.
 
     The stock preset has the iterations and slops of planck.js, limits where the stops are, and
     steps of 1 ms.
@@ -44,14 +44,20 @@ class PlanckEngine(BuiltinEngine):
         joint_gaps=True,
         located_releases=False,
         stop_laws=frozenset(StopLaw),
-        formulation="Cartesian coordinates, joints and limits by sequential impulses, semi-implicit Euler",
+        formulation="Cartesian coordinates, joints and limits by sequential impulses, "
+        "semi-implicit Euler",
         features=frozenset(Feature) - {Feature.MOVING_WALL},
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
     )
     stock_options: ClassVar[Mapping[str, object]] = {
-        "timestep": 1e-3, "first_iterations": 8, "velocity_iterations": 8, "position_iterations": 3,
-        "linear_slop": 5e-3, "angular_slop": math.radians(2.0), "hold": False,
-    }  # fmt: skip
+        "timestep": 1e-3,
+        "first_iterations": 8,
+        "velocity_iterations": 8,
+        "position_iterations": 3,
+        "linear_slop": 5e-3,
+        "angular_slop": math.radians(2.0),
+        "hold": False,
+    }
 
     timestep: Positive = Field(default=1e-4, le=1.0, description="step size [s]")
     velocity_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
@@ -73,14 +79,14 @@ class PlanckEngine(BuiltinEngine):
     )
     hold: bool = Field(
         default=True,
-        description="whether a stop that pushes is held from both sides until it would pull: the correction of pins "
-        "turns bodies, and opens a limit that holds from one side",
+        description="whether a stop that pushes is held from both sides until it would pull: the "
+        "correction of pins turns bodies, and opens a limit that holds from one side",
     )
     least_inertia: LeastInertia = 1e-3
 
     @property
     def supplied(self) -> Supplied:
-        """Springs and motors are forces on the bodies, which users apply themselves; what is held is let go by us."""
+        """Assistance: springs and motors are forces on bodies; held stops are released by us."""
         held = "a stop is held from both sides while it pushes, and let go where it would pull"
         return {Part.ELEMENTS: ""} | ({Part.EVENTS: held} if self.hold else {})
 
@@ -91,12 +97,12 @@ class PlanckEngine(BuiltinEngine):
 
     @classmethod
     def version(cls) -> str:
-        """Of planck.js's npm package; 'not installed' if there is none."""
+        """Version of planck.js's npm package; 'not installed' if there is none."""
         return PLANCK.version()
 
     @classmethod
     def absence(cls) -> str:
-        """What is missing, and what brings it, in one sentence."""
+        """Missing program or package and how to install it, in one sentence."""
         return PLANCK.absence()
 
     def _run(self, problem: Problem) -> Recording:
@@ -110,7 +116,7 @@ class PlanckEngine(BuiltinEngine):
         return recording(samples, spread, problem.stop_law)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
-        """Masses, inertias, anchors and gravity read back from the built world, and what follows from them."""
+        """Masses, inertias, anchors and gravity of the built world, and what follows from them."""
         self.refuse_absence()
         return inspect(mechanism, states, self._settings())
 

@@ -25,7 +25,7 @@ from .bridge import PLANCK
 
 
 def inspect(mechanism: Mechanism, states: Sequence[State], settings: Json) -> Inspection:
-    """Inspect the built world in each state, without the masses that a motion has moved along pins."""
+    """Inspect the built world in each state, without masses moved along pins for the motion."""
     scene = NodeScene(mechanism, "planck")
     # Stops play no part in what is read back, nor do duration and step.
     described = scene.description(
@@ -65,11 +65,15 @@ def _held(scene: NodeScene, told: FloatArray) -> Mechanism:
     size = float(np.hypot(*gravity))
     changed: dict[str, Any] = {
         "bodies": tuple(map(_body, mechanism.bodies, bodies.reshape(-1, 4))),
-        "joints": tuple(_joint(scene, joint, rows[joint.name]) if joint.name in rows else joint
-                        for joint in mechanism.joints),
+        "joints": tuple(
+            _joint(scene, joint, rows[joint.name]) if joint.name in rows else joint
+            for joint in mechanism.joints
+        ),
         "gravity": size,
-        "gravity_direction": tuple((gravity * MIRROR / size).tolist()) if size else mechanism.gravity_direction,
-    }  # fmt: skip
+        "gravity_direction": tuple((gravity * MIRROR / size).tolist())
+        if size
+        else mechanism.gravity_direction,
+    }
     # Not validated: rounding does not close the loops to the digits that are asked of a
     # description.
     return mechanism.model_copy(update=changed)
@@ -83,7 +87,7 @@ def _body(body: Body, told: FloatArray) -> Body:
 
 
 def _joint(scene: NodeScene, joint: AnyJoint, told: FloatArray) -> AnyJoint:
-    """With the anchors and the axis that planck.js has, in the frames of the mechanism's bodies."""
+    """Joint with planck.js's anchors and axis, in the frames of the mechanism's bodies."""
     changed: dict[str, Any] = {}
     for field, body, anchor in (
         ("parent_point", joint.parent, told[:2]),

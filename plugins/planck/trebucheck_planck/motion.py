@@ -1,4 +1,4 @@
-"""What planck.js tells of each step: reactions of joints and torques of limits."""
+"""Recordings of planck.js's steps: reactions of joints and torques of limits."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from trebucheck_toolkit.point_masses import NoPointMasses
 
 
 def recording(samples: NodeSamples, spread: NoPointMasses, law: StopLaw) -> Recording:
-    """What bodies show and planck.js tells of a motion; of the original masses, where some were moved along pins."""
+    """Readings of a motion by bodies and planck.js, with original masses despite moved ones."""
     found, mechanism = samples.recording(), samples.scene.mechanism
     built = samples.scene.stops(law)
     torques = dict(
@@ -36,7 +36,7 @@ def recording(samples: NodeSamples, spread: NoPointMasses, law: StopLaw) -> Reco
 
 
 def _release(t: FloatArray, torque: FloatArray) -> float | None:
-    """Of a closed stop: the beginning of the first step in which it does not push [s]."""
+    """Release of a closed stop: the beginning of the first step in which it does not push [s]."""
     opened = torque <= 0.0
     return float(t[int(np.argmax(opened))]) if opened.any() else None
 

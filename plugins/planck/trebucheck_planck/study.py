@@ -1,4 +1,4 @@
-"""What studies need to know of planck.js."""
+"""planck.js's entries for studies: tolerances, orders and causes."""
 
 from __future__ import annotations
 
@@ -20,14 +20,25 @@ from trebucheck.engines.study import (
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     return (
-        Cause("iterations", "sequential impulses end before the joints hold",
-              Intervention({"first_iterations": 3000, "velocity_iterations": 1000, "position_iterations": 1000})),
-        Cause("slops", "drift of joints and limits that is let be",
-              Intervention({"linear_slop": 1e-9, "angular_slop": 1e-9})),
-        Cause("stops held from one side", "the correction of pins turns bodies, and opens limits",
-              Intervention({"hold": True})),
+        Cause(
+            "iterations",
+            "sequential impulses end before the joints hold",
+            Intervention(
+                {"first_iterations": 3000, "velocity_iterations": 1000, "position_iterations": 1000}
+            ),
+        ),
+        Cause(
+            "slops",
+            "drift of joints and limits that is let be",
+            Intervention({"linear_slop": 1e-9, "angular_slop": 1e-9}),
+        ),
+        Cause(
+            "stops held from one side",
+            "the correction of pins turns bodies, and opens limits",
+            Intervention({"hold": True}),
+        ),
         time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
-    )  # fmt: skip
+    )
 
 
 _SCHEME = "semi-implicit Euler, impulses"

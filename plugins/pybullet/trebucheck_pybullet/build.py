@@ -1,4 +1,4 @@
-"""The Bullet multibody of a mechanism: a URDF tree in the x-y plane, turning about -z, which is clockwise.
+"""The Bullet multibody of a mechanism: a URDF tree in the x-y plane, turning about -z (clockwise).
 
 Bullet's joints have one coordinate each: a slide is a prismatic joint onto a link without mass,
 which a revolute joint follows. `changeDynamics` does not set the inertia of a link that
@@ -27,7 +27,7 @@ NO_LIMIT = 1e30
 
 
 class Client:
-    """A physics client of its own; `pybullet_utils.bullet_client` writes a line to the standard output for each."""
+    """Own physics client; `pybullet_utils.bullet_client` would print a line for each."""
 
     def __init__(self) -> None:
         self._id = pybullet.connect(pybullet.DIRECT)
@@ -81,9 +81,8 @@ def build(mechanism: Mechanism, order: list[tuple[Body, AnyJoint]], opened: bool
             found.carriers[name] = link
         if info[2] != pybullet.JOINT_FIXED:
             found.moving.append(link)
-            client.setJointMotorControl2(
-                multibody, link, pybullet.VELOCITY_CONTROL, force=0
-            )  # on at the start
+            # On at the start.
+            client.setJointMotorControl2(multibody, link, pybullet.VELOCITY_CONTROL, force=0)
     for link in range(-1, client.getNumJoints(multibody)):
         client.changeDynamics(
             multibody,
@@ -130,7 +129,7 @@ def _add_body(
 
 
 def _origin(joint: AnyJoint, mechanism: Mechanism) -> tuple[str, str]:
-    """Place and turn of a joint in its parent's link, whose frame lies at the parent's own `child_point`."""
+    """Place and turn of a joint in its parent's link, framed at the parent's `child_point`."""
     x, y = joint.parent_point
     if joint.parent != GROUND:
         own = mechanism.joint_of(joint.parent).child_point

@@ -1,4 +1,4 @@
-"""PyBullet: Bullet's multibodies, by its own steps and joint limits, or by its dynamics in a scheme of one's own."""
+"""PyBullet: multibodies by its own steps and joint limits, or by its dynamics in an own scheme."""
 
 from __future__ import annotations
 
@@ -43,8 +43,9 @@ class PyBulletEngine(BuiltinEngine):
         joint_gaps=False,
         located_releases=True,
         stop_laws=frozenset(StopLaw),
-        formulation="minimal relative joints; inverse dynamics in RK4, stops and loops by multipliers "
-        "(stock: semi-implicit Euler, joint limits as velocity constraints solved by iteration)",
+        formulation="minimal relative joints; inverse dynamics in RK4, stops and loops by "
+        "multipliers (stock: semi-implicit Euler, joint limits as velocity constraints solved by "
+        "iteration)",
         features=frozenset(Feature),
     )
     stock_options: ClassVar[Mapping[str, object]] = {"mode": "step"}
@@ -72,7 +73,7 @@ class PyBulletEngine(BuiltinEngine):
 
     @property
     def supplied(self) -> Supplied:
-        """In `stepSimulation` limits are Bullet's; their torques are what a step's change of speed leaves over."""
+        """Assistance: in `stepSimulation` limits are Bullet's; torques from speed changes."""
         return MOVED if self.mode == "dynamics" else LIMITED
 
     def _run(self, problem: Problem) -> Recording:

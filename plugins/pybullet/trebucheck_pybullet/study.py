@@ -1,4 +1,4 @@
-"""What studies need to know of PyBullet."""
+"""PyBullet's entries for studies: tolerances, orders and causes."""
 
 from __future__ import annotations
 
@@ -24,12 +24,18 @@ from trebucheck_toolkit.scheme_tables import (
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     return (
-        Cause("solver", "its iteration ends before the joint limits hold",
-              Intervention({"solver_iterations": 500, "solver_threshold": 0.0})),
-        Cause("own step", "semi-implicit Euler with limits solved by iteration, releases at a step's end",
-              Intervention({"mode": "dynamics"})),
+        Cause(
+            "solver",
+            "its iteration ends before the joint limits hold",
+            Intervention({"solver_iterations": 500, "solver_threshold": 0.0}),
+        ),
+        Cause(
+            "own step",
+            "semi-implicit Euler with limits solved by iteration, releases at a step's end",
+            Intervention({"mode": "dynamics"}),
+        ),
         time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
-    )  # fmt: skip
+    )
 
 
 STUDY = EngineStudy(

@@ -17,7 +17,7 @@ from .build import NO_LIMIT, Links, build
 
 
 class BulletTree:
-    """One multibody for dynamics and steps, and an opened one whose inverse dynamics gives the reactions."""
+    """Multibody for dynamics and steps, and an opened one for reactions by inverse dynamics."""
 
     def __init__(
         self, mechanism: Mechanism, timestep: float = 1e-3, solver: Mapping[str, Any] | None = None
@@ -35,18 +35,18 @@ class BulletTree:
             self.client.enableJointForceTorqueSensor(self.links.body, link, True)
 
     # --- Dynamics
-    # ----------------------------------------------------------------------------------------------------
+    # ---------------------------------------------------------------------------------------------
 
     def mass_matrix(self, j: FloatArray) -> FloatArray:
-        """By `calculateMassMatrix`."""
+        """Mass matrix by `calculateMassMatrix`."""
         return np.array(self.client.calculateMassMatrix(self.links.body, j.tolist()))
 
     def bias(self, j: FloatArray, v: FloatArray) -> FloatArray:
-        """By `calculateInverseDynamics`."""
+        """Bias forces by `calculateInverseDynamics`."""
         return _inverse_dynamics(self.links, j, v, np.zeros_like(j))
 
     def total_mass(self) -> float:
-        """Of all bodies [kg]."""
+        """Mass of all bodies [kg]."""
         return sum(mass for mass, _ in self.inertias.values())
 
     def centres(self, j: FloatArray) -> dict[str, FloatArray]:
@@ -55,7 +55,7 @@ class BulletTree:
         return {name: np.array(self._link(name)[0][:2]) for name in self.links.carriers}
 
     # --- Steps
-    # -------------------------------------------------------------------------------------------------------
+    # ---------------------------------------------------------------------------------------------
 
     def place(self, j: FloatArray, v: FloatArray) -> None:
         """Set the state."""
@@ -74,7 +74,7 @@ class BulletTree:
         return np.array([each[0] for each in states]), np.array([each[1] for each in states])
 
     def step(self, forces: FloatArray) -> Mapping[str, FloatArray]:
-        """Take one step; the reactions are those of Bullet's joint sensors, in the links' frames at its start."""
+        """Take one step; reactions are Bullet's joint sensors, in link frames at its start."""
         client, links = self.client, self.links
         turned = {name: _turn(self._link(name)[1]) for name in links.carriers}
         for link, force in zip(links.moving, forces.tolist(), strict=True):
@@ -87,10 +87,10 @@ class BulletTree:
         }
 
     # --- What it shows
-    # -----------------------------------------------------------------------------------------------
+    # ---------------------------------------------------------------------------------------------
 
     def observe(self, j: FloatArray, v: FloatArray, a: FloatArray) -> Observation:
-        """Points and speeds of the links, energies by them, reactions by the opened tree's inverse dynamics."""
+        """Points, speeds and energies of the links; reactions by inverse dynamics."""
         self.place(j, v)
         links = {name: self._link(name) for name in self.links.carriers}
         gravity = np.array(self.mechanism.gravity_vector)

@@ -1,4 +1,4 @@
-"""`python -m trebucheck_rapier` installs Rapier by npm, in the version of node/package.json, beside this package."""
+"""Install Rapier by npm in the version of node/package.json: `python -m trebucheck_rapier`."""
 
 from .bridge import RAPIER
 

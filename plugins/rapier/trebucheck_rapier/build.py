@@ -1,4 +1,4 @@
-"""The scene of a mechanism, as node/move.cjs reads it: Rapier has no joint that both slides and turns."""
+"""The scene of a mechanism for node/move.cjs; Rapier has no joint that both slides and turns."""
 
 from __future__ import annotations
 
@@ -34,13 +34,15 @@ class Built(NodeScene):
             self.mechanism.body(joint.child),
         )
         mass = self.carriage * child.mass
-        self.bodies.append({
-            "position": (self.kinematics.position(row, self.q) * MIRROR).tolist(),
-            "velocity": (self.kinematics.velocity(row, self.q, self.u) * MIRROR).tolist(),
-            "speed": float(self.kinematics.angle(joint.parent).coefficients @ self.u),
-            "mass": mass,
-            "inertia": mass * self._lever(child) ** 2,
-        })  # fmt: skip
+        self.bodies.append(
+            {
+                "position": (self.kinematics.position(row, self.q) * MIRROR).tolist(),
+                "velocity": (self.kinematics.velocity(row, self.q, self.u) * MIRROR).tolist(),
+                "speed": float(self.kinematics.angle(joint.parent).coefficients @ self.u),
+                "mass": mass,
+                "inertia": mass * self._lever(child) ** 2,
+            }
+        )
         return {"b": len(self.bodies) - 1, "pointB": [0.0, 0.0]}
 
     def _lever(self, body: Body) -> float:

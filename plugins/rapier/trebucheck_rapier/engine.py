@@ -1,4 +1,4 @@
-"""Rapier 2D: bodies in Cartesian coordinates, joints and limits as impulses in substeps, single precision."""
+"""Rapier 2D: Cartesian bodies, joints and limits by impulses in substeps, single precision."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from .study import STUDY
 
 
 class RapierEngine(BuiltinEngine):
-    """Rapier's world with impulse joints, moved by Node.js; the stock preset has Rapier's own substeps and passes.
+    """Rapier's world with impulse joints in Node.js; the stock preset is Rapier's own defaults.
 
     Its multibody joints are no choice: they have a damping of their own, which its interface cannot
     take out.
@@ -43,8 +43,8 @@ class RapierEngine(BuiltinEngine):
         stop_torques=False,
         located_releases=False,
         stop_laws=frozenset(StopLaw),
-        formulation="Cartesian coordinates in single precision, joints and limits by impulses in substeps, "
-        "semi-implicit Euler",
+        formulation="Cartesian coordinates in single precision, joints and limits by impulses in "
+        "substeps, semi-implicit Euler",
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
         features=frozenset(Feature) - {Feature.MOVING_WALL},
     )
@@ -59,10 +59,11 @@ class RapierEngine(BuiltinEngine):
     )
     least_inertia: LeastInertia = 1e-3
     carriage: Positive = Field(
-        default=1e-3, le=1.0,
-        description="mass of the body that runs in a slot, as a part of that of the body it carries: Rapier has no "
-        "joint that both slides and turns",
-    )  # fmt: skip
+        default=1e-3,
+        le=1.0,
+        description="mass of the body that runs in a slot, as a part of that of the body it "
+        "carries: Rapier has no joint that both slides and turns",
+    )
     opening: Positive = Field(
         default=1e-4,
         le=0.1,
@@ -81,12 +82,12 @@ class RapierEngine(BuiltinEngine):
 
     @classmethod
     def version(cls) -> str:
-        """Of Rapier's npm package; 'not installed' if there is none."""
+        """Version of Rapier's npm package; 'not installed' if there is none."""
         return RAPIER.version()
 
     @classmethod
     def absence(cls) -> str:
-        """What is missing, and what brings it, in one sentence."""
+        """Missing program or package and how to install it, in one sentence."""
         return RAPIER.absence()
 
     def _run(self, problem: Problem) -> Recording:
@@ -94,8 +95,10 @@ class RapierEngine(BuiltinEngine):
         built = Built(spread.mechanism, self.carriage)
         steps = math.ceil(problem.duration / self.timestep - 1e-9)
         scene = built.description(problem, problem.duration / steps, steps) | {
-            "substeps": self.substeps, "passes": self.passes, "opening": self.opening,
-        }  # fmt: skip
+            "substeps": self.substeps,
+            "passes": self.passes,
+            "opening": self.opening,
+        }
         samples = NodeSamples(
             built, np.linspace(0.0, problem.duration, steps + 1), RAPIER.move(scene)
         )

@@ -1,4 +1,4 @@
-"""What Rapier does not tell of a motion: when a stop opened."""
+"""Opening times of stops, which Rapier does not report."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _GROWN = 27.0  # a release is looked back for from a gap of `opening` to this ma
 
 
 def releases(samples: NodeSamples, opening: float) -> dict[str, float | None]:
-    """Of the stops that are closed at the start; one has opened where its gap exceeds `opening` [rad]."""
+    """Releases of the stops closed at the start: the gap exceeds `opening` [rad]."""
     stops = samples.scene.mechanism.stops
     return {
         each.name: _release(samples, each, opening)

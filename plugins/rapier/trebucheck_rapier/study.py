@@ -1,4 +1,4 @@
-"""What studies need to know of Rapier."""
+"""Rapier's entries for studies: tolerances, orders and causes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
 
 
 _SCHEME = "semi-implicit Euler, impulses"
-_REASON = "semi-implicit Euler in substeps of Cartesian coordinates; at short steps the floor of single precision"
+_REASON = (
+    "semi-implicit Euler in substeps of Cartesian coordinates; at short steps the floor of single "
+    "precision"
+)
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={

@@ -50,7 +50,7 @@ class Solved:
     loops: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
     """Force of each joint that closes a loop on its child, world frame [N], shape (2,)."""
     multipliers: FloatArray = field(default_factory=lambda: np.zeros(0))
-    """Of the closures of the loops, shape (n_loops,)."""
+    """Multipliers of the loop closures, shape (n_loops,)."""
 
 
 class ConstrainedDynamics:

@@ -21,7 +21,7 @@ class Freedom:
     joint: AnyJoint
     """The tree's joint that it belongs to."""
     index: int
-    """Of the mechanism's coordinate that it makes: the slide, or the child's angle."""
+    """Index of its mechanism coordinate: the slide, or the child's angle."""
     direction: complex | None
     """Direction of a slide in the parent's frame, length 1; None of an angle (clockwise)."""
 
@@ -31,7 +31,7 @@ class Limit:
     """One end of the range of a joint coordinate."""
 
     index: int
-    """Of the joint coordinate."""
+    """Index of the joint coordinate."""
     sense: int
     """1 for the lower end, -1 for the upper: its torque is along the coordinate times this."""
     value: float

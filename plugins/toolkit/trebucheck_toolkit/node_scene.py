@@ -70,7 +70,7 @@ class NodeScene:
         """Those that an engine needs besides come after the mechanism's."""
         self.joints: list[Json] = []
         self.pins: dict[tuple[str, str], int] = {}
-        """By the names of parent and child: the joint that carries their limits."""
+        """Joints that carry limits, by the names of parent and child."""
         for joint in mechanism.joints:
             getattr(self, _JOINTS[joint])(joint, self._ends(joint))
 

@@ -11,13 +11,13 @@ from trebucheck.engines.study import StepOrder, Tolerance
 RK4_LOCATED = StepOrder(
     4.0, "RK4 in joint coordinates, events located to rounding", "RK4, joint coordinates"
 )
-"""Of :mod:`.event_driver` with `rk4` of :mod:`.schemes`."""
+"""Order of :mod:`.event_driver` with `rk4` of :mod:`.schemes`."""
 EULER_STEPS = StepOrder(
     1.0,
     "semi-implicit Euler in joint coordinates, releases at a step's end",
     "semi-implicit Euler, joint coordinates",
 )
-"""Of engines that step joint coordinates themselves, or by `semi_implicit_euler`."""
+"""Order of engines that step joint coordinates themselves, or by `semi_implicit_euler`."""
 
 
 def error_controlled(method: str) -> StepOrder:
@@ -50,4 +50,4 @@ EULER_TOLERANCES = (
         "first order: a step late by the scheme, one by its end",
     ),
 )
-"""Of stock presets that step by semi-implicit Euler with joint limits of their own."""
+"""Tolerances of stock presets: semi-implicit Euler with joint limits of their own."""
