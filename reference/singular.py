@@ -51,7 +51,7 @@ _SAFETY = 2.0  # times what a step may change, as speeds inside it are others
 _POSITIONS = 32  # random ones, for the largest arms
 
 
-class Watch:
+class RankWatch:
     """Watches one segment's constraints for a loss of rank, and finds the motion across it."""
 
     def __init__(self, equations: Equations, closed: Sequence[str], q: FloatArray) -> None:
@@ -359,7 +359,7 @@ class Watch:
 
 
 def note_singular_start(equations: Equations, q: FloatArray, u: FloatArray) -> None:
-    """Let a motion with speeds start in a singular position (:meth:`Watch.begin`)."""
+    """Let a motion with speeds start in a singular position (:meth:`RankWatch.begin`)."""
     if not equations.n_loops or not u.any() or equations.rank(q, ()) == equations.n_loops:
         return
     beside = q + 1e-2 * u / np.abs(u).max()

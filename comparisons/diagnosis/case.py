@@ -21,7 +21,7 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.trajectory import PointMotion, Trajectory
 from ...reference.equations import Equations
-from ...reference.solution import Motion, Solution
+from ...reference.solution import MotionSamples, Solution
 from ...reference.solver import solve
 from ..runs.metrics import EVENT_GUARD
 from ..runs.results import RankedCause
@@ -307,7 +307,7 @@ class Case:
         return self.trajectory.t
 
     @cached_property
-    def motion(self) -> Motion:
+    def motion(self) -> MotionSamples:
         """The reference's, at these times."""
         return self.solution.motion(self.t)
 
@@ -428,7 +428,7 @@ class Case:
         except (TrebucheckError, np.linalg.LinAlgError, ValueError):
             return None
 
-    def seen(self, wrong: Solution, motion: Motion) -> tuple[FloatArray, FloatArray]:
+    def seen(self, wrong: Solution, motion: MotionSamples) -> tuple[FloatArray, FloatArray]:
         """Signatures of a faulty motion, read by an engine with the fault, and by others.
 
         An engine with a wrong body computes markers and energies by that; an adapter that gets

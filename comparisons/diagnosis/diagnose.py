@@ -27,7 +27,7 @@ from ...models.problem import Problem, StopLaw
 from ...models.trajectory import Trajectory
 from ...reference.equations import Equations
 from ...reference.integrator import one_thread
-from ...reference.perturbed import TOLERANCE, WithoutCentrifugal, solve_scheduled
+from ...reference.perturbed import TOLERANCE, solve_scheduled, without_centrifugal
 from ...reference.solution import Solution
 from ...reference.solver import solve
 from ..runs.impacts import impact_times
@@ -388,7 +388,7 @@ def _law_causes(case: Case) -> Iterator[RankedCause | Estimate]:
         if releases[name] is not None:
             yield from _scheduled(case, f"{name} never opens", {**right, name: None})
     if case.has_velocity_forces:
-        dropped = WithoutCentrifugal(case.mechanism)
+        dropped = without_centrifugal(case.mechanism)
         yield from _scheduled(case, "velocity-dependent forces dropped", releases, "", dropped)
 
 

@@ -30,7 +30,7 @@ from ...models.kinematics import initial_state
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ...reference.equations import Equations
-from ...reference.solution import Motion, Segment, Solution
+from ...reference.solution import MotionSamples, Segment, Solution
 from ..runs.results import RankedCause
 from .case import PATIENCE, Case, fit, match
 from .faults import Hypothesis, gross_faults, hypotheses, once_a_mechanism
@@ -362,7 +362,7 @@ def _measured(case: Case, lead: _Lead, factors: FloatArray, patience: int) -> Fl
     solution = None if equations is None else case.solved(equations, patience)
     if solution is None:
         return None
-    motion: Motion = solution.motion(case.t)
+    motion: MotionSamples = solution.motion(case.t)
     signature = case.seen(solution, motion)[lead.reading]
     return signature if np.isfinite(signature).all() else None
 

@@ -24,7 +24,7 @@ from ..contact import ActiveSet, EventFunction, PostEventState
 from ..equations import Equations
 from ..integrator import numerical
 from ..reactions import refuse_dependent
-from ..singular import Watch, Window
+from ..singular import RankWatch, Window
 from ..solution import Segment, Solution
 from ..solver import Event, EventFinder, first_events, releases
 from .compiled import scalar_pool, torque_function
@@ -486,7 +486,7 @@ class Crossing:
 
     def __init__(self, equations: Equations, initial: PostEventState, finder: EventFinder) -> None:
         self.n_q = len(initial.q)
-        self._watch = Watch(equations, initial.closed, initial.q)
+        self._watch = RankWatch(equations, initial.closed, initial.q)
         self._locate = finder.first
         self._kinematics = equations.kinematics
 
