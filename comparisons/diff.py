@@ -207,17 +207,15 @@ def _named(diagnosis: Diagnosis) -> tuple[str, ...]:
     return diagnosis.leads, *(cause.name for cause in diagnosis.named)
 
 
-@dataclass(frozen=True)
-class ReferenceChange:
+class ReferenceChange(Spec):
     """A figure of the reference that moved by more than both results say it is uncertain by."""
 
     model: str
-    name: str
+    figure: str
     unit: str
-    old: float | None
-    new: float | None
-    unknown: float
-    """Sum of both uncertainties."""
+    old: Real | None
+    new: Real | None
+    unknown: Real = Field(description="sum of both uncertainties")
 
 
 @dataclass(frozen=True, repr=False)
@@ -395,17 +393,6 @@ class RunFate(Spec):
     )
 
 
-class Reference(Spec):
-    """A figure of the reference that moved by more than both results say it is uncertain by."""
-
-    model: str
-    figure: str
-    unit: str
-    old: Real | None
-    new: Real | None
-    unknown: Real = Field(description="sum of both uncertainties")
-
-
 class DifferenceData(Spec):
     """Movements and breaks from one comparison to another."""
 
@@ -417,7 +404,7 @@ class DifferenceData(Spec):
         description="software whose versions differ, old and new"
     )
     conditions: tuple[str, ...] = Field(description="what was asked for or judged otherwise")
-    references: tuple[Reference, ...]
+    references: tuple[ReferenceChange, ...]
     runs: tuple[RunFate, ...]
     quantities: tuple[QuantityDifference, ...]
 
@@ -430,20 +417,9 @@ def data(found: Difference) -> DifferenceData:
         factor=found.factor,
         versions=found.versions,
         conditions=found.conditions,
-        references=tuple(map(_reference, found.references)),
+        references=found.references,
         runs=tuple(map(_run, found.runs)),
         quantities=tuple(_quantity(each, found.factor) for each in found.quantities),
-    )
-
-
-def _reference(each: ReferenceChange) -> Reference:
-    return Reference(
-        model=each.model,
-        figure=each.name,
-        unit=each.unit,
-        old=each.old,
-        new=each.new,
-        unknown=each.unknown,
     )
 
 
@@ -678,19 +654,30 @@ def _model_check(run: Run) -> Metric | None:
 
 
 def _reference_changes(old: Machine, new: Machine) -> Iterator[ReferenceChange]:
-    """Of figures within what both judge."""
+    """Changes of figures within what both judge."""
+
+    def change(
+        figure: str, unit: str, before: float | None, after: float | None, unknown: float
+    ) -> ReferenceChange:
+        return ReferenceChange(
+            model=old.model, figure=figure, unit=unit, old=before, new=after, unknown=unknown
+        )
+
     end = min(old.judged_to, new.judged_to) * (1 + _SAME_END)
     for name, subject, unit in _figures(old, new):
         before, after = (_figure(machine, name, subject, end) for machine in (old, new))
-        unknown = _reference_unknown(name, subject, old, before) + _reference_unknown(
-            name, subject, new, after
-        )
         appeared = (before is None) != (after is None)
+        # An event that is not there need not have an uncertainty; a figure without one never moved.
+        missing = 0.0 if appeared else math.inf
+        unknown = sum(
+            _reference_unknown(name, subject, machine, value, missing)
+            for machine, value in ((old, before), (new, after))
+        )
         if appeared or (before is not None and after is not None and abs(after - before) > unknown):
             label = name if subject is None else f"{name} ({subject})"
-            yield ReferenceChange(old.model, label, unit, before, after, unknown)
+            yield change(label, unit, before, after, unknown)
     if old.impacts != new.impacts and old.compared_to <= end:
-        yield ReferenceChange(old.model, "impacts", "1", old.impacts, new.impacts, 0.0)
+        yield change("impacts", "1", old.impacts, new.impacts, 0.0)
 
 
 def _figures(old: Machine, new: Machine) -> Iterator[tuple[str, str | None, str]]:
@@ -711,7 +698,9 @@ def _figure(machine: Machine, name: str, subject: str | None, end: float) -> flo
 
 
 def _reference_unknown(
-    name: str, subject: str | None, machine: Machine, value: float | None
+    name: str, subject: str | None, machine: Machine, value: float | None, missing: float
 ) -> float:
+    """Uncertainty of a figure, `missing` where none is stated, and the rounding of its value."""
     known = machine.reference_uncertainty
-    return known.get(f"{name} ({subject})", known.get(name, math.inf)) + _EPS * abs(value or 0.0)
+    stated = known.get(f"{name} ({subject})", known.get(name, missing))
+    return stated + _EPS * abs(value or 0.0)

@@ -166,10 +166,7 @@ _COORDINATES = {
 }
 
 
-_ENERGIES = {
-    "kinetic_energy_max": "kinetic_energy",
-    "potential_energy_max": "potential_energy",
-}
+_ENERGIES = {"kinetic_energy_max": "kinetic_energy", "potential_energy_max": "potential_energy"}
 
 
 """Field of a trajectory by metric."""
