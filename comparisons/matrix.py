@@ -382,13 +382,9 @@ def _ratio(metric: Metric) -> float:
     """Ratio of the error to its tolerance; infinite for a missing value."""
     if metric.value is None:
         return math.inf
-    return (
-        abs(metric.value) / metric.tolerance
-        if metric.tolerance
-        else math.inf
-        if metric.value
-        else 0.0
-    )
+    if metric.tolerance:
+        return abs(metric.value) / metric.tolerance
+    return math.inf if metric.value else 0.0
 
 
 def _finite(value: float) -> float | None:

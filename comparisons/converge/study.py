@@ -355,9 +355,8 @@ def _lowered_most(site: Site) -> tuple[str, str]:
 _METRICS: Mapping[QuantityName, str] = {"position": "position_max", "torque": "stop_torque_max"}
 _STEPS = tuple(1e-2 / 2**k for k in range(8))  # 1e-2 to 7.8e-5 s: two decades and a little
 _STOCK_STEPS = _STEPS[:6]  # down to 3e-4 s: finer ones are no newcomer's, and cost the most
-_STEPS_TIME = (
-    1.36  # [s] characteristic time of machines with these steps, the mean of the named ones
-)
+# [s] characteristic time of machines with these steps, the mean of the named ones
+_STEPS_TIME = 1.36
 _COARSER = tuple(
     _STEPS[0] * 2 ** (k / 2) for k in range(1, 9)
 )  # to 0.16 s, an eighth of the time below

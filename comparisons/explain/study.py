@@ -475,11 +475,7 @@ def _ordered(causes: Sequence[Cause]) -> tuple[Cause, ...]:
 
 
 def split(
-    name: str,
-    whole: Observed,
-    parts: Mapping[str, TwoWayShare],
-    noise: float,
-    noise_left: float,
+    name: str, whole: Observed, parts: Mapping[str, TwoWayShare], noise: float, noise_left: float
 ) -> QuantityBudget:
     """The budget of one quantity.
 

@@ -195,10 +195,7 @@ def _tried(
 
 def _words(model: str | Mechanism | Problem, parameters: Spec | None) -> tuple[str, ...]:
     if not isinstance(model, str):
-        return (
-            "--model",
-            f"{mechanism_of(model).name}.json",
-        )
+        return ("--model", f"{mechanism_of(model).name}.json")
     defaults = parameters_type(model)()
     base, own = defaults.model_dump(), (parameters or defaults).model_dump()
     changed = (f"{name}={value!r}" for name, value in own.items() if value != base[name])
