@@ -10,7 +10,7 @@ import pytest
 import trebucheck as tb
 import wrong_engines
 from trebucheck.cli.app import main
-from trebucheck.comparisons.runs import record as machine
+from trebucheck.comparisons.compare import study as compare_study
 from trebucheck.comparisons.runs.results import Outcome, Results, Run
 
 
@@ -21,7 +21,7 @@ def announced(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     wrong_engines.announce(folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(folder))
-        patch.setattr(machine, "diagnose_motion", lambda *_: None)
+        patch.setattr(compare_study, "diagnose_motion", lambda *_: None)
         yield
 
 

@@ -14,13 +14,13 @@ import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
 from trebucheck.cli import agree as command
-from trebucheck.comparisons import diff as data
 from trebucheck.comparisons.diff import (
     FACTOR,
     Difference,
     DifferenceData,
     Fate,
     QuantityChange,
+    data,
     diff,
 )
 from trebucheck.comparisons.report import markdown

@@ -182,7 +182,7 @@ def test_certify_takes_a_problems_own_duration_and_law(monkeypatch: pytest.Monke
         "comparisons.converge.study",
         "comparisons.explain.study",
         "comparisons.certify",
-        "comparisons.diff.study",
+        "comparisons.diff",
     ],
 )
 def test_examples_in_docstrings_are_python(module: str) -> None:
