@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from ..comparisons.report.document import Document
 
 FACTOR = 1.1
-"""As in the study, which is imported when the command runs."""
+"""The study's, which is imported when the command runs."""
 _WIDTH = 120
-"""Of a text file, in characters."""
+"""Width of a text file, in characters."""
 
 
 @command(

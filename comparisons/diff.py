@@ -37,7 +37,7 @@ _RANKS = {
     Outcome.FAILED: 4,
     Outcome.TIMED_OUT: 4,
 }
-"""Of outcomes of engines that could run, the best first."""
+"""Ranks of outcomes of engines that could run, the best first."""
 
 
 class Fate(StrEnum):
@@ -62,7 +62,7 @@ class QuantityChange:
     old: Metric | None
     new: Metric | None
     unknown: float
-    """What both results leave unknown of the difference of their errors, in the quantity's unit."""
+    """Unknown part of the difference of both errors, in the quantity's unit."""
 
     @property
     def either(self) -> Metric:
@@ -162,7 +162,7 @@ class RunChange:
 
     @property
     def fate(self) -> Fate:
-        """What became of it."""
+        """Change of its verdict."""
         old, new = _rank(self.old), _rank(self.new)
         if new is None:
             return Fate.SAME if old is None else Fate.VANISHED
@@ -229,7 +229,7 @@ class Difference(Reported):
     versions: dict[str, tuple[str, str]]
     """Software whose versions differ, old and new."""
     conditions: tuple[str, ...]
-    """What was asked for and judged otherwise, a sentence each."""
+    """Conditions that were asked for or judged otherwise, a sentence each."""
 
     @cached_property
     def broken(self) -> tuple[QuantityChange, ...]:
@@ -472,9 +472,7 @@ digit tells.
 """
 _EPS = float(np.finfo(np.float64).eps)
 _SAME_END = 1e-6
-"""Of the end of a compared motion: largest errors up to ends that differ by less are those of the
-same motion.
-"""
+"""Relative difference of the ends of two compared motions up to which they are the same motion."""
 
 
 def diff(
@@ -544,7 +542,7 @@ def _versions(old: Results, new: Results) -> dict[str, tuple[str, str]]:
 
 
 def _all_versions(results: Results) -> dict[str, str]:
-    """Of everything that the results name."""
+    """Versions of everything that the results name."""
     engines = {
         run.engine: run.engine_version for run in results.runs if run.outcome is not Outcome.ABSENT
     }
@@ -602,7 +600,7 @@ def _run_change(
 def _quantity_change(
     name: str, subject: str | None, old: tuple[Run, Machine], new: tuple[Run, Machine]
 ) -> QuantityChange | None:
-    """Of a metric that stands for itself and was observed; None of another one."""
+    """Change of a metric that stands for itself and was observed; else None."""
     metrics = [run.metric(name, subject) for run, _ in (old, new)]
     found = [metric for metric in metrics if metric is not None]
     if any(metric.follows for metric in found) or not any(metric.observed for metric in found):

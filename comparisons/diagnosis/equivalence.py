@@ -270,7 +270,7 @@ class Expected:
 
     @property
     def solved(self) -> float:
-        """To how much of their sizes accelerations and forces of constraints must agree.
+        """Share of their sizes to which accelerations and forces of constraints must agree.
 
         They solve a least-squares problem with constraints (Gauss). Relative changes of its data of
         a size of rounding change the solution by their multiple with the condition number (Wedin,

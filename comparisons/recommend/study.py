@@ -61,7 +61,7 @@ class _Family:
 
 
 _MakeCase = Callable[[Mechanism, Until, bool], TargetedRuns]
-"""Of a mechanism, the end of its motion, and whether that is known to be predictable up to there.
+"""End of a mechanism's motion, and whether it is known to be predictable up to there.
 """
 
 
