@@ -61,14 +61,8 @@ def problems_of(tier: str) -> tuple[str, ...]:
     if tier not in TIERS:
         raise InputError(f"tier = {tier!r} is unknown; there are: {', '.join(TIERS)}.")
     if tier == "full":
-        return (
-            *STANDARD,
-            *(
-                name
-                for name in (*models(), *(b.name for b in benchmarks()))
-                if name not in STANDARD
-            ),
-        )
+        every = (*models(), *(benchmark.name for benchmark in benchmarks()))
+        return (*STANDARD, *(name for name in every if name not in STANDARD))
     return QUICK if tier == "quick" else STANDARD
 
 
@@ -79,11 +73,9 @@ def given(name: str) -> tuple[Mechanism, StopLaw]:
         InputError: nothing has that name; the sentence lists the names there are.
     """
     problem = library_problem(name)
-    return (
-        (model(name), StopLaw.RELEASE_ONCE)
-        if problem is None
-        else (problem.mechanism, problem.stop_law)
-    )
+    if problem is None:
+        return model(name), StopLaw.RELEASE_ONCE
+    return problem.mechanism, problem.stop_law
 
 
 def missing(mechanism: Mechanism, law: StopLaw, capabilities: Capabilities) -> tuple[str, ...]:
@@ -210,7 +202,7 @@ def absence(cls: EngineClass) -> str:
 def check_interface(
     name: str, preset: str, problems: Sequence[str], worker: Worker
 ) -> dict[str, Found]:
-    """Every check of the"""
+    """Make every check of how an engine describes itself and answers."""
     subject = _Subject(name, preset, problems, worker)
     return {check: _found(_CHECKS[check], subject) for check in INTERFACE_CHECKS}
 
@@ -254,8 +246,7 @@ def _is_made_again(s: _Subject) -> str:
         changed = next(k for k in first.settings if again.settings.get(k) != first.settings[k])
         raise _BrokenError(
             f"made again from its settings, its {changed} is {again.settings.get(changed)!r} "
-            f"instead of "
-            f"{first.settings[changed]!r}"
+            f"instead of {first.settings[changed]!r}"
         )
     if (first.name, first.preset) != (s.name, s.preset):
         raise _BrokenError(
@@ -289,13 +280,13 @@ def _is_the_same_again(s: _Subject) -> str:
         if one.shape != other.shape:
             raise _BrokenError(
                 f"{fit[0]}: {label} has the shape {other.shape} in a second run, {one.shape} in "
-                f"the first"
+                "the first"
             )
         if not np.array_equal(one, other):
             apart = float(np.abs(one - other).max())
             raise _BrokenError(
                 f"{fit[0]}: {label} differs by up to {apart:.3g} between two runs of the same "
-                f"problem"
+                "problem"
             )
     return ""
 
@@ -343,9 +334,8 @@ INTERFACE_CHECKS = tuple(_CHECKS)
 """In the order in which they are made."""
 INTERFACE = "interface"
 """In the place of a problem's name: checks of the engine's description and of how it answers."""
-# Broken problems of an engine whose cause is looked for: a diagnosis may take ten times as long as
-# a run.
 _DIAGNOSED = 2
+"""Broken problems whose cause is looked for: a diagnosis may take as long as ten runs."""
 
 
 @dataclass(frozen=True)
@@ -418,9 +408,9 @@ class Suite:
         self._known: dict[str, dict[str, CheckVerdict]] = {}
         self._diagnosed = 0
         self.ids = tuple(
-            self._id(problem, check) for problem, checks in self._checks.items() for check in checks
+            self._id(name, check) for name, own in self._checks.items() for check in own
         )
-        """Of all checks, in their order."""
+        """Ids of all checks, in their order."""
 
     def __enter__(self) -> Suite:
         return self
@@ -482,12 +472,9 @@ class Suite:
             state = CheckState.BROKEN if self.required else CheckState.SKIPPED
             return self._all(problem, state, absence(cls).removesuffix("."))
         if problem == INTERFACE:
-            return {
-                check: self._verdict(problem, check, state, text)
-                for check, (state, text) in check_interface(
-                    self.target.engine, self.target.preset, self.problems, self._worker
-                ).items()
-            }
+            target = self.target
+            found = check_interface(target.engine, target.preset, self.problems, self._worker)
+            return {name: self._verdict(problem, name, *result) for name, result in found.items()}
         lacking = missing(*given(problem), self.capabilities)
         if lacking:
             return self._all(problem, CheckState.SKIPPED, f"it has no {', no '.join(lacking)}")
@@ -497,9 +484,8 @@ class Suite:
         return CheckVerdict(id=self._id(problem, check), state=state, text=text)
 
     def _all(self, problem: str, state: CheckState, text: str) -> dict[str, CheckVerdict]:
-        return {
-            check: self._verdict(problem, check, state, text) for check in self._checks[problem]
-        }
+        checks = self._checks[problem]
+        return {check: self._verdict(problem, check, state, text) for check in checks}
 
     def _failed(self, problem: str, text: str, check: str = "runs") -> dict[str, CheckVerdict]:
         """One check broken, and the others without a motion to look at."""
@@ -578,16 +564,12 @@ def judgement(metrics: Iterable[Metric], run: Run) -> CheckVerdict:
     broken = [m for m in judged if m.holds is False]
     unjudged = [m for m in own if m.unjudged]
     state = CheckState.BROKEN if broken else CheckState.NOT_JUDGED if unjudged else CheckState.KEPT
-    text = "; ".join(
-        [
-            *map(_complaint, reversed(broken)),
-            *(f"{m.label}: not judged: {m.note}" for m in unjudged),
-        ]
-    )
+    complaints = [_complaint(metric) for metric in reversed(broken)]
+    complaints += [f"{metric.label}: not judged: {metric.note}" for metric in unjudged]
     return CheckVerdict(
         id="",
         state=state,
-        text=text,
+        text="; ".join(complaints),
         subject=worst.subject,
         error=None if worst.value is None else abs(worst.value),
         unit=worst.unit,

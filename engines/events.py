@@ -17,7 +17,7 @@ The semantics are those of the reference, which has an implementation of its own
 
 :class:`EventDriver` is the loop, the same for every engine: begin (with an impact where the start's
 speeds drive into a closed stop), move to the next event, note what opened, resolve the impact, hold
-the contacts that rest, go on. What it asks of an engine is :class:`Motion`::
+the contacts that rest, go on. What it asks of an engine is :class:`EventMotion`::
 
     loop:  halt = motion.proceed(time, end, watch)        # records the samples before the event
            note halt.opened                               # the motion has let them go already
@@ -26,7 +26,7 @@ the contacts that rest, go on. What it asks of an engine is :class:`Motion`::
                         motion.hold(rest, time)           # holds those of them that push, records
            if halt.again: the same for the last impact once more, from the state before it
 
-A `Motion` owns how it finds an event, how it holds a contact and how it resolves an impact. For an
+A `EventMotion` owns how it finds an event, how it holds a contact and how it resolves an impact. For an
 engine that takes steps of any length from a state that can be saved, :class:`SteppedMotion` finds
 the events: whole steps first, as many at once as the engine likes; then the step with an event
 again, up to the event. An engine whose time step must not change implements `proceed` itself.
@@ -71,8 +71,8 @@ __all__ = [
     "ContactEvents",
     "Contacts",
     "EventDriver",
+    "EventMotion",
     "Halt",
-    "Motion",
     "RestitutionRule",
     "State",
     "SteppedMotion",
@@ -239,7 +239,7 @@ class Watch:
         return 0.0 if name in self.parted else self.rebounds.least_speed(name, q, u)
 
 
-class Motion(Protocol):
+class EventMotion(Protocol):
     """An engine in its present state; it records its samples itself."""
 
     @property
@@ -293,7 +293,9 @@ class Motion(Protocol):
 class EventDriver:
     """One run of an engine through the releases and impacts of a problem."""
 
-    def __init__(self, problem: Problem, motion: Motion, engine: str, *, impacts: bool) -> None:
+    def __init__(
+        self, problem: Problem, motion: EventMotion, engine: str, *, impacts: bool
+    ) -> None:
         """Prepare a run.
 
         Args:
@@ -387,7 +389,7 @@ class EventDriver:
 
 
 class SteppedMotion(ABC, Generic[S]):
-    """Motion of an engine that takes steps of any length from a saved state `S`.
+    """EventMotion of an engine that takes steps of any length from a saved state `S`.
 
     Subclasses move, hold and record; this class locates events inside a step. Whole steps end at
     multiples of the time step; the last one may be shorter.
@@ -464,17 +466,17 @@ class SteppedMotion(ABC, Generic[S]):
 
     @abstractmethod
     def hold(self, rest: Contacts, time: float) -> Contacts:
-        """See :meth:`Motion.hold`."""
+        """See :meth:`EventMotion.hold`."""
 
     @abstractmethod
     def impact(
         self, touching: Contacts, rule: RestitutionRule, kept: frozenset[str]
     ) -> tuple[Mapping[str, float], Contacts]:
-        """See :meth:`Motion.impact`; `kept` is empty."""
+        """See :meth:`EventMotion.impact`; `kept` is empty."""
 
     @abstractmethod
     def recording(self, events: ContactEvents) -> Recording:
-        """See :meth:`Motion.recording`."""
+        """See :meth:`EventMotion.recording`."""
 
     def ahead(self, first: int, n: int, watch: Watch) -> int:
         """Take up to n whole steps at once after the first ones, and record those without an event.
@@ -499,12 +501,12 @@ class SteppedMotion(ABC, Generic[S]):
         return np.asarray(self.kinematics.gap(stop, q)), np.asarray(speed)
 
     def gap(self, stop: str) -> tuple[float, float]:
-        """See :meth:`Motion.gap`."""
+        """See :meth:`EventMotion.gap`."""
         gap, speed = self.gaps(stop, self.state())
         return float(gap), float(speed)
 
     def proceed(self, start: float, end: float, watch: Watch) -> Halt:
-        """See :meth:`Motion.proceed`."""
+        """See :meth:`EventMotion.proceed`."""
         while start < end:
             if start >= self._step_end:  # a new whole step
                 n = min(self.at_once, self._whole - self._taken)

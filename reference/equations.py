@@ -14,7 +14,7 @@ then H = J^H K J, b = Re(J^H K dJ/dt u) and Q = Re(J^H (C^H m) (-i g)). Force el
 
 Constraints (closed stops, loops of joints) enter by the index-1 form of KKT: G a = -gamma. Where
 some of them follow from the others (a beam on three parallel cranks), the accelerations are unique
-and the multipliers are not: those of least norm are taken (:class:`Scales`).
+and the multipliers are not: those of least norm are taken (:class:`ConstraintScales`).
 
 Consistent initialisation: the nearest coordinates and speeds that fulfil the constraints.
 Gauss-Newton with the least step that removes the linearised residual, G(q) dq = -residual; speeds
@@ -237,7 +237,7 @@ class Equations:
             return None
         return self._scales(names).basis(self.constraint_jacobian(q, names), self._ranks[names])
 
-    def _scales(self, closed: Sequence[str]) -> Scales:
+    def _scales(self, closed: Sequence[str]) -> ConstraintScales:
         functions = (*self.kinematics.loop_closures, *(self._gaps[name] for name in closed))
         inertia = np.diag(self._products).real + np.diag(self._inertias)
         for k, c in self.kinematics.carried:  # with the slide at 1 m
@@ -392,7 +392,7 @@ def _rank_near(equations: Equations, q: FloatArray, closed: Sequence[str]) -> in
 
 
 @dataclass(frozen=True)
-class Scales:
+class ConstraintScales:
     r"""Scales in which constraints are compared: diagonals of D_r (n_constraints,) and D_c (n_q,).
 
     Redundant constraints (a beam on three parallel cranks) leave accelerations unique and
@@ -435,7 +435,7 @@ class Basis:
     """Multipliers without a generalized force, (..., n_constraints - rank, n_constraints)."""
 
 
-def scales_of(inertia: FloatArray, amplitudes: FloatArray) -> Scales:
+def scales_of(inertia: FloatArray, amplitudes: FloatArray) -> ConstraintScales:
     """Scales of constraints.
 
     Args:
@@ -445,7 +445,7 @@ def scales_of(inertia: FloatArray, amplitudes: FloatArray) -> Scales:
     """
     columns = 1.0 / np.sqrt(np.where(inertia > 0, inertia, 1.0))
     lengths = np.linalg.norm(amplitudes * columns[..., None, :], axis=-1)
-    return Scales(1.0 / np.where(lengths > 0, lengths, 1.0), columns)
+    return ConstraintScales(1.0 / np.where(lengths > 0, lengths, 1.0), columns)
 
 
 def least_step(jacobian: FloatArray, residual: FloatArray, rank: int) -> FloatArray:

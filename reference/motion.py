@@ -18,7 +18,7 @@ from ..models.problem import Problem, StopLaw
 from ..models.shown import Shown
 from ..models.trajectory import PointMotion, Trajectory
 from . import solver
-from .solution import Motion, Solution
+from .solution import MotionSamples, Solution
 
 
 def solve(
@@ -212,7 +212,7 @@ class ReferenceMotion(Shown):
             raise InputError("t must be a finite time [s], or times of shape (n,).")
         return times
 
-    def _read(self, t: ArrayLike) -> Motion:
+    def _read(self, t: ArrayLike) -> MotionSamples:
         return self.solution.motion(self._times(t))
 
     def _marker(self, name: str, t: ArrayLike) -> PointMotion:

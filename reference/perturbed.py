@@ -28,48 +28,62 @@ TOLERANCE = 1e-12
 """Local error bound: scheduled motions are compared with far larger deviations."""
 
 
-class _With(Equations):
-    """The equations with forces beside those of the mechanism: the compiled ones have them, too."""
+class PerturbedEquations(Equations):
+    """Equations of motion with forces beside those of the mechanism, also where compiled.
 
-    def __init__(self, mechanism: Mechanism, **beside: Any) -> None:
+    Args:
+        mechanism: without the fault.
+        armature: inertia beside the bodies', shape (n_q, n_q) [kg m^2].
+        changes: fields of :class:`.compiled.Added`; none where left out.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, armature: FloatArray | None = None, **changes: Any
+    ) -> None:
         super().__init__(mechanism)
-        self._beside = replace(Added.none(len(mechanism.coordinates)), **beside)
+        self._changes = replace(Added.none(len(mechanism.coordinates)), **changes)
+        if armature is not None:
+            self._inertias = self._inertias + armature
 
     def _added(self) -> Added:
-        return self._beside
+        return self._changes
 
     def _bias(
         self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray
     ) -> FloatArray:
-        return (
-            super()._bias(q, u, rates, quadratic) if self._beside.centrifugal else np.zeros_like(u)
-        )
+        if not self._changes.centrifugal:
+            return np.zeros_like(u)
+        return super()._bias(q, u, rates, quadratic)
 
     def _forces(
         self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray
     ) -> FloatArray:
-        added = self._beside
+        added = self._changes
         linear = added.constant - (q - added.relaxed) @ added.stiffness.T - u @ added.damping.T
         momenta = (quadratic.real + self._inertias) @ u[..., None]
         return super()._forces(q, u, rates, quadratic) + linear - added.rate * momenta[..., 0]
 
     def potential_energy(self, q: FloatArray) -> FloatArray:
         """Energy with that of the added springs [J]."""
-        stretched = q - self._beside.relaxed
-        return super().potential_energy(q) + 0.5 * np.sum(
-            stretched @ self._beside.stiffness * stretched, axis=-1
-        )
+        stretched = q - self._changes.relaxed
+        springs = 0.5 * np.sum(stretched @ self._changes.stiffness * stretched, axis=-1)
+        return super().potential_energy(q) + springs
 
 
-class WithoutCentrifugal(_With):
-    """The equations with their centrifugal (and so all velocity-dependent) forces left out."""
-
-    def __init__(self, mechanism: Mechanism) -> None:
-        super().__init__(mechanism, centrifugal=False)
+def without_centrifugal(mechanism: Mechanism) -> Equations:
+    """Equations without the centrifugal (and so all velocity-dependent) forces."""
+    return PerturbedEquations(mechanism, centrifugal=False)
 
 
-class WithJoint(_With):
-    """The equations with an element on one joint, between its two bodies.
+def with_joint_element(
+    mechanism: Mechanism,
+    joint: str,
+    damping: float = 0.0,
+    armature: float = 0.0,
+    stiffness: float = 0.0,
+    torque: float = 0.0,
+) -> Equations:
+    """Equations with an element on one joint, between its two bodies.
 
     Args:
         mechanism: without the element.
@@ -79,54 +93,40 @@ class WithJoint(_With):
         stiffness: of a linear spring, relaxed at the start [N m/rad].
         torque: constant, on the child [N m].
     """
-
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        joint: str,
-        damping: float = 0.0,
-        armature: float = 0.0,
-        stiffness: float = 0.0,
-        torque: float = 0.0,
-    ) -> None:
-        perturbed_joint = next(j for j in mechanism.joints if j.name == joint)
-        row = (
-            Kinematics(mechanism).angle(perturbed_joint.child, perturbed_joint.parent).coefficients
-        )
-        both = np.outer(row, row)
-        start = np.array(mechanism.start, dtype=np.float64)
-        springs = {"constant": torque * row, "stiffness": stiffness * both, "relaxed": start}
-        super().__init__(mechanism, **springs, damping=damping * both)
-        self._inertias = self._inertias + armature * both
+    link = next(j for j in mechanism.joints if j.name == joint)
+    row = Kinematics(mechanism).angle(link.child, link.parent).coefficients
+    both = np.outer(row, row)
+    return PerturbedEquations(
+        mechanism,
+        armature=armature * both,
+        constant=torque * row,
+        stiffness=stiffness * both,
+        relaxed=np.array(mechanism.start, dtype=np.float64),
+        damping=damping * both,
+    )
 
 
-class WithRubbing(_With):
-    """The equations with viscous friction against rates of change, each a row on u.
+def with_friction(mechanism: Mechanism, rows: FloatArray, damping: float) -> Equations:
+    """Equations with viscous friction on the rates `rows @ u`.
 
     Args:
         mechanism: without it.
         rows: shape (n, n_q).
         damping: [N m s/rad, or N s/m of a row of slides].
     """
-
-    def __init__(self, mechanism: Mechanism, rows: FloatArray, damping: float) -> None:
-        super().__init__(mechanism, damping=damping * rows.T @ rows)
+    return PerturbedEquations(mechanism, damping=damping * rows.T @ rows)
 
 
-class WithDamping(_With):
-    """The equations with every body damped at the same rate [1/s]: forces -rate M u."""
-
-    def __init__(self, mechanism: Mechanism, rate: float) -> None:
-        super().__init__(mechanism, rate=rate)
+def with_damping(mechanism: Mechanism, rate: float) -> Equations:
+    """Equations with every body damped at the same rate [1/s]: forces -rate M u."""
+    return PerturbedEquations(mechanism, rate=rate)
 
 
-class WithTiltedGravity(_With):
-    """The equations with gravity turned anticlockwise by an angle [rad]."""
-
-    def __init__(self, mechanism: Mechanism, angle: float) -> None:
-        direction = as_complex(mechanism.gravity_direction) * np.exp(1j * angle)
-        turned = (float(direction.real), float(direction.imag))
-        super().__init__(mechanism.model_copy(update={"gravity_direction": turned}))
+def with_tilted_gravity(mechanism: Mechanism, angle: float) -> Equations:
+    """Equations with gravity turned anticlockwise by an angle [rad]."""
+    direction = as_complex(mechanism.gravity_direction) * np.exp(1j * angle)
+    turned = (float(direction.real), float(direction.imag))
+    return PerturbedEquations(mechanism.model_copy(update={"gravity_direction": turned}))
 
 
 def solve_scheduled(

@@ -51,7 +51,7 @@ _SAFETY = 2.0  # times what a step may change, as speeds inside it are others
 _POSITIONS = 32  # random ones, for the largest arms
 
 
-class Watch:
+class RankWatch:
     """Watches one segment's constraints for a loss of rank, and finds the motion across it."""
 
     def __init__(self, equations: Equations, closed: Sequence[str], q: FloatArray) -> None:
@@ -60,9 +60,8 @@ class Watch:
         if equations.n_loops:
             basis = equations.basis(q, closed)
             self.rank = equations.n_loops + len(closed) if basis is None else basis.rows.shape[-2]
-            self.level = (
-                _NEAR if self.rank else 0.0
-            )  # joints that say again what the tree says lose no rank
+            # Joints that say again what the tree says lose no rank.
+            self.level = _NEAR if self.rank else 0.0
             positions = q + np.random.default_rng(1).uniform(-np.pi, np.pi, (_POSITIONS, len(q)))
             arms = np.abs(equations.constraint_jacobian(positions, closed)).max(axis=0)
             self.arms = arms.max(axis=0)
@@ -223,9 +222,8 @@ class Watch:
             if k == 0:
                 return None
             if abs(ahead[k] - half) < 0.05 * half:
-                clear = ahead[k:][
-                    values[k:] > 0.5 * values[0]
-                ]  # of the next singular position, if there is one
+                # Of the next singular position, if there is one.
+                clear = ahead[k:][values[k:] > 0.5 * values[0]]
                 end = clear[np.argmin(np.abs(clear - 2 * half))] if len(clear) else 2 * half
                 return self._collocated(given, given.time, 0.5 * float(end), _FIRST, motion)
             half = float(ahead[k])
@@ -359,7 +357,7 @@ class Watch:
 
 
 def note_singular_start(equations: Equations, q: FloatArray, u: FloatArray) -> None:
-    """Let a motion with speeds start in a singular position (:meth:`Watch.begin`)."""
+    """Let a motion with speeds start in a singular position (:meth:`RankWatch.begin`)."""
     if not equations.n_loops or not u.any() or equations.rank(q, ()) == equations.n_loops:
         return
     beside = q + 1e-2 * u / np.abs(u).max()
@@ -369,9 +367,8 @@ def note_singular_start(equations: Equations, q: FloatArray, u: FloatArray) -> N
             place = place - least_step(
                 equations.constraint_jacobian(place, ()), equations.loop_residual(place), rank
             )
-            if (
-                not np.abs(place - beside).max() < 1.0
-            ):  # where the rank is less, steps have no bound
+            # Where the rank is less, steps have no bound.
+            if not np.abs(place - beside).max() < 1.0:
                 break
         near = (
             np.abs(place - beside).max() < 1e-2

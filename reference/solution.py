@@ -61,7 +61,7 @@ _Forces = Callable[
 
 
 @dataclass(frozen=True)
-class Motion:
+class MotionSamples:
     """States, accelerations and multipliers at given times."""
 
     q: FloatArray
@@ -104,7 +104,7 @@ class Solution(Shown):
                 yield f"{name} opens", "not" if time is None else f"{time:.9f} s"
         yield "impacts", str(len(self.impacts))
 
-    def motion(self, t: FloatArray) -> Motion:
+    def motion(self, t: FloatArray) -> MotionSamples:
         """Everything at times t [s], shape (n,); at an event, the state after it.
 
         Raises:
@@ -131,7 +131,7 @@ class Solution(Shown):
             if len(indices):
                 yield segment, indices
 
-    def motion_of(self, t: FloatArray, q: FloatArray, u: FloatArray) -> Motion:
+    def motion_of(self, t: FloatArray, q: FloatArray, u: FloatArray) -> MotionSamples:
         """Accelerations and multipliers of other states, under the active stops at times t [s].
 
         Args:
@@ -142,7 +142,9 @@ class Solution(Shown):
             t, q, u, lambda segment, equations, _, q, u: equations.solve(q, u, segment.closed)
         )
 
-    def _motion(self, t: FloatArray, q: FloatArray, u: FloatArray, forces: _Forces) -> Motion:
+    def _motion(
+        self, t: FloatArray, q: FloatArray, u: FloatArray, forces: _Forces
+    ) -> MotionSamples:
         a, loops = np.empty_like(q), np.empty((len(t), self.equations.n_loops))
         torques = {stop.name: np.zeros(len(t)) for stop in self.problem.mechanism.stops}
         with numerical("with the forces of its motion"):
@@ -157,9 +159,9 @@ class Solution(Shown):
                     torques[name][indices] = torque
         refuse_infinite("accelerations", a)
         refuse_infinite("forces of joints and stops", loops, *torques.values())
-        return Motion(q, u, a, loops, torques)
+        return MotionSamples(q, u, a, loops, torques)
 
-    def joint_reactions(self, motion: Motion) -> dict[str, FloatArray]:
+    def joint_reactions(self, motion: MotionSamples) -> dict[str, FloatArray]:
         """Force on each joint's child [N], world frame, shape (n, 2), by Newton's law."""
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
         gravity = np.array(mechanism.gravity_vector)
@@ -267,7 +269,7 @@ class Solution(Shown):
         return self.reading(t, self.motion(t), provenance)
 
     def reading(
-        self, t: FloatArray, motion: Motion, provenance: Provenance | None = None
+        self, t: FloatArray, motion: MotionSamples, provenance: Provenance | None = None
     ) -> Trajectory:
         """All that a trajectory holds, of a motion at the times t [s], shape (n,)."""
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics

@@ -36,7 +36,7 @@ from ..models.problem import LONGEST, Problem, StopLaw
 from .contact import ActiveSet, EventFunction, PostEventState
 from .equations import Equations
 from .integrator import MOST_STEPS, CompiledIntegrator, Integrator, StepLimit, numerical, one_thread
-from .singular import Watch, Window, note_singular_start
+from .singular import RankWatch, Window, note_singular_start
 from .solution import Segment, Solution
 
 _MAX_EVENTS = 10_000
@@ -233,7 +233,7 @@ def integrate_segment(
     def rates(_: float, y: FloatArray) -> FloatArray:
         return np.concatenate([y[n_q:], equations.solve(y[:n_q], y[n_q:], closed)[0]])
 
-    watch, path = Watch(equations, closed, y[:n_q]), _Path(locate, start, end)
+    watch, path = RankWatch(equations, closed, y[:n_q]), _Path(locate, start, end)
     if (window := watch.begin(start, y[:n_q], y[n_q:])) is not None:
         y = np.concatenate(watch.projected(*path.cross(window)))
     longest = longest_step(equations, y[:n_q], closed)
@@ -283,9 +283,8 @@ class _Path:
 
     def segment(self, closed: tuple[str, ...]) -> Segment:
         """The segment up to here."""
-        if (
-            len(self._pieces) > 1 and self.times[-1] <= self.times[-2]
-        ):  # the event fell on the step's very start
+        # The event fell on the step's very start.
+        if len(self._pieces) > 1 and self.times[-1] <= self.times[-2]:
             self.times.pop()
             self._pieces.pop()
         interpolant = OdeSolution(np.array(self.times), self._pieces)

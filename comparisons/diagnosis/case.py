@@ -21,15 +21,13 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.trajectory import PointMotion, Trajectory
 from ...reference.equations import Equations
-from ...reference.solution import Motion, Solution
+from ...reference.solution import MotionSamples, Solution
 from ...reference.solver import solve
 from ..runs.metrics import EVENT_GUARD
 from ..runs.results import RankedCause
 from .rank import Estimate
 
 ENERGIES = ("kinetic energy", "potential energy")
-
-
 _FAINT = 1e-4  # of the largest: earlier than this, rounding and steps are most of a deviation
 
 
@@ -219,21 +217,11 @@ def thinned(trajectory: Trajectory, keep: IndexArray) -> Trajectory:
 
 
 _SAMPLES = 300  # of the compared motion: enough to tell suspects apart
-
-
 _FEWEST = 3
-
-
 _ROUNDING = 1e-10  # of the forces of gravity
-
-
 _ROUGH_MARGIN = 10  # a fault's motion may be so many times as sensitive as the reference's
 _ROUGH_ENOUGH = 0.01  # error of a share up to which a rough one is of use
-
-
 _REFERENCE_STEPS = 100  # at least, as a measure of what a motion with a fault may cost
-
-
 FINE = 1e-11
 """Tolerance of the suspects' motions."""
 ROUGH = 1e-6
@@ -319,7 +307,7 @@ class Case:
         return self.trajectory.t
 
     @cached_property
-    def motion(self) -> Motion:
+    def motion(self) -> MotionSamples:
         """The reference's, at these times."""
         return self.solution.motion(self.t)
 
@@ -440,7 +428,7 @@ class Case:
         except (TrebucheckError, np.linalg.LinAlgError, ValueError):
             return None
 
-    def seen(self, wrong: Solution, motion: Motion) -> tuple[FloatArray, FloatArray]:
+    def seen(self, wrong: Solution, motion: MotionSamples) -> tuple[FloatArray, FloatArray]:
         """Signatures of a faulty motion, read by an engine with the fault, and by others.
 
         An engine with a wrong body computes markers and energies by that; an adapter that gets

@@ -48,11 +48,11 @@ from ...models.mechanism import Body, Mechanism
 from ...models.spec import Vector
 from ...reference.equations import Equations, consistent_coordinates, consistent_speeds
 from ...reference.perturbed import (
-    WithDamping,
-    WithJoint,
-    WithoutCentrifugal,
-    WithRubbing,
-    WithTiltedGravity,
+    with_damping,
+    with_friction,
+    with_joint_element,
+    with_tilted_gravity,
+    without_centrifugal,
 )
 from ..runs.results import RankedCause
 
@@ -820,16 +820,16 @@ def _laws(mechanism: Mechanism) -> Iterator[Hypothesis]:
     if mechanism.gravity:
         tilt = Component("", _SMALL, "rad")
         yield law(
-            "direction of gravity", lambda f: WithTiltedGravity(mechanism, f[0] * _SMALL), tilt
+            "direction of gravity", lambda f: with_tilted_gravity(mechanism, f[0] * _SMALL), tilt
         )
     rate = Component("rate", _SMALL * math.sqrt(gravity / length), "1/s", positive=True)
-    yield law("damping of all bodies", lambda f: WithDamping(mechanism, f[0] * rate.scale), rate)
+    yield law("damping of all bodies", lambda f: with_damping(mechanism, f[0] * rate.scale), rate)
     yield from _rubbing(mechanism, torque, math.sqrt(gravity / length), length)
     viscous = Component("viscous", torque * math.sqrt(length / gravity), "N m s/rad", positive=True)
     spring = Component("stiffness", torque, "N m/rad", positive=True)
     constant = Component("torque at the start", torque, "N m")
     for joint in _turning(mechanism):
-        element = partial(WithJoint, mechanism, joint.name)
+        element = partial(with_joint_element, mechanism, joint.name)
         yield law(
             f"friction or damping of the {joint.name}",
             lambda f, e=element: e(damping=f[0] * viscous.scale),
@@ -875,7 +875,7 @@ def _rubbing(
 def _rubbed(
     mechanism: Mechanism, rows: FloatArray, size: float, factors: Sequence[float]
 ) -> Equations:
-    return WithRubbing(mechanism, rows, factors[0] * size)
+    return with_friction(mechanism, rows, factors[0] * size)
 
 
 def _turning(mechanism: Mechanism) -> list[AnyJoint]:
@@ -886,7 +886,10 @@ def armatures(mechanism: Mechanism) -> Iterator[Hypothesis]:
     """Rotors' inertias on the joints, which engines have; they move like bodies' inertias."""
     size = _SMALL * sum(body.mass for body in mechanism.bodies) * mechanism_length(mechanism) ** 2
     for joint in _turning(mechanism):
-        name, element = f"armature of the {joint.name}", partial(WithJoint, mechanism, joint.name)
+        name, element = (
+            f"armature of the {joint.name}",
+            partial(with_joint_element, mechanism, joint.name),
+        )
         inertia = Component("", size, "kg m^2", positive=True)
         yield Hypothesis(
             name, "law", (inertia,), name, lambda f, e=element: e(armature=f[0] * size)
@@ -899,11 +902,11 @@ def _sprung(element: Callable[..., Equations], unit: float, factors: Sequence[fl
 
 def gross_faults(mechanism: Mechanism) -> Iterator[tuple[str, Equations]]:
     """Faults without a size that no small fault leads to."""
-    yield "velocity-dependent forces dropped", WithoutCentrifugal(mechanism)
+    yield "velocity-dependent forces dropped", without_centrifugal(mechanism)
     if mechanism.gravity:
         down = mechanism.gravity_direction == (0.0, -1.0)
-        yield "gravity reversed", WithTiltedGravity(mechanism, math.pi)
+        yield "gravity reversed", with_tilted_gravity(mechanism, math.pi)
         for angle, where in ((90, "along +x"), (-90, "along -x")):
             turned = where if down else f"turned by {angle:+d} deg"
-            yield f"gravity {turned}", WithTiltedGravity(mechanism, math.radians(angle))
+            yield f"gravity {turned}", with_tilted_gravity(mechanism, math.radians(angle))
         yield "no gravity", Equations(mechanism.model_copy(update={"gravity": 0.0}))

@@ -78,7 +78,7 @@ class Placement:
 
 
 @dataclass(frozen=True)
-class MassProperties:
+class LumpedMass:
     """Mass [kg], centre [m] and inertia about it [kg m^2] of a body, moved masses included."""
 
     mass: float
@@ -86,7 +86,7 @@ class MassProperties:
     inertia: float
 
     @classmethod
-    def of(cls, body: Body) -> MassProperties:
+    def of(cls, body: Body) -> LumpedMass:
         """A body's own."""
         return cls(body.mass, complex(*body.centre), body.inertia)
 
@@ -94,19 +94,19 @@ class MassProperties:
         """The fields of a body that has these."""
         return {"mass": self.mass, "centre": _pair(self.centre), "inertia": self.inertia}
 
-    def joined(self, other: MassProperties) -> MassProperties:
+    def joined(self, other: LumpedMass) -> LumpedMass:
         """The two as one body."""
         joined = self.with_mass_at(other.centre, other.mass)
-        return MassProperties(joined.mass, joined.centre, joined.inertia + other.inertia)
+        return LumpedMass(joined.mass, joined.centre, joined.inertia + other.inertia)
 
-    def with_mass_at(self, point: complex, mass: float) -> MassProperties:
+    def with_mass_at(self, point: complex, mass: float) -> LumpedMass:
         """The same body with a point mass."""
         if same_point(point, self.centre):  # keeps the inertia of a point mass at exactly 0
-            return MassProperties(self.mass + mass, self.centre, self.inertia)
+            return LumpedMass(self.mass + mass, self.centre, self.inertia)
         total = self.mass + mass
         centre = (self.mass * self.centre + mass * point) / total
         inertia = self.inertia + self.mass * mass / total * abs(point - self.centre) ** 2
-        return MassProperties(total, centre, inertia)
+        return LumpedMass(total, centre, inertia)
 
     def spare_mass(self, point: complex) -> float:
         """The mass that can be taken away at a point [kg]: then the inertia of the rest is 0."""
@@ -114,11 +114,11 @@ class MassProperties:
             return self.mass
         return self.mass * self.inertia / (self.inertia + self.mass * abs(point - self.centre) ** 2)
 
-    def with_pivot_mass(self, pin: complex, factor: float) -> MassProperties:
+    def with_pivot_mass(self, pin: complex, factor: float) -> LumpedMass:
         """The same body about a fixed pin, its mass multiplied."""
         arm = self.centre - pin
         inertia = self.inertia + self.mass * abs(arm) ** 2 * (1 - 1 / factor)
-        return MassProperties(self.mass * factor, pin + arm / factor, inertia)
+        return LumpedMass(self.mass * factor, pin + arm / factor, inertia)
 
 
 _SAME_POINT = 1e-12  # [m]
@@ -184,10 +184,10 @@ def _carriers(joint: AnyJoint, placements: Mapping[str, Placement]) -> set[str]:
 
 def _joined_bodies(mechanism: Mechanism, placements: Mapping[str, Placement]) -> tuple[Body, ...]:
     """Bodies that carry others or only themselves, with the masses of all that they carry."""
-    masses: dict[str, MassProperties] = {}
+    masses: dict[str, LumpedMass] = {}
     for body in mechanism.bodies:
         frame = placements[body.name]
-        carried = MassProperties(body.mass, complex(*frame.point(body.centre)), body.inertia)
+        carried = LumpedMass(body.mass, complex(*frame.point(body.centre)), body.inertia)
         carrier = masses.get(frame.carrier)
         masses[frame.carrier] = carried if carrier is None else carrier.joined(carried)
     carriers = [body for body in mechanism.bodies if body.name in masses]
@@ -414,9 +414,9 @@ class _PartMaker:
                 parts.append(self._part(body, body_mass, pin, turns=True))
         return parts[::-1]
 
-    def _mass_properties(self) -> dict[str, MassProperties]:
+    def _mass_properties(self) -> dict[str, LumpedMass]:
         """Mass properties of the bodies; those that turn together share their inertia."""
-        masses = {body.name: MassProperties.of(body) for body in self.mechanism.bodies}
+        masses = {body.name: LumpedMass.of(body) for body in self.mechanism.bodies}
         groups: dict[int | None, list[str]] = {}
         for name in masses:
             groups.setdefault(self.attitudes[name][0], []).append(name)
@@ -427,7 +427,7 @@ class _PartMaker:
                 masses[name] = replace(masses[name], inertia=share)
         return masses
 
-    def _is_bob(self, body: Body, body_mass: MassProperties, pin: complex) -> bool:
+    def _is_bob(self, body: Body, body_mass: LumpedMass, pin: complex) -> bool:
         joint, children = self.joints[body.name], self.mechanism.children(body.name)
         if not is_pin(joint) or same_point(body_mass.centre, pin) or self._guides(body.name):
             return False
@@ -464,8 +464,8 @@ class _PartMaker:
         return [complex(*point) for name, point in ends if name == body]
 
     def _with_inertia(
-        self, body_mass: MassProperties, joint: AnyJoint, masses: dict[str, MassProperties]
-    ) -> MassProperties:
+        self, body_mass: LumpedMass, joint: AnyJoint, masses: dict[str, LumpedMass]
+    ) -> LumpedMass:
         """A point mass with mass at its pin that its parent lends, if it can."""
         pin, at = complex(*joint.child_point), complex(*joint.parent_point)
         if (
@@ -479,7 +479,7 @@ class _PartMaker:
         masses[joint.parent] = masses[joint.parent].with_mass_at(at, -lent)
         return body_mass.with_mass_at(pin, lent)
 
-    def _turning(self, body: Body, body_mass: MassProperties, joint: AnyJoint) -> MassProperties:
+    def _turning(self, body: Body, body_mass: LumpedMass, joint: AnyJoint) -> LumpedMass:
         if joint.parent == GROUND and is_pin(joint):
             factor = self.pivot_mass
             if body_mass.inertia <= 0:
@@ -493,7 +493,7 @@ class _PartMaker:
             )
         return body_mass
 
-    def _part(self, body: Body, body_mass: MassProperties, pin: complex, turns: bool) -> BodyPart:
+    def _part(self, body: Body, body_mass: LumpedMass, pin: complex, turns: bool) -> BodyPart:
         engine_body = pymunk.Body(body_mass.mass, body_mass.inertia if turns else math.inf)
         row = self.kinematics.point(body.name, _pair(body_mass.centre))
         x, y = self.kinematics.position(row, self.q).tolist()
@@ -507,9 +507,9 @@ class _PartMaker:
         return BodyPart(body.name, engine_body, body_mass.centre, pin, turns)
 
 
-def _oscillator(body_mass: MassProperties, pin: complex) -> tuple[MassProperties, float]:
+def _oscillator(body_mass: LumpedMass, pin: complex) -> tuple[LumpedMass, float]:
     """Point mass that swings about the pin like the body, and the mass left on the pin [kg]."""
     arm, mass = body_mass.centre - pin, body_mass.mass
     about_pin = body_mass.inertia + mass * abs(arm) ** 2
     ratio = about_pin / (mass * abs(arm) ** 2)
-    return MassProperties(mass / ratio, pin + ratio * arm, 0.0), mass * (1 - 1 / ratio)
+    return LumpedMass(mass / ratio, pin + ratio * arm, 0.0), mass * (1 - 1 / ratio)

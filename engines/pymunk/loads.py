@@ -42,7 +42,7 @@ class Resultant:
     torque: float = 0.0
 
 
-class Bodies:
+class LoadedBodies:
     """Poses of the bodies, and the resultants that they collect."""
 
     def __init__(self, pose_of: Callable[[pymunk.Body], Pose]) -> None:
@@ -91,7 +91,7 @@ class Combination:
         terms = (Term(weight * term.weight, term.body, term.arm) for term in self.terms)
         return Combination(weight * self.constant, tuple(terms))
 
-    def place_and_speed(self, bodies: Bodies) -> tuple[complex, complex]:
+    def place_and_speed(self, bodies: LoadedBodies) -> tuple[complex, complex]:
         """Its value [m] and the rate of that [m/s]."""
         place, speed = self.constant, 0j
         for term in self.terms:
@@ -101,7 +101,7 @@ class Combination:
             speed += term.weight * (pose.velocity + 1j * pose.spin * arm)
         return place, speed
 
-    def push(self, bodies: Bodies, force: complex) -> None:
+    def push(self, bodies: LoadedBodies, force: complex) -> None:
         """Let a force act on it [N]: each term gets what does the same work."""
         for term in self.terms:
             share = term.weight.conjugate() * force
@@ -112,11 +112,11 @@ class Combination:
 class Angle(Protocol):
     """Angle of a body of the mechanism, clockwise."""
 
-    def value_and_speed(self, bodies: Bodies) -> tuple[float, float]:
+    def value_and_speed(self, bodies: LoadedBodies) -> tuple[float, float]:
         """[rad] and [rad/s]."""
         ...
 
-    def push(self, bodies: Bodies, torque: float) -> None:
+    def push(self, bodies: LoadedBodies, torque: float) -> None:
         """Let a clockwise torque act on the body [N m]."""
         ...
 
@@ -125,11 +125,11 @@ class Angle(Protocol):
 class FixedAngle:
     """Angle of the ground."""
 
-    def value_and_speed(self, bodies: Bodies) -> tuple[float, float]:
+    def value_and_speed(self, bodies: LoadedBodies) -> tuple[float, float]:
         """0."""
         return 0.0, 0.0
 
-    def push(self, bodies: Bodies, torque: float) -> None:
+    def push(self, bodies: LoadedBodies, torque: float) -> None:
         """Nothing moves."""
 
 
@@ -139,12 +139,12 @@ class EngineAngle:
 
     body: pymunk.Body
 
-    def value_and_speed(self, bodies: Bodies) -> tuple[float, float]:
+    def value_and_speed(self, bodies: LoadedBodies) -> tuple[float, float]:
         """[rad] and [rad/s]."""
         pose = bodies.pose(self.body)
         return -pose.angle, -pose.spin
 
-    def push(self, bodies: Bodies, torque: float) -> None:
+    def push(self, bodies: LoadedBodies, torque: float) -> None:
         """Let a clockwise torque act on the body [N m]."""
         bodies.add(self.body, 0j, -torque)
 
@@ -160,13 +160,13 @@ class RodAngle:
     near: float
     """The angle at the last call, which counts full turns [rad]."""
 
-    def value_and_speed(self, bodies: Bodies) -> tuple[float, float]:
+    def value_and_speed(self, bodies: LoadedBodies) -> tuple[float, float]:
         """[rad] and [rad/s]."""
         rod, speed = self.rod.place_and_speed(bodies)
         self.near -= math.remainder(self.near + cmath.phase(rod / self.arm), 2 * math.pi)
         return self.near, -(speed / rod).imag
 
-    def push(self, bodies: Bodies, torque: float) -> None:
+    def push(self, bodies: LoadedBodies, torque: float) -> None:
         """Let a clockwise torque act on the body [N m]."""
         rod, _ = self.rod.place_and_speed(bodies)
         self.rod.push(bodies, -1j * rod * torque / abs(rod) ** 2)
@@ -175,7 +175,7 @@ class RodAngle:
 class Load(Protocol):
     """A force element, or a part of one, that acts through `body.force` and `body.torque`."""
 
-    def act(self, bodies: Bodies) -> None:
+    def act(self, bodies: LoadedBodies) -> None:
         """Add what it exerts in these poses."""
         ...
 
@@ -188,7 +188,7 @@ class PointForce:
     force: complex
     """[N]"""
 
-    def act(self, bodies: Bodies) -> None:
+    def act(self, bodies: LoadedBodies) -> None:
         """Add what it exerts in these poses."""
         self.point.push(bodies, self.force)
 
@@ -203,7 +203,7 @@ class Pull:
     stiffness: float
     """Stiffness of the spring that acts here [N/m]; 0 where Chipmunk's own does."""
 
-    def act(self, bodies: Bodies) -> None:
+    def act(self, bodies: LoadedBodies) -> None:
         """Add what it exerts in these poses."""
         vector, speed = self.vector.place_and_speed(bodies)
         force, length = -self.stiffness * vector, abs(vector)
@@ -225,7 +225,7 @@ class Twist:
     own: Angle
     other: Angle
 
-    def act(self, bodies: Bodies) -> None:
+    def act(self, bodies: LoadedBodies) -> None:
         """Add what it exerts in these poses."""
         (angle, speed), (other_angle, other_speed) = (
             end.value_and_speed(bodies) for end in (self.own, self.other)
@@ -247,7 +247,7 @@ class Loads:
         Args:
             pose_of: a body's pose at the step's end.
         """
-        bodies = Bodies(pose_of)
+        bodies = LoadedBodies(pose_of)
         for load in self.loads:
             load.act(bodies)
         for body, resultant in bodies.resultants.items():

@@ -24,7 +24,7 @@ from ..contact import ActiveSet, EventFunction, PostEventState
 from ..equations import Equations
 from ..integrator import numerical
 from ..reactions import refuse_dependent
-from ..singular import Watch, Window
+from ..singular import RankWatch, Window
 from ..solution import Segment, Solution
 from ..solver import Event, EventFinder, first_events, releases
 from .compiled import scalar_pool, torque_function
@@ -69,9 +69,8 @@ def solve_taylor(
             events.
     """
     started = time.perf_counter()
-    with numerical(
-        "from the start"
-    ):  # heyoka refuses a system that has no parameters: nothing moves the mechanism
+    # Heyoka refuses a system that has no parameters: nothing moves the mechanism.
+    with numerical("from the start"):
         run = _Integration(problem, tolerance, precision)
         run.integrate(record=True)
     return Solution(
@@ -465,9 +464,8 @@ def _time_to_clear(height: float, speed: float, acceleration: float) -> float:
     """Time that a gap takes to `height` [rad], or to shut again before [s]."""
     if speed <= _STANDING:
         return _OPENING
-    if (
-        acceleration < 0 and speed**2 < -4 * acceleration * height
-    ):  # its top is lower than twice that
+    # Its top is lower than twice that.
+    if acceleration < 0 and speed**2 < -4 * acceleration * height:
         return -2 * speed / acceleration
     return min(height / speed, _OPENING)
 
@@ -486,7 +484,7 @@ class Crossing:
 
     def __init__(self, equations: Equations, initial: PostEventState, finder: EventFinder) -> None:
         self.n_q = len(initial.q)
-        self._watch = Watch(equations, initial.closed, initial.q)
+        self._watch = RankWatch(equations, initial.closed, initial.q)
         self._locate = finder.first
         self._kinematics = equations.kinematics
 

@@ -1,4 +1,7 @@
-"""Mechanisms that are no trebuchets go through every command: any markers or none, no launch, stops or gravity."""
+"""Mechanisms that are no trebuchets go through every command.
+
+Any markers or none, no launch, stops or gravity.
+"""
 
 from __future__ import annotations
 
@@ -165,7 +168,9 @@ def test_what_is_compared_is_the_farthest_point(name: str) -> None:
 def test_the_positions_uncertainty_without_markers_is_that_of_a_marker_at_the_centre_at_most_some_times() -> (
     None
 ):
-    """The bound by coordinates holds what a marker says, and is no more than rounding's and safety's factor above."""
+    """The bound by coordinates holds what a marker says, and is no more than rounding's and
+    safety's factor above.
+    """
     marked, bare = (
         EngineRuns(Runner(MACHINES[name])).uncertainty("position_max")
         for name in ("tip", "no marker")
@@ -218,7 +223,10 @@ def test_the_end_is_that_of_the_study(until: str) -> None:
 
 
 def test_steps_follow_the_size(tmp_path: Path) -> None:
-    """A machine of a hundredth of the size takes a tenth of the time; its steps do, to the next power of two."""
+    """A machine of a hundredth of the size takes a tenth of the time.
+
+    Its steps do, to the next power of two.
+    """
     small = hanging_bob(markers=(Marker(name="tip", body="bob", point=(0.02, 0)),), length=0.02)
     finest: list[float] = []
     for machine in (MACHINES["tip"], small):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -77,22 +77,23 @@ _MOST = 3  # sentences on broken tolerances of one run; the table of all metrics
 def document(comparison: Comparison) -> doc.Document:
     """The whole; a terminal has the tables in short, what broke, and the verdict at its end."""
     results = comparison.results
+    machines = results.machines
     first_verdict, last_verdict = verdict_blocks(verdict(results), doc.mark_of(results.passed))
     blocks: list[doc.Block] = [first_verdict, _tiles(results)]
-    if results.machines:
+    if machines:
         blocks.append(motion(comparison))
     blocks.append(overview(results))
     if any(run.wall_time for run in results.ran):
-        blocks.append(work_precision(results.machines, results.runs))
-    for machine in results.machines:
+        blocks.append(work_precision(machines, results.runs))
+    for machine in machines:
         blocks += _chapter(comparison, machine)
     if any(run.outcome is not Outcome.AGREES for run in results.runs):
         blocks.append(doc.Heading("What differs, and why", 2, "why"))
         blocks += map(doc.page_only, _differing(results))
-    for machine in results.machines:
+    for machine in machines:
         blocks += _evidence(comparison, machine)
     runs = ((run.model, run.label, run.engine_version, run.settings) for run in results.runs)
-    mechanisms = [(machine.model, machine.mechanism) for machine in results.machines]
+    mechanisms = [(machine.model, machine.mechanism) for machine in machines]
     blocks += [
         doc.Heading("How the comparison is made", 2),
         doc.Note(_INTRODUCTION),
@@ -102,7 +103,7 @@ def document(comparison: Comparison) -> doc.Document:
         doc.terminal_only(doc.Listing(tuple(_findings(results)))),
         last_verdict,
     ]
-    window = f"trebucheck: {', '.join(machine.model for machine in results.machines)}"
+    window = f"trebucheck: {', '.join(machine.model for machine in machines)}"
     return doc.Document(_QUESTION, tuple(blocks), window, verdict=verdict(results))
 
 
@@ -123,10 +124,9 @@ def verdict(results: Results) -> str:
     models = f"{sum(check.holds for check in exposed)} of {len(exposed)} built models equivalent"
     if len(exposed) < len(checks):
         models += f", {len(checks) - len(exposed)} not checked"
-    return (
-        f"{_headline(results, judged > 0)}. Runs: {outcomes or 'none'}; {held} of {judged} judged "
-        f"quantities hold; {models}."
-    )
+    quantities = f"{held} of {judged} judged quantities hold"
+    headline = _headline(results, judged > 0)
+    return f"{headline}. Runs: {outcomes or 'none'}; {quantities}; {models}."
 
 
 def _headline(results: Results, judged: bool) -> str:
@@ -177,26 +177,23 @@ def _unjudged(run: Run) -> str:
 def _assistance(results: Results) -> doc.Listing:
     """Assistance of trebucheck, by engine and preset."""
     stated = {run.label: run.supplied for run in results.runs if run.supplied is not None}
-    items = (
-        doc.Text(supplied_sentence(assistance), lead=f"{label}:")
-        for label, assistance in sorted(stated.items())
-    )
+    items = (doc.Text(supplied_sentence(s), lead=f"{name}:") for name, s in sorted(stated.items()))
     return doc.Listing(tuple(items))
 
 
 def _tiles(results: Results) -> doc.Tiles:
     """Verdicts counted, and the engines at both ends of the ranking by distance."""
     counted = Counter(run.outcome for run in results.runs)
-    agree, disagree = counted[Outcome.AGREES], counted[Outcome.DISAGREES]
     failed = sum(counted[each] for each in (*FAILURES, Outcome.NOT_EQUIVALENT))
     rest = sum(counted[each] for each in (Outcome.NOT_JUDGED, Outcome.ABSENT, Outcome.UNSUPPORTED))
-    tiles = [
-        doc.Tile(str(agree), "agree", "good" if agree else "plain"),
-        doc.Tile(str(disagree), "disagree", "bad" if disagree else "plain"),
+    counts: list[tuple[int, str, doc.Mark]] = [
+        (counted[Outcome.AGREES], "agree", "good"),
+        (counted[Outcome.DISAGREES], "disagree", "bad"),
     ]
     if failed:
-        tiles.append(doc.Tile(str(failed), "failed or not equivalent", "bad"))
-    tiles.append(doc.Tile(str(rest), "not judged", "warning" if rest else "plain"))
+        counts.append((failed, "failed or not equivalent", "bad"))
+    counts.append((rest, "not judged", "warning"))
+    tiles = [doc.Tile(str(n), label, mark if n else "plain") for n, label, mark in counts]
     ranked = _ranking(results)
     if len(ranked) > 1:
         ends = ((ranked[0], "nearest to the reference"), (ranked[-1], "farthest from it"))
@@ -322,18 +319,18 @@ def figures(comparison: Comparison, machine: Machine) -> doc.Grid:
         solution = comparison.solutions[machine.model]
         return solution, lines(solution, _runs_of(comparison, machine), machine.compared_to)
 
-    blocks: list[doc.Figure] = []
-    for name, caption, columns, draw in _figures(machine):
-        own, width = anchor(machine.model, name), min(columns, _COLUMNS)
-        plot = partial(_draw, draw, drawn)
-        blocks.append(
-            doc.Figure(plot, name.capitalize(), caption, own, machine.model, columns=width)
+    def panels(draw: _Draw) -> Panels:
+        return draw(*drawn())
+
+    model = machine.model
+    blocks = tuple(
+        doc.Figure(
+            partial(panels, draw), name.capitalize(), caption, anchor(model, name), model,
+            columns=min(columns, _COLUMNS),
         )
-    return doc.Grid(tuple(blocks))
-
-
-def _draw(draw: Callable[..., Panels], drawn: Callable[[], tuple[Solution, list[Line]]]) -> Panels:
-    return draw(*drawn())
+        for name, caption, columns, draw in _figures(machine)
+    )  # fmt: skip
+    return doc.Grid(blocks)
 
 
 def anchor(model: str, name: str) -> str:
@@ -346,9 +343,11 @@ _Draw = Callable[[Solution, Sequence[Line]], Panels]
 
 def _figures(machine: Machine) -> Iterator[tuple[str, str, int, _Draw]]:
     """Name, sentence, number of quantities, and what draws it."""
-    opened = {name: time for name, time in machine.release_times.items() if time is not None}
+    end = machine.compared_to
     marks = tuple(
-        Rule(time, f"{name} opens") for name, time in opened.items() if time <= machine.compared_to
+        Rule(time, f"{name} opens")
+        for name, time in machine.release_times.items()
+        if time is not None and time <= end
     )
     markers = {marker.name: position(marker.name) for marker in machine.mechanism.markers}
     if markers:
@@ -361,9 +360,7 @@ def _figures(machine: Machine) -> Iterator[tuple[str, str, int, _Draw]]:
     for name, text, unit, quantities in _quantities(machine):
         if quantities:
             rows = "Upper row: the reference, and runs that part from its line. Lower row: "
-            draw = partial(
-                _over_time, quantities=quantities, unit=unit, marks=marks, end=machine.compared_to
-            )
+            draw = partial(_over_time, quantities=quantities, unit=unit, marks=marks, end=end)
             yield name, f"{text} {rows}differences.", len(quantities), draw
     text = (
         "Total energy less the work of dampers, constant forces and torques, as a share of the "
@@ -460,20 +457,17 @@ def _energy_drift(solution: Solution, runs: Sequence[Line], marks: tuple[Rule, .
 
 def work_precision(machines: Sequence[Machine], runs: Sequence[Run]) -> doc.Figure:
     """Error of every run against its wall time: a panel a machine."""
-    panels = tuple(
-        Plot(
-            Axis("wall time", "s", logarithmic=True),
-            Axis("largest distance of a marker", "m", logarithmic=True),
-            tuple(_priced([run for run in runs if run.model == machine.model])),
-            machine.model,
-        )
-        for machine in machines
-    )
+    time = Axis("wall time", "s", logarithmic=True)
+    distance = Axis("largest distance of a marker", "m", logarithmic=True)
+    panels: list[Plot] = []
+    for machine in machines:
+        own = (run for run in runs if run.model == machine.model)
+        panels.append(Plot(time, distance, tuple(_priced(own)), machine.model))
     text = (
         "Further left is quicker, further down more accurate. Wall times are of this computer, "
         "with everything that the run does: build, simulation, read-out."
     )
-    return doc.Figure(panels, "Error against wall time", text, "work-precision")
+    return doc.Figure(tuple(panels), "Error against wall time", text, "work-precision")
 
 
 def _priced(runs: Iterable[Run]) -> Iterator[Series]:
@@ -643,38 +637,32 @@ def agreement(machine: Machine, runs: Iterable[Run]) -> doc.Table:
 def overview(results: Results) -> doc.Table:
     """Every run of every machine against every quantity, for a page."""
     shown = [each for each in OVERVIEW if any(each.metrics(run) for run in results.runs)]
-    heads = [
+    heads = (
         _ENGINE,
         doc.Column("verdict", align="left", wrap=False, of=verdict_cell),
         *(doc.Column(quantity.title, quantity.unit) for quantity in shown),
         doc.Column("further", align="left"),
         doc.Column("step", "s"),
         _WALL,
-    ]
+    )
     rows: list[doc.Row] = []
     for machine in results.machines:
         if len(results.machines) > 1:
             rows.append(doc.row(f"{machine.model} machine"))
-        own = [run for run in results.runs if run.model == machine.model]
-        rows += [_overview_row(machine, run, shown) for run in own]
+        plots = {anchor(machine.model, name) for name, *_ in _figures(machine)}
+        own = (run for run in results.runs if run.model == machine.model)
+        rows += [_overview_row(run, shown, plots) for run in own]
     return doc.page_only(doc.without_empty_columns(doc.table(heads, rows, _AGREEMENT)))
 
 
-def _overview_row(machine: Machine, run: Run, shown: Sequence[ErrorColumn]) -> doc.Row:
-    plots = {anchor(machine.model, name) for name, *_ in _figures(machine)}
+def _overview_row(run: Run, shown: Sequence[ErrorColumn], plots: Container[str]) -> doc.Row:
+    """A row; its numbers lead to those of the page's plots that show them."""
     cells = [quantity.linked(run) for quantity in shown]
     linked = [cell if cell.link in plots else replace(cell, link="") for cell in cells]
-    agrees = run.outcome is Outcome.AGREES
-    link = _metrics_anchor(run) if agrees else _why_anchor(run)
-    return doc.row(
-        run.label,
-        replace(verdict_cell(run), link=link),
-        *linked,
-        _further(run, shown),
-        _step(run),
-        _wall_time(run),
-        anchor=anchor(run.model, run.label),
-    )
+    link = _metrics_anchor(run) if run.outcome is Outcome.AGREES else _why_anchor(run)
+    verdict, end = replace(verdict_cell(run), link=link), (_step(run), _wall_time(run))
+    own_anchor = anchor(run.model, run.label)
+    return doc.row(run.label, verdict, *linked, _further(run, shown), *end, anchor=own_anchor)
 
 
 def _metrics_anchor(run: Run) -> str:
@@ -839,10 +827,8 @@ def _pairs(pairs: Sequence[Pair]) -> tuple[doc.Block, ...]:
     every = doc.table(_PAIR_COLUMNS, pairs, "Engine against engine, all pairs")
     caption = "engine against engine (tuned; the report has all)"
     short = doc.table(_PAIR_COLUMNS, tuned, caption, "terminal")
-    return (
-        doc.Fold("Engine against engine", (_matrix(pairs), doc.without_empty_columns(every))),
-        doc.without_empty_columns(short),
-    )
+    page = doc.Fold("Engine against engine", (_matrix(pairs), doc.without_empty_columns(every)))
+    return page, doc.without_empty_columns(short)
 
 
 _PAIR_COLUMNS = (
@@ -857,8 +843,7 @@ _PAIR_COLUMNS = (
 def _matrix(pairs: Sequence[Pair]) -> doc.Table:
     """Distances above the diagonal."""
     distances = {(pair.first, pair.second): format_number(pair.position_max) for pair in pairs}
-    ends = [*(pair.first for pair in pairs), *(pair.second for pair in pairs)]
-    labels = [*dict.fromkeys(ends)]
+    labels = [*dict.fromkeys([*(pair.first for pair in pairs), *(pair.second for pair in pairs)])]
     rows = [
         (first, *(distances.get((first, second), "") for second in labels[1:]))
         for first in labels[:-1]
@@ -913,20 +898,21 @@ def summary(results: Results) -> doc.Document:
     if rest or further:
         shown = (_errors(rest), doc.Listing(tuple(further)))
         blocks.append(doc.Fold(f"Further runs ({len(rest)})", shown))
-    items = [
+    items = tuple(
         doc.Text(line, lead=f"{run.model}, {run.label}:")
         for run in results.runs
         for line in complaints(run, _COMPLAINTS)
-    ]
+    )
     if items:
-        blocks.append(doc.Fold("Tolerances that are broken", (doc.Listing(tuple(items)),)))
+        blocks.append(doc.Fold("Tolerances that are broken", (doc.Listing(items),)))
     mechanisms = [(m.model, m.mechanism_hash[:16], f"{m.judged_to:.6g}") for m in results.machines]
     settings = [(run.model, run.label, format_settings(run.settings)) for run in results.runs]
     tables = (
         doc.table("machine | hash | judged to [s]", mechanisms),
         doc.table(["machine", "engine", doc.words("settings")], settings),
     )
-    return doc.Document("", (*blocks, doc.Fold("Mechanisms and settings", tables)))
+    blocks.append(doc.Fold("Mechanisms and settings", tables))
+    return doc.Document("", tuple(blocks))
 
 
 def _most_important(runs: Sequence[Run]) -> tuple[Sequence[Run], Sequence[Run]]:
@@ -937,9 +923,7 @@ def _most_important(runs: Sequence[Run]) -> tuple[Sequence[Run], Sequence[Run]]:
     ordered = [*runs]
     if len(runs) > _ROWS:
         ordered.sort(key=lambda run: run.outcome is Outcome.AGREES)
-    own = [
-        run for run in ordered if run.engine == REFERENCE_ENGINE and run.outcome is Outcome.AGREES
-    ]
+    own = [r for r in ordered if r.engine == REFERENCE_ENGINE and r.outcome is Outcome.AGREES]
     others = [run for run in ordered if run not in own]
     if not others:
         return own[:_ROWS], own[_ROWS:]

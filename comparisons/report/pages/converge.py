@@ -14,83 +14,62 @@ from ...converge.results import (
     MachineStudies,
     Point,
     PowerLaw,
-    QuantityName,
     Studies,
     SweepStudy,
 )
 from .. import document as doc
 from ..numbers import format_number, format_settings
 from ..plots import Axis, Label, Panels, Plot, Series, Style, run_style
-from .tables import chapter, compared_time, is_tuned, provenance
+from .tables import capital, chapter, compared_time, is_tuned, provenance
 
 _WHOLE = Style("#8a8f96")
 
 
 def convergence(studies: Sequence[SweepStudy]) -> Panels:
     """Error against the time step, position and torque, with the fitted lines and their slopes."""
-    return tuple(
-        Plot(
-            Axis("time step", "s", logarithmic=True),
-            _error(curve),
-            tuple(
-                each
-                for study in studies
-                for each in (*_points(study, column, study.label), *_line(study, column))
-            ),
+    plots: list[Plot] = []
+    for column, curve in enumerate(studies[0].curves):
+        series: list[Series] = []
+        labels: list[Label] = []
+        for k, study in enumerate(studies, 1):
+            series += [*_points(study, column, study.label), *_line(study, column)]
             # Lines may all but cover each other; their slopes, each at another place, do not.
-            labels=tuple(
-                label
-                for k, study in enumerate(studies, 1)
-                for label in _slope(study, column, k / (len(studies) + 1))
-            ),
-            height=430,
-        )
-        for column, curve in enumerate(studies[0].curves)
-    )
+            labels += _slope(study, column, k / (len(studies) + 1))
+        steps = Axis("time step", "s", logarithmic=True)
+        plots.append(Plot(steps, _error(curve), tuple(series), labels=tuple(labels), height=430))
+    return tuple(plots)
 
 
 def swept_parameter(study: SweepStudy) -> Panels:
     """Error against one parameter, and the part that the parameter makes where it is isolated."""
-    name = "part of the parameter" if study.own else "error"
-    return tuple(
-        Plot(
-            Axis(study.title, study.unit, logarithmic=True),
-            _error(curve),
-            (
-                *(_points(study, column, "whole error", whole=True) if study.own else ()),
-                *_points(study, column, name),
-                *_line(study, column),
-            ),
-            labels=tuple(_slope(study, column, 0.5)),
-        )
-        for column, curve in enumerate(study.curves)
-    )
+    plots: list[Plot] = []
+    for column, curve in enumerate(study.curves):
+        series = [*_points(study, column, "whole error", whole=True)] if study.own else []
+        series += _points(study, column, "part of the parameter" if study.own else "error")
+        series += _line(study, column)
+        values, labels = Axis(study.title, study.unit, logarithmic=True), _slope(study, column, 0.5)
+        plots.append(Plot(values, _error(curve), tuple(series), labels=tuple(labels)))
+    return tuple(plots)
 
 
 def work_precision(studies: Sequence[SweepStudy]) -> Panels:
     """Error against the median wall time; bars from the quickest to the slowest repeat."""
+    times = Axis("wall time, warm", "s", logarithmic=True)
     return tuple(
-        Plot(
-            Axis("wall time, warm", "s", logarithmic=True),
-            _error(curve),
-            tuple(_timed(study, study.curves[column]) for study in studies),
-            height=400,
-        )
-        for column, curve in enumerate(studies[0].curves)
+        Plot(times, _error(curve), tuple(_timed(s, s.curves[i]) for s in studies), height=400)
+        for i, curve in enumerate(studies[0].curves)
     )
 
 
 def _timed(study: SweepStudy, curve: Curve) -> Series:
     timed = [point for point in study.points if point.wall_times]
-    times = [sorted(point.wall_times) for point in timed]
-    x = np.array([np.median(each) for each in times], dtype=float)
+    x = np.array([np.median(point.wall_times) for point in timed], dtype=float)
     y = np.array([point.error(curve.quantity) or np.nan for point in timed], dtype=float)
-    spread = (
-        np.array([each[0] for each in times], dtype=float),
-        np.array([each[-1] for each in times], dtype=float),
-    )
+    quickest = np.array([min(point.wall_times) for point in timed], dtype=float)
+    slowest = np.array([max(point.wall_times) for point in timed], dtype=float)
     hints = tuple(f"{study.title} = {point.value:.3g}" for point in timed)
-    return Series(study.label, x, y, run_style(study.engine, study.preset), "both", hints, spread)
+    style = run_style(study.engine, study.preset)
+    return Series(study.label, x, y, style, "both", hints, (quickest, slowest))
 
 
 def exponent(law: PowerLaw | None) -> str:
@@ -99,11 +78,8 @@ def exponent(law: PowerLaw | None) -> str:
 
 
 def _error(curve: Curve) -> Axis:
-    name = (
-        "position"
-        if curve.quantity == "position"
-        else f"stop {'force' if curve.unit == 'N' else 'torque'}"
-    )
+    stop = "stop force" if curve.unit == "N" else "stop torque"
+    name = "position" if curve.quantity == "position" else stop
     return Axis(f"largest error, {name}", curve.unit, logarithmic=True)
 
 
@@ -165,28 +141,24 @@ def document(studies: Studies) -> doc.Document:
     failures = tuple(doc.Text(sentence, "warning") for sentence in _failures(studies))
     blocks: list[doc.Block] = []
     if failures:
-        blocks.append(
-            doc.Fold(
-                f"What did not run ({len(failures)})",
-                (doc.Listing(failures),),
-                opened=len(failures) <= 5,
-            )
-        )
+        title = f"What did not run ({len(failures)})"
+        blocks.append(doc.Fold(title, (doc.Listing(failures),), opened=len(failures) <= 5))
     for machine in studies.machines:
         blocks += _chapter(machine)
-    runs = (
+    runs = [
         (machine.model, f"{study.label}, {study.knob}", study.engine_version, study.settings)
         for machine in studies.machines
         for study in machine.studies
-    )
-    blocks += [doc.Heading("How it is measured", 2), doc.Note(_INTRODUCTION)]
-    blocks += provenance(
-        studies, runs, [(machine.model, machine.mechanism) for machine in studies.machines]
-    )
-    blocks.append(doc.Listing(failures, medium="terminal"))
-    number = sum(len(machine.studies) for machine in studies.machines)
-    models = ", ".join(machine.model for machine in studies.machines)
-    verdict = f"{number} sweeps of {models or 'no machine'}; {len(failures)} things did not run"
+    ]
+    mechanisms = [(machine.model, machine.mechanism) for machine in studies.machines]
+    blocks += [
+        doc.Heading("How it is measured", 2),
+        doc.Note(_INTRODUCTION),
+        *provenance(studies, runs, mechanisms),
+        doc.Listing(failures, medium="terminal"),
+    ]
+    models = ", ".join(machine.model for machine in studies.machines) or "no machine"
+    verdict = f"{len(runs)} sweeps of {models}; {len(failures)} things did not run"
     title = "How fast does each engine's error fall with its settings?"
     return doc.Document(title, tuple(blocks), "trebucheck converge", verdict=verdict)
 
@@ -209,16 +181,14 @@ def _failures(studies: Studies) -> Iterator[str]:
 def _chapter(machine: MachineStudies) -> Iterator[doc.Block]:
     steps = [study for study in machine.studies if study.knob == "timestep"]
     others = [study for study in machine.studies if study.knob != "timestep"]
-    known = [
-        f"{format_number(value)} {_unit(machine, name)}"
+    known = " and ".join(
+        f"{format_number(value)} {'m' if name == 'position' else machine.mechanism.force_unit}"
         for name, value in machine.uncertainty.items()
-    ]
+    )
     yield chapter(machine.model)
     compared = compared_time(machine.launch_time, machine.compared_to, machine.judged_to)
-    yield doc.Note(
-        f"{compared} The reference is known to {' and '.join(known)} (by "
-        f"{machine.uncertainty_source})."
-    )
+    source = machine.uncertainty_source
+    yield doc.Note(f"{compared} The reference is known to {known} (by {source}).")
     if steps:
         yield doc.Heading("Order in the time step")
         yield _orders(machine, steps)
@@ -228,25 +198,16 @@ def _chapter(machine: MachineStudies) -> Iterator[doc.Block]:
     if machine.pairs:
         yield from _limits(machine)
     if steps:
-        yield doc.Figure(
-            partial(work_precision, steps),
-            "Error against wall time",
-            _WORK,
-            f"{machine.model}-work-precision",
-        )
+        drawn, anchor = partial(work_precision, steps), f"{machine.model}-work-precision"
+        yield doc.Figure(drawn, "Error against wall time", _WORK, anchor)
     if others:
         yield doc.Heading("Other swept parameters")
         yield doc.Note(_OTHERS)
         yield _laws(machine, others)
-        for study in others:
-            yield doc.Figure(
-                partial(swept_parameter, study), f"{study.label}: {study.title}", _about(study)
-            )
-    yield doc.Fold("Every point", tuple(_point_table(study) for study in machine.studies))
-
-
-def _unit(machine: MachineStudies, quantity: QuantityName) -> str:
-    return "m" if quantity == "position" else machine.mechanism.force_unit
+    for study in others:
+        drawn, title = partial(swept_parameter, study), f"{study.label}: {study.title}"
+        yield doc.Figure(drawn, title, _about(study))
+    yield doc.Fold("Every point", tuple(map(_point_table, machine.studies)))
 
 
 def _orders(machine: MachineStudies, studies: Sequence[SweepStudy]) -> doc.Table:
@@ -274,11 +235,9 @@ def _curve_row(study: SweepStudy, curve: Curve, names: Iterable[str], *end: str)
 
 def _law(study: SweepStudy, curve: Curve) -> tuple[str | doc.Cell, ...]:
     """Expected and found exponent, the range of the law, the floor and its cause."""
-    expected = (
-        f"{study.expected:g}"
-        if study.expected is not None and curve.quantity == "position"
-        else "–"
-    )
+    expected = "–"
+    if study.expected is not None and curve.quantity == "position":
+        expected = f"{study.expected:g}"
     law, floor = curve.law, curve.floor
     span = "" if law is None else f"{format_number(law.high)} to {format_number(law.low)}"
     if floor is None:
@@ -301,46 +260,35 @@ def _limit(machine: MachineStudies, study: SweepStudy, curve: Curve) -> tuple[st
 def _floors(studies: Sequence[SweepStudy]) -> doc.Table:
     measured = "measured there: share of the error that is left"
     heads = f"engine | quantity | floor | at [s] | cause | {measured}"
-    rows = [
-        (
-            study.label,
-            curve.quantity,
-            _law(study, curve)[3],
-            format_number(floor.value),
-            floor.cause,
-            floor.evidence,
-        )
-        for study in studies
-        for curve in study.curves
-        if (floor := curve.floor) is not None
-    ]
+    rows: list[tuple[object, ...]] = []
+    for study in studies:
+        for curve in study.curves:
+            if curve.floor is not None:
+                found = curve.floor
+                floor, at = f"{format_number(found.error)} {curve.unit}", format_number(found.value)
+                rows.append((study.label, curve.quantity, floor, at, found.cause, found.evidence))
     return doc.table(heads, rows, "Floors and their causes")
 
 
 def _limits(machine: MachineStudies) -> Iterator[doc.Block]:
     tuned = [pair for pair in machine.pairs if is_tuned(pair.first) and is_tuned(pair.second)]
-    to_reference = [
+    rows = [
         doc.row(limit.label, "reference", format_number(limit.position), medium="page")
         for limit in machine.limits
         if limit.preset == "tuned"
     ]
+    rows += map(_pair_row, tuned)
+    heads = doc.ranked(doc.columns("first | second | position [m]"), second=0, position=0)
     yield doc.Heading("Limits against each other")
     yield doc.Note(_LIMITS)
-    yield _pairs(tuned, f"{machine.model}: Richardson limits against each other", to_reference)
+    yield doc.table(heads, rows, f"{machine.model}: Richardson limits against each other")
     if len(machine.pairs) > len(tuned):
-        yield doc.Fold("All pairs, stock presets among them", (_pairs(machine.pairs, "All pairs"),))
+        every = doc.table(heads, map(_pair_row, machine.pairs), "All pairs")
+        yield doc.Fold("All pairs, stock presets among them", (every,))
 
 
-def _pairs(pairs: Sequence[LimitPair], caption: str, before: Sequence[doc.Row] = ()) -> doc.Table:
-    rows = [
-        *before,
-        *(doc.row(pair.first, pair.second, format_number(pair.position)) for pair in pairs),
-    ]
-    return doc.table(
-        doc.ranked(doc.columns("first | second | position [m]"), second=0, position=0),
-        rows,
-        caption,
-    )
+def _pair_row(pair: LimitPair) -> doc.Row:
+    return doc.row(pair.first, pair.second, format_number(pair.position))
 
 
 def _laws(machine: MachineStudies, studies: Sequence[SweepStudy]) -> doc.Table:
@@ -363,30 +311,24 @@ def _swept(study: SweepStudy) -> str:
 
 def _about(study: SweepStudy) -> str:
     """Why a parameter is swept, at which other options, and what is left."""
-    sentences = [f"{study.why[:1].upper()}{study.why[1:]}."]
+    sentences = [f"{capital(study.why)}."]
     if study.base:
         sentences.append(f"At {format_settings(study.base)}.")
-    sentences += [
-        f"{curve.quantity.capitalize()}: {format_number(curve.floor.error)} {curve.unit} is left; "
-        f"cause: {curve.floor.cause} ({curve.floor.evidence})."
-        for curve in study.curves
-        if curve.floor is not None
-    ]
+    for curve in study.curves:
+        if curve.floor is not None:
+            left = f"{format_number(curve.floor.error)} {curve.unit} is left"
+            cause = f"{curve.floor.cause} ({curve.floor.evidence})"
+            sentences.append(f"{curve.quantity.capitalize()}: {left}; cause: {cause}.")
     return " ".join(sentences)
 
 
 def _point_table(study: SweepStudy) -> doc.Table:
     whole = [f"{curve.quantity} [{curve.unit}]" for curve in study.curves]
     own = [f"of the parameter [{curve.unit}]" for curve in study.curves if study.own]
-    heads = " | ".join(
-        [f"{study.title} [{study.unit}]", "options", *whole, *own, "steps", "wall [s]"]
-    )
-    return doc.table(
-        heads,
-        [_point(study, point) for point in study.points],
-        f"{study.label}: {study.title}",
-        "page",
-    )
+    setting = f"{study.title} [{study.unit}]"
+    heads = " | ".join([setting, "options", *whole, *own, "steps", "wall [s]"])
+    rows = [_point(study, point) for point in study.points]
+    return doc.table(heads, rows, f"{study.label}: {study.title}", "page")
 
 
 def _point(study: SweepStudy, point: Point) -> tuple[object, ...]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import partial
+from collections.abc import Iterable, Iterator, Sequence
+from operator import attrgetter
 
 from ...diff import Difference, Fate, QuantityChange, RunChange
 from ...runs.results import Metric, Run
@@ -43,7 +43,7 @@ def document(difference: Difference) -> doc.Document:
     """All of it; a terminal has the tables in short, and the summary at their end."""
     found = difference
     first_verdict, last_verdict = verdict_blocks(found.summary, doc.mark_of(found.passed))
-    blocks: tuple[doc.Block, ...] = (
+    blocks = (
         first_verdict,
         _tiles(found),
         _versions(found),
@@ -65,49 +65,34 @@ def document(difference: Difference) -> doc.Document:
 def _tiles(found: Difference) -> doc.Tiles:
     """Numbers of changes."""
     lost = len(found.of_fate(Fate.WORSE, Fate.FAILS, Fate.VANISHED))
-    return doc.Tiles(
-        (
-            doc.Tile(str(len(found.broken)), "verdicts broke", "bad" if found.broken else "plain"),
-            doc.Tile(str(lost), "runs worse, failing or gone", "bad" if lost else "plain"),
-            doc.Tile(
-                str(len(found.mended)), "verdicts mended", "good" if found.mended else "plain"
-            ),
-            doc.Tile(
-                str(len(found.moved)), "further errors moved", detail=f"of {len(found.quantities)}"
-            ),
-            doc.Tile(str(found.compared), "runs compared", detail=f"of {len(found.runs)}"),
-        )
+    counts: tuple[tuple[int, str, doc.Mark, str], ...] = (
+        (len(found.broken), "verdicts broke", "bad", ""),
+        (lost, "runs worse, failing or gone", "bad", ""),
+        (len(found.mended), "verdicts mended", "good", ""),
+        (len(found.moved), "further errors moved", "plain", f"of {len(found.quantities)}"),
+        (found.compared, "runs compared", "plain", f"of {len(found.runs)}"),
     )
+    tiles = [
+        doc.Tile(str(number), label, mark if number else "plain", detail)
+        for number, label, mark, detail in counts
+    ]
+    return doc.Tiles(tuple(tiles))
 
 
 def _versions(found: Difference) -> doc.Block:
     if not found.versions:
         return doc.Text("The versions of engines, trebucheck, Python and platform are the same.")
+    heads = (doc.words("version of", wrap=False), doc.words("old"), doc.words("new"))
     rows = [(name, *both) for name, both in found.versions.items()]
-    return doc.table(
-        [doc.words("version of", wrap=False), doc.words("old"), doc.words("new")],
-        rows,
-        "Versions that changed",
-    )
+    return doc.table(heads, rows, "Versions that changed")
 
 
 def _reference(found: Difference) -> Iterator[doc.Block]:
     """Figures of the reference that moved: all errors, measured from it, move with it."""
     if not found.references:
         return
-    rows = [
-        doc.row(
-            c.model,
-            c.name,
-            _digits(c.old),
-            doc.Cell(_digits(c.new), "bad"),
-            c.unit,
-            format_number(c.unknown),
-        )
-        for c in found.references
-    ]
     yield doc.Heading("The reference moved", 2, medium="any")
-    yield doc.table("machine | figure | old | new | unit | uncertain by", rows)
+    yield doc.table(_REFERENCE_COLUMNS, found.references)
     yield doc.Text(
         "Its figures moved by more than they are uncertain by. The mechanism is the same, so the "
         "law of its stops is another one, or one of the two references is wrong; errors that moved "
@@ -119,32 +104,33 @@ def _digits(value: float | None) -> str:
     return "none" if value is None else f"{value:.15g}"
 
 
+_REFERENCE_COLUMNS = (
+    doc.Column("machine", of=attrgetter("model")),
+    doc.Column("figure", of=attrgetter("figure")),
+    doc.Column("old", of=lambda change: _digits(change.old)),
+    doc.Column("new", of=lambda change: doc.Cell(_digits(change.new), "bad")),
+    doc.Column("unit", of=attrgetter("unit")),
+    doc.Column("uncertain by", of=lambda change: format_number(change.unknown)),
+)
+
+
 def _runs(found: Difference) -> Iterator[doc.Block]:
     """Runs whose verdict changed, or that have come or gone, and how much of each run changed."""
-    fates = sorted((each for each in found.runs if each.fate is not Fate.SAME), key=_urgency)
-    heads = ("run | old | new", doc.Column("what", rank=0), doc.words("message"))
-    counted = [each for each in map(partial(_count_row, found), found.runs) if each is not None]
-    if fates:
-        yield doc.Heading(f"Runs that changed ({len(fates)})", 2, medium="any")
-        yield doc.without_empty_columns(
-            doc.table(_heads(*heads), map(_fate_row, fates), "Verdicts of whole runs, old and new")
-        )
+    changed = [each for each in found.runs if each.fate is not Fate.SAME]
+    if changed:
+        changed.sort(key=lambda each: _URGENT.index(each.fate))
+        heads = (*doc.columns("run | old | new"), doc.Column("what", rank=0), doc.words("message"))
+        shown = doc.table(heads, map(_fate_row, changed), "Verdicts of whole runs, old and new")
+        yield doc.Heading(f"Runs that changed ({len(changed)})", 2, medium="any")
+        yield doc.without_empty_columns(shown)
+    counted = [row for each in found.runs if (row := _count_row(found, each)) is not None]
     if counted:
+        heads = (*doc.columns(_COUNTS), doc.words("largest growth"))
         yield doc.Heading("How much changed in each run", 2, medium="any")
-        yield doc.table(
-            _heads(_COUNTS, doc.words("largest growth")), counted, "Numbers of quantities"
-        )
-
-
-def _heads(titles: str, *more: doc.Column) -> list[doc.Column | str]:
-    return [*map(str.strip, titles.split("|")), *more]
+        yield doc.table(heads, counted, "Numbers of quantities")
 
 
 _URGENT = (Fate.VANISHED, Fate.FAILS, Fate.WORSE, Fate.NOT_COMPARED, Fate.BETTER, Fate.APPEARED)
-
-
-def _urgency(each: RunChange) -> int:
-    return _URGENT.index(each.fate)
 
 
 def _fate_row(each: RunChange) -> doc.Row:
@@ -164,36 +150,25 @@ def _outcome(run: Run | None) -> str:
 _COUNTS = "run | broke | mended | grew | shrank | compared"
 
 
-def _count_row(found: Difference, each: RunChange) -> doc.Row | None:
+def _count_row(found: Difference, change: RunChange) -> doc.Row | None:
     """How many of its quantities changed in which way; None if none did."""
-    own = set(map(id, each.quantities))
+    own = set(map(id, change.quantities))
     broke, mended, moved = (
-        [q for q in of if id(q) in own] for of in (found.broken, found.mended, found.moved)
+        [quantity for quantity in group if id(quantity) in own]
+        for group in (found.broken, found.mended, found.moved)
     )
     if not (broke or mended or moved):
         return None
-    grew = [q for q in moved if q.factor is None or q.factor > 1]
-    counts = [
-        _count(broke, "bad"),
-        _count(mended, "good"),
-        _count(grew),
-        _count(moved[len(grew) :]),
-    ]
-    worst = max(
-        (q for q in each.quantities if q in broke or q in grew), key=_known_factor, default=None
-    )
+    grew = [quantity for quantity in moved if quantity.factor is None or quantity.factor > 1]
+    counts = (len(broke), len(mended), len(grew), len(moved) - len(grew))
+    marks: tuple[doc.Mark, ...] = ("bad", "good", "plain", "plain")
+    cells = (doc.Cell(str(n), m if n else "plain") for n, m in zip(counts, marks, strict=True))
+    worse = [quantity for quantity in change.quantities if quantity in broke or quantity in grew]
+    worst = max(worse, key=lambda quantity: quantity.factor or 0.0, default=None)
     growth = ""
-    if worst is not None and _known_factor(worst) > 1:
+    if worst is not None and (worst.factor or 0.0) > 1:
         growth = f"{_factor(worst)} in {worst.either.label}"
-    return doc.row(_name(each), *counts, len(each.quantities), growth)
-
-
-def _known_factor(change: QuantityChange) -> float:
-    return change.factor or 0.0
-
-
-def _count(changes: Sequence[QuantityChange], mark: doc.Mark = "plain") -> doc.Cell:
-    return doc.Cell(str(len(changes)), mark if changes else "plain")
+    return doc.row(_name(change), *cells, len(change.quantities), growth)
 
 
 def _quantities(title: str, changes: Sequence[QuantityChange]) -> Iterator[doc.Block]:
@@ -214,9 +189,8 @@ def _value(metric: Metric | None) -> doc.Cell:
     """A size, or why there is none."""
     if metric is None:
         return doc.Cell("–")
-    return doc.Cell(
-        format_number(None if metric.value is None else abs(metric.value)), hint=metric.note or ""
-    )
+    size = None if metric.value is None else abs(metric.value)
+    return doc.Cell(format_number(size), hint=metric.note or "")
 
 
 def _factor(change: QuantityChange) -> str:
@@ -261,51 +235,43 @@ def _judged(metric: Metric | None) -> str:
 _CAPTION = "Errors, those that matter most first"
 _COLUMNS = (
     doc.Column("run", of=lambda change: f"{change.model}, {change.run}", wrap=True),
-    doc.terminal_only(
-        doc.Column(
-            "quantity", of=lambda change: f"{change.either.label} [{change.either.unit}]", rank=0
-        )
-    ),
-    doc.page_only(doc.Column("quantity", of=lambda change: change.either.label, wrap=False)),
-    doc.page_only(doc.Column("unit", of=lambda change: change.either.unit)),
+    doc.Column("quantity", of=lambda change: f"{change.either.label} [{change.either.unit}]",
+               rank=0, medium="terminal"),
+    doc.Column("quantity", of=lambda change: change.either.label, wrap=False, medium="page"),
+    doc.Column("unit", of=lambda change: change.either.unit, medium="page"),
     doc.Column("old", align="right", of=lambda change: _value(change.old), rank=2),
     doc.Column("new", align="right", of=lambda change: _value(change.new), rank=0),
     doc.Column("factor", align="right", of=_factor, wrap=False),
     doc.Column("tolerance", align="right", of=_tolerance, medium="page"),
-    doc.Column(
-        "unknown", align="right", of=lambda change: format_number(change.unknown), medium="page"
-    ),
+    doc.Column("unknown", align="right", of=lambda change: format_number(change.unknown),
+               medium="page"),
     doc.Column("verdict", of=_verdict, rank=0),
-)
+)  # fmt: skip
 
 
 def _reasons(found: Difference) -> Iterator[doc.Block]:
     """Why runs disagree that did not before."""
     broken = {(change.model, change.run) for change in found.broken}
-    runs = [
-        each.new for each in found.runs if each.new and (each.run.model, each.run.label) in broken
-    ]
-    texts = (
-        doc.Text(s, "strong", lead=f"{run.model}, {run.label}, why:")
+    runs = [change.new for change in found.runs if change.new is not None]
+    texts = [
+        doc.Text(sentence, "strong", lead=f"{run.model}, {run.label}, why:")
         for run in runs
-        for s in diagnosis(run)
-    )
+        if (run.model, run.label) in broken
+        for sentence in diagnosis(run)
+    ]
     yield doc.Listing(tuple(texts))
 
 
 def _diagnoses(found: Difference) -> Iterator[doc.Block]:
     """Runs that disagreed before, and do so now in another quantity or for other causes."""
-    changed = [(each.run, each.diagnoses) for each in found.runs if each.diagnoses is not None]
-    texts = [
-        (f"{run.model}, {run.label}:", [cause_text(each) for each in both])
-        for run, both in changed
-        if both
-    ]
+    texts: list[doc.Text] = []
+    for change in found.runs:
+        if change.diagnoses:
+            old, new = map(cause_text, change.diagnoses)
+            texts.append(doc.Text(f"was {old}; is {new}.", lead=f"{_name(change)}:"))
     if texts:
         yield doc.Heading("Diagnoses that changed", 2, medium="any")
-        yield doc.Listing(
-            tuple(doc.Text(f"was {old}; is {new}.", lead=lead) for lead, (old, new) in texts)
-        )
+        yield doc.Listing(tuple(texts))
 
 
 def _conditions(found: Difference) -> Iterator[doc.Block]:
@@ -348,23 +314,12 @@ def _looser(change: QuantityChange, factor: float) -> bool:
 
 def _times(found: Difference) -> Iterator[doc.Block]:
     """Wall times beside each other; they depend on what else the machine did."""
-    timed = [
-        each
-        for each in found.runs
-        if each.old and each.new and each.old.wall_time and each.new.wall_time
-    ]
-    columns: tuple[tuple[str, Callable[[RunChange], object]], ...] = (
-        ("run", _name),
-        ("old [s]", lambda each: _seconds(each.old)),
-        ("new [s]", lambda each: _seconds(each.new)),
-        ("old steps", lambda each: each.old.steps if each.old else None),
-        ("new steps", lambda each: each.new.steps if each.new else None),
-    )
-    rows = [tuple(of(each) for _, of in columns) for each in timed]
-    shown: doc.Table = doc.page_only(doc.table([title for title, _ in columns], rows))
+    rows: list[tuple[object, ...]] = []
+    for change in found.runs:
+        old, new = change.old, change.new
+        if old and new and old.wall_time and new.wall_time:
+            seconds = (f"{run.wall_time:.2f}" for run in (old, new))
+            rows.append((_name(change), *seconds, old.steps, new.steps))
     if rows:
+        shown = doc.table("run | old [s] | new [s] | old steps | new steps", rows, medium="page")
         yield doc.Fold("Wall times and steps, not judged", (shown,))
-
-
-def _seconds(run: Run | None) -> str:
-    return "–" if run is None or run.wall_time is None else f"{run.wall_time:.2f}"

@@ -60,31 +60,21 @@ _CHANGES = (
 
 def document(explanation: Explanation) -> doc.Document:
     """All budgets; a terminal has them in short, what options buy, what failed, the verdict."""
-    first_verdict, last_verdict = verdict_blocks(verdict(explanation), "strong")
+    line = verdict(explanation)
+    first_verdict, last_verdict = verdict_blocks(line, "strong")
     blocks: list[doc.Block] = [
         first_verdict,
         doc.Fold("How to read it", (doc.Note(_INTRODUCTION), doc.Note(_HOW_TO_READ))),
     ]
-    blocks += [
-        doc.Text(message, "bad", lead=f"{model}:")
-        for model, message in explanation.failures.items()
-    ]
+    for model, message in explanation.failures.items():
+        blocks.append(doc.Text(message, "bad", lead=f"{model}:"))
     for machine in explanation.machines:
         blocks += _chapter(explanation, machine)
-    runs = (
-        (budget.model, budget.label, budget.engine_version, budget.settings)
-        for budget in explanation.budgets
-    )
-    blocks += provenance(
-        explanation, runs, [(machine.model, machine.mechanism) for machine in explanation.machines]
-    )
-    blocks.append(last_verdict)
-    return doc.Document(
-        "Where the errors come from",
-        tuple(blocks),
-        "trebucheck explain",
-        verdict=verdict(explanation),
-    )
+    runs = ((b.model, b.label, b.engine_version, b.settings) for b in explanation.budgets)
+    mechanisms = [(machine.model, machine.mechanism) for machine in explanation.machines]
+    blocks += [*provenance(explanation, runs, mechanisms), last_verdict]
+    title = "Where the errors come from"
+    return doc.Document(title, tuple(blocks), "trebucheck explain", verdict=line)
 
 
 def verdict(explanation: Explanation) -> str:
@@ -105,11 +95,9 @@ def verdict(explanation: Explanation) -> str:
 
 def main_quantities(budget: Budget) -> list[QuantityBudget]:
     """Position and stop torques: functions of time in which an error can be seen to grow."""
-    return [
-        q
-        for q in budget.quantities
-        if q.rms > 0 and (q.name == "position" or q.name.endswith((" torque", " force")))
-    ]
+    kinds = (" torque", " force")
+    quantities = (q for q in budget.quantities if q.rms > 0)
+    return [q for q in quantities if q.name == "position" or q.name.endswith(kinds)]
 
 
 def _explained(quantity: QuantityBudget) -> str:
@@ -139,33 +127,21 @@ def _chapter(explanation: Explanation, machine: ExplainedMachine) -> Iterator[do
 def _summary(machine: ExplainedMachine, budgets: Iterable[Budget]) -> doc.Table:
     """The budgets in short, for the terminal."""
     rows = [
-        (
-            "" if i else budget.label,
-            q.name,
-            f"{format_number(q.rms)} {q.unit}",
-            _explained(q),
-            _leading_causes(q),
-        )
+        ("" if i else budget.label, q.name, f"{format_number(q.rms)} {q.unit}", _explained(q),
+         _leading_causes(q))
         for budget in budgets
         for i, q in enumerate(main_quantities(budget))
-    ]
-    caption = f"{machine.model}: where the errors come from"
-    heads = doc.ranked(
-        doc.columns("engine | error of | rms | explained | causes"),
-        error_of=0,
-        explained=2,
-        causes=0,
-    )
-    return doc.table(heads, rows, caption, "terminal")
+    ]  # fmt: skip
+    heads = doc.columns("engine | error of | rms | explained | causes")
+    ranked = doc.ranked(heads, error_of=0, explained=2, causes=0)
+    return doc.table(ranked, rows, f"{machine.model}: where the errors come from", "terminal")
 
 
 def _leading_causes(quantity: QuantityBudget) -> str:
     """Shares worth a word, the largest first."""
-    shares = ((share.fraction or 0.0, share.cause) for share in quantity.shares)
-    leading = sorted(
-        (share for share in shares if abs(share[0]) >= _FEW), key=lambda share: -abs(share[0])
-    )
-    return ", ".join(f"{cause} {format_percent(fraction)}" for fraction, cause in leading)
+    shares = [(share.fraction or 0.0, share.cause) for share in quantity.shares]
+    shares.sort(key=lambda share: -abs(share[0]))
+    return ", ".join(f"{c} {format_percent(f)}" for f, c in shares if abs(f) >= _FEW)
 
 
 def _failures(machine: ExplainedMachine, budgets: Iterable[Budget]) -> Iterator[doc.Text]:
@@ -175,9 +151,8 @@ def _failures(machine: ExplainedMachine, budgets: Iterable[Budget]) -> Iterator[
             yield doc.Text(budget.message, "warning", lead=f"{name}:")
         for cause in budget.causes:
             if cause.message:
-                yield doc.Text(
-                    f"not measured: {cause.message}", "warning", lead=f"{name}, {cause.name}:"
-                )
+                text = f"not measured: {cause.message}"
+                yield doc.Text(text, "warning", lead=f"{name}, {cause.name}:")
 
 
 def _budget(budget: Budget) -> Iterator[doc.Block]:
@@ -187,23 +162,27 @@ def _budget(budget: Budget) -> Iterator[doc.Block]:
     if budget.message:
         yield doc.Text(f"No budget: {budget.message}", "warning", medium="page")
         return
-    names = {"position": f"position of {budget.point}" if budget.point else "position"}
-    sentences = (
-        f"{names.get(q.name, q.name)}: {_explained(q)} explained, largest error "
-        f"{format_number(q.largest)} {q.unit}"
-        for q in quantities
-    )
-    yield doc.Note(f"{'; '.join(sentences)}." if quantities else "No error to explain.")
     if quantities:
+        yield doc.Note(f"{'; '.join(_largest(budget, each) for each in quantities)}.")
         yield doc.Figure(bars(quantities), columns=2)
+    else:
+        yield doc.Note("No error to explain.")
     for cause in budget.causes:
         if cause.message:
             text = f"{cause.name} could not be measured and counts as unexplained: {cause.message}"
             yield doc.Text(text, "warning", medium="page")
     if quantities:
+        tables = [_measurements(budget, quantities)]
         others = [q for q in budget.quantities if q.rms > 0 and q not in quantities]
-        tables = (_measurements(budget, quantities), *((_other_shares(others),) if others else ()))
-        yield doc.Fold("What was done to measure each cause, and the results", tables)
+        if others:
+            tables.append(_other_shares(others))
+        yield doc.Fold("What was done to measure each cause, and the results", tuple(tables))
+
+
+def _largest(budget: Budget, quantity: QuantityBudget) -> str:
+    point = f" of {budget.point}" if quantity.name == "position" and budget.point else ""
+    error = f"{format_number(quantity.largest)} {quantity.unit}"
+    return f"{quantity.name}{point}: {_explained(quantity)} explained, largest error {error}"
 
 
 def _at(step: float | None) -> str:
@@ -221,26 +200,23 @@ def bars(quantities: Sequence[QuantityBudget]) -> Panels:
 def _bars(quantity: QuantityBudget) -> Plot:
     shares = [*quantity.shares, quantity.rest]
     values = np.array([100.0 * (share.fraction or 0.0) for share in shares])
-    # Whiskers narrower than a bar's edge say nothing.
-    bands = [
-        band if band >= 1.0 else 0.0
-        for band in (100.0 * share.interaction / quantity.rms for share in shares)
-    ]
+    bands = np.array([100.0 * share.interaction / quantity.rms for share in shares])
+    bands[bands < 1.0] = 0.0  # whiskers narrower than a bar's edge say nothing
     rows = np.arange(len(shares), dtype=float)
-    spread = values - bands, values + bands
     # Texts stand to the right of bar and whisker, also of a negative one: to its left are the
     # causes' names.
     ends = np.maximum(values, 0.0) + bands
-    texts = (
-        Label(end, n, _text(s, quantity), beside=True)
-        for n, end, s in zip(rows, ends, shares, strict=True)
+    texts = tuple(
+        Label(end, row, _text(share, quantity), beside=True)
+        for row, end, share in zip(rows, ends, shares, strict=True)
     )
+    spread = values - bands, values + bands
     return Plot(
         Axis("share of the error", "%"),
         Axis("", categories=tuple(share.cause for share in shares)),
         (Series("share", values, rows, _COLOUR, "bar", spread=spread),),
         f"{quantity.name}: rms {format_number(quantity.rms)} {quantity.unit}",
-        tuple(texts),
+        texts,
         height=_FRAME + _ROW * len(shares),
     )
 
@@ -253,31 +229,26 @@ def _text(share: Share, quantity: QuantityBudget) -> str:
 
 def _measurements(budget: Budget, quantities: Sequence[QuantityBudget]) -> doc.Table:
     heads = [*doc.columns("cause | what was done")]
-    heads += [
-        doc.Column(title, group=f"{quantity.name} [{quantity.unit}]")
-        for quantity in quantities
-        for title in ("in order", "in reverse", "share", "rms")
-    ]
+    for quantity in quantities:
+        group = f"{quantity.name} [{quantity.unit}]"
+        heads += [doc.Column(t, group=group) for t in ("in order", "in reverse", "share", "rms")]
+    noise = [cause for cause in budget.causes if cause.name == "roundoff"]
+    measured = [cause for cause in budget.causes if cause not in noise and not cause.message]
     rows = [
-        doc.row(
-            doc.Cell(cause.name, hint=cause.explanation),
-            _done(cause),
-            *_measured(cause, quantities),
-        )
-        for cause in budget.causes
-        if cause.name != "roundoff" and not cause.message
-    ]
+        doc.row(doc.Cell(cause.name, hint=cause.explanation), _done(cause),
+                *_measured(cause, quantities))
+        for cause in measured
+    ]  # fmt: skip
     text = "what is left of the error when all shares are taken off"
-    rest = (
+    rest = [
         ("", "", format_percent(q.rest.fraction), format_number(q.rest_rms)) for q in quantities
-    )
+    ]
     rows.append(doc.row(doc.Cell("unexplained", "strong"), text, *chain.from_iterable(rest)))
-    for cause in (cause for cause in budget.causes if cause.name == "roundoff"):
+    for cause in noise:
         text = f"{cause.explanation}.\n{cause.done}; in the run, and in what is left"
-        noise = (
-            ("", "", format_number(q.roundoff), format_number(q.roundoff_left)) for q in quantities
-        )
-        rows.append(doc.row(cause.name, text, *chain.from_iterable(noise)))
+        sizes = [(q.roundoff, q.roundoff_left) for q in quantities]
+        cells = (("", "", *map(format_number, both)) for both in sizes)
+        rows.append(doc.row(cause.name, text, *chain.from_iterable(cells)))
     return doc.table(heads, rows, "Shares of the error, and how they were measured")
 
 
@@ -287,11 +258,11 @@ def _done(cause: Measurement) -> str:
 
 
 def _measured(cause: Measurement, quantities: Iterable[QuantityBudget]) -> Iterator[str]:
-    for share in (
-        share for quantity in quantities for share in quantity.shares if share.cause == cause.name
-    ):
-        yield from map(format_percent, (share.first, share.second, share.fraction))
-        yield format_number(share.rms)
+    for quantity in quantities:
+        for share in quantity.shares:
+            if share.cause == cause.name:
+                yield from map(format_percent, (share.first, share.second, share.fraction))
+                yield format_number(share.rms)
 
 
 def _other_shares(quantities: Sequence[QuantityBudget]) -> doc.Table:
@@ -320,39 +291,35 @@ def _changes(comparison: StockAgainstTuned) -> doc.Table:
     media: tuple[doc.Medium, ...] = ("page", "terminal")
     both = [replace(head, medium=medium, wrap=False) for head in heads for medium in media]
     caption = (
-        f"{comparison.model}, {comparison.engine}{_at(comparison.timestep)}: what each option buys"
+        f"{comparison.model}, {comparison.engine}{_at(comparison.timestep)}: what each option buys "
+        "(÷ smaller, × larger)"
     )
-    return doc.table(both, _change_rows(comparison, fields), f"{caption} (÷ smaller, × larger)")
+    return doc.table(both, _change_rows(comparison, fields), caption)
 
 
 def _observed_fields(comparison: StockAgainstTuned) -> list[str]:
     """Values that some setting has: without stops there are no torques and no releases."""
     settings = [comparison.stock, comparison.tuned]
-    settings += [each for change in comparison.changes for each in (change.alone, change.back)]
+    for change in comparison.changes:
+        settings += [change.alone, change.back]
     ran = [figures for figures in settings if figures.message is None]
-    return [
-        field
-        for field in _FIELDS
-        if not ran or any(getattr(figures, field) is not None for figures in ran)
-    ]
+    if not ran:
+        return [*_FIELDS]
+    return [name for name in _FIELDS if any(getattr(each, name) is not None for each in ran)]
 
 
 def _change_rows(comparison: StockAgainstTuned, fields: Sequence[str]) -> Iterator[doc.Row]:
-    stock, tuned = comparison.stock, comparison.tuned
-    yield doc.row(doc.Cell("stock", "strong"), "stock", *_values(fields, stock, stock, preset=True))
-    for change in comparison.changes:
-        labels = (
-            f"stock, {change.option} = {_option_value(change.tuned)}",
-            f"  {change.option} as tuned",
-        )
-        yield doc.row(*labels, *_values(fields, change.alone, stock))
-    yield doc.row(doc.Cell("tuned", "strong"), "tuned", *_values(fields, tuned, stock, preset=True))
-    for change in comparison.changes:
-        labels = (
-            f"tuned, {change.option} = {_option_value(change.stock)}",
-            f"  {change.option} as stock",
-        )
-        yield doc.row(*labels, *_values(fields, change.back, tuned))
+    stock, tuned, changes = comparison.stock, comparison.tuned, comparison.changes
+    presets = (
+        ("stock", stock, "tuned", [(each.option, each.tuned, each.alone) for each in changes]),
+        ("tuned", tuned, "stock", [(each.option, each.stock, each.back) for each in changes]),
+    )
+    for preset, figures, other, options in presets:
+        cells = _values(fields, figures, stock, preset=True)
+        yield doc.row(doc.Cell(preset, "strong"), preset, *cells)
+        for option, value, changed in options:
+            label = f"{preset}, {option} = {_option_value(value)}"
+            yield doc.row(label, f"  {option} as {other}", *_values(fields, changed, figures))
 
 
 def _values(

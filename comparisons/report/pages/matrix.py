@@ -73,7 +73,7 @@ def table_of_parts(matrix: Matrix) -> Iterator[doc.Block]:
         yield doc.Heading("What is the engine's own", 2)
         yield doc.Note("All but what trebucheck supplies, as each adapter says.")
         rows = [(label, parts(given) or "nothing") for label, given in sorted(stated.items())]
-        yield doc.table([doc.words("engine", wrap=False), doc.words("trebucheck supplies")], rows)
+        yield doc.table((_ENGINE, doc.words("trebucheck supplies")), rows)
 
 
 _SCHEME_UNSTATED = "scheme not stated"
@@ -105,17 +105,17 @@ _KINDS: tuple[tuple[str, Callable[[MatrixProblem], bool]], ...] = (
 def document(matrix: Matrix) -> doc.Document:
     """The whole."""
     line = headline(matrix)
-    return doc.Document(
-        "Matrix", tuple(_blocks(matrix, line)), command=matrix.command or "", verdict=line
-    )
+    blocks = tuple(_blocks(matrix, line))
+    return doc.Document("Matrix", blocks, command=matrix.command or "", verdict=line)
 
 
 def headline(matrix: Matrix) -> str:
     """How many engines, problems and verdicts."""
-    counts = {outcome: sum(run.outcome is outcome for run in matrix.runs) for outcome in Outcome}
-    said = ", ".join(f"{count} {outcome.value}" for outcome, count in counts.items() if count)
+    counts = Counter(run.outcome for run in matrix.runs)
+    outcomes = ", ".join(f"{counts[each]} {each.value}" for each in Outcome if counts[each])
     engines = len({run.engine for run in matrix.runs})
-    return f"{engines} engines on {len(matrix.problems)} problems, {len(matrix.runs)} runs: {said}."
+    runs = f"{len(matrix.runs)} runs: {outcomes}"
+    return f"{engines} engines on {len(matrix.problems)} problems, {runs}."
 
 
 def _blocks(matrix: Matrix, line: str) -> Iterator[doc.Block]:
@@ -140,32 +140,23 @@ def _blocks(matrix: Matrix, line: str) -> Iterator[doc.Block]:
 
 _Show = Callable[[MatrixRun], doc.Cell]
 _Leading = Callable[[str, Sequence[MatrixProblem]], Sequence[object]]
+_ENGINE = doc.words("engine", wrap=False)
 _LEADING = (doc.words("own"), doc.words("order", wrap=False), doc.words("agrees"))
 _WIDEST = 6  # problems in a table, with which it fits a screen of 1280 pixels
 
 
 def _tables(matrix: Matrix, show: _Show, leading: _Leading | None = None) -> Iterator[doc.Table]:
     """A table for each kind of problem: engines by scheme against problems."""
+    heads = (_ENGINE, *(_LEADING if leading else ()))
+    shown = {run.problem for run in matrix.runs if show(run).text}
     for title, belongs in _KINDS:
-        runs = [
-            run for problem in matrix.problems if belongs(problem) for run in _on(matrix, problem)
-        ]
-        shown = {run.problem for run in runs if show(run).text}
-        problems = [
-            problem for problem in matrix.problems if problem.name in shown and belongs(problem)
-        ]
-        heads = [doc.words("engine", wrap=False), *(_LEADING if leading else ())]
+        problems = [each for each in matrix.problems if each.name in shown and belongs(each)]
         for part in _parts(problems):
-            columns = [
-                *heads,
-                *(doc.Column(problem.title, align="left", wrap=False) for problem in part),
-            ]
-            which = (
-                title
-                if len(part) == len(problems)
-                else f"{title}: {part[0].title} to {part[-1].title}"
-            )
-            yield doc.table(columns, _rows(matrix, part, show, leading), which)
+            columns = (doc.Column(each.title, align="left", wrap=False) for each in part)
+            caption = title
+            if len(part) < len(problems):
+                caption = f"{title}: {part[0].title} to {part[-1].title}"
+            yield doc.table([*heads, *columns], _rows(matrix, part, show, leading), caption)
 
 
 def _parts(problems: Sequence[MatrixProblem]) -> Iterator[Sequence[MatrixProblem]]:
@@ -175,32 +166,27 @@ def _parts(problems: Sequence[MatrixProblem]) -> Iterator[Sequence[MatrixProblem
     return (problems[start:end] for start, end in pairwise(ends))
 
 
-def _on(matrix: Matrix, problem: MatrixProblem) -> Iterator[MatrixRun]:
-    return (run for run in matrix.runs if run.problem == problem.name)
-
-
 def _rows(
     matrix: Matrix, problems: Sequence[MatrixProblem], show: _Show, leading: _Leading | None
 ) -> Iterator[doc.Row]:
     for scheme, labels in matrix.schemes().items():
-        found = {
-            label: [matrix.run(label, problem.name) for problem in problems] for label in labels
-        }
-        shown = {label: runs for label, runs in found.items() if leading or any(runs)}
-        if shown:
+        rows: list[doc.Row] = []
+        for label in labels:
+            runs = [matrix.run(label, problem.name) for problem in problems]
+            if leading or any(runs):
+                first = leading(label, problems) if leading else ()
+                cells = (doc.Cell("not run", "muted") if run is None else show(run) for run in runs)
+                rows.append(doc.row(label, *first, *cells))
+        if rows:
             yield doc.row(doc.Cell(scheme or _SCHEME_UNSTATED, "strong"))
-        for label, runs in shown.items():
-            first = leading(label, problems) if leading else ()
-            yield doc.row(label, *first, *(_shown(run, show) for run in runs))
-
-
-def _shown(run: MatrixRun | None, show: _Show) -> doc.Cell:
-    return doc.Cell("not run", "muted") if run is None else show(run)
+            yield from rows
 
 
 def _leading(matrix: Matrix, label: str, problems: Sequence[MatrixProblem]) -> Sequence[object]:
     """The engine's own share, its order, and on how many of all its problems it agrees."""
-    return own_on(matrix, label, problems), _order(matrix, label), _agrees([*matrix.of(label)])
+    runs = [*matrix.of(label)]
+    agreeing = sum(run.outcome is Outcome.AGREES for run in runs)
+    return own_on(matrix, label, problems), _order(matrix, label), f"{agreeing} of {len(runs)}"
 
 
 def _order(matrix: Matrix, label: str) -> doc.Cell:
@@ -224,24 +210,19 @@ def _measured(order: MeasuredOrder) -> doc.Cell:
     return doc.Cell(f"{what} ({order.problem})", hint=hint)
 
 
-def _agrees(runs: Sequence[MatrixRun]) -> str:
-    return f"{sum(run.outcome is Outcome.AGREES for run in runs)} of {len(runs)}"
-
-
 def _verdict(run: MatrixRun) -> doc.Cell:
     if run.outcome not in COMPARED:
         limit = "" if run.time_limit is None else f" in {run.time_limit:g} s"
         return doc.Cell(_WORDS[run.outcome] + limit, MARKS[run.outcome], hint=run.message or "")
-    error, worst = run.error("position_max"), run.worst
+    error = run.error("position_max")
     text = format_number(None if error is None else error.part)
-    hint = "" if worst is None else f"{worst.label}: {format_number(worst.ratio)} of its tolerance"
+    hint = f"{run.held} of {run.judged} hold; farthest "
+    if run.worst is not None:
+        hint += f"{run.worst.label}: {format_number(run.worst.ratio)} of its tolerance"
+    if run.first_in is not None:
+        hint += f"; likeliest cause: {' or '.join(run.causes) or 'unknown'}"
     mark: doc.Mark = "unjudged" if run.outcome is Outcome.NOT_JUDGED else MARKS[run.outcome]
-    cause = (
-        f"; likeliest cause: {' or '.join(run.causes) or 'unknown'}"
-        if run.first_in is not None
-        else ""
-    )
-    return doc.Cell(text, mark, hint=f"{run.held} of {run.judged} hold; farthest {hint}{cause}")
+    return doc.Cell(text, mark, hint=hint)
 
 
 def _quantity(metric: str) -> _Show:
@@ -263,58 +244,43 @@ def _error(error: Error) -> doc.Cell:
 
 def _explained(matrix: Matrix) -> Iterator[doc.Block]:
     """Differences by scheme and by implementation."""
-    found = [*spreads(matrix)]
-    if found:
+    items = [doc.Text(sentence(each), lead=f"{each.scheme}:") for each in spreads(matrix)]
+    if items:
         yield doc.Heading("Scheme or implementation", 2)
         yield doc.Note(f"Errors below {FLOOR:g} of the size are rounding, and count as that.")
-        yield doc.Listing(
-            tuple(doc.Text(sentence(spread), lead=f"{spread.scheme}:") for spread in found)
-        )
+        yield doc.Listing(tuple(items))
 
 
 def _missing(matrix: Matrix) -> Iterator[doc.Block]:
     """Refusals and failures in their own words, once each."""
-    said = [run for run in matrix.runs if run.outcome not in COMPARED]
     groups = _grouped(
-        said, lambda run: (run.engine, run.outcome.value, run.message or "no reason was given")
+        (run for run in matrix.runs if run.outcome not in COMPARED),
+        lambda run: (run.engine, run.outcome.value, run.message or "no reason was given"),
     )
     rows = [
-        (engine, what, _titles(matrix, runs), message)
-        for (engine, what, message), runs in groups.items()
+        (engine, outcome, _titles(matrix, runs), message)
+        for (engine, outcome, message), runs in groups.items()
     ]
     if rows:
         yield doc.Heading("What is missing", 2)
-        yield doc.table(
-            [
-                doc.words("engine", wrap=False),
-                doc.words("why"),
-                doc.words("problems"),
-                doc.words("in its words"),
-            ],
-            rows,
-        )
+        heads = (_ENGINE, *map(doc.words, ("why", "problems", "in its words")))
+        yield doc.table(heads, rows)
 
 
 def _causes(matrix: Matrix) -> Iterator[doc.Block]:
     """Causes of runs that disagree, by engine and preset."""
-    broken = [run for run in matrix.runs if run.first_in is not None]
-    groups = _grouped(broken, lambda run: (run.label, " or ".join(run.causes) or "unknown"))
-    rows = [
-        (label, cause, _titles(matrix, runs), _farthest(runs))
-        for (label, cause), runs in groups.items()
-    ]
+    groups = _grouped(
+        (run for run in matrix.runs if run.first_in is not None),
+        lambda run: (run.label, " or ".join(run.causes) or "unknown"),
+    )
+    rows = [(*group, _titles(matrix, runs), _farthest(runs)) for group, runs in groups.items()]
     if rows:
         yield doc.Heading("Causes", 2)
         yield doc.Note(
             "The suspects that account for the difference, solved again with the size found; or "
             "unknown."
         )
-        heads = [
-            doc.words("engine", wrap=False),
-            doc.words("likeliest cause"),
-            doc.words("problems"),
-            doc.words("farthest off"),
-        ]
+        heads = (_ENGINE, *map(doc.words, ("likeliest cause", "problems", "farthest off")))
         yield doc.table(heads, rows)
 
 
@@ -333,17 +299,14 @@ def _titles(matrix: Matrix, runs: Iterable[MatrixRun]) -> str:
 
 
 def _farthest(runs: Iterable[MatrixRun]) -> str:
-    """The figure farthest beyond its tolerance, and how far."""
+    """The figure farthest beyond its tolerance, and how far; a missing one before all others."""
     found = [run.worst for run in runs if run.worst is not None]
-    missing = next((each for each in found if each.ratio is None), None)
-    if missing is not None:
-        return f"{missing.label}: missing"
-    worst = max(found, key=lambda each: each.ratio or 0.0, default=None)
-    return (
-        "before any motion"
-        if worst is None
-        else f"{worst.label}: {format_number(worst.ratio)} of its tolerance"
-    )
+    if not found:
+        return "before any motion"
+    worst = max(found, key=lambda each: math.inf if each.ratio is None else each.ratio)
+    if worst.ratio is None:
+        return f"{worst.label}: missing"
+    return f"{worst.label}: {format_number(worst.ratio)} of its tolerance"
 
 
 def _provenance(matrix: Matrix) -> Iterator[doc.Block]:
@@ -365,11 +328,11 @@ def _provenance(matrix: Matrix) -> Iterator[doc.Block]:
 
 def _steps(runs: Iterable[MatrixRun]) -> str:
     """The shortest and the longest step, by preset."""
-    groups = _grouped((run for run in runs if run.timestep), lambda run: (run.preset,))
-    return "; ".join(
-        f"{preset} {_range([run.timestep or 0.0 for run in of])}"
-        for (preset,), of in groups.items()
-    )
+    steps: dict[str, list[float]] = {}
+    for run in runs:
+        if run.timestep:
+            steps.setdefault(run.preset, []).append(run.timestep)
+    return "; ".join(f"{preset} {_range(steps[preset])}" for preset in sorted(steps))
 
 
 def _range(values: Sequence[float]) -> str:

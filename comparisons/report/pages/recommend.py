@@ -14,72 +14,62 @@ from .tables import compared_time, provenance
 
 def document(advice: Advice) -> doc.Document:
     """One table of the settings; the page also has the texts to paste, and what was tried."""
-    asked = _target(advice.asked, advice.mechanism)
+    target = _target(advice.asked, advice.mechanism)
+    copied = ", ".join(files(advice)) or "none"
     blocks: list[doc.Block] = [
-        doc.Text(asked, "strong", lead=f"{advice.model}:"),
+        doc.Text(target, "strong", lead=f"{advice.model}:"),
         _settings(advice),
-        *(
-            doc.Text(e.message or "", "warning", lead=f"{e.engine}:")
-            for e in advice.engines
-            if e.choice is None
-        ),
-        doc.Text(f"{', '.join(files(advice)) or 'none'}.", lead="To copy, beside recommend.json:"),
-        *(doc.page_only(block) for engine in advice.engines for block in _chapter(engine)),
-        doc.Heading("How it was found", 2),
-        doc.Text(compared_time(advice.launch_time, advice.compared_to, advice.judged_to)),
-        doc.Text(sentence(advice.rule)),
     ]
-    runs = (
+    for engine in advice.engines:
+        if engine.choice is None:
+            blocks.append(doc.Text(engine.message or "", "warning", lead=f"{engine.engine}:"))
+    blocks.append(doc.Text(f"{copied}.", lead="To copy, beside recommend.json:"))
+    for engine in advice.engines:
+        blocks += map(doc.page_only, _chapter(engine))
+    runs = [
         (advice.model, f"{e.engine} {e.choice.options}", e.engine_version, e.choice.settings)
         for e in advice.engines
         if e.choice is not None
-    )
-    blocks += provenance(advice, runs, [(advice.model, advice.mechanism)])
-    title = "Settings that reach the target"
-    choices = ((each.engine, each.choice) for each in advice.engines)
-    found = (
-        f"{name} {'none' if c is None else f'{c.options}, step {c.step:g} s'}"
-        for name, c in choices
-    )
-    window, verdict = f"trebucheck recommend: {advice.model}", f"{advice.model}: {'; '.join(found)}"
-    return doc.Document(title, tuple(blocks), window, verdict=verdict)
+    ]
+    blocks += [
+        doc.Heading("How it was found", 2),
+        doc.Text(compared_time(advice.launch_time, advice.compared_to, advice.judged_to)),
+        doc.Text(sentence(advice.rule)),
+        *provenance(advice, runs, [(advice.model, advice.mechanism)]),
+    ]
+    verdict = f"{advice.model}: {'; '.join(map(_verdict, advice.engines))}"
+    window = f"trebucheck recommend: {advice.model}"
+    return doc.Document("Settings that reach the target", tuple(blocks), window, verdict=verdict)
+
+
+def _verdict(engine: EngineAdvice) -> str:
+    choice = engine.choice
+    settings = "none" if choice is None else f"{choice.options}, step {choice.step:g} s"
+    return f"{engine.engine} {settings}"
 
 
 def _settings(advice: Advice) -> doc.Table:
     unit = advice.mechanism.force_unit
-    heads = doc.ranked(
-        doc.columns(
-            f"engine | settings | step [s] | position [m] | {'force' if unit == 'N' else 'torque'} "
-            f"[{unit}] | release [s] | wall [s] | (worst neighbour)"
-        ),
-        settings=0,
-        step=0,
-        release=2,
-        wall=3,
+    load = "force" if unit == "N" else "torque"
+    heads = doc.columns(
+        f"engine | settings | step [s] | position [m] | {load} [{unit}] | release [s] | wall [s] | "
+        "(worst neighbour)"
     )
-    found = sorted(
-        ((e.choice.wall_time, e.engine, e.choice) for e in advice.engines if e.choice is not None),
-        key=lambda each: each[:2],
-    )
-    rows = (_row(engine, choice, advice.mechanism) for _, engine, choice in found)
+    choices = [(e.engine, e.choice) for e in advice.engines if e.choice is not None]
+    choices.sort(key=lambda each: (each[1].wall_time, each[0]))
+    rows = [_row(engine, choice, advice.mechanism) for engine, choice in choices]
     caption = (
         "The cheapest measured settings of each engine, the quickest first; errors on this machine"
     )
-    return doc.table(heads, rows, caption)
+    return doc.table(doc.ranked(heads, settings=0, step=0, release=2, wall=3), rows, caption)
 
 
 def _row(engine: str, choice: Choice, mechanism: Mechanism) -> doc.Row:
     here, worst = choice.here, choice.worst_neighbour
-    values = (format_number(value) for value in (here.position, here.torque, here.release))
+    errors = map(format_number, (here.position, here.torque, here.release))
     neighbour = "none measured" if worst is None else _errors(worst, mechanism)
-    return doc.row(
-        engine,
-        choice.options,
-        format_step(choice.step),
-        *values,
-        f"{choice.wall_time:.3f}",
-        neighbour,
-    )
+    step, wall = format_step(choice.step), f"{choice.wall_time:.3f}"
+    return doc.row(engine, choice.options, step, *errors, wall, neighbour)
 
 
 def _chapter(engine: EngineAdvice) -> Iterator[doc.Block]:
@@ -112,10 +102,10 @@ def _kind(text: str) -> str:
 
 def _target(target: Asked, mechanism: Mechanism) -> str:
     """The accuracy target, in words."""
-    values = (("position", target.position), ("torque", target.torque), ("release", target.release))
+    values = {"position": target.position, "torque": target.torque, "release": target.release}
     parts = [
         f"{name} within {value:g} {unit_of(name, mechanism)}"
-        for name, value in values
+        for name, value in values.items()
         if value is not None
     ]
     if target.torque_share is not None:
@@ -127,10 +117,9 @@ def _errors(errors: Errors, mechanism: Mechanism) -> str:
     parts = [f"position {format_number(errors.position)} m"]
     if any(stop.closed for stop in mechanism.stops):
         unit = mechanism.force_unit
+        load = "force" if unit == "N" else "torque"
         share = "" if errors.torque_share is None else f" ({100 * errors.torque_share:.1g} %)"
-        parts.append(
-            f"{'force' if unit == 'N' else 'torque'} {format_number(errors.torque)} {unit}{share}"
-        )
+        parts.append(f"{load} {format_number(errors.torque)} {unit}{share}")
         parts.append(f"release {format_number(errors.release)} s")
     return ", ".join(parts)
 

@@ -31,35 +31,31 @@ def document(trajectory: Trajectory) -> doc.Document:
     )
     figure = doc.Figure(_panels(trajectory), "The run", caption, "run", columns=2)
     motion = doc.AnimationBlock(lambda: (scene(trajectory),))
-    return replace(
-        shown, blocks=(*shown.blocks, motion, figure), window=f"trebucheck: {shown.title}"
-    )
+    blocks = (*shown.blocks, motion, figure)
+    return replace(shown, blocks=blocks, window=f"trebucheck: {shown.title}")
 
 
 def _panels(run: Trajectory) -> Panels:
-    mechanism, time = run.mechanism, Axis("t", "s")
-    paths = {
-        name: (motion.position[:, 0], motion.position[:, 1]) for name, motion in run.markers.items()
-    }
-    coordinates = {name: run.q[:, i] for i, name in enumerate(mechanism.coordinates)}
+    mechanism, plots = run.mechanism, list[Plot]()
+    if run.markers:
+        paths = {name: (m.position[:, 0], m.position[:, 1]) for name, m in run.markers.items()}
+        plots.append(Plot(Axis("x", "m"), Axis("y", "m"), _lines(paths), "paths", equal=True))
     unit = "rad or m" if mechanism.slides else "rad"
+    coordinates = {name: run.q[:, i] for i, name in enumerate(mechanism.coordinates)}
     energies = {
         "kinetic": run.kinetic_energy,
         "potential": run.potential_energy,
         "total": run.total_energy,
     }
-    over_time = [
+    over_time = (
         ("coordinates", unit, coordinates),
         ("stops", mechanism.force_unit, run.stop_torques),
         ("energy", "J", energies),
-    ]
-    plots = (
-        [Plot(Axis("x", "m"), Axis("y", "m"), _lines(paths), "paths", equal=True)] if paths else []
     )
-    for name, of, values in over_time:
+    for name, unit, values in over_time:
         if values:
             series = _lines({label: (run.t, each) for label, each in values.items()})
-            plots.append(Plot(time, Axis(name, of), series, name))
+            plots.append(Plot(Axis("t", "s"), Axis(name, unit), series, name))
     return tuple(plots)
 
 
@@ -77,40 +73,30 @@ def certificate_report(certificate: Certificate) -> doc.Document:
     """Figures of events; folded away, those at chosen times and the computations."""
     number = sum(computation.independent for computation in certificate.computations)
     figures = f"{len(certificate.figures)} figures from {number} independent computations"
-    title = f"{certificate.model}: {figures}"
     events = [figure for figure in certificate.figures if figure.time is None]
     timed = [figure for figure in certificate.figures if figure.time is not None]
     further = f"{len(timed)} further figures, at chosen times"
-    left_out = tuple(
-        doc.Text(sentence, "warning", lead="left out:") for sentence in certificate.absent
-    )
+    absent = (doc.Text(text, "warning", lead="left out:") for text in certificate.absent)
     heads = "computation | formulation | integrator | tolerance | independent"
     made = [
         (c.name, c.formulation, c.integrator, c.tolerance, c.independent)
         for c in certificate.computations
     ]
+    rule, versions = sentence(certificate.rule), format_settings(certificate.versions)
+    computations = doc.table(
+        heads, made, "Each was made alone; the uncertainty is what they differ by"
+    )
     blocks = (
         certified_figures(events, "Figures of the motion and its events"),
         doc.Text(f"{further}, are in the file.", "muted", medium="terminal"),
         doc.Fold(further, (doc.page_only(certified_figures(timed, further)),)),
-        doc.Listing(left_out),
-        doc.Fold(
-            "The computations",
-            (
-                doc.table(
-                    heads, made, "Each was made alone; the uncertainty is what they differ by"
-                ),
-            ),
-        ),
-        doc.Note(
-            f"Uncertainty: {sentence(certificate.rule)} Versions: "
-            f"{format_settings(certificate.versions)}."
-        ),
+        doc.Listing(tuple(absent)),
+        doc.Fold("The computations", (computations,)),
+        doc.Note(f"Uncertainty: {rule} Versions: {versions}."),
         doc.Note(f"Mechanism {certificate.mechanism_hash}."),
     )
-    return doc.Document(
-        title, blocks, f"trebucheck certify: {certificate.model}", certificate.command
-    )
+    title, window = f"{certificate.model}: {figures}", f"trebucheck certify: {certificate.model}"
+    return doc.Document(title, blocks, window, certificate.command)
 
 
 def run_report(trajectory: Trajectory, distance: Farthest | str | None = None) -> doc.Document:
@@ -121,11 +107,10 @@ def run_report(trajectory: Trajectory, distance: Farthest | str | None = None) -
     """
     run = trajectory.provenance
     title = f"{trajectory.mechanism.name}, {run.engine} {run.preset} ({run.engine_version})"
-    rows = [
-        *_quantities(trajectory),
-        *([] if distance is None else [("from the reference", _far(distance))]),
-    ]
-    verdict = "" if distance is None else f"{title}: {_far(distance)} from the reference"
+    rows, verdict = [*_quantities(trajectory)], ""
+    if distance is not None:
+        rows.append(("from the reference", _far(distance)))
+        verdict = f"{title}: {_far(distance)} from the reference"
     return doc.Document(title, (doc.table("|", rows, title),), verdict=verdict)
 
 

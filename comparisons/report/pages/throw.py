@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from itertools import chain, cycle
 
 import numpy as np
 
 from ....models.arrays import FloatArray
-from ....models.elements import PinJoint
+from ....models.elements import PinJoint, PointStop, Stop
 from ....models.library.trebuchet import FULCRUM
 from ....models.mechanism import Mechanism
+from ....reference.solution import Solution
 from ....reference.throw.flight import Flight, Surroundings, fly
 from ....reference.throw.members import (
     MemberForce,
@@ -84,18 +85,12 @@ def force_plots(performance: Performance) -> Panels:
     drawn: list[Plot] = []
     for title, unit, lines in _panels(performance):
         styles = {name: Style(next(colours), width=2) for name in lines}
-        series = tuple(
-            Series(name, times, value(times) / 1e3, styles[name]) for name, value in lines.items()
-        )
-        bands = tuple(
-            Band(*interval, styles[name].colour)
-            for name, interval in _shaded(performance)
-            if name in lines
-        )
+        series = [Series(name, times, of(times) / 1e3, styles[name]) for name, of in lines.items()]
+        shaded = [each for each in _shaded(performance) if each[0] in lines]
+        bands = tuple(Band(*interval, styles[name].colour) for name, interval in shaded)
+        axes = Axis("t", "s"), Axis("", unit)
         if series:
-            drawn.append(
-                Plot(Axis("t", "s"), Axis("", unit), series, title, rules=rules, bands=bands)
-            )
+            drawn.append(Plot(*axes, tuple(series), title, rules=rules, bands=bands))
     return tuple(drawn)
 
 
@@ -116,28 +111,29 @@ def _force_times(performance: Performance) -> FloatArray:
 
 
 def _panels(performance: Performance) -> Iterator[tuple[str, str, dict[str, Quantity]]]:
+    """Title, unit and lines of each plot of forces."""
     solution = performance.solution
     mechanism = solution.problem.mechanism
-    forces = {
+    forces: dict[str, Quantity] = {
         member.body.name: partial(axial_force, solution, member) for member in members(mechanism)
     }
     yield "Axial forces: tension above zero, compression below", "kN", forces
-    upward = {
-        joint.name: partial(upward_force, solution, joint)
-        for joint in supports(mechanism)
-        if carries(joint)
+    carriers = filter(carries, supports(mechanism))
+    upward: dict[str, Quantity] = {
+        joint.name: partial(upward_force, solution, joint) for joint in carriers
     }
     yield "Upward force of the ground: below zero, it would lift off", "kN", upward
-    for title, unit, stops in (
-        ("Torques of the stops", "kN m", mechanism.angle_stops),
-        ("Forces of the stops", "kN", mechanism.point_stops),
-    ):
-        closed = [stop.name for stop in stops if stop.closed]
-        yield (
-            title,
-            unit,
-            {name: (lambda t, name=name: solution.motion(t).stop_torques[name]) for name in closed},
-        )
+    yield "Torques of the stops", "kN m", _loads(solution, mechanism.angle_stops)
+    yield "Forces of the stops", "kN", _loads(solution, mechanism.point_stops)
+
+
+def _loads(solution: Solution, stops: Iterable[Stop | PointStop]) -> dict[str, Quantity]:
+    """Torque or force of each stop that is closed at the start."""
+
+    def load(name: str) -> Quantity:
+        return lambda t: solution.motion(t).stop_torques[name]
+
+    return {stop.name: load(stop.name) for stop in stops if stop.closed}
 
 
 _Row = tuple[str, str]
@@ -149,34 +145,30 @@ _FORCES = (
 
 def document(performance: Performance, throw: Throw) -> doc.Document:
     """All values, warnings and pictures; `throw` may have sensitivities."""
-    title = _title(throw)
-    measured = (
-        "Computed by the Lagrangian reference. Positions are measured from where the "
-        f"{origin_name(throw.mechanism)} stands at the start; SI units."
-    )
-    plots_of_forces = force_plots(performance)
-    blocks = (
+    name, start = throw.mechanism.name, origin_name(throw.mechanism)
+    blocks: list[doc.Block] = [
         *_first_screen(performance, throw),
-        doc.Note(measured),
-        *(doc.Text(sentence(warning), "warning", medium="page") for warning in throw.warnings),
-        doc.table("|", _rows(throw), title),
-        *(
-            (doc.Figure(plots_of_forces, "Forces", _FORCES, "forces", columns=2),)
-            if plots_of_forces
-            else ()
+        doc.Note(
+            f"Computed by the Lagrangian reference. Positions are measured from where the {start} "
+            "stands at the start; SI units."
         ),
+    ]
+    for warning in throw.warnings:
+        blocks.append(doc.Text(sentence(warning), "warning", medium="page"))
+    blocks.append(doc.table("|", _rows(throw), f"{name}: one throw, {_conditions(throw)}"))
+    plots = force_plots(performance)
+    if plots:
+        blocks.append(doc.Figure(plots, "Forces", _FORCES, "forces", columns=2))
+    blocks += [
         doc.table(_columns(throw), throw.sensitivities, _DERIVATIVES),
         doc.Note(f"trebucheck {__version__}."),
-        mechanism_as_data(throw.mechanism.name, throw.mechanism),
-        *(
-            doc.Text(f"{warning}.", "warning", lead="warning:", medium="terminal")
-            for warning in throw.warnings
-        ),
-    )
-    question = f"How far does {throw.mechanism.name} throw, and what must its members bear?"
-    return doc.Document(
-        question, blocks, f"trebucheck throw: {throw.mechanism.name}", verdict=_verdict(throw)
-    )
+        mechanism_as_data(name, throw.mechanism),
+    ]
+    for warning in throw.warnings:
+        blocks.append(doc.Text(f"{warning}.", "warning", lead="warning:", medium="terminal"))
+    question = f"How far does {name} throw, and what must its members bear?"
+    window = f"trebucheck throw: {name}"
+    return doc.Document(question, tuple(blocks), window, verdict=_verdict(throw))
 
 
 def _verdict(throw: Throw) -> str:
@@ -184,68 +176,51 @@ def _verdict(throw: Throw) -> str:
     return f"{throw.mechanism.name}: {throw.flight.range:.6g} m, {at}"
 
 
-def _first_screen(performance: Performance, throw: Throw) -> tuple[doc.Block, ...]:
+def _first_screen(performance: Performance, throw: Throw) -> Iterator[doc.Block]:
     """How far it throws, the machine in motion, and the flight."""
     launch, flight, longest = throw.launch, throw.flight, throw.best_flight
-    figures = (
+    angle = f"at {math.degrees(launch.angle):.2f} deg"
+    tiles = [
         doc.Tile(f"{flight.range:.2f} m", "range", detail=f"{flight.time:.2f} s of flight"),
-        doc.Tile(
-            f"{launch.speed:.3f} m/s",
-            "launch speed",
-            detail=f"at {math.degrees(launch.angle):.2f} deg",
-        ),
+        doc.Tile(f"{launch.speed:.3f} m/s", "launch speed", detail=angle),
         doc.Tile(f"{launch.time:.5f} s", "release"),
-        *(
-            [doc.Tile(f"{longest.range:.2f} m", "longest range")]
-            if longest and longest.range > flight.range
-            else []
-        ),
-    )
-    return (
-        doc.page_only(doc.Text(f"{_verdict(throw)}; {_conditions(throw)}.", "strong")),
-        doc.Tiles(figures),
-        doc.AnimationBlock(lambda: (motion(performance),)),
-        doc.Figure(flight_plot(performance), "The flight", anchor="flight"),
-    )
-
-
-def _title(throw: Throw) -> str:
-    return f"{throw.mechanism.name}: one throw, {_conditions(throw)}"
+    ]
+    if longest is not None and longest.range > flight.range:
+        tiles.append(doc.Tile(f"{longest.range:.2f} m", "longest range"))
+    yield doc.Text(f"{_verdict(throw)}; {_conditions(throw)}.", "strong", medium="page")
+    yield doc.Tiles(tuple(tiles))
+    yield doc.AnimationBlock(lambda: (motion(performance),))
+    yield doc.Figure(flight_plot(performance), "The flight", anchor="flight")
 
 
 def _conditions(throw: Throw) -> str:
-    landing = (
-        ""
-        if throw.height == 0
-        else f", landing {throw.height:g} m above the {origin_name(throw.mechanism)}"
-    )
-    return f"g = {throw.gravity:g} m/s²{landing}"
+    gravity = f"g = {throw.gravity:g} m/s²"
+    if throw.height == 0:
+        return gravity
+    return f"{gravity}, landing {throw.height:g} m above the {origin_name(throw.mechanism)}"
 
 
 def origin_name(mechanism: Mechanism) -> str:
     """Origin of positions: the pin, or what a slot of another name guides."""
     joint = origin(mechanism)
-    if isinstance(joint, PinJoint) or joint.name == FULCRUM:
-        return joint.name
-    markers = (
-        m.name for m in mechanism.markers if (m.body, m.point) == (joint.child, joint.child_point)
-    )
-    return next(markers, joint.name)
+    if not isinstance(joint, PinJoint) and joint.name != FULCRUM:
+        for marker in mechanism.markers:
+            if (marker.body, marker.point) == (joint.child, joint.child_point):
+                return marker.name
+    return joint.name
 
 
 def _rows(throw: Throw) -> Iterator[doc.Row]:
     """All values in groups, each under its title."""
     density, area = throw.air.density, throw.air.drag_area
     drag = f"density {density:g} kg/m³, drag area {area:g} m²" if density * area else "no drag"
+    forces = chain(*map(_member_rows, throw.members), *map(_support_rows, throw.supports))
     groups = (
         (f"Release ({throw.released})", _launch_rows(throw.launch)),
         ("Stops", _stop_rows(throw)),
         (f"Flight ({drag})", _flight_rows(throw.flight, origin_name(throw.mechanism))),
         ("Longest range", _best_rows(throw)),
-        (
-            "Forces up to the release",
-            chain(*map(_member_rows, throw.members), *map(_support_rows, throw.supports)),
-        ),
+        ("Forces up to the release", forces),
     )
     for title, values in groups:
         rows = [doc.row(f"  {name}", value) for name, value in values]
@@ -273,11 +248,8 @@ def _sling_rows(launch: LaunchFigures) -> Iterator[_Row]:
 
 def _stop_rows(throw: Throw) -> Iterator[_Row]:
     for rest in throw.rests:
-        opens = (
-            "not before the release" if rest.release_time is None else f"{rest.release_time:.9f} s"
-        )
-        yield f"{rest.name} opens", opens
-        stop = throw.mechanism.stop(rest.name)
+        time, stop = rest.release_time, throw.mechanism.stop(rest.name)
+        yield f"{rest.name} opens", "not before the release" if time is None else f"{time:.9f} s"
         yield f"{rest.name}, {stop.effort} at start", f"{rest.start_torque:.4f} {stop.force_unit}"
 
 
@@ -290,16 +262,14 @@ def _flight_rows(flight: FlightFigures, measured_from: str) -> Iterator[_Row]:
 
 
 def _best_rows(throw: Throw) -> Iterator[_Row]:
-    if throw.best_launch is None or throw.best_flight is None:
+    launch, flight = throw.best_launch, throw.best_flight
+    if launch is None or flight is None:
         yield "best release", "none reaches the landing height"
         return
-    yield "release at", f"{throw.best_launch.time:.9f} s"
-    yield (
-        "angle, speed",
-        f"{math.degrees(throw.best_launch.angle):.4f} deg, {throw.best_launch.speed:.4f} m/s",
-    )
-    yield from _sling_rows(throw.best_launch)
-    yield "range", f"{throw.best_flight.range:.4f} m"
+    yield "release at", f"{launch.time:.9f} s"
+    yield "angle, speed", f"{math.degrees(launch.angle):.4f} deg, {launch.speed:.4f} m/s"
+    yield from _sling_rows(launch)
+    yield "range", f"{flight.range:.4f} m"
     yield "gain over this release", f"{throw.gain:.4f} m"
 
 
@@ -307,19 +277,15 @@ def _member_rows(member: MemberForce) -> Iterator[_Row]:
     name = member.name if member.two_force else f"{member.name} (at {member.joint})"
     yield f"{name}, largest tension", _force_at(member.peak_tension, member.peak_tension_time)
     if member.compressed:
-        yield (
-            f"{name}, largest compression",
-            _force_at(member.peak_compression, member.peak_compression_time),
-        )
+        peak = _force_at(member.peak_compression, member.peak_compression_time)
+        yield f"{name}, largest compression", peak
         yield f"{name}, in compression", spoken(member.compressed)
 
 
 def _support_rows(support: SupportForce) -> Iterator[_Row]:
     direction = f"{round(math.degrees(support.peak_direction), 2) + 0.0:.2f} deg"  # no -0.00
-    yield (
-        f"{support.joint}, largest force",
-        f"{_force_at(support.peak, support.peak_time)}, towards {direction}",
-    )
+    peak = _force_at(support.peak, support.peak_time)
+    yield f"{support.joint}, largest force", f"{peak}, towards {direction}"
     if support.least is not None and support.least_time is not None:
         part = "least force on the wheels" if support.rolls else "least upward force"
         yield f"{support.joint}, {part}", _force_at(support.least, support.least_time)
@@ -339,41 +305,31 @@ def _signed(derivative: float | None, by: float | None, value: float) -> str:
     return "0" if rounding else f"{derivative * by:+.4g}"
 
 
-def _percent(each: Sensitivity) -> float | None:
-    """One per cent of the value; None of a value that is zero."""
-    return each.value / 100 or None
-
-
 _DERIVATIVES = (
     "Sensitivities of the release, flight without drag: exact derivatives, event times included. "
     "What chose the release is held, its angle or its time; with a number the start changes by the "
     "least that keeps loops and rests closed"
 )
-_RANKS = {
-    "range": 1,
-    "speed": 2,
-    "time": 3,
-    "angle": 4,
-}  # what a narrow terminal leaves out first has the highest
 
 
 def _columns(throw: Throw) -> tuple[doc.Column, ...]:
-    """Per unit and per cent; without what the release holds."""
-    figures: dict[str, tuple[str, Callable[[Sensitivity], float | None]]] = {
-        "time": ("s", lambda each: each.launch_time),
-        "speed": ("m/s", lambda each: each.launch_speed),
-        "angle": ("deg", lambda each: math.degrees(each.launch_angle)),
-        "range": ("m", lambda each: each.range),
-    }
-    shown = {
-        name: (unit, of)
-        for name, (unit, of) in figures.items()
-        if any(_moves(of, each) for each in throw.sensitivities)
-    }
-    per_unit = (
-        _column(name, f"{unit} per unit", of, lambda _: 1.0) for name, (unit, of) in shown.items()
+    """Per unit and per cent; without what the release holds.
+
+    What a narrow terminal leaves out first has the highest rank.
+    """
+    figures: tuple[tuple[str, str, int, Callable[[Sensitivity], float | None]], ...] = (
+        ("time", "s", 3, lambda each: each.launch_time),
+        ("speed", "m/s", 2, lambda each: each.launch_speed),
+        ("angle", "deg", 4, lambda each: math.degrees(each.launch_angle)),
+        ("range", "m", 1, lambda each: each.range),
     )
-    per_cent = (_column(name, f"{unit} per %", of, _percent) for name, (unit, of) in shown.items())
+    per_unit: list[doc.Column] = []
+    per_cent: list[doc.Column] = []
+    for name, unit, rank, derivative in figures:
+        unit_change, percent_change = partial(_effect, derivative), partial(_percent, derivative)
+        if any(unit_change(each) not in ("0", "–") for each in throw.sensitivities):
+            per_unit.append(doc.Column(name, f"{unit} per unit", rank=rank, of=unit_change))
+            per_cent.append(doc.Column(name, f"{unit} per %", rank=rank, of=percent_change))
     return (
         doc.Column("by", of=lambda each: each.name),
         doc.Column("value", of=lambda each: f"{each.value:.6g} {each.unit}"),
@@ -382,16 +338,11 @@ def _columns(throw: Throw) -> tuple[doc.Column, ...]:
     )
 
 
-def _moves(of: Callable[[Sensitivity], float | None], each: Sensitivity) -> bool:
-    return _signed(of(each), 1.0, each.value) not in ("0", "–")
+def _effect(derivative: Callable[[Sensitivity], float | None], each: Sensitivity) -> str:
+    """Change by one unit of the parameter."""
+    return _signed(derivative(each), 1.0, each.value)
 
 
-def _column(
-    name: str,
-    unit: str,
-    of: Callable[[Sensitivity], float | None],
-    by: Callable[[Sensitivity], float | None],
-) -> doc.Column:
-    return doc.Column(
-        name, unit, rank=_RANKS[name], of=lambda each: _signed(of(each), by(each), each.value)
-    )
+def _percent(derivative: Callable[[Sensitivity], float | None], each: Sensitivity) -> str:
+    """Change by one per cent of the parameter; a dash where its value is zero."""
+    return _signed(derivative(each), each.value / 100 or None, each.value)
