@@ -40,12 +40,8 @@ class ScipyBodies(BuiltinEngine):
         closed = [stop.name for stop in problem.mechanism.stops if stop.closed]
         held = model.pushing(closed, y)
         released: dict[str, float | None] = {name: None if name in held else 0.0 for name in closed}
-        options: Any = {
-            "dense_output": True,
-            "rtol": self.rtol,
-            "atol": self.rtol,
-            "max_step": 0.05,
-        }
+        rtol = self.rtol
+        options: Any = {"dense_output": True, "rtol": rtol, "atol": rtol, "max_step": 0.05}
         while t < problem.duration:
             span, events = (t, problem.duration), [*map(model.opening, held)]
             solved: Any = solve_ivp(

@@ -156,8 +156,8 @@ class Plugin:
     def library(self) -> dict[str, Batch]:
         """The library's problems by chapter."""
         code = (
-            "import trebucheck.models.problems.registry as r; print(*(f'{e.number}:{e.name}' for e "
-            "in r.benchmarks()))"
+            "from trebucheck.models.library.registry import benchmarks; "
+            "print(*(f'{e.number}:{e.name}' for e in benchmarks()))"
         )
         run = [str(self.programs / "python"), "-c", code]
         chapters: dict[str, tuple[str, ...]] = {}

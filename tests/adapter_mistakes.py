@@ -122,7 +122,10 @@ def _weightless(f: Trajectory) -> Trajectory:
 
 
 def _at(f: Trajectory, shift: float) -> Trajectory:
-    """The motion at other times, by straight lines between its samples; cubic where it is smooth enough."""
+    """The motion at other times, by straight lines between its samples.
+
+    Cubic where it is smooth enough.
+    """
     from scipy.interpolate import CubicHermiteSpline, make_interp_spline
 
     times = np.clip(f.t + shift, f.t[0], f.t[-1])
@@ -136,12 +139,17 @@ def _at(f: Trajectory, shift: float) -> Trajectory:
         return CubicHermiteSpline(t, values[unique], rates[unique])(times)
 
     return replace(
-        f, q=smooth(f.q, f.u), u=at(f.u),
-        markers=_points(f, lambda _, m: PointMotion(smooth(m.position, m.velocity), at(m.velocity))),
-        kinetic_energy=at(f.kinetic_energy), potential_energy=at(f.potential_energy),
+        f,
+        q=smooth(f.q, f.u),
+        u=at(f.u),
+        markers=_points(
+            f, lambda _, m: PointMotion(smooth(m.position, m.velocity), at(m.velocity))
+        ),
+        kinetic_energy=at(f.kinetic_energy),
+        potential_energy=at(f.potential_energy),
         stop_torques=_each(f.stop_torques, lambda _, v: at(v)),
         joint_reactions=_each(f.joint_reactions, lambda _, v: at(v)),
-    )  # fmt: skip
+    )
 
 
 def _step(f: Trajectory) -> float:
@@ -176,9 +184,13 @@ def _marker_at(point: Callable[[tb.Mechanism, Any], Any]) -> Spoil:
         rows = {
             m.name: f.kinematics.point(m.body, point(f.mechanism, m)) for m in f.mechanism.markers
         }
-        return replace(f, markers={
-            n: PointMotion(f.kinematics.position(r, f.q), f.kinematics.velocity(r, f.q, f.u)) for n, r in rows.items()
-        })  # fmt: skip
+        return replace(
+            f,
+            markers={
+                n: PointMotion(f.kinematics.position(r, f.q), f.kinematics.velocity(r, f.q, f.u))
+                for n, r in rows.items()
+            },
+        )
 
     return read
 
@@ -280,11 +292,15 @@ def _earlier(f: Trajectory) -> Trajectory:
     """States after the step under the times before it."""
     ahead = lambda v: np.concatenate([v[1:], v[-1:]])  # noqa: E731
     return replace(
-        f, q=ahead(f.q), u=ahead(f.u), kinetic_energy=ahead(f.kinetic_energy),
+        f,
+        q=ahead(f.q),
+        u=ahead(f.u),
+        kinetic_energy=ahead(f.kinetic_energy),
         markers=_points(f, lambda _, m: PointMotion(ahead(m.position), ahead(m.velocity))),
-        potential_energy=ahead(f.potential_energy), stop_torques=_each(f.stop_torques, lambda _, v: ahead(v)),
+        potential_energy=ahead(f.potential_energy),
+        stop_torques=_each(f.stop_torques, lambda _, v: ahead(v)),
         joint_reactions=_each(f.joint_reactions, lambda _, v: ahead(v)),
-    )  # fmt: skip
+    )
 
 
 def _backward_differences(f: Trajectory) -> Trajectory:

@@ -95,7 +95,10 @@ def third_party(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Mo
 def refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Callable[..., str]:
-    """The sentence by which the command line refuses its arguments: exit code 2, nothing printed, nothing written."""
+    """The sentence by which the command line refuses its arguments.
+
+    Exit code 2, nothing printed, nothing written.
+    """
 
     def run(*arguments: str) -> str:
         monkeypatch.chdir(tmp_path)

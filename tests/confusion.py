@@ -34,7 +34,10 @@ UNKNOWN = ()
 
 @dataclass(frozen=True)
 class Seed:
-    """A fault, and words of the causes that are right for it; none: it is no suspect, and must be called unknown."""
+    """A fault, and words of the causes that are right for it; none.
+
+    It is no suspect, and must be called unknown.
+    """
 
     name: str
     causes: tuple[str, ...]
@@ -83,7 +86,10 @@ class Bench:
         return self.moved(self.mechanism, Forced(self.mechanism, forces))
 
     def pulsed(self, since: float, forces: Callable[..., Any]) -> tb.Trajectory:
-        """Under further forces from a time [s] on: the motion up to there, and another one from its state."""
+        """Under further forces from a time [s] on.
+
+        The motion up to there, and another one from its state.
+        """
         before = self.moved(self.mechanism)
         start = self.solution.motion(np.array([since]))
         open_by_then = [
@@ -173,7 +179,10 @@ def part(
 
 
 def turned_gravity(b: Bench, angle: float) -> tb.Trajectory:
-    """Gravity turned anticlockwise, and with it weights: what joints bear and the potential energy follow it."""
+    """Gravity turned anticlockwise, and with it weights.
+
+    What joints bear and the potential energy follow it.
+    """
     direction = complex(*b.mechanism.gravity_direction) * np.exp(1j * angle)
     return b.moved(
         b.mechanism.model_copy(
@@ -199,7 +208,9 @@ def third_body(b: Bench) -> tb.Trajectory:
 
 
 def on_relative(b: Bench, i: int, law: Callable[[Any, Any], Any]) -> tb.Trajectory:
-    """A torque on a body against the one before it, from the relative angle since the start and its speed."""
+    """A torque on a body against the one before it, from the relative angle since the start and its
+    speed.
+    """
     start = np.array(b.mechanism.start)
     row = np.zeros(len(start))
     row[i] = 1.0
@@ -723,7 +734,10 @@ def diagnosed(bench: Bench, seed: Seed) -> Entry:
 
 
 def scaled(mechanism: tb.Mechanism, factor: float) -> tb.Mechanism:
-    """The mechanism with all lengths times a factor, masses by its cube: its time is longer by the root."""
+    """The mechanism with all lengths times a factor, masses by its cube.
+
+    Its time is longer by the root.
+    """
 
     def grown(value: Any, key: str = "") -> Any:
         if isinstance(value, dict):
@@ -755,7 +769,8 @@ def counted(entries: Sequence[Entry]) -> str:
     right = [e for e in entries if e.seed.causes]
     rest = [e for e in entries if not e.named]
     return (
-        f"{len(entries)} faults: of {len(right)} with a suspect {sum(e.named for e in right)} first or second, "
+        f"{len(entries)} faults: of {len(right)} with a suspect {sum(e.named for e in right)} "
+        f"first or second, "
         f"{sum(e.named and bool(e.diagnosis.likeliest) for e in right)} of them as likeliest; "
         f"'unknown' in {sum(not e.diagnosis.likeliest for e in rest)} of the other {len(rest)}; "
         f"{np.mean([e.cpu for e in entries]):.2f} s of processor time each"

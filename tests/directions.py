@@ -25,7 +25,9 @@ Direction = dict[str, float]
 def stepped(
     mechanism: Mechanism, direction: Direction, step: float, active: tuple[str, ...]
 ) -> Mechanism:
-    """A mechanism moved along a direction, with unit vectors of length 1, on its loops and closed stops."""
+    """A mechanism moved along a direction, with unit vectors of length 1, on its loops and closed
+    stops.
+    """
     other = moved(mechanism, direction, step)
     unit = {
         "joints": tuple(_of_length_one(joint, "axis") for joint in other.joints),
@@ -48,7 +50,10 @@ def stepped(
 
 
 def random_direction(mechanism: Mechanism, least: float) -> Direction:
-    """All numbers at once, each by some part of itself, or of `least` if that is more; unit vectors turn."""
+    """All numbers at once, each by some part of itself, or of `least` if that is more.
+
+    Unit vectors turn.
+    """
     random, known = np.random.default_rng(0), numbers(mechanism)
     direction: Direction = {}
     for name, value in known.items():

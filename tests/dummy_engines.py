@@ -1,4 +1,7 @@
-"""Engines that break one part of the interface each: what an engine can do wrong beside moving wrongly."""
+"""Engines that break one part of the interface each.
+
+What an engine can do wrong beside moving wrongly.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,10 @@ _RUNS = count()
 
 @dataclass(frozen=True)
 class Full(Echo):
-    """The whole protocol, so that the registry adds nothing: what it does not declare it has to refuse itself."""
+    """The whole protocol, so that the registry adds nothing.
+
+    What it does not declare it has to refuse itself.
+    """
 
     name = "full"
 
@@ -89,7 +95,10 @@ class Random(Everything):
 
 
 class Remembering(Everything):
-    """The first run is right; later ones have the reactions of the run before, stretched to their length."""
+    """The first run is right.
+
+    Later ones have the reactions of the run before, stretched to their length.
+    """
 
     name = "remembering"
     kept: ClassVar[dict[str, Any]] = {}
@@ -99,9 +108,16 @@ class Remembering(Everything):
         own = next(iter(found.joint_reactions.values()), np.zeros((1, 2)))
         last = self.kept.get("last")
         self.kept["last"] = own
-        return found if last is None else replace(
-            found, joint_reactions={n: np.resize(last, v.shape) for n, v in found.joint_reactions.items()}
-        )  # fmt: skip
+        return (
+            found
+            if last is None
+            else replace(
+                found,
+                joint_reactions={
+                    n: np.resize(last, v.shape) for n, v in found.joint_reactions.items()
+                },
+            )
+        )
 
 
 def _corrupt() -> None:

@@ -1,4 +1,7 @@
-"""Small mechanisms with one element each, and walls on moving bodies; what every engine must build."""
+"""Small mechanisms with one element each, and walls on moving bodies.
+
+What every engine must build.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,10 @@ HINGE = pin("hinge", GROUND, "hull")
 
 
 def afloat(*bodies: Any, joints: tuple[Any, ...] = (), **changes: Any) -> Mechanism:
-    """A free hull with other bodies on it; the coordinates: angles, x and y of the hull, other slides."""
+    """A free hull with other bodies on it; the coordinates.
+
+    Angles, x and y of the hull, other slides.
+    """
     n = sum(body.angle is not None for body in bodies) + 3
     n += sum(len(joint.slides) for joint in joints if joint.child in {body.name for body in bodies})
     fields: dict[str, Any] = {
@@ -98,7 +104,9 @@ def tied(*elements: Any) -> Mechanism:
 
 
 def braced(joint: Any, mechanism: Mechanism) -> Mechanism:
-    """The mechanism with another joint between hull and bob, which closes a loop, at consistent points and speeds."""
+    """The mechanism with another joint between hull and bob, which closes a loop, at consistent
+    points and speeds.
+    """
     kinematics, q = Kinematics(mechanism), np.array(mechanism.start)
     at = kinematics.position(kinematics.point("bob", (0.5, 0.2)), q)
     joint = joint.model_copy(update={"parent_point": tuple(at.tolist()), "child_point": (0.5, 0.2)})
@@ -117,20 +125,35 @@ ELEMENTS: dict[str, Mechanism] = {
     "a slot of a body": afloat(BOB, joints=(slot(),)),
     "a rail of a body": afloat(BLOCK, joints=(rail("hull", -1.1),)),
     "a rail of the ground": Mechanism(
-        name="block", bodies=(BLOCK,), joints=(rail(GROUND, 2.0),), gravity=G, start=(0.3,), start_speeds=(1.0,)
+        name="block",
+        bodies=(BLOCK,),
+        joints=(rail(GROUND, 2.0),),
+        gravity=G,
+        start=(0.3,),
+        start_speeds=(1.0,),
     ),
     "a weld": afloat(BLOCK, joints=(weld(),)),
     "a spring and damper": tied(
         SpringDamper(
-            name="tie", body="bob", point=(0.4, 0.1), relative_to="hull", relative_point=(-0.2, 0.3),
-            stiffness=60.0, damping=2.0, rest_length=0.5,
+            name="tie",
+            body="bob",
+            point=(0.4, 0.1),
+            relative_to="hull",
+            relative_point=(-0.2, 0.3),
+            stiffness=60.0,
+            damping=2.0,
+            rest_length=0.5,
         )
     ),
     "a spring of no length": tied(
-        SpringDamper(name="tie", body="bob", point=(0.4, 0.1), relative_point=(0.5, -1.0), stiffness=60.0)
+        SpringDamper(
+            name="tie", body="bob", point=(0.4, 0.1), relative_point=(0.5, -1.0), stiffness=60.0
+        )
     ),
     "springs of angles": tied(
-        RotationalSpringDamper(name="one", body="bob", relative_to="hull", stiffness=20, damping=0.3, rest_angle=-7),
+        RotationalSpringDamper(
+            name="one", body="bob", relative_to="hull", stiffness=20, damping=0.3, rest_angle=-7
+        ),
         RotationalSpringDamper(name="two", body="hull", stiffness=9.0, damping=0.2, rest_angle=0.5),
     ),
     "motors and forces": tied(
@@ -140,13 +163,15 @@ ELEMENTS: dict[str, Mechanism] = {
         ConstantForce(name="nothing", body=GROUND, point=(0.4, 0.2), force=(-5.0, 7.0)),
     ),
     "a loop of a slot": braced(
-        slot(parent=GROUND, coordinate=None, name="guide"), afloat(BOB, joints=(pin("pin", "hull", "bob", (0.6, 0.1)),))
+        slot(parent=GROUND, coordinate=None, name="guide"),
+        afloat(BOB, joints=(pin("pin", "hull", "bob", (0.6, 0.1)),)),
     ),
     "a loop of a rail": braced(
-        rail(GROUND, -0.3, coordinate=None), afloat(BOB, joints=(pin("pin", "hull", "bob", (0.6, 0.1)),))
+        rail(GROUND, -0.3, coordinate=None),
+        afloat(BOB, joints=(pin("pin", "hull", "bob", (0.6, 0.1)),)),
     ),
     "a loop of a weld": braced(weld(GROUND, -0.3), afloat(BOB, joints=(slot(),))),
-}  # fmt: skip
+}
 
 
 def lever(

@@ -114,15 +114,21 @@ class Formula:
             for of in (self.q, self.u)
         )
         return tb.Trajectory(
-            mechanism=self.mechanism, t=t, q=q, u=u,
+            mechanism=self.mechanism,
+            t=t,
+            q=q,
+            u=u,
             markers={marker.name: self._point(marker, q, u) for marker in self.mechanism.markers},
-            kinetic_energy=self.kinetic(t), potential_energy=self.potential(t),
+            kinetic_energy=self.kinetic(t),
+            potential_energy=self.potential(t),
             stop_torques={stop.name: self.torques[stop.name](t) for stop in self.mechanism.stops},
             release_times=dict(self.release_times),
-            joint_reactions={joint.name: self.reactions[joint.name](t) for joint in self.mechanism.joints},
+            joint_reactions={
+                joint.name: self.reactions[joint.name](t) for joint in self.mechanism.joints
+            },
             provenance=Provenance("formula", "1", "tuned", {}, "", 2.0, self.law.value, 1, 0.0),
             impacts=self.impacts,
-        )  # fmt: skip
+        )
 
     def _point(self, marker: Marker, q: FloatArray, u: FloatArray) -> PointMotion:
         kinematics = Kinematics(self.mechanism)

@@ -1,4 +1,7 @@
-"""Mechanisms that many tests need: Table I's two machines, pendulums, chains of two bodies, ladders, linkages."""
+"""Mechanisms that many tests need.
+
+Table I's two machines, pendulums, chains of two bodies, ladders, linkages.
+"""
 
 from __future__ import annotations
 
@@ -339,7 +342,10 @@ def parallel_cranks(
 
 
 def scaled(mechanism: Mechanism, s: float) -> Mechanism:
-    """The same mechanism, s times as large, of the same density: its motion takes sqrt(s) times as long."""
+    """The same mechanism, s times as large, of the same density.
+
+    Its motion takes sqrt(s) times as long.
+    """
 
     def vector(point: Vector) -> Vector:
         return point[0] * s, point[1] * s
@@ -409,7 +415,9 @@ def body_of(
 
 
 def everything() -> Mechanism:
-    """One of each element: a free hull, a slot and a slider on turning bodies, a weld, springs, motors, a wall."""
+    """One of each element: a free hull, a slot and a slider on turning bodies, a weld, springs,
+    motors, a wall.
+    """
     return Mechanism(
         name="everything",
         bodies=(
@@ -422,32 +430,70 @@ def everything() -> Mechanism:
         joints=(
             FreeJoint(name="sea", parent="ground", child="hull", coordinates=("x", "y")),
             SlotJoint(
-                name="slot", parent="hull", child="arm", parent_point=(0.2, 0.3), child_point=(0.05, 0.0),
-                axis=(0.6, 0.8), coordinate="s",
+                name="slot",
+                parent="hull",
+                child="arm",
+                parent_point=(0.2, 0.3),
+                child_point=(0.05, 0.0),
+                axis=(0.6, 0.8),
+                coordinate="s",
             ),
             PrismaticJoint(
-                name="rail", parent="arm", child="slider", parent_point=(0.3, 0.1), child_point=(0.01, 0.0),
-                axis=(0.8, -0.6), angle=0.4, coordinate="p",
+                name="rail",
+                parent="arm",
+                child="slider",
+                parent_point=(0.3, 0.1),
+                child_point=(0.01, 0.0),
+                axis=(0.8, -0.6),
+                angle=0.4,
+                coordinate="p",
             ),
             WeldJoint(
-                name="weld", parent="slider", child="bracket", parent_point=(0.1, 0.1), child_point=(0, 0), angle=-0.7
+                name="weld",
+                parent="slider",
+                child="bracket",
+                parent_point=(0.1, 0.1),
+                child_point=(0, 0),
+                angle=-0.7,
             ),
-            PinJoint(name="pin", parent="bracket", child="bob", parent_point=(0.4, 0.0), child_point=(0, 0)),
+            PinJoint(
+                name="pin",
+                parent="bracket",
+                child="bob",
+                parent_point=(0.4, 0.0),
+                child_point=(0, 0),
+            ),
         ),
         force_elements=(
             SpringDamper(
-                name="tie", body="bob", point=(0.3, 0.1), relative_to="hull", relative_point=(-0.2, 0.1),
-                stiffness=40.0, damping=1.5, rest_length=0.3,
+                name="tie",
+                body="bob",
+                point=(0.3, 0.1),
+                relative_to="hull",
+                relative_point=(-0.2, 0.1),
+                stiffness=40.0,
+                damping=1.5,
+                rest_length=0.3,
             ),
             RotationalSpringDamper(
-                name="twist", body="bob", relative_to="arm", stiffness=3.0, damping=0.2, rest_angle=0.3
+                name="twist",
+                body="bob",
+                relative_to="arm",
+                stiffness=3.0,
+                damping=0.2,
+                rest_angle=0.3,
             ),
             ConstantForce(name="pull", body="bob", point=(0.1, 0.2), force=(2.0, -1.0)),
             ConstantTorque(name="motor", body="arm", relative_to="hull", torque=0.9),
         ),
         stops=(
             PointStop(
-                name="deck", body="bob", point=(0.5, 0.0), relative_to="hull", normal=(0.0, 1.0), offset=-3.0,
+                name="deck",
+                body="bob",
+                point=(0.5, 0.0),
+                relative_to="hull",
+                normal=(0.0, 1.0),
+                offset=-3.0,
                 closed=False,
             ),
         ),
@@ -455,7 +501,7 @@ def everything() -> Mechanism:
         gravity_direction=(0.6, -0.8),
         start=(0.3, -0.4, 0.9, 0.1, 0.2, 0.35, -0.2),
         start_speeds=(0.5, 1.0, -0.7, 0.2, -0.3, 0.4, 0.6),
-    )  # fmt: skip
+    )
 
 
 def bouncing(height: float, restitution: float) -> Mechanism:

@@ -1,4 +1,7 @@
-"""What is asked of a page that is open in a browser; each check tells what it finds, nothing where all is well."""
+"""What is asked of a page that is open in a browser.
+
+Each check tells what it finds, nothing where all is well.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,10 @@ def looks(page: Page, call: str) -> Any:
 
 
 def serious(page: Page) -> list[str]:
-    """Serious and critical violations that axe finds; drawings whose boxes have names are left out."""
+    """Serious and critical violations that axe finds.
+
+    Drawings whose boxes have names are left out.
+    """
     axe = pytest.importorskip(
         "axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed"
     )

@@ -1,4 +1,7 @@
-"""A page of every command, small: what its document shows in a browser is what a large one shows."""
+"""A page of every command, small.
+
+What its document shows in a browser is what a large one shows.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +41,9 @@ COMMAND = "trebucheck compare --models fixed,pendulum --engines reference,pymunk
 
 @cache
 def comparison() -> Comparison:
-    """Two machines, one engine that agrees tuned and disagrees stock, and a run that could not be made."""
+    """Two machines, one engine that agrees tuned and disagrees stock, and a run that could not be
+    made.
+    """
     found = tb.compare(["fixed", "pendulum"], ["reference", "pymunk"], timestep=4e-3, isolate=False)
     runs = list(found.results.runs)
     absent = runs[-1].model_copy(
@@ -113,10 +118,15 @@ def _paper() -> Document:
     line = Series(figure="Fig. 4", name="reference", x=x, y=y, x_label="t [s]", y_label="range [m]")
     return paper_report.document(
         Paper(
-            made="2000-01-01T00:00:00+00:00", versions={"trebucheck": "0"}, machines=(tb.fixed(),), claims=claims,
-            series=(line,), sections={"drag": {"failed": "it crashed"}}, seconds=1.0,
+            made="2000-01-01T00:00:00+00:00",
+            versions={"trebucheck": "0"},
+            machines=(tb.fixed(),),
+            claims=claims,
+            series=(line,),
+            sections={"drag": {"failed": "it crashed"}},
+            seconds=1.0,
         )
-    )  # fmt: skip
+    )
 
 
 def _certify() -> Document:

@@ -82,7 +82,10 @@ class Liar(Echo):
 
 
 class Second(Echo):
-    """Its error is of second order: everything that moves the mechanism is larger by the square of the step."""
+    """Its error is of second order.
+
+    Everything that moves the mechanism is larger by the square of the step.
+    """
 
     name = "second"
 
@@ -128,7 +131,10 @@ class Sleeper(Echo):
 
 @dataclass(frozen=True)
 class Plain:
-    """As plug-ins were before the protocol had `preset`, `settings` and `timestep`: a dataclass of its options."""
+    """As plug-ins were before the protocol had `preset`, `settings` and `timestep`.
+
+    A dataclass of its options.
+    """
 
     name = "plain"
     capabilities = Echo.capabilities

@@ -1,4 +1,6 @@
-"""Random mechanisms: trees of one to six bodies, loops, springs, dampers, motors and stops, consistent at the start."""
+"""Random mechanisms: trees of one to six bodies, loops, springs, dampers, motors and stops,
+consistent at the start.
+"""
 
 from __future__ import annotations
 
@@ -77,11 +79,14 @@ def _tree(draw: _Draw) -> Mechanism:
     ]
     bodies = tuple(
         Body(
-            name=name, angle=None if joint.holds_angle else f"angle {name}", mass=draw.number(0.3, 3),
-            centre=draw.point(0.4), inertia=draw.number(0.02, 0.3),
+            name=name,
+            angle=None if joint.holds_angle else f"angle {name}",
+            mass=draw.number(0.3, 3),
+            centre=draw.point(0.4),
+            inertia=draw.number(0.02, 0.3),
         )
         for name, joint in zip(names, joints, strict=True)
-    )  # fmt: skip
+    )
     n = sum(body.angle is not None for body in bodies) + sum(len(joint.slides) for joint in joints)
     return Mechanism(
         name="random",
@@ -137,7 +142,10 @@ def _joint(
 
 
 def _closed(mechanism: Mechanism, draw: _Draw) -> Mechanism:
-    """With up to two loops, as long as a freedom is left; their joints are put where their points are at the start."""
+    """With up to two loops, as long as a freedom is left.
+
+    Their joints are put where their points are at the start.
+    """
     attitudes, free = mechanism.attitudes, len(mechanism.coordinates)
     for k in range(draw.count(2)):
         child, kind = (

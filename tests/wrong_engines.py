@@ -50,7 +50,10 @@ class Honest(Plain):
 
 @cache
 def _moved(mechanism: str, duration: float, law: tb.StopLaw, timestep: float) -> tb.Trajectory:
-    """By the reference at a tolerance that sounds tight; computed once for all engines that spoil it afterwards."""
+    """By the reference at a tolerance that sounds tight.
+
+    Computed once for all engines that spoil it afterwards.
+    """
     problem = tb.Problem(tb.Mechanism.from_json(mechanism), duration=duration, stop_law=law)
     return tb.engine("reference", timestep=timestep, rtol=1e-10, atol=1e-10).simulate(problem)
 
@@ -87,10 +90,15 @@ def truncated(found: tb.Trajectory) -> tb.Trajectory:
     cut = lambda values: values[:n]  # noqa: E731
     return replace(
         _markers(found, lambda m: PointMotion(cut(m.position), cut(m.velocity))),
-        t=found.t[:n], q=found.q[:n], u=found.u[:n], kinetic_energy=found.kinetic_energy[:n],
-        potential_energy=found.potential_energy[:n], stop_torques=_mapped(found.stop_torques, cut),
-        joint_reactions=_mapped(found.joint_reactions, cut), joint_gaps=_mapped(found.joint_gaps, cut),
-    )  # fmt: skip
+        t=found.t[:n],
+        q=found.q[:n],
+        u=found.u[:n],
+        kinetic_energy=found.kinetic_energy[:n],
+        potential_energy=found.potential_energy[:n],
+        stop_torques=_mapped(found.stop_torques, cut),
+        joint_reactions=_mapped(found.joint_reactions, cut),
+        joint_gaps=_mapped(found.joint_gaps, cut),
+    )
 
 
 def frozen(found: tb.Trajectory) -> tb.Trajectory:
@@ -98,9 +106,12 @@ def frozen(found: tb.Trajectory) -> tb.Trajectory:
     still = lambda values: np.broadcast_to(values[:1], values.shape).copy()  # noqa: E731
     return replace(
         _markers(found, lambda m: PointMotion(still(m.position), 0.0 * m.velocity)),
-        q=still(found.q), u=0.0 * found.u, kinetic_energy=0.0 * found.kinetic_energy,
-        potential_energy=still(found.potential_energy), release_times=_mapped(found.release_times, lambda _: None),
-    )  # fmt: skip
+        q=still(found.q),
+        u=0.0 * found.u,
+        kinetic_energy=0.0 * found.kinetic_energy,
+        potential_energy=still(found.potential_energy),
+        release_times=_mapped(found.release_times, lambda _: None),
+    )
 
 
 SPOILS: dict[str, Spoil] = {
@@ -166,8 +177,10 @@ SPOILS: dict[str, Spoil] = {
 
 def _bodies(mechanism: tb.Mechanism, **factors: float) -> tb.Mechanism:
     """With fields of the bodies multiplied."""
-    bodies = [b.model_copy(update={key: getattr(b, key) * factor for key, factor in factors.items()})
-              for b in mechanism.bodies]  # fmt: skip
+    bodies = [
+        b.model_copy(update={key: getattr(b, key) * factor for key, factor in factors.items()})
+        for b in mechanism.bodies
+    ]
     return mechanism.model_copy(update={"bodies": tuple(bodies)})
 
 

@@ -1,4 +1,7 @@
-"""`trebucheck/Throw-v0`: Gymnasium's own checks, seeds, rewards against MuJoCo, pictures, and what it refuses."""
+"""`trebucheck/Throw-v0`.
+
+Gymnasium's own checks, seeds, rewards against MuJoCo, pictures, and what it refuses.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +48,10 @@ def test_gymnasium_has_nothing_to_complain_of() -> None:
 
 @pytest.mark.slow
 def test_a_process_that_never_imported_the_package_makes_it_and_draws_it() -> None:
-    """The machine before and after its release, and the whole flight; and the same seed is the same episode there."""
+    """The machine before and after its release, and the whole flight.
+
+    And the same seed is the same episode there.
+    """
     code = f"""
 import gymnasium
 env = gymnasium.make({NAME!r}, model="catapult", render_mode="rgb_array", width=160, height=120)
@@ -92,7 +98,10 @@ def test_the_same_seed_plays_the_same_episode() -> None:
 
 @pytest.mark.parametrize("name", ["fixed", "rolling", "catapult"])
 def test_a_release_flies_as_far_as_the_references(name: str) -> None:
-    """As `tb.throw` has it, whose stops open once; to the reference's tolerance of 1e-13 times some amplification."""
+    """As `tb.throw` has it, whose stops open once.
+
+    To the reference's tolerance of 1e-13 times some amplification.
+    """
     projectile = swing(tb.model(name))
     surroundings = surroundings_of(projectile, Air(), 0.0)
     best = projectile.best_release(surroundings)
@@ -155,7 +164,10 @@ def _range(env: ThrowEnv, run: tb.Trajectory, time: float) -> float:
 
 
 def test_no_release_earns_more_than_one() -> None:
-    """Nor just before an impact, where the range of this machine has its largest value and jumps; but for rounding."""
+    """Nor just before an impact, where the range of this machine has its largest value and jumps.
+
+    But for rounding.
+    """
     env = ThrowEnv("rolling", spread=0.2)
     env.reset(seed=6)
     best = env.machine.best

@@ -1,4 +1,7 @@
-"""`trebucheck importer`: a right importer is right in all it offers, and every seeded fault is found where it is."""
+"""`trebucheck importer`.
+
+A right importer is right in all it offers, and every seeded fault is found where it is.
+"""
 
 from __future__ import annotations
 
@@ -291,7 +294,9 @@ def test_who_cannot_read_a_machine_gets_its_variants(
 def test_a_stiff_loop_magnifies_what_single_precision_rounds(
     loaders: Path, function: str, verdict: Verdict
 ) -> None:
-    """A last digit of a position in single precision opens a loop, which its file closes within 2 ms."""
+    """A last digit of a position in single precision opens a loop, which its file closes within 2
+    ms.
+    """
     check = _checked(loaders, function, "connect").models[0].check("accelerations")
     assert check is not None and check.verdict == verdict
 

@@ -1,4 +1,6 @@
-"""`make importers`: what is installed is stated to the version, and one that cannot run costs only itself."""
+"""`make importers`: what is installed is stated to the version, and one that cannot run costs only
+itself.
+"""
 
 from __future__ import annotations
 

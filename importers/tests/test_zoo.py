@@ -1,4 +1,7 @@
-"""The small MJCF models: each file is the machine that its mechanism is, as MuJoCo's compiler reads it."""
+"""The small MJCF models.
+
+Each file is the machine that its mechanism is, as MuJoCo's compiler reads it.
+"""
 
 from __future__ import annotations
 

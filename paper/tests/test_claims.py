@@ -321,9 +321,14 @@ def small() -> Study:
         y_label="range [m]",
     )
     return Study(
-        made="2000-01-01T00:00:00+00:00", versions={"trebucheck": "0"}, machines=(tb.fixed(),), claims=claims,
-        series=(line,), sections={"drag": {"failed": "it <crashed>"}, "machines": {"any": 1}}, seconds=1.0,
-    )  # fmt: skip
+        made="2000-01-01T00:00:00+00:00",
+        versions={"trebucheck": "0"},
+        machines=(tb.fixed(),),
+        claims=claims,
+        series=(line,),
+        sections={"drag": {"failed": "it <crashed>"}, "machines": {"any": 1}},
+        seconds=1.0,
+    )
 
 
 def test_the_summary_counts_and_ranks(small: Study) -> None:

@@ -1,4 +1,7 @@
-"""The paper's claims against the reference and every engine: what PHYSICS says of them comes out of the rules."""
+"""The paper's claims against the reference and every engine.
+
+What PHYSICS says of them comes out of the rules.
+"""
 
 from __future__ import annotations
 
@@ -131,7 +134,9 @@ def test_rows_of_one_fact_name_a_row_of_the_throws_or_of_another_study() -> None
 
 
 def test_the_kink_of_a_torque_is_that_of_the_dense_output() -> None:
-    """Slopes of the sling's torque on both sides of the hanger's release, by interpolation on the exact motion."""
+    """Slopes of the sling's torque on both sides of the hanger's release, by interpolation on the
+    exact motion.
+    """
     throw = evidence().throws["fixed"]
     release = throw.solution.release_times["hanger rest"]
     assert release is not None
@@ -154,7 +159,9 @@ def test_the_kink_of_a_torque_is_that_of_the_dense_output() -> None:
 
 
 def table_two() -> DragStudy:
-    """Two readings of Table II without the Earth, with the angles [deg] that the study of drag finds for them."""
+    """Two readings of Table II without the Earth, with the angles [deg] that the study of drag
+    finds for them.
+    """
 
     def reading(kind: AngleReading, angles: dict[str, tuple[float, float, bool]]) -> Reading:
         worlds = tuple(
@@ -228,7 +235,9 @@ def test_table_two_is_judged_by_what_its_readings_and_drag_areas_give() -> None:
 
 
 def test_the_counterweights_way_is_the_paths() -> None:
-    """All its turns, against the sum over a thousand samples, whose error goes with the square of their distance."""
+    """All its turns, against the sum over a thousand samples, whose error goes with the square of
+    their distance.
+    """
     for throw in evidence().throws.values():
         t = np.linspace(0.0, throw.launch_time, 1001)
         x = throw.at(t).marker("counterweight").position[:, 0]
@@ -261,7 +270,9 @@ def test_an_engine_that_computes_another_machine_is_outside_its_bars() -> None:
 
 @pytest.mark.parametrize("name", MACHINES)
 def test_samples_are_read_as_the_continuous_motion_is(name: str) -> None:
-    """At a millisecond quintic splines are far below what any engine is asked for, MuJoCo at 1e-7 m included."""
+    """At a millisecond quintic splines are far below what any engine is asked for, MuJoCo at 1e-7 m
+    included.
+    """
     throw = evidence().throws[name]
     until = throw.trajectory.t[-1]
     trajectory = throw.at(np.arange(0.0, until, 1e-3))

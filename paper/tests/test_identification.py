@@ -1,4 +1,6 @@
-"""The identification against machines whose start angles are known, and against derivatives found in another way."""
+"""The identification against machines whose start angles are known, and against derivatives found
+in another way.
+"""
 
 from __future__ import annotations
 

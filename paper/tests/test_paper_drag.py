@@ -1,4 +1,7 @@
-"""Drag areas from angles of release: against the reference's best release, similarity, and grids tried through."""
+"""Drag areas from angles of release.
+
+Against the reference's best release, similarity, and grids tried through.
+"""
 
 from __future__ import annotations
 
@@ -147,7 +150,10 @@ def test_nothing_printed_is_refused() -> None:
 
 
 def test_table_ii_on_the_paper_s_grid() -> None:
-    """With g in the flight only and angles across the sling one drag area goes far; Mars stays out of reach."""
+    """With g in the flight only and angles across the sling one drag area goes far.
+
+    Mars stays out of reach.
+    """
     throwings = [throwing(row.world) for row in PRINTED]
     found = on_grid(throwings, PRINTED, 0.005, AngleReading.ACROSS_SLING)
     assert set(found.agreeing) == {"moon", "earth"}

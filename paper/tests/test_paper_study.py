@@ -1,4 +1,7 @@
-"""The whole study of the paper is docs/paper.md's; its designs, read by other means and looked for from elsewhere."""
+"""The whole study of the paper is docs/paper.md's.
+
+Its designs, read by other means and looked for from elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -104,7 +107,10 @@ def test_the_two_instants_coincide_by_another_reading(name: str) -> None:
 
 
 def test_the_rows_on_designs_name_the_bounds_within_which_they_hold() -> None:
-    """Outside of them a coinciding machine does throw as far: the same one, with its lengths scaled as the row says."""
+    """Outside of them a coinciding machine does throw as far.
+
+    The same one, with its lengths scaled as the row says.
+    """
     rows = {
         row.name: row.judged(row.ours)
         for row in design_rows(design())
@@ -145,7 +151,10 @@ def test_the_conditions_of_an_optimum_hold(name: str) -> None:
 
 
 def test_coinciding_costs_range() -> None:
-    """What the paper hopes for does not come about: the machine that throws farthest has its peak later."""
+    """What the paper hopes for does not come about.
+
+    The machine that throws farthest has its peak later.
+    """
     found, free = design().named(FARTHEST), design().unconstrained
     assert found is not None and free is not None
     assert found.throwing.range > design().paper_fixed.range

@@ -1,4 +1,6 @@
-"""The fulcrum's sweep: closed forms against the equations of motion, the peak against exact derivatives, both laws."""
+"""The fulcrum's sweep: closed forms against the equations of motion, the peak against exact
+derivatives, both laws.
+"""
 
 from __future__ import annotations
 

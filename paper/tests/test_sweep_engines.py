@@ -1,4 +1,7 @@
-"""Engines on the fulcrum's sweep and on the coinciding design: within what their bars allow of just those figures."""
+"""Engines on the fulcrum's sweep and on the coinciding design.
+
+Within what their bars allow of just those figures.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,10 @@ def _agrees(found: EngineValue, expected: float) -> bool:
 
 @pytest.mark.parametrize("l1", [9.0, 12.73])
 def test_launch_speed_and_no_fall_backward(engine_name: str, l1: float) -> None:
-    """At 12.73 m the hanger's rest would have to pull: engines' limits can only push, and follow release-once."""
+    """At 12.73 m the hanger's rest would have to pull.
+
+    Engines' limits can only push, and follow release-once.
+    """
     if engine_name == "reference":
         pytest.skip("it is what the others are measured against")
     solution = solve_to_launch(BEAM.rigid(l1).mechanism)
@@ -81,7 +87,9 @@ def test_an_engine_that_is_not_there_becomes_a_note() -> None:
 
 
 def test_tolerances_are_tight_enough_to_catch_a_wrong_machine() -> None:
-    """One thousandth of the sling's length is beyond every engine's allowance but pymunk's, which has millimetres."""
+    """One thousandth of the sling's length is beyond every engine's allowance but pymunk's, which
+    has millimetres.
+    """
     solution = solve_to_launch(tb.fixed(tb.TrebuchetParameters.with_beam(9.5)))
     other = solve_to_launch(tb.fixed(tb.TrebuchetParameters.with_beam(9.5, r=6.006)))
     assert solution.launch is not None and other.launch is not None

@@ -1,4 +1,6 @@
-"""Engines against the reference and each other, through the public surface, with the suite's own tolerances."""
+"""Engines against the reference and each other, through the public surface, with the suite's own
+tolerances.
+"""
 
 from __future__ import annotations
 
@@ -93,12 +95,17 @@ def test_the_table_of_the_page(engine_name: str) -> None:
 
 
 STOCK_POSITIONS = {"reference": 1e-6, "mujoco": 1e-2, "pymunk": 0.5, "exudyn": 5e-3}
-"""[m] What the documented defaults are known to give: soft limits millimetres, first order half a step's way."""
+"""[m] What the documented defaults are known to give.
+
+Soft limits millimetres, first order half a step's way.
+"""
 
 
 @pytest.mark.parametrize("model", ALL_MODELS)
 def test_stock_presets_come_near(engine_name: str, model: str) -> None:
-    """They need not agree within a thousandth of every scale, and the report says where they do not."""
+    """They need not agree within a thousandth of every scale, and the report says where they do
+    not.
+    """
     run = _run(engine_name, model, "stock")
     assert run.outcome in (Outcome.AGREES, Outcome.DISAGREES) and not run.unjudged
     position = run.metric("position_max", "projectile")
@@ -107,7 +114,10 @@ def test_stock_presets_come_near(engine_name: str, model: str) -> None:
 
 
 def test_no_stated_need_is_idle(engine_name: str) -> None:
-    """Every tolerance names a metric the engine's runs have: one that matches nothing would only look like a check."""
+    """Every tolerance names a metric the engine's runs have.
+
+    One that matches nothing would only look like a check.
+    """
     runs = table_one(engine_name).results.runs
     for stated in engine_study(engine_name).tolerances:
         metrics = [
@@ -174,7 +184,10 @@ def test_capabilities_are_what_is_delivered(engine_name: str) -> None:
 
 @pytest.mark.parametrize("model", MODELS)
 def test_joint_forces_are_near(engine_name: str, model: str) -> None:
-    """The forces follow from the accelerations, one order rougher than the positions: a thousandth will do."""
+    """The forces follow from the accelerations, one order rougher than the positions.
+
+    A thousandth will do.
+    """
     run = _run(engine_name, model, "tuned")
     for joint in ("fulcrum", "sling pin", "hanger pin"):
         metric = run.metric("joint_reaction_relative", joint)
@@ -197,7 +210,10 @@ def test_random_machines_agree(
 
 @pytest.mark.parametrize("model", MODELS)
 def test_a_rest_that_cannot_push_is_gone_at_the_start(engine_name: str, model: str) -> None:
-    """With so short a counterweight side the hanger's rest would have to pull: it is gone at t = 0 for everyone."""
+    """With so short a counterweight side the hanger's rest would have to pull.
+
+    It is gone at t = 0 for everyone.
+    """
     parameters = tb.TrebuchetParameters(l1=12.0, l2=1.0, alpha0=-1.6)
     machine = {"fixed": tb.fixed, "rolling": tb.rolling}[model](parameters)
     problem = tb.Problem(machine, duration=1.0)

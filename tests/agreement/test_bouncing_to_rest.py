@@ -1,4 +1,6 @@
-"""Bouncing to rest: rebounds shorter than a step are no disagreement, longer ones that only one has are."""
+"""Bouncing to rest: rebounds shorter than a step are no disagreement, longer ones that only one has
+are.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,10 @@ def exact(restitution: float, height: float) -> Solution:
 def impact_error(
     engine: str, restitution: float, followed: float, height: float, part: float
 ) -> float | None:
-    """Of the engine with one restitution against the reference with another [s]; None: impacts are missing."""
+    """Of the engine with one restitution against the reference with another [s]; None.
+
+    Impacts are missing.
+    """
     end = duration(followed, height)
     own = Problem(bouncing(restitution, height), end, stop_law=StopLaw.UNILATERAL)
     trajectory = tb.engine(engine, timestep=part * (2 * height / 9.81) ** 0.5).simulate(own)
@@ -46,7 +51,9 @@ def impact_error(
 def test_engines_come_to_rest_with_the_reference(
     engine: str, restitution: float, height: float
 ) -> None:
-    """Whatever the size: an absolute least speed let an engine rebound where the reference had ceased to."""
+    """Whatever the size: an absolute least speed let an engine rebound where the reference had
+    ceased to.
+    """
     pytest.importorskip(engine)
     error = impact_error(engine, restitution, restitution, height, 4e-3)
     assert error is not None and abs(error) < 2 * 4e-3 * (2 * height / 9.81) ** 0.5

@@ -134,7 +134,10 @@ def test_the_causes_are_the_ones_that_are_known(machines: dict[str, EngineRuns])
 
 
 def test_softness_written_out_is_the_softness_that_follows_the_step() -> None:
-    """The time step is refined with limits that stay as they were: first they must be as they were."""
+    """The time step is refined with limits that stay as they were.
+
+    First they must be as they were.
+    """
     pytest.importorskip("mujoco")
     for integrator in ("RK4", "Euler"):
         tuned = MujocoEngine.tuned(integrator=integrator)
@@ -145,7 +148,10 @@ def test_softness_written_out_is_the_softness_that_follows_the_step() -> None:
 
 
 def test_exudyns_multipliers_alternate_and_the_filter_finds_it() -> None:
-    """Half of the tuned torque's error changes sign with every step; what the filter leaves is smooth."""
+    """Half of the tuned torque's error changes sign with every step.
+
+    What the filter leaves is smooth.
+    """
     pytest.importorskip("exudyn")
     trials = EngineRuns(Runner(rolling()))
     run = engine("exudyn", timestep=1e-3).simulate(Problem(rolling(), duration=0.5))

@@ -1,4 +1,7 @@
-"""How the engines converge to the reference: orders, Richardson's limits, and the laws of their other knobs."""
+"""How the engines converge to the reference.
+
+Orders, Richardson's limits, and the laws of their other knobs.
+"""
 
 from __future__ import annotations
 
@@ -129,7 +132,9 @@ def test_the_order_is_found_of_any_mechanism(
 
 
 def test_a_high_order_is_looked_for_at_coarser_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    """MuJoCo's Runge-Kutta is at the reference's uncertainty with most of the steps that others are measured at."""
+    """MuJoCo's Runge-Kutta is at the reference's uncertainty with most of the steps that others are
+    measured at.
+    """
     monkeypatch.setattr(studying, "_STEPS", tuple(1e-2 / 2**k for k in range(4)))
     study = runs.Study(["pendulum"], ["mujoco"], until=1.0, isolate=False)
     found = converge_study(study, ["timestep"]).machines[0].studies[0]

@@ -5,8 +5,7 @@ from __future__ import annotations
 import importlib
 import json
 import re
-import subprocess
-import sys
+import runpy
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,13 @@ LIBRARIES = ("mujoco", "pymunk", "exudyn")
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_an_example_runs(path: Path, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("kept_processes")
+def test_an_example_runs(
+    path: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
     text = path.read_text()
     absent = [
         name
@@ -28,17 +33,18 @@ def test_an_example_runs(path: Path, tmp_path: Path) -> None:
     ]
     if absent:
         pytest.skip(f"{', '.join(absent)} is not installed here")
-    done = subprocess.run(
-        [sys.executable, str(path)], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip()
+    # In this process and with kept ones: the libraries are loaded once for all examples.
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(path), run_name="__main__")
+    assert capfd.readouterr().out.strip()
     assert not list(tmp_path.iterdir())  # an example leaves nothing behind
 
 
 @pytest.mark.slow
 def test_the_notebook_shows_what_its_cells_give(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Word by word; numbers to two digits, as they are printed, since engines round differently elsewhere."""
+    """Word by word; numbers to two digits, as they are printed, since engines round differently
+    elsewhere.
+    """
     monkeypatch.syspath_prepend(str(NOTEBOOK.parents[1] / "docs"))
     outputs = importlib.import_module("notebook").outputs
     names: dict[str, Any] = {}

@@ -1,4 +1,7 @@
-"""What is particular to the Exudyn engine: each trap it avoids, its order, its releases, its limits."""
+"""What is particular to the Exudyn engine.
+
+Each trap it avoids, its order, its releases, its limits.
+"""
 
 from __future__ import annotations
 
@@ -268,7 +271,10 @@ def test_a_second_run_gives_the_same_bits() -> None:
 
 
 def test_a_long_run_has_no_step_of_rounding_at_its_end() -> None:
-    """Exudyn adds up its steps; the sum of these is 2e-12 s short, and a step over that has no solution."""
+    """Exudyn adds up its steps.
+
+    The sum of these is 2e-12 s short, and a step over that has no solution.
+    """
     duration = 21.1302
     found = ExudynEngine.stock(timestep=4e-3).simulate(Problem(hanging_bob(start=1.2), duration))
     assert found.t[-1] == duration and np.diff(found.t).min() > 3e-3

@@ -1,4 +1,7 @@
-"""Exudyn's joints, walls and force elements of every kind: the built system, closed forms, order, faults."""
+"""Exudyn's joints, walls and force elements of every kind.
+
+The built system, closed forms, order, faults.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +41,9 @@ def test_the_built_system_is_the_described_one(name: str) -> None:
 def off(
     mechanism: Mechanism, step: float, duration: float, law: StopLaw = StopLaw.RELEASE_ONCE
 ) -> list[float]:
-    """Largest errors of coordinates, speeds, energy, forces of joints and stops, times and impulses of events."""
+    """Largest errors of coordinates, speeds, energy, forces of joints and stops, times and impulses
+    of events.
+    """
     exact = solve(Problem(mechanism, duration, stop_law=law))
     run = ExudynEngine(timestep=step).simulate(exact.problem)
     there, events = (
@@ -91,7 +96,10 @@ def test_walls_of_moving_bodies(name: str) -> None:
 
 
 def test_tuned_stays_within_its_bar() -> None:
-    """1e-5 (metre or radian) at 1e-4 of the characteristic time: at order two, 1e-3 at ten times the step."""
+    """1e-5 (metre or radian) at 1e-4 of the characteristic time.
+
+    At order two, 1e-3 at ten times the step.
+    """
     time = characteristic_time(everything())
     exact = solve(Problem(everything(), time / 2))
     run = ExudynEngine(timestep=1e-3 * time).simulate(exact.problem)

@@ -1,4 +1,7 @@
-"""The built Exudyn system shown by its own matrices: right to rounding, and a fault in any of its items shows."""
+"""The built Exudyn system shown by its own matrices.
+
+Right to rounding, and a fault in any of its items shows.
+"""
 
 from __future__ import annotations
 
@@ -91,7 +94,9 @@ def test_springs_and_constraints_are_the_same_machine(
 
 
 def test_accelerations_are_right_at_any_speed() -> None:
-    """The joints' second derivatives come from Jacobians along the motion, whatever the rate of that."""
+    """The joints' second derivatives come from Jacobians along the motion, whatever the rate of
+    that.
+    """
     mechanism = TABLE_ONE["rolling"]
     for speed in (0.0, 1e-6, 30.0, 1e4):
         states = (State(np.array([0.4, 4.0, 0.2, -0.3]), speed * np.array([1.0, -0.7, 0.4, 2.0])),)

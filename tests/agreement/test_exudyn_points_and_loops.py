@@ -1,4 +1,7 @@
-"""Exudyn's stops on points, its loops of joints, and the unilateral law: closed forms, bars, order, faults."""
+"""Exudyn's stops on points, its loops of joints, and the unilateral law.
+
+Closed forms, bars, order, faults.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +19,16 @@ from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.models.elements import GROUND, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics
-from trebucheck.models.library.catapult import CatapultParameters, catapult
-from trebucheck.models.library.floating_arm import FloatingArmParameters, floating_arm
-from trebucheck.models.library.trebuchet import ARM_STOP, HingedParameters, fixed, hinged
+from trebucheck.models.library.trebuchet import (
+    ARM_STOP,
+    CatapultParameters,
+    FloatingArmParameters,
+    HingedParameters,
+    catapult,
+    fixed,
+    floating_arm,
+    hinged,
+)
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.trajectory import Trajectory
@@ -128,7 +138,9 @@ LADDER, MASS, SLOPE = 3.0, 20.0, 1.1
 
 
 def ladder() -> Mechanism:
-    """A uniform ladder whose foot slides on the floor (a slot), its top held back by a wall that can only push."""
+    """A uniform ladder whose foot slides on the floor (a slot), its top held back by a wall that
+    can only push.
+    """
     angle = SLOPE - math.pi  # up and to the left
     return Mechanism(
         name="ladder",
@@ -166,7 +178,10 @@ def test_a_ladder_leaves_its_wall_at_two_thirds_of_its_height() -> None:
     end = math.asin(2 / 3 * math.sin(SLOPE))
 
     def pace(root: float) -> float:
-        """Time over the root of the angle fallen through: without the singularity of a start at rest."""
+        """Time over the root of the angle fallen through.
+
+        Without the singularity of a start at rest.
+        """
         fallen = math.sin(SLOPE) - math.sin(SLOPE - root**2)
         return (
             2 * root / math.sqrt(3 * G / LADDER * fallen)
@@ -329,7 +344,10 @@ def test_rebounds_that_follow_each_other_ever_faster_come_to_rest() -> None:
 
 
 def hopper() -> Mechanism:
-    """A carriage on an upright track stands on the ground; a pendulum whirls on it and lifts it off."""
+    """A carriage on an upright track stands on the ground.
+
+    A pendulum whirls on it and lifts it off.
+    """
     return Mechanism(
         name="hopper",
         bodies=(

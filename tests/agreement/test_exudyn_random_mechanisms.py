@@ -1,4 +1,7 @@
-"""What a campaign over random mechanisms found in Exudyn: rebounds far lower than a step, joints that are redundant."""
+"""What a campaign over random mechanisms found in Exudyn.
+
+Rebounds far lower than a step, joints that are redundant.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,9 @@ def _moved(problem: Problem, timestep: float) -> Trajectory:
 
 
 def test_rebounds_are_followed_until_the_rule_ends_them() -> None:
-    """The last ones are 1e-3 of a step long, and lower than the rounding of positions over the step's square allows."""
+    """The last ones are 1e-3 of a step long, and lower than the rounding of positions over the
+    step's square allows.
+    """
     problem = Problem(random_mechanism(295), duration=0.52, stop_law=StopLaw.UNILATERAL)
     run, reference = _moved(problem, 5e-4), solve(problem)
     assert len(run.impacts) == len(reference.impacts) > 20

@@ -1,4 +1,7 @@
-"""Exudyn through positions in which a loop's constraints depend on each other: speeds, drift and reactions."""
+"""Exudyn through positions in which a loop's constraints depend on each other.
+
+Speeds, drift and reactions.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,10 @@ SPEED = 8.0  # [rad/s] of the crank at the start: it turns over and over
 
 
 def turning(slot_height: float) -> Mechanism:
-    """A slider-crank whose crank and rod stand above each other as its slider passes: there the loop is singular."""
+    """A slider-crank whose crank and rod stand above each other as its slider passes.
+
+    There the loop is singular.
+    """
     length = 1.0 + slot_height
     rod = -math.asin(slot_height / length)
     slot = SlotJoint(

@@ -1,4 +1,7 @@
-"""Exudyn's stops as springs: the law of their softness, their balance at the start, how they let go."""
+"""Exudyn's stops as springs.
+
+The law of their softness, their balance at the start, how they let go.
+"""
 
 from __future__ import annotations
 
@@ -89,7 +92,9 @@ def test_springs_start_in_balance_and_let_go_where_nothing_is_left(name: str) ->
 
 @pytest.mark.parametrize("name", TABLE_ONE)
 def test_the_stiffest_springs_are_as_good_as_constraints(name: str) -> None:
-    """Also where the rounding of a stiff spring's force is far above the tolerance of Newton's residual."""
+    """Also where the rounding of a stiff spring's force is far above the tolerance of Newton's
+    residual.
+    """
     exact = table_one_motion(name)
     held = position_error(ExudynEngine(timestep=STEP).simulate(exact.problem), exact)
     assert errors(exact, [1e13])[0] == pytest.approx(held, rel=0.05)

@@ -1,4 +1,7 @@
-"""Mechanisms on which little acts, or which hardly move: a rotor on its axle, a slide on a wall nearly beside it."""
+"""Mechanisms on which little acts, or which hardly move.
+
+A rotor on its axle, a slide on a wall nearly beside it.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +21,14 @@ ENGINES = ("reference", "mujoco", "pymunk", "exudyn")
 
 def _on_a_pin(body: Body, gravity: float, *stops: Stop, speed: float = 0.0) -> Mechanism:
     return Mechanism(
-        name="one", bodies=(body,), joints=(pin("pin", GROUND, "bob"),), stops=stops, gravity=gravity, start=(0.3,),
+        name="one",
+        bodies=(body,),
+        joints=(pin("pin", GROUND, "bob"),),
+        stops=stops,
+        gravity=gravity,
+        start=(0.3,),
         start_speeds=(speed,),
-    )  # fmt: skip
+    )
 
 
 ROTOR = Body(name="bob", angle="a", mass=2.0, centre=(0, 0), inertia=0.5)
@@ -74,7 +82,9 @@ def test_a_balanced_rotor_turns_at_its_speed(engine: str, preset: str) -> None:
 
 
 def held_beside_its_rail(by: float, turned: float = 0.0) -> Mechanism:
-    """A block on a steep rail, held by a wall whose normal is so much [rad] off the perpendicular of the rail."""
+    """A block on a steep rail, held by a wall whose normal is so much [rad] off the perpendicular
+    of the rail.
+    """
     along, normal = cmath.rect(1.0, -2.1), cmath.rect(1.0, -2.1 - cmath.pi / 2 - by)
     touching, turned_normal = 0.3 * along, normal * cmath.rect(1.0, turned)
     wall = PointStop(
@@ -82,9 +92,14 @@ def held_beside_its_rail(by: float, turned: float = 0.0) -> Mechanism:
         offset=(touching * turned_normal.conjugate()).real, closed=True,
     )  # fmt: skip
     rail = PrismaticJoint(
-        name="rail", parent=GROUND, child="bob", parent_point=(0, 0), child_point=(0, 0), coordinate="s",
+        name="rail",
+        parent=GROUND,
+        child="bob",
+        parent_point=(0, 0),
+        child_point=(0, 0),
+        coordinate="s",
         axis=(along.real, along.imag),
-    )  # fmt: skip
+    )
     block = ROD.model_copy(update={"angle": None})
     return Mechanism(
         name="held", bodies=(block,), joints=(rail,), stops=(wall,), gravity=0.1, start=(0.3,)

@@ -1,4 +1,6 @@
-"""What engines show of the models they have built, against the reference's equations, before anything moves."""
+"""What engines show of the models they have built, against the reference's equations, before
+anything moves.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ def _inspectable(name: str, preset: str = "tuned", **options: object) -> Inspect
 
 @dataclass(frozen=True)
 class Apart:
-    """Largest differences over the states, relative to the largest value among them, or None if not exposed."""
+    """Largest differences over the states, relative to the largest value among them, or None if not
+    exposed.
+    """
 
     mass: float | None
     forces: float | None
@@ -128,7 +132,10 @@ def test_random_machines_in_random_states(
 
 
 def test_states_reach_every_active_set(build: Callable[..., Mechanism]) -> None:
-    """What the tests above stand on: both rests, each alone, and neither; and that something moves."""
+    """What the tests above stand on: both rests, each alone, and neither.
+
+    And that something moves.
+    """
     states = random_states(build(), n=9)
     assert {state.closed for state in states} == {
         (HANGER_REST, SLING_REST),

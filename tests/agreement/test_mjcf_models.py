@@ -1,4 +1,7 @@
-"""The MJCF of machines and problems in MuJoCo: events as keyframes, one line to a file, two of them in one scene."""
+"""The MJCF of machines and problems in MuJoCo.
+
+Events as keyframes, one line to a file, two of them in one scene.
+"""
 
 from __future__ import annotations
 
@@ -188,7 +191,10 @@ def test_ten_seconds_bring_no_warning(name: str) -> None:
 
 @every_model
 def test_a_second_with_noise_brings_no_warning(name: str) -> None:
-    """As MuJoCo Menagerie tests its models; they have no controls here, so that forces on the joints are the noise."""
+    """As MuJoCo Menagerie tests its models.
+
+    They have no controls here, so that forces on the joints are the noise.
+    """
     model = mujoco.MjModel.from_xml_path(tb.mjcf_path(name))
     data, rng = mujoco.MjData(model), np.random.default_rng(12345)
     mujoco.mj_resetDataKeyframe(model, data, 0)

@@ -1,4 +1,7 @@
-"""What is particular to the MuJoCo engine: the machine it loads, each trap it avoids, its order, its stops."""
+"""What is particular to the MuJoCo engine.
+
+The machine it loads, each trap it avoids, its order, its stops.
+"""
 
 from __future__ import annotations
 
@@ -169,7 +172,10 @@ def test_reactions_are_those_of_the_reference(name: str) -> None:
 
 @machines
 def test_stock_is_held_back_by_its_soft_limits(name: str) -> None:
-    """Millimetres, and no better at a tenth of the step: d = 0.9 to 0.95, not the step, is what costs."""
+    """Millimetres, and no better at a tenth of the step.
+
+    D = 0.9 to 0.95, not the step, is what costs.
+    """
     coarse, fine = (
         position_error(run(name, step, "stock"), table_one_motion(name)) for step in (1e-3, 2e-4)
     )
@@ -194,7 +200,10 @@ def test_torques_are_right_from_the_start(name: str) -> None:
 
 
 def test_a_margin_of_zero_misses_the_start() -> None:
-    """MuJoCo's limits act strictly nearer than the margin: the closed stops would be gone at once."""
+    """MuJoCo's limits act strictly nearer than the margin.
+
+    The closed stops would be gone at once.
+    """
     trajectory = MujocoEngine(margin=0.0).simulate(Problem(fixed(), 0.01))
     assert [trajectory.release_time(rest) for rest in RESTS] == [0.0, 0.0]
 
@@ -304,7 +313,10 @@ def test_a_stop_on_the_ground_two_bodies_away() -> None:
 
 
 def test_unilateral_comes_to_rest_on_a_stop() -> None:
-    """Two stops at the two ends of one joint: the one that is met carries the weight, the other nothing."""
+    """Two stops at the two ends of one joint.
+
+    The one that is met carries the weight, the other nothing.
+    """
     met = Stop(name="met", body="rod", sense=-1, limit=-1.0, closed=False)
     left = Stop(name="left", body="rod", sense=1, limit=0.0, closed=True)
     problem = Problem(rod_pendulum(met, left), 2.0, stop_law=StopLaw.UNILATERAL)

@@ -16,9 +16,13 @@ def two_rods(**spring: float) -> tb.Mechanism:
         for name, angle in (("upper", "a"), ("lower", "b"))
     ]
     pins = [
-        tb.PinJoint(name="top", parent="ground", child="upper", parent_point=(0, 0), child_point=(0, 0)),
-        tb.PinJoint(name="knee", parent="upper", child="lower", parent_point=(1, 0), child_point=(0, 0)),
-    ]  # fmt: skip
+        tb.PinJoint(
+            name="top", parent="ground", child="upper", parent_point=(0, 0), child_point=(0, 0)
+        ),
+        tb.PinJoint(
+            name="knee", parent="upper", child="lower", parent_point=(1, 0), child_point=(0, 0)
+        ),
+    ]
     element = tb.CubicTorsionSpring(name="spring", body="lower", relative_to="upper", **spring)
     return tb.Mechanism(
         name="two rods",

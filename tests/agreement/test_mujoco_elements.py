@@ -1,4 +1,7 @@
-"""MuJoCo's joints, walls and force elements of every kind: the built model, the motion, its order, seeded faults."""
+"""MuJoCo's joints, walls and force elements of every kind.
+
+The built model, the motion, its order, seeded faults.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +46,10 @@ def test_the_built_model_is_the_described_mechanism(name: str) -> None:
 
 
 def errors(exact: Solution, **options: object) -> dict[str, float]:
-    """Largest errors of a run: of coordinates, of potential energy, and of reactions in parts of the largest one."""
+    """Largest errors of a run.
+
+    Of coordinates, of potential energy, and of reactions in parts of the largest one.
+    """
     run = MujocoEngine(**options).simulate(exact.problem)
     there = exact.trajectory(run.t)
     # At an impact and at a release reactions jump, within rounding of the time.
@@ -80,7 +86,10 @@ def test_motion_energy_and_forces_are_the_references(name: str) -> None:
 
 
 def test_a_loop_passes_a_singular_position_with_the_error_of_its_steps() -> None:
-    """Equal links lie flat at 0.71 s; there softness cost 5e-6 rad at these steps, four times the usual."""
+    """Equal links lie flat at 0.71 s.
+
+    There softness cost 5e-6 rad at these steps, four times the usual.
+    """
     mechanism = benchmark("n-four-bar").problem().mechanism
     exact = solve(Problem(mechanism, 1.0))
     (passage,) = exact.singular_passages
@@ -144,7 +153,7 @@ def test_a_stop_of_a_body_against_itself_is_refused() -> None:
     )
     alone = Mechanism(**(dict(plain) | {"stops": (wall,)}))
     with pytest.raises(
-        UnsupportedProblemError, match="'wall' holds a point of 'bob' against 'bob' itself"
+        UnsupportedProblemError, match="'wall' holds a point of 'bob' against itself"
     ):
         MujocoEngine().simulate(Problem(alone, 0.1))
 

@@ -16,9 +16,13 @@ from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.models.elements import GROUND, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.errors import UnsupportedProblemError
-from trebucheck.models.library.catapult import catapult
-from trebucheck.models.library.floating_arm import FloatingArmParameters, floating_arm
-from trebucheck.models.library.trebuchet import HingedParameters, hinged
+from trebucheck.models.library.trebuchet import (
+    FloatingArmParameters,
+    HingedParameters,
+    catapult,
+    floating_arm,
+    hinged,
+)
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.trajectory import Trajectory
@@ -112,7 +116,9 @@ def four_bar() -> Mechanism:
 
 
 def slider_crank() -> Mechanism:
-    """The far end of a rod without inertia about its point mass slides along a slot that goes downhill."""
+    """The far end of a rod without inertia about its point mass slides along a slot that goes
+    downhill.
+    """
     rod = Body(name="rod", angle="b", mass=3.0, centre=(1.0, 0), inertia=0)
     a, b = start = (-1.1, 0.4)
     end = cmath.exp(-1j * a) + 2.0 * cmath.exp(-1j * b)
@@ -134,7 +140,10 @@ def slider_crank() -> Mechanism:
 
 
 def many_stops() -> Mechanism:
-    """A hand whose tip slides down a slope while its elbow is held; another wall and the shoulder's stop are open."""
+    """A hand whose tip slides down a slope while its elbow is held.
+
+    Another wall and the shoulder's stop are open.
+    """
     fore = Body(name="fore", angle="b", mass=3.0, centre=(0.6, 0.1), inertia=0.3)
     hand = Body(name="hand", angle="c", mass=1.0, centre=(0.3, 0), inertia=0.05)
     a, b, c = start = (-0.3, 0.4, 1.2)
@@ -200,7 +209,10 @@ def ladder(start: float = 1.1, length: float = 3.0) -> Mechanism:
 
 
 def block(slope: float) -> Mechanism:
-    """A block in a slot that goes downhill, kept from turning by a second pin in the same slot: a loop."""
+    """A block in a slot that goes downhill, kept from turning by a second pin in the same slot.
+
+    A loop.
+    """
     body = Body(name="block", angle="a", mass=2.5, centre=(0.3, 0.2), inertia=0.4)
     along = (math.cos(slope), -math.sin(slope))
     common = {"child": "block", "parent_point": (1.0, 2.0), "axis": along}

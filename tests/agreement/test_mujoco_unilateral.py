@@ -1,4 +1,7 @@
-"""MuJoCo's tuned preset under the unilateral law: impacts, rebounds, rest, loops, and machines that run into a stop."""
+"""MuJoCo's tuned preset under the unilateral law.
+
+Impacts, rebounds, rest, loops, and machines that run into a stop.
+"""
 
 from __future__ import annotations
 
@@ -258,7 +261,10 @@ def test_the_arm_stop_is_met_to_the_micrometre(name: str) -> None:
 
 @pytest.mark.parametrize("e", [0.0, 0.5, 0.9, 1.0])
 def test_a_ball_falls_and_rebounds_as_in_the_books(e: float) -> None:
-    """Fall sqrt(2 H / g), rebounds of 2 e^k v / g, impulses (1 + e) m e^k v; with e < 1 at rest in the end."""
+    """Fall sqrt(2 H / g), rebounds of 2 e^k v / g, impulses (1 + e) m e^k v.
+
+    With e < 1 at rest in the end.
+    """
     height, until = 1.0, 6.0
     found = MujocoEngine().simulate(Problem(ball(e, height), until, stop_law=StopLaw.UNILATERAL))
     speed = math.sqrt(2 * G * height)
@@ -331,7 +337,10 @@ def test_a_stop_given_twice_acts_as_once() -> None:
 
 @pytest.mark.parametrize("seed", range(10))
 def test_random_machines(seed: int) -> None:
-    """Chains of two bodies, off every axis, between two stops on each joint and over a floor; each with its own e."""
+    """Chains of two bodies, off every axis, between two stops on each joint and over a floor.
+
+    Each with its own e.
+    """
     rng = np.random.default_rng(seed)
     base = chain(start_speeds=tuple(rng.normal(0.0, 2.0, 2)), hook=tuple(rng.uniform(-0.3, 0.3, 2)))
     a, b = base.start
@@ -339,16 +348,26 @@ def test_random_machines(seed: int) -> None:
     room = iter(rng.uniform(0.3, 1.5, 5).tolist())
     stops = [
         Stop(
-            name=f"{body} {sense}", body=body, relative_to=other, sense=sense, limit=sense * angle - next(room),
-            closed=False, restitution=next(e),
+            name=f"{body} {sense}",
+            body=body,
+            relative_to=other,
+            sense=sense,
+            limit=sense * angle - next(room),
+            closed=False,
+            restitution=next(e),
         )
         for body, other, angle in (("upper", GROUND, a), ("lower", "upper", b - a))
         for sense in (1, -1)
-    ]  # fmt: skip
+    ]
     under = PointStop(
-        name="floor", body="lower", point=(0.1, -1.5), normal=(0, 1), offset=-next(room) - 1.0, closed=False,
+        name="floor",
+        body="lower",
+        point=(0.1, -1.5),
+        normal=(0, 1),
+        offset=-next(room) - 1.0,
+        closed=False,
         restitution=next(e),
-    )  # fmt: skip
+    )
     problem = Problem(
         Mechanism(**{**dict(base), "stops": (*stops, under)}), 1.5, stop_law=StopLaw.UNILATERAL
     )
@@ -364,7 +383,9 @@ def test_random_machines(seed: int) -> None:
 
 @pytest.mark.slow
 def test_what_loops_drifted_by_is_no_force_after_an_impact() -> None:
-    """A slot 2e-11 m off, in balance with its rate until then, was a force of 1.2e-3 of 0.23 N for some steps."""
+    """A slot 2e-11 m off, in balance with its rate until then, was a force of 1.2e-3 of 0.23 N for
+    some steps.
+    """
     problem = Problem(random_mechanism(171), duration=0.428, stop_law=StopLaw.UNILATERAL)
     found, exact = MujocoEngine(timestep=1.83e-4).simulate(problem), solve(problem)
     (time, _), *_ = exact.impacts

@@ -1,4 +1,7 @@
-"""What is particular to the pymunk engine: each trap it avoids, its order, its releases, its limits."""
+"""What is particular to the pymunk engine.
+
+Each trap it avoids, its order, its releases, its limits.
+"""
 
 from __future__ import annotations
 
@@ -119,7 +122,10 @@ def test_stop_torques_within_1e_5_of_their_peaks(name: str) -> None:
 
 @machines
 def test_right_from_the_first_sample(name: str) -> None:
-    """Forces at t = 0 are of the start itself: no truncation error, only that of the solver's convergence."""
+    """Forces at t = 0 are of the start itself.
+
+    No truncation error, only that of the solver's convergence.
+    """
     found, exact = run(name), table_one_motion(name).trajectory(run(name).t[:1])
     assert found.t[0] == 0.0
     assert np.array_equal(found.q[0], exact.q[0]) or np.abs(found.q[0] - exact.q[0]).max() < 1e-15
@@ -229,7 +235,10 @@ def test_ends_exactly_at_the_duration(duration: float) -> None:
 @pytest.mark.parametrize("m_a", [10.0, 100.0])
 @machines
 def test_an_arm_far_lighter_than_what_hangs_on_it(name: str, m_a: float) -> None:
-    """Impulses pass slowly through a light body: this is what the number of passes is chosen for."""
+    """Impulses pass slowly through a light body.
+
+    This is what the number of passes is chosen for.
+    """
     machine = {"fixed": fixed, "rolling": rolling}[name](TrebuchetParameters(m_a=m_a))
     exact = solve(Problem(machine, 2.0))
     found = PymunkEngine(timestep=1e-3).simulate(Problem(machine, 2.0))
@@ -336,7 +345,10 @@ def test_what_it_cannot_build_it_says(mechanism: Mechanism, sentence: str) -> No
 
 
 def test_a_point_mass_held_off_its_mass_is_given_an_inertia_by_mass_at_its_pin() -> None:
-    """Pinned to a body with an inertia or to the ground; the whole then moves as before, to second order."""
+    """Pinned to a body with an inertia or to the ground.
+
+    The whole then moves as before, to second order.
+    """
     still = PymunkEngine().simulate(Problem(rod_held_at_its_middle(), 0.1))
     assert np.abs(still.q - still.q[0]).max() < 1e-12
     problem = Problem(pendulum(middle=0.0), 1.0)

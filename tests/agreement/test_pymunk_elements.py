@@ -1,4 +1,7 @@
-"""pymunk's joints, walls and force elements of every kind: the built space, order of convergence, faults."""
+"""pymunk's joints, walls and force elements of every kind.
+
+The built space, order of convergence, faults.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +56,9 @@ def rods(*elements: Any) -> Mechanism:
 
 
 def on_brackets() -> Mechanism:
-    """A bracket on the wall, an arm on it, a plate on the arm, a bob on the plate that stands on a stop: two welds."""
+    """A bracket on the wall, an arm on it, a plate on the arm, a bob on the plate that stands on a
+    stop: two welds.
+    """
     return Mechanism(
         name="brackets",
         bodies=(
@@ -64,32 +69,58 @@ def on_brackets() -> Mechanism:
         ),
         joints=(
             WeldJoint(
-                name="wall", parent=GROUND, child="bracket", parent_point=(0.1, 0.2), child_point=(0.3, 0), angle=0.4
+                name="wall",
+                parent=GROUND,
+                child="bracket",
+                parent_point=(0.1, 0.2),
+                child_point=(0.3, 0),
+                angle=0.4,
             ),
             pin("shoulder", "bracket", "arm", (0.5, 0.1)),
             WeldJoint(
-                name="seam", parent="arm", child="plate", parent_point=(0.8, 0.1), child_point=(0.05, 0.02), angle=-0.8
+                name="seam",
+                parent="arm",
+                child="plate",
+                parent_point=(0.8, 0.1),
+                child_point=(0.05, 0.02),
+                angle=-0.8,
             ),
             pin("hook", "plate", "bob", (0.4, 0.1)),
         ),
         force_elements=(
             SpringDamper(
-                name="tie", body="bob", point=(0.3, 0.1), relative_to="bracket", relative_point=(0.4, 0.3),
-                stiffness=30.0, damping=1.0, rest_length=0.2,
+                name="tie",
+                body="bob",
+                point=(0.3, 0.1),
+                relative_to="bracket",
+                relative_point=(0.4, 0.3),
+                stiffness=30.0,
+                damping=1.0,
+                rest_length=0.2,
             ),
-            RotationalSpringDamper(name="twist", body="plate", relative_to="bracket", stiffness=4.0, rest_angle=0.3),
-            RotationalSpringDamper(name="curl", body="bob", relative_to="plate", stiffness=4.0, damping=0.1),
-            RotationalSpringDamper(name="seal", body="plate", relative_to="arm", stiffness=4.0, damping=0.1),
+            RotationalSpringDamper(
+                name="twist", body="plate", relative_to="bracket", stiffness=4.0, rest_angle=0.3
+            ),
+            RotationalSpringDamper(
+                name="curl", body="bob", relative_to="plate", stiffness=4.0, damping=0.1
+            ),
+            RotationalSpringDamper(
+                name="seal", body="plate", relative_to="arm", stiffness=4.0, damping=0.1
+            ),
             ConstantForce(name="push", body="plate", point=(0.1, 0.3), force=(1.0, 2.0)),
         ),
-        stops=(Stop(name="catch", body="bob", relative_to="plate", sense=1, limit=1.4, closed=True),),
+        stops=(
+            Stop(name="catch", body="bob", relative_to="plate", sense=1, limit=1.4, closed=True),
+        ),
         gravity=9.81,
         start=(0.3, 0.9),
-    )  # fmt: skip
+    )
 
 
 def point_mass_on_a_rail() -> Mechanism:
-    """A slider without inertia on a turning arm, off its rail's point, and one on a rail of the ground."""
+    """A slider without inertia on a turning arm, off its rail's point, and one on a rail of the
+    ground.
+    """
     rail: dict[str, Any] = {
         "parent_point": (0.2, 0.1),
         "child_point": (0.1, 0.0),
@@ -115,7 +146,9 @@ def point_mass_on_a_rail() -> Mechanism:
 
 
 def slot_over_the_ground() -> Mechanism:
-    """Loops between a turning body and a bracket on the ground, whose joint has the bracket as its child."""
+    """Loops between a turning body and a bracket on the ground, whose joint has the bracket as its
+    child.
+    """
     tip = 0.9 * np.exp(-0.3j)
     guide = SlotJoint(
         name="guide",
@@ -162,20 +195,28 @@ def slot_over_the_ground() -> Mechanism:
 OWN: dict[str, Mechanism] = {
     "forces on massless rods": rods(
         SpringDamper(
-            name="tie", body="next", point=(0.3, 0.3), relative_to="rod", relative_point=(0.2, 0.1),
-            stiffness=50.0, damping=2.0, rest_length=0.5,
+            name="tie",
+            body="next",
+            point=(0.3, 0.3),
+            relative_to="rod",
+            relative_point=(0.2, 0.1),
+            stiffness=50.0,
+            damping=2.0,
+            rest_length=0.5,
         ),
         ConstantForce(name="pull", body="rod", point=(0.4, -0.5), force=(3.0, 2.0)),
     ),
     "couples on massless rods": rods(
-        RotationalSpringDamper(name="one", body="next", relative_to="rod", stiffness=20, damping=0.5, rest_angle=7),
+        RotationalSpringDamper(
+            name="one", body="next", relative_to="rod", stiffness=20, damping=0.5, rest_angle=7
+        ),
         RotationalSpringDamper(name="two", body="rod", stiffness=5.0, damping=0.2, rest_angle=-7),
         ConstantTorque(name="motor", body="next", relative_to="rod", torque=2.0),
     ),
     "welds to the ground and to an arm": on_brackets(),
     "sliders without inertia": point_mass_on_a_rail(),
     "a slot that slides over the ground": slot_over_the_ground(),
-}  # fmt: skip
+}
 ALL = ELEMENTS | OWN
 
 
@@ -270,17 +311,28 @@ def test_a_damper_is_of_order_two_where_the_librarys_own_is_not() -> None:
         bodies=(body_of("sled", None, 2.0, (0, 0), 0.0),),
         joints=(
             PrismaticJoint(
-                name="rail", child="sled", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0), coordinate="x"
+                name="rail",
+                child="sled",
+                parent_point=(0, 0),
+                child_point=(0, 0),
+                axis=(1, 0),
+                coordinate="x",
             ),
         ),
         force_elements=(
             SpringDamper(
-                name="tie", body="sled", point=(0, 0), relative_point=(-1, 0), stiffness=50, damping=8, rest_length=1
+                name="tie",
+                body="sled",
+                point=(0, 0),
+                relative_point=(-1, 0),
+                stiffness=50,
+                damping=8,
+                rest_length=1,
             ),
         ),
         gravity=9.81,
         start=(0.3,),
-    )  # fmt: skip
+    )
     found, decay = [], 8.0 / 4.0
     w = math.sqrt(50.0 / 2.0 - decay**2)
     for step in (4e-3, 2e-3):
@@ -294,7 +346,10 @@ def test_a_damper_is_of_order_two_where_the_librarys_own_is_not() -> None:
 
 
 def test_a_start_with_speeds_has_forces_of_order_two_from_the_first_sample_on() -> None:
-    """A chain on a pin in the ground: half an increment alone would miss the rods' lengths by O(h^3)."""
+    """A chain on a pin in the ground.
+
+    Half an increment alone would miss the rods' lengths by O(h^3).
+    """
     mechanism = tied()
     assert any(mechanism.start_speeds)
     exact, first = solve(Problem(mechanism, 0.02)), list[float]()
@@ -342,9 +397,14 @@ def test_two_equal_stops_that_would_have_to_pull_open_at_once() -> None:
         Stop(name=name, body="hull", sense=-1, limit=-0.4, closed=True) for name in ("one", "two")
     )
     mechanism = Mechanism(
-        name="wheel", bodies=(wheel,), joints=(HINGE,), stops=stops, gravity=9.81, gravity_direction=(0.6, 0.8),
+        name="wheel",
+        bodies=(wheel,),
+        joints=(HINGE,),
+        stops=stops,
+        gravity=9.81,
+        gravity_direction=(0.6, 0.8),
         start=(0.4,),
-    )  # fmt: skip
+    )
     exact = solve(Problem(mechanism, 0.2))
     run = PymunkEngine().simulate(exact.problem)
     assert dict(run.release_times) == dict(exact.release_times) == {"one": 0.0, "two": 0.0}

@@ -1,4 +1,7 @@
-"""Passes of pymunk's impulse solver: what they leave of an error, and modes that grow because they leave too much."""
+"""Passes of pymunk's impulse solver.
+
+What they leave of an error, and modes that grow because they leave too much.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,10 @@ def sledge(slight: float) -> Mechanism:
 
 
 def turntable(slight: float) -> Mechanism:
-    """A table that turns steadily, with a sledge in two guides so far from parallel [rad]; nothing moves it there."""
+    """A table that turns steadily, with a sledge in two guides so far from parallel [rad].
+
+    Nothing moves it there.
+    """
     bodies = (
         Body(name="table", angle="turn", mass=1.0, centre=(0.0, 0.0), inertia=0.2),
         Body(name="sledge", angle=None, mass=2.0, centre=(0.0, 0.0), inertia=0.1),
@@ -55,7 +61,10 @@ def guides(
 
 
 def test_passes_leave_what_the_matrices_say() -> None:
-    """Chipmunk's own, from no impulses: two guides leave cos^2 of their angle of an error in a pass."""
+    """Chipmunk's own, from no impulses.
+
+    Two guides leave cos^2 of their angle of an error in a pass.
+    """
     slight = 0.1
     assembly = build(sledge(slight), (), 0.0, 1.0)
     found = convergence(assembly)
@@ -84,7 +93,10 @@ def test_a_mode_grows_if_passes_leave_more_than_a_half_of_it() -> None:
 
 
 def test_a_slow_mode_that_nothing_excites_does_not_grow() -> None:
-    """200 passes leave 0.98 of it; its rounding errors grew by 13 % in a step, to forces of 6700 N instead of 9 N."""
+    """200 passes leave 0.98 of it.
+
+    Its rounding errors grew by 13 % in a step, to forces of 6700 N instead of 9 N.
+    """
     problem = Problem(turntable(0.01), 0.5)
     found = convergence(build(problem.mechanism, (), 0.0, 1e4))
     assert growth(found.left_after(200)) ** 500 > 1e20
@@ -99,12 +111,18 @@ def test_a_slow_mode_that_nothing_excites_does_not_grow() -> None:
 
 
 def test_a_mode_that_grows_all_the_same_is_refused() -> None:
-    """Of the guides' angle: 20 000 passes leave 0.95 of it. The sentence says so, and between which bodies."""
+    """Of the guides' angle: 20 000 passes leave 0.95 of it.
+
+    The sentence says so, and between which bodies.
+    """
     sentence = "on 'table' and 'sledge' are nearly parallel there, so that 20000 passes leave 0.95 of an error"
     with pytest.raises(SimulationError, match=sentence):
         tb.engine("pymunk", timestep=1e-3).simulate(Problem(turntable(0.001), 0.5))
 
 
 def test_impulses_that_have_converged_are_settled() -> None:
-    """In more passes than these need, roundings of what no constraint holds add up: 1.2e-11 were refused."""
+    """In more passes than these need, roundings of what no constraint holds add up.
+
+    1.2e-11 were refused.
+    """
     assert check_model(tb.engine("pymunk"), random_mechanism(93)).holds

@@ -21,9 +21,14 @@ from trebucheck.engines.pymunk.passes import convergence
 from trebucheck.models.elements import GROUND, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics
-from trebucheck.models.library.catapult import CatapultParameters, catapult
-from trebucheck.models.library.floating_arm import FloatingArmParameters, floating_arm
-from trebucheck.models.library.trebuchet import HingedParameters, hinged
+from trebucheck.models.library.trebuchet import (
+    CatapultParameters,
+    FloatingArmParameters,
+    HingedParameters,
+    catapult,
+    floating_arm,
+    hinged,
+)
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.models.trajectory import Trajectory
@@ -183,7 +188,10 @@ AXIS, NORMAL = (math.cos(SLOPE), -math.sin(SLOPE)), (math.sin(SLOPE), math.cos(S
 
 
 def block(*, rests: bool) -> Mechanism:
-    """Sliding down a slope: its front end in a slot, its rear end in the same one or resting on the slope."""
+    """Sliding down a slope.
+
+    Its front end in a slot, its rear end in the same one or resting on the slope.
+    """
     front = SlotJoint(
         name="front",
         child="block",
@@ -331,7 +339,10 @@ def test_linkages_of_second_order(name: str) -> None:
 
 
 def walls() -> Mechanism:
-    """A body on an oblique slot and two more: two walls at odd angles, and an elbow that is stopped."""
+    """A body on an oblique slot and two more.
+
+    Two walls at odd angles, and an elbow that is stopped.
+    """
     bodies = (
         body("first", 2, (0.5, 0.1), 0.3),
         body("second", 1, (1.0, 0), 0.2),
@@ -477,7 +488,10 @@ def test_loops_that_converge_keep_their_passes() -> None:
 
 
 def test_impulses_at_the_start_have_converged_however_slowly_they_do() -> None:
-    """They are found from nothing: passes that follow their changes from step to step left 1.8 N of 545 N here."""
+    """They are found from nothing.
+
+    Passes that follow their changes from step to step left 1.8 N of 545 N here.
+    """
     problem = Problem(random_mechanism(22), 0.004)
     found = PymunkEngine(timestep=4e-4).simulate(problem)
     exact = solve(problem).trajectory(found.t)

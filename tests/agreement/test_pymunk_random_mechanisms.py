@@ -1,4 +1,7 @@
-"""What a campaign over random mechanisms found in pymunk: stops that close a loop, and several of them on one body."""
+"""What a campaign over random mechanisms found in pymunk.
+
+Stops that close a loop, and several of them on one body.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,9 @@ pytest.importorskip("pymunk")
 
 
 def test_an_active_stop_gets_as_many_passes_as_a_joint_that_closes_a_loop() -> None:
-    """With 200 passes its impulses diverged slowly, it seemed to pull, and the body that it holds fell."""
+    """With 200 passes its impulses diverged slowly, it seemed to pull, and the body that it holds
+    fell.
+    """
     problem = Problem(random_mechanism(288), duration=0.15)
     run = tb.engine("pymunk", timestep=1e-3).simulate(problem)
     expected = solve(problem).trajectory(run.t)
@@ -26,7 +31,10 @@ def test_an_active_stop_gets_as_many_passes_as_a_joint_that_closes_a_loop() -> N
 
 
 def test_two_stops_of_one_body_are_told_apart_in_an_impact() -> None:
-    """One against the ground, one against another body: each has a torque of its own, and so an impulse."""
+    """One against the ground, one against another body.
+
+    Each has a torque of its own, and so an impulse.
+    """
     problem = Problem(random_mechanism(65), duration=0.5, stop_law=StopLaw.UNILATERAL)
     run, reference = tb.engine("pymunk", timestep=5e-4).simulate(problem), solve(problem)
     (time, impulses), *_ = [impact for impact in run.impacts if len(impact[1]) > 1]
@@ -43,7 +51,10 @@ G, STEP = 9.81, 1e-3  # [m/s^2], [s]
 
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 def test_a_table_that_rocks_to_rest_does_so(restitution: float) -> None:
-    """Each foot that is met lets the other one part: impacts of rockings as short as a step went on for ever."""
+    """Each foot that is met lets the other one part.
+
+    Impacts of rockings as short as a step went on for ever.
+    """
     arm, mass = 0.3, 2.0
     floor = {
         "relative_to": GROUND,

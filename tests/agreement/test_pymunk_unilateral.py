@@ -1,4 +1,7 @@
-"""pymunk under the unilateral law: stops that are met, rebounds, rest, and machines that run into a stop."""
+"""pymunk under the unilateral law.
+
+Stops that are met, rebounds, rest, and machines that run into a stop.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,9 @@ STEPS = (4e-3, 2e-3, 1e-3)
 def pendulum(
     restitution: float, *, on: str = "floor", closed: bool = False, speed: float = 0.0
 ) -> Mechanism:
-    """A bob of 2 kg on a rod of 1 m, over a floor 0.8 m below its pin or before a stop on its angle."""
+    """A bob of 2 kg on a rod of 1 m, over a floor 0.8 m below its pin or before a stop on its
+    angle.
+    """
     lowest = math.asin(0.8)
     floor = PointStop(
         name="stop",
@@ -57,7 +62,10 @@ def pendulum(
 
 
 def chain(restitution: float) -> Mechanism:
-    """A rod before a stop on its angle, and a bob on it over a floor: the stops are met in turn, and at once."""
+    """A rod before a stop on its angle, and a bob on it over a floor.
+
+    The stops are met in turn, and at once.
+    """
     return Mechanism(
         name="chain",
         bodies=(
@@ -65,20 +73,31 @@ def chain(restitution: float) -> Mechanism:
             Body(name="bob", angle="b", mass=1, centre=(0.6, 0), inertia=0),
         ),
         joints=(
-            PinJoint(name="pin", parent=GROUND, child="rod", parent_point=(0, 0), child_point=(0, 0)),
-            PinJoint(name="elbow", parent="rod", child="bob", parent_point=(1, 0), child_point=(0, 0)),
+            PinJoint(
+                name="pin", parent=GROUND, child="rod", parent_point=(0, 0), child_point=(0, 0)
+            ),
+            PinJoint(
+                name="elbow", parent="rod", child="bob", parent_point=(1, 0), child_point=(0, 0)
+            ),
         ),
         stops=(
-            Stop(name="wall", body="rod", sense=-1, limit=-1.4, closed=False, restitution=restitution),
+            Stop(
+                name="wall", body="rod", sense=-1, limit=-1.4, closed=False, restitution=restitution
+            ),
             PointStop(
-                name="floor", body="bob", point=(0.6, 0), normal=(0, 1), offset=-1.5, closed=False,
+                name="floor",
+                body="bob",
+                point=(0.6, 0),
+                normal=(0, 1),
+                offset=-1.5,
+                closed=False,
                 restitution=restitution,
             ),
         ),
         markers=(Marker(name="tip", body="bob", point=(0.6, 0)),),
         gravity=9.81,
         start=(0.1, 1.2),
-    )  # fmt: skip
+    )
 
 
 CASES: dict[str, tuple[Mechanism, float]] = {

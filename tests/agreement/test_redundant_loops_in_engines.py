@@ -18,7 +18,10 @@ from trebucheck.reference.solver import solve
 
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk", "exudyn"])
 def test_redundant_joints_do_not_change_the_motion(engine: str) -> None:
-    """A second pin at the same place, and a third parallel crank: motions are those of the machines without."""
+    """A second pin at the same place, and a third parallel crank.
+
+    Motions are those of the machines without.
+    """
     mechanism = rods_on_a_slot(inertia=0.01, tip=(0.5, 0.2))
     again = mechanism.joints[1].model_copy(update={"name": "again"})
     twice = mechanism.model_copy(update={"joints": (*mechanism.joints, again)})
@@ -33,7 +36,10 @@ def test_redundant_joints_do_not_change_the_motion(engine: str) -> None:
 
 @pytest.mark.parametrize(("seed", "timestep"), [(39, 7e-4), (466, 3.2e-4)])
 def test_redundant_joints_that_drift_do_not_stop_exudyn(seed: int, timestep: float) -> None:
-    """They contradict each other, and no iteration has a residual below that: it gave up after 0.4 s and 0.16 s."""
+    """They contradict each other, and no iteration has a residual below that.
+
+    It gave up after 0.4 s and 0.16 s.
+    """
     problem = Problem(random_mechanism(seed), 1.0)
     exact, errors = solve(problem), list[float]()
     for h in (timestep, timestep / 2):
@@ -48,7 +54,10 @@ SLIGHT = 0.003  # [rad]
 
 @pytest.mark.parametrize("engine", ["mujoco", "exudyn"])
 def test_guides_that_are_nearly_parallel_are_the_same_model(engine: str) -> None:
-    """Two guides of a sledge, a sixth of a degree from parallel, hold it: MuJoCo's softness settles slowly there."""
+    """Two guides of a sledge, a sixth of a degree from parallel, hold it.
+
+    MuJoCo's softness settles slowly there.
+    """
     sledge = Body(name="sledge", angle="a", mass=1.5, centre=(0.2, 0.1), inertia=0.2)
     points = {"parent_point": (0.0, 0.0), "child_point": (0.0, 0.0)}
     slot = SlotJoint(
@@ -70,7 +79,9 @@ def test_guides_that_are_nearly_parallel_are_the_same_model(engine: str) -> None
 
 
 def test_redundant_joints_that_drift_do_not_spoil_the_reactions_of_exudyn() -> None:
-    """Iterations that ended above the contradiction left 8e-3 N, with the other sign after each step."""
+    """Iterations that ended above the contradiction left 8e-3 N, with the other sign after each
+    step.
+    """
     problem = Problem(random_mechanism(287), 0.5)
     exact, run = solve(problem), tb.engine("exudyn", timestep=2e-3).simulate(problem)
     there = exact.trajectory(run.t)

@@ -1,4 +1,7 @@
-"""Stops that act on one motion and have different restitution: every engine resolves their impact by the same law."""
+"""Stops that act on one motion and have different restitution.
+
+Every engine resolves their impact by the same law.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +40,10 @@ def speed_after_impact(trajectory: Trajectory) -> float:
 def test_the_stop_that_asks_for_the_higher_speed_decides(
     engine: str, on_angle: float, on_point: float
 ) -> None:
-    """An angle's stop and a floor under the rod's tip, met at one angle; least squares gave a speed between the two."""
+    """An angle's stop and a floor under the rod's tip, met at one angle.
+
+    Least squares gave a speed between the two.
+    """
     stops = (
         angle_stop(TURN, on_angle, body="rod"),
         floor(REACH * math.sin(TURN), on_point, "rod", (REACH, 0)),

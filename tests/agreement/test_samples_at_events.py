@@ -1,4 +1,7 @@
-"""Samples around events: none is missing, none is there twice, and an event's state is the later one."""
+"""Samples around events.
+
+None is missing, none is there twice, and an event's state is the later one.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Machines of any size: the same errors in parts of it, from a thousandth of Table I to a thousand times."""
+"""Machines of any size.
+
+The same errors in parts of it, from a thousandth of Table I to a thousand times.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,9 @@ ENGINES = ("mujoco", "pymunk", "exudyn")
 
 
 def _errors(machine: Mechanism, size: float, engine: str) -> list[float]:
-    """Errors of position, angles, reactions and energy at a step in proportion, in parts of the machine's own."""
+    """Errors of position, angles, reactions and energy at a step in proportion, in parts of the
+    machine's own.
+    """
     time = math.sqrt(size)
     problem = Problem(scaled(machine, size), 1.3 * time)
     run = tb.engine(engine, timestep=2e-3 * time).simulate(problem)
@@ -78,7 +83,10 @@ def test_units_are_powers_of_two_and_the_named_machines_keep_si() -> None:
 
 
 def test_every_recorded_quantity_comes_back_in_si() -> None:
-    """A light chain on a slot, with stops, is built in units of its own; the reference knows SI only."""
+    """A light chain on a slot, with stops, is built in units of its own.
+
+    The reference knows SI only.
+    """
     size = 1e-2
     problem = Problem(scaled(chain_on_a_slot(), size), 0.1, stop_law="unilateral")
     assert units_of(problem.mechanism) != SI
@@ -136,7 +144,9 @@ def test_a_message_names_the_units_of_its_numbers(engine: str) -> None:
 def test_a_small_light_mechanism_that_moves_as_slowly_is_the_same_mechanism(
     engine: str, seed: int
 ) -> None:
-    """Its accelerations are small in any unit made of lengths alone, and states half a metre off are far away."""
+    """Its accelerations are small in any unit made of lengths alone, and states half a metre off
+    are far away.
+    """
     small = Units(1e3, 1e3, 1.0).mechanism(random_mechanism(seed))
     checks = check_model(tb.engine(engine), small).checks
     assert checks

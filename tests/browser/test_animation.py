@@ -1,4 +1,7 @@
-"""The page of an animation in a browser: what is drawn is where the data say, and the controls move it."""
+"""The page of an animation in a browser.
+
+What is drawn is where the data say, and the controls move it.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,9 @@ PLAYER = "document.querySelector('section.animation').trebucheck"
 
 
 def _scene(mechanism: tb.Mechanism, duration: float, shift: float) -> Scene:
-    """Two runs that leave the reference in opposite directions, by angles and slides that grow with time."""
+    """Two runs that leave the reference in opposite directions, by angles and slides that grow with
+    time.
+    """
     solution = solve(tb.Problem(mechanism, duration))
     t = np.linspace(0.0, duration, 401)
     motion = solution.trajectory(t)

@@ -1,4 +1,7 @@
-"""What a reader does with the page of compare: plays the motion, follows links, points, zooms, reads numbers."""
+"""What a reader does with the page of compare.
+
+Plays the motion, follows links, points, zooms, reads numbers.
+"""
 
 from __future__ import annotations
 
@@ -275,10 +278,14 @@ OWN = """(name) => [...document.querySelectorAll("figure[data-group=fixed]")]
 # Numbers
 
 NAMES = {
-    "position": "position_max", "release": "release_time", "launch time": "launch_time",
-    "launch speed": "launch_speed", "stop torque": "stop_torque_max", "joint force": "joint_reaction_relative",
+    "position": "position_max",
+    "release": "release_time",
+    "launch time": "launch_time",
+    "launch speed": "launch_speed",
+    "stop torque": "stop_torque_max",
+    "joint force": "joint_reaction_relative",
     "energy": "energy_drift energy_drift_kinetic",
-}  # fmt: skip
+}
 
 
 def test_numbers_of_the_overview_are_those_of_the_results(page: Page) -> None:

@@ -1,4 +1,7 @@
-"""The pages of all commands in a real browser: quiet, readable by everybody, whole on a phone and on paper."""
+"""The pages of all commands in a real browser.
+
+Quiet, readable by everybody, whole on a phone and on paper.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The suite rejects engines that are wrong in one way each, by its cheapest check, and names most of the causes."""
+"""The suite rejects engines that are wrong in one way each, by its cheapest check, and names most
+of the causes.
+"""
 
 from __future__ import annotations
 
@@ -192,7 +194,10 @@ def test_an_engine_that_is_absent_is_skipped_unless_it_is_required() -> None:
 
 
 def test_what_a_preset_takes_away_is_no_declaration_that_it_breaks() -> None:
-    """MuJoCo's stock preset has no restitution: its suite skips and names it, and the preset that has one is judged."""
+    """MuJoCo's stock preset has no restitution.
+
+    Its suite skips and names it, and the preset that has one is judged.
+    """
     stock, tuned = (_suite(f"mujoco/{preset}", ("falling-rod",)) for preset in ("stock", "tuned"))
     problem = "falling-rod"
     ids = [[id for id in suite.ids if f"/{problem}/" in id] for suite in (stock, tuned)]
@@ -330,7 +335,10 @@ def test_check_refuses_what_it_does_not_know_and_does_not_pass_what_it_cannot_ju
 
 
 def _pytest(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """In a process, as from a terminal; the plug-in is loaded by its entry point where trebucheck is installed."""
+    """In a process, as from a terminal.
+
+    The plug-in is loaded by its entry point where trebucheck is installed.
+    """
     announced = importlib.metadata.entry_points(group="pytest11", name="trebucheck")
     load = [] if announced else ["-p", "trebucheck.conformance.plugin"]
     path = os.pathsep.join([str(TESTS), *filter(None, [os.environ.get("PYTHONPATH")])])
@@ -517,7 +525,8 @@ def test_the_skeleton_is_whole_and_red_in_its_first_step(
     assert next(verdict.check for verdict in found if verdict.failed) == "short-run"
     assert "step 1 of engine.py" in next(verdict.text for verdict in found if verdict.failed)
     assert {v.text for v in found if v.problem == "fixed"} >= {
-        "it has no bodies without inertia about their centre of mass, no stops on angles, no release-once law of the "
+        "it has no bodies without inertia about their centre of mass, no stops on angles, no "
+        "release-once law of the "
         "stops"
     }
 

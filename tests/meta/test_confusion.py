@@ -1,4 +1,7 @@
-"""Faults against the causes that a diagnosis names; the whole table is printed by `python tests/confusion.py`."""
+"""Faults against the causes that a diagnosis names.
+
+The whole table is printed by `python tests/confusion.py`.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +74,10 @@ def test_a_size_in_the_shape_of_the_mechanism_does_not_matter() -> None:
     "name", ["mass of the link 3 +0.2 %", "a quarter of gravity", "gravity tilted 3 deg"]
 )
 def test_an_energy_that_is_much_the_larger_does_not_hide_the_motion(name: str) -> None:
-    """A chain that hangs nearly at rest: such faults were called a scale of an energy; tilted, the chain swings."""
+    """A chain that hangs nearly at rest: such faults were called a scale of an energy.
+
+    Tilted, the chain swings.
+    """
     bench = _chain()
     entry = diagnosed(bench, _seed(bench, name))
     assert entry.verdict == "named", entry.diagnosis

@@ -1,4 +1,7 @@
-"""Faults at stops on points and in loops of joints, built into engines: each is caught, and its cause is named."""
+"""Faults at stops on points and in loops of joints, built into engines.
+
+Each is caught, and its cause is named.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""No wrong engine agrees, and a right one agrees everywhere: engines of strangers, of which nothing is known."""
+"""No wrong engine agrees, and a right one agrees everywhere.
+
+Engines of strangers, of which nothing is known.
+"""
 
 from __future__ import annotations
 
@@ -10,18 +13,19 @@ import pytest
 import trebucheck as tb
 import wrong_engines
 from trebucheck.cli.app import main
-from trebucheck.comparisons.runs import record as machine
 from trebucheck.comparisons.runs.results import Outcome, Results, Run
 
 
 @pytest.fixture(autouse=True, scope="module")
 def announced(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """The engines, as an installed distribution announces them; without diagnoses, which are tried elsewhere."""
+    """The engines, as an installed distribution announces them.
+
+    Without diagnoses, which are tried elsewhere.
+    """
     folder = tmp_path_factory.mktemp("site")
     wrong_engines.announce(folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(folder))
-        patch.setattr(machine, "diagnose_motion", lambda *_: None)
         yield
 
 
@@ -29,12 +33,14 @@ def announced(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 def wrong(announced: None) -> dict[str, Results]:
     """Each wrong engine's run on the fixed machine, as results of its own."""
     names = [cls.name for cls in wrong_engines.WRONG.values()]
-    results = tb.compare([tb.fixed()], names, ["tuned"], isolate=False).results
+    results = tb.compare([tb.fixed()], names, ["tuned"], isolate=False, diagnose=False).results
     return {run.engine: results.model_copy(update={"runs": (run,)}) for run in results.runs}
 
 
 def _run(engine: str, mechanism: tb.Mechanism, **options: object) -> tuple[Run, bool]:
-    comparison = tb.compare([mechanism], [engine], ["tuned"], isolate=False, **options)  # type: ignore[arg-type]
+    comparison = tb.compare(
+        [mechanism], [engine], ["tuned"], isolate=False, diagnose=False, **options
+    )  # type: ignore[arg-type]
     (run,) = comparison.results.runs
     return run, comparison.passed
 
@@ -87,6 +93,7 @@ def test_a_wrong_engine_is_exit_code_1_and_a_right_one_0(tmp_path: Path) -> None
         "fixed",
         "--preset",
         "tuned",
+        "--no-diagnose",
         "--out",
         str(tmp_path),
         "--engines",

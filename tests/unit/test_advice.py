@@ -1,4 +1,7 @@
-"""Advice without running an engine: what is asked, what is tried, what is chosen, and the texts to paste."""
+"""Advice without running an engine.
+
+What is asked, what is tried, what is chosen, and the texts to paste.
+"""
 
 from __future__ import annotations
 
@@ -169,7 +172,10 @@ def test_growth_by_rounding_says_its_power() -> None:
 
 
 class _Synthetic:
-    """Runs whose errors are a formula: position = constant(options) * step^2 * the machine's own factor."""
+    """Runs whose errors are a formula.
+
+    Position = constant(options) * step^2 * the machine's own factor.
+    """
 
     def __init__(
         self, factor: float, constants: dict[str, float], cost: dict[str, float], floor: float = 0.0
@@ -266,7 +272,10 @@ def test_a_floor_is_given_up_and_named() -> None:
 
 
 def test_what_was_reached_is_told_of_the_best_step_measured() -> None:
-    """Steps that the order gave no hope for are measured for the explanation: the least of their errors is told."""
+    """Steps that the order gave no hope for are measured for the explanation.
+
+    The least of their errors is told.
+    """
     search, sweeps, _ = _search((1e6, 1e6), (1.0, 1.0))
     assert all(STEPS[-1] not in sweep.levels for sweep in sweeps)
     verdict = obstacles.explain(search, sweeps)

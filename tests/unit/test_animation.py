@@ -1,4 +1,6 @@
-"""Animations: their data are the trajectories', and files of them are whole or refused with a sentence."""
+"""Animations: their data are the trajectories', and files of them are whole or refused with a
+sentence.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,7 @@ from mechanisms import everything, fixed, hanging_bob
 from PIL import Image
 from trebucheck.__main__ import main
 from trebucheck.comparisons.report import html, markdown
-from trebucheck.comparisons.report.document import AnimationBlock as AnimationBlock
+from trebucheck.comparisons.report.document import AnimationBlock
 from trebucheck.comparisons.report.document import Document, Heading
 from trebucheck.comparisons.report.drawing import animation, files
 from trebucheck.comparisons.report.drawing.animation import Animation, scene_data
@@ -193,10 +195,16 @@ def test_a_marker_that_is_not_where_the_coordinates_put_it_is_shown_where_it_is(
 def test_a_run_that_ends_early_is_shown_until_then() -> None:
     run = _run()
     early = dataclasses.replace(
-        run, **{name: getattr(run, name)[:1000] for name in ("t", "q", "u", "kinetic_energy", "potential_energy")},
-        markers={n: dataclasses.replace(m, position=m.position[:1000], velocity=m.velocity[:1000])
-                 for n, m in run.markers.items()},
-    )  # fmt: skip
+        run,
+        **{
+            name: getattr(run, name)[:1000]
+            for name in ("t", "q", "u", "kinetic_energy", "potential_energy")
+        },
+        markers={
+            n: dataclasses.replace(m, position=m.position[:1000], velocity=m.velocity[:1000])
+            for n, m in run.markers.items()
+        },
+    )
     shown = scene(_solution().trajectory, {"early": RunLook(early, "#000000")}, end=END)
     assert np.array_equal(np.isnan(shown.error(shown.runs[0])), shown.t > early.t[-1] + 1e-8)
 

@@ -1,4 +1,6 @@
-"""The balance of energy with dampers and motors, momentum as an invariant, and the scales of sprung mechanisms."""
+"""The balance of energy with dampers and motors, momentum as an invariant, and the scales of sprung
+mechanisms.
+"""
 
 from __future__ import annotations
 
@@ -89,7 +91,10 @@ def test_what_does_work() -> None:
 def test_the_balance_of_energy_is_known_to_what_the_samples_leave_unknown(
     step: float, stops: tuple[Any, ...]
 ) -> None:
-    """A damped block, also with impacts: the reference's balance is constant between them, an engine's nearly."""
+    """A damped block, also with impacts.
+
+    The reference's balance is constant between them, an engine's nearly.
+    """
     block = _block(_damped(2.0), stops=stops)
     solution, own = (
         _solved(block, 3e-14),
@@ -109,7 +114,10 @@ def test_the_balance_of_energy_is_known_to_what_the_samples_leave_unknown(
 
 
 def test_the_work_of_a_motor_in_closed_form() -> None:
-    """A constant force does F x; with a damper between angles that does not turn nothing else does any."""
+    """A constant force does F x.
+
+    With a damper between angles that does not turn nothing else does any.
+    """
     pushed = _block(tb.ConstantForce(name="push", body="block", point=(0, 0), force=(3.0, 5.0)))
     solution = _solved(pushed)
     t = np.linspace(0.0, 2.0, 201)
@@ -150,7 +158,10 @@ def test_what_the_samples_leave_unknown_is_added_to_the_tolerance(
 
 
 def test_samples_beside_several_impacts() -> None:
-    """A power that is 1 W until 0.35 s, nothing until 0.37 s, and 3 W later: 0.35 + 1.89 J at 1 s."""
+    """A power that is 1 W until 0.35 s, nothing until 0.37 s, and 3 W later.
+
+    0.35 + 1.89 J at 1 s.
+    """
     t = np.linspace(0.0, 1.0, 11)
     work, error = balance._integrated(t, np.where(t < 0.36, 1.0, 3.0), [0.35, 0.37])
     assert work[3] == pytest.approx(0.3) and error[3] == pytest.approx(0.0, abs=1e-15)
@@ -191,7 +202,10 @@ def test_horizontal_momentum_is_an_invariant_where_nothing_from_outside_acts_alo
 
 
 def test_scales_of_a_block_on_a_spring() -> None:
-    """It has no length of its own: that of its way; no joint force; and the time of its spring, not of its way."""
+    """It has no length of its own: that of its way; no joint force.
+
+    And the time of its spring, not of its way.
+    """
     scales = scales_until(solve(tb.Problem(_block(), duration=2.0)), 2.0)
     assert scales.length == pytest.approx(2 * OUT, rel=1e-3)
     assert scales.time == pytest.approx(
@@ -203,7 +217,10 @@ def test_scales_of_a_block_on_a_spring() -> None:
 
 
 def test_a_spring_that_is_not_known_stretches_the_motion() -> None:
-    """A part e more stiffness makes x = OUT cos(wt) earlier by e wt / 2; its speed, in parts of the largest."""
+    """A part e more stiffness makes x = OUT cos(wt) earlier by e wt / 2.
+
+    Its speed, in parts of the largest.
+    """
     solution = solve(tb.Problem(_block(), duration=2.0))
     found = stretching_until(solution, 2.0, scales_until(solution, 2.0))
     wt = 5.0 * found.t
@@ -233,7 +250,10 @@ def test_a_claim_is_widened_up_to_the_default() -> None:
 
 
 def test_slides_on_bodies_are_lengths() -> None:
-    """A bob 0.8 m out on a rod that turns without length of its own; on a ground rail only the way counts."""
+    """A bob 0.8 m out on a rod that turns without length of its own.
+
+    On a ground rail only the way counts.
+    """
     rod = tb.Body(name="rod", angle="a", mass=1.0, centre=(0, 0), inertia=0.0004)
     pin = tb.PinJoint(
         name="pin", parent="ground", child="rod", parent_point=(0, 0), child_point=(0, 0)

@@ -60,7 +60,10 @@ Model = Callable[[Mapping[str, Any], Mechanism], FloatArray]
 
 @dataclass
 class ClosedForm:
-    """Stands for EngineRuns: the deviation is a formula of the options, times the same shape in x and in the torque."""
+    """Stands for EngineRuns.
+
+    The deviation is a formula of the options, times the same shape in x and in the torque.
+    """
 
     error: Model
     refuses: Callable[[Mapping[str, Any]], bool] = lambda _: False
@@ -153,7 +156,10 @@ def test_causes_that_add_are_told_apart_and_the_unknown_stays_unexplained() -> N
 
 
 def test_pairwise_interactions_are_shared_as_by_shapley() -> None:
-    """Bias and labels do harm in proportion to the step: products of two, against all orders written out."""
+    """Bias and labels do harm in proportion to the step.
+
+    Products of two, against all orders written out.
+    """
 
     def size(s: Mapping[str, Any]) -> float:
         h, bias, labels = s["timestep"] / 1e-3, s["error_bias"] > 0, not s["leapfrog"]
@@ -183,7 +189,10 @@ def test_pairwise_interactions_are_shared_as_by_shapley() -> None:
 
 
 def test_a_removal_that_leaves_a_known_part_is_extrapolated() -> None:
-    """Exudyn's time step is refined by four: an error of second order is accounted for as a whole."""
+    """Exudyn's time step is refined by four.
+
+    An error of second order is accounted for as a whole.
+    """
     found = _budget(lambda s, _: 1e8 * s["timestep"] ** 2 * T, ExudynEngine.tuned())
     position = found.quantity("position")
     assert position is not None
@@ -199,7 +208,10 @@ def test_an_error_that_falls_otherwise_than_assumed_stays_partly_unexplained() -
 
 
 def test_softness_is_told_from_the_time_step_although_it_is_scaled_with_it() -> None:
-    """MuJoCo's tuned limits follow the step; with them written out, a shorter step leaves them as they are."""
+    """MuJoCo's tuned limits follow the step.
+
+    With them written out, a shorter step leaves them as they are.
+    """
 
     def error(s: Mapping[str, Any], _: Mechanism) -> FloatArray:
         stiffness = 1.0 / s["timestep"] ** 2 if s["solref"] is None else -s["solref"][0]
@@ -341,7 +353,9 @@ MANUAL = {"RK4": (2.0, 1.5), "Euler": (1.0, 1.0), "implicit": (1.0, 1.0)}
 def test_the_softness_that_follows_from_the_step_is_the_same_wherever_it_is_written_out(
     integrator: str, moving_points: bool, kinds: ConstraintKinds
 ) -> None:
-    """In the built model, where a cause takes the softness out, and where a refinement halves its time constant."""
+    """In the built model, where a cause takes the softness out, and where a refinement halves its
+    time constant.
+    """
     h, (limits, points) = 2e-3, MANUAL[integrator]
     made = engine("mujoco", integrator=integrator, moving_points=moving_points, timestep=h)
     damping = points if moving_points and not kinds.angles else limits
@@ -497,11 +511,16 @@ def explanation() -> Explanation:
         python_version="3",
         platform="x",
         machines=(
-            ExplainedMachine(model="fixed", mechanism=machine, mechanism_hash=machine.content_hash, launch_time=1.0),
+            ExplainedMachine(
+                model="fixed",
+                mechanism=machine,
+                mechanism_hash=machine.content_hash,
+                launch_time=1.0,
+            ),
         ),
         budgets=(budget(study, PymunkEngine.stock()), broken),
         comparisons=(stock_against_tuned(study, PymunkEngine.stock(), PymunkEngine.tuned()),),
-    )  # fmt: skip
+    )
 
 
 def test_the_page_shows_causes_failures_and_needs_nothing_else(explanation: Explanation) -> None:

@@ -36,7 +36,10 @@ def test_subjects_fall_back_on_the_metric() -> None:
 
 
 def test_a_launch_at_the_end_of_the_compared_motion_has_an_uncertainty_of_its_own() -> None:
-    """The coarser integration's launch may lie a little later, past the compared motion; it was then taken as exact."""
+    """The coarser integration's launch may lie a little later, past the compared motion.
+
+    It was then taken as exact.
+    """
     solution = solve_to_launch(tb.fixed(tb.TrebuchetParameters(l1=9.5)))
     assert solution.launch is not None
     end, known = solution.launch.time, estimate_uncertainty(solution).of("launch_time")

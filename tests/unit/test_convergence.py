@@ -1,4 +1,7 @@
-"""Convergence studies without any engine's library: fits, floors, limits, steps, and the command's manners."""
+"""Convergence studies without any engine's library.
+
+Fits, floors, limits, steps, and the command's manners.
+"""
 
 from __future__ import annotations
 
@@ -391,7 +394,9 @@ def test_what_sets_a_floor_is_looked_for_by_the_engine_itself() -> None:
     """pymunk's iterations converge soon: what is left is set by the time step."""
     if not tb.engines()["pymunk"].installed:
         pytest.skip("pymunk is not installed here")
-    found = converge_study(Study([tb.fixed()], ["pymunk"], isolate=False), ["iterations"])
+    found = converge_study(
+        Study([tb.fixed()], ["pymunk"], until=1.0, isolate=False), ["iterations"]
+    )
     explained = found.machines[0].studies[0].curve("position").floor
     assert explained is not None and explained.cause == "time step"
     assert "half the time step leaves 0.25" in explained.evidence
@@ -468,8 +473,12 @@ def test_an_interrupted_study_goes_on(third_party: None, tmp_path: Path) -> None
 
     store = Store(tmp_path, records=tmp_path)
     with pytest.raises(KeyboardInterrupt):
-        converge_study(Study([tb.fixed()], ["echo"], store=store, isolate=False, progress=stop))
+        converge_study(
+            Study([tb.fixed()], ["echo"], until=0.5, store=store, isolate=False, progress=stop)
+        )
     kept = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
     assert kept
-    converge_study(Study([tb.fixed()], ["echo"], store=replace(store, resume=True), isolate=False))
+    converge_study(
+        Study([tb.fixed()], ["echo"], until=0.5, store=replace(store, resume=True), isolate=False)
+    )
     assert all(path.stat().st_mtime_ns == time for path, time in kept.items())

@@ -1,4 +1,7 @@
-"""Parameters, mechanisms and problems: validated at birth, exact in JSON, clear in their complaints."""
+"""Parameters, mechanisms and problems.
+
+Validated at birth, exact in JSON, clear in their complaints.
+"""
 
 from __future__ import annotations
 
@@ -225,20 +228,38 @@ def test_a_mechanism_of_30_megabytes_is_refused_before_it_is_read(tmp_path: Path
 def test_a_chain_of_any_length_is_followed_to_its_end(tmp_path: Path) -> None:
     n = 1500  # more than Python's calls may be nested
     floor = -(n - 1) * math.sin(0.1)  # [m] height of the last link's pin
-    text = json.dumps({
-        "name": "chain",
-        "bodies": [{"name": f"b{i}", "angle": f"a{i}", "mass": 1, "centre": [1, 0], "inertia": 0} for i in range(n)],
-        "joints": [
-            {"kind": "pin", "name": f"j{i}", "parent": f"b{i - 1}" if i else "ground", "child": f"b{i}",
-             "parent_point": [min(i, 1), 0], "child_point": [0, 0]}
-            for i in range(n)
-        ],
-        "stops": [
-            {"name": "s", "body": f"b{n - 1}", "point": [0, 0], "normal": [0, 1], "offset": floor, "closed": True}
-        ],
-        "gravity": 9.81,
-        "start": [0.1] * n,
-    })  # fmt: skip
+    text = json.dumps(
+        {
+            "name": "chain",
+            "bodies": [
+                {"name": f"b{i}", "angle": f"a{i}", "mass": 1, "centre": [1, 0], "inertia": 0}
+                for i in range(n)
+            ],
+            "joints": [
+                {
+                    "kind": "pin",
+                    "name": f"j{i}",
+                    "parent": f"b{i - 1}" if i else "ground",
+                    "child": f"b{i}",
+                    "parent_point": [min(i, 1), 0],
+                    "child_point": [0, 0],
+                }
+                for i in range(n)
+            ],
+            "stops": [
+                {
+                    "name": "s",
+                    "body": f"b{n - 1}",
+                    "point": [0, 0],
+                    "normal": [0, 1],
+                    "offset": floor,
+                    "closed": True,
+                }
+            ],
+            "gravity": 9.81,
+            "start": [0.1] * n,
+        }
+    )
     (tmp_path / "chain.json").write_text(text)
     mechanism = tb.Mechanism.load(tmp_path / "chain.json")
     assert mechanism.content_hash == tb.Mechanism.from_json(text).content_hash

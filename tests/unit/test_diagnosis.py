@@ -1,4 +1,7 @@
-"""The gate and the diagnosis, on the reference and on engines of a third party: no engine library needed."""
+"""The gate and the diagnosis, on the reference and on engines of a third party.
+
+No engine library needed.
+"""
 
 from __future__ import annotations
 
@@ -168,7 +171,9 @@ def test_a_gate_that_fails_ends_the_run_and_not_the_report(monkeypatch: pytest.M
 
 
 def test_what_follows_the_step_does_so_in_a_diagnosis() -> None:
-    """An error of the step and of limits as soft as it is long is nobody's, if each is taken out alone."""
+    """An error of the step and of limits as soft as it is long is nobody's, if each is taken out
+    alone.
+    """
     follows = MujocoEngine(timestep=1e-3)
     finer = next(
         setting for setting in _other_settings(follows, tb.fixed()) if setting.name == "time step"

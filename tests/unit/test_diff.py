@@ -1,4 +1,6 @@
-"""`trebucheck diff`: changes seeded into a comparison are found and judged, and what is no change is none."""
+"""`trebucheck diff`: changes seeded into a comparison are found and judged, and what is no change
+is none.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,9 @@ _QUESTION = "What moved from one comparison to the other, and what broke?"
 @pytest.fixture(scope="module")
 def results() -> Results:
     """A pendulum in two engines, all of whose runs agree."""
-    return tb.compare(["pendulum"], ["pymunk", "reference"], until=0.5, isolate=False).results
+    return tb.compare(
+        ["pendulum"], ["pymunk", "reference"], until=0.5, isolate=False, diagnose=False
+    ).results
 
 
 def _changed(
@@ -228,7 +232,9 @@ def test_versions_and_settings_that_changed_are_named(results: Results) -> None:
 def test_less_than_what_is_unknown_is_no_movement(
     results: Results, name: str, share: float, moved: bool
 ) -> None:
-    """Whatever the factor: from nothing, and from what both results leave unknown of it, by a part of that."""
+    """Whatever the factor: from nothing, and from what both results leave unknown of it, by a part
+    of that.
+    """
     for known in (results.machines[0].reference_uncertainty, {}):  # without it, rounding is left
         machine = results.machines[0].model_copy(update={"reference_uncertainty": known})
         _check_unknown(results.model_copy(update={"machines": (machine,)}), name, share, moved)
@@ -302,7 +308,7 @@ def test_a_reference_that_moved_is_something_that_broke(results: Results) -> Non
     }
 
     def with_figures(**figures: Any) -> Results:
-        own = machine.model_copy(update={"reference_uncertainty": known, **figures})
+        own = machine.model_copy(update={"reference_uncertainty": known} | figures)
         return results.model_copy(update={"machines": (own,)})
 
     old = with_figures()
@@ -310,9 +316,16 @@ def test_a_reference_that_moved_is_something_that_broke(results: Results) -> Non
     assert not diff(old, with_figures(launch_time=0.3 + 2.1e-9)).passed
     assert diff(old, with_figures(launch_time=None)).references
     assert [
-        each.name for each in diff(old, with_figures(release_times={"rest": 0.21})).references
+        each.figure for each in diff(old, with_figures(release_times={"rest": 0.21})).references
     ] == ["release_time (rest)"]
     assert not diff(old, with_figures(release_times={"rest": None})).passed
+    gone = {name: size for name, size in known.items() if not name.startswith("launch")}
+    unlaunched = with_figures(launch_time=None, launch_speed=None, reference_uncertainty=gone)
+    moved = data(diff(old, unlaunched)).references
+    assert [(each.figure, each.new, each.unknown < 2e-9) for each in moved] == [
+        ("launch_time", None, True),
+        ("launch_speed", None, True),
+    ]
     found = diff(old, with_figures(impacts=2))
     assert (
         _shown(found).count("The reference moved") == 1
@@ -367,7 +380,15 @@ def test_many_movements_are_shown_in_part_and_folded(results: Results) -> None:
 def test_half_the_step_is_a_quarter_of_a_second_order_error() -> None:
     """Two comparisons as they are: nothing is seeded."""
     old, new = (
-        tb.compare(["pendulum"], ["pymunk"], ["tuned"], until=0.5, timestep=step, isolate=False)
+        tb.compare(
+            ["pendulum"],
+            ["pymunk"],
+            ["tuned"],
+            until=0.5,
+            timestep=step,
+            isolate=False,
+            diagnose=False,
+        )
         for step in (2e-3, 1e-3)
     )
     found = diff(old, new)
@@ -403,7 +424,8 @@ def test_the_command_shows_writes_and_ends_with_a_code(
     assert main(["diff", old, new, "--format", "markdown"]) == 1
     shown = capsys.readouterr().out
     assert shown.startswith(
-        "# What moved from one comparison to the other, and what broke?\n\n✗ Something broke: 1 verdict broke"
+        "# What moved from one comparison to the other, and what broke?\n\n✗ Something broke: 1 "
+        "verdict broke"
     )
     starts = {
         "d.html": "<!doctype html>",

@@ -108,13 +108,22 @@ def test_tables_have_captions_scopes_and_units() -> None:
 
 @pytest.mark.parametrize("text", ["<b>", "a & b", '"><script>', "{{ 1 }}"])
 def test_texts_of_any_block_are_text(text: str) -> None:
-    """Messages of engines come from elsewhere: none of them is read as HTML, a template, or a style of the terminal."""
+    """Messages of engines come from elsewhere.
+
+    None of them is read as HTML, a template, or a style of the terminal.
+    """
     styled = f"{text} [bold red]x[/]"
     blocks = (
-        Heading(styled, medium="any"), Text(styled), Text("b", lead=styled), Note(styled), Listing((Text(styled),)),
-        Tiles((Tile(styled, styled),)), table([styled], [(Cell(styled, detail=styled, hint=styled),)], styled),
-        Code(styled, styled), Fold(styled, (Note(styled),)),
-    )  # fmt: skip
+        Heading(styled, medium="any"),
+        Text(styled),
+        Text("b", lead=styled),
+        Note(styled),
+        Listing((Text(styled),)),
+        Tiles((Tile(styled, styled),)),
+        table([styled], [(Cell(styled, detail=styled, hint=styled),)], styled),
+        Code(styled, styled),
+        Fold(styled, (Note(styled),)),
+    )
     page = _page(*blocks)
     assert "<script>" not in page and "<b>" not in page.replace('<b class="plain">', "").replace(
         '<div class="tile plain"><b>', ""

@@ -1,4 +1,7 @@
-"""Drawings of mechanisms from their description: any of them draws, and the parts say what the mechanism is."""
+"""Drawings of mechanisms from their description.
+
+Any of them draws, and the parts say what the mechanism is.
+"""
 
 from __future__ import annotations
 
@@ -122,7 +125,9 @@ def test_a_trebuchet_shows_its_parts() -> None:
 
 
 def test_masses_fixed_to_a_rod_are_found_from_its_centre_and_inertia() -> None:
-    """The catapult: a rod of 1000 kg with the projectile at one end and the counterweight at the other."""
+    """The catapult: a rod of 1000 kg with the projectile at one end and the counterweight at the
+    other.
+    """
     arm = NAMED["catapult"].body("arm")
     shares = loaded_rod(arm, -4 + 0j, 10 + 0j)
     assert shares is not None

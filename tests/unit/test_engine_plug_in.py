@@ -1,4 +1,7 @@
-"""An engine is one package and its registration: pymunk's room, copied out and announced by another distribution."""
+"""An engine is one package and its registration.
+
+Pymunk's room, copied out and announced by another distribution.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,9 @@ CHANGES = {
 
 
 def _moved_out(folder: Path) -> None:
-    """Write pymunk's room as a package of its own, and the metadata of a distribution that announces it."""
+    """Write pymunk's room as a package of its own, and the metadata of a distribution that
+    announces it.
+    """
     package = folder / PACKAGE
     (package / "templates").mkdir(parents=True)
     for path in ROOM.glob("templates/*"):
@@ -65,7 +70,7 @@ def _installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None
 def test_it_is_compared_by_its_own_tolerances() -> None:
     assert engine_class(COPY).__module__ == f"{PACKAGE}.engine"  # type: ignore[attr-defined]
     results = tb.compare(
-        ["fixed"], ["pymunk", COPY], ["tuned"], isolate=False, timestep=2e-3
+        ["fixed"], ["pymunk", COPY], ["tuned"], isolate=False, diagnose=False, timestep=2e-3
     ).results
     original, copy = results.runs
     assert copy.engine == COPY and copy.equality == original.equality

@@ -18,7 +18,9 @@ SINGLE = float(np.finfo(np.float32).eps / 2)
 
 @dataclass
 class Rounded:
-    """The reference's equations, said in single precision, of a mechanism whose first body is too heavy by a part."""
+    """The reference's equations, said in single precision, of a mechanism whose first body is too
+    heavy by a part.
+    """
 
     fault: float = 0.0
     roundoff: float = SINGLE

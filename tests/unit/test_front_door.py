@@ -30,13 +30,15 @@ def _python(code: str) -> str:
         "import trebucheck",
         "import trebucheck as tb; tb.engines(); [tb.engine(name) for name in tb.engines()]",
         "import contextlib, io, trebucheck.__main__ as m; "
-        "contextlib.redirect_stdout(io.StringIO()).__enter__(); m.main(['--help']); m.main(['compare', '--help'])",
+        "contextlib.redirect_stdout(io.StringIO()).__enter__(); m.main(['--help']); "
+        "m.main(['compare', '--help'])",
     ],
     ids=["import", "engines", "help"],
 )
 def test_no_engine_library_is_loaded(code: str) -> None:
     loaded = _python(
-        f"import sys; {code}; print([n for n in {ENGINE_LIBRARIES} if n in sys.modules], file=sys.stderr)"
+        f"import sys; {code}; print([n for n in {ENGINE_LIBRARIES} if n in sys.modules], "
+        f"file=sys.stderr)"
     )
     assert loaded == ""
     check = f"import sys; {code}; assert not [n for n in {ENGINE_LIBRARIES} if n in sys.modules]"
@@ -56,7 +58,8 @@ def test_no_engine_library_is_loaded(code: str) -> None:
 )
 def test_engines_is_a_function_whatever_was_imported_first(first: str) -> None:
     code = (
-        f"import inspect, trebucheck as tb; {first}; import trebucheck.engines.registry as registry; "
+        f"import inspect, trebucheck as tb; {first}; import trebucheck.engines.registry as "
+        f"registry; "
         "import trebucheck; assert trebucheck.engines.registry is registry; "
         "print(inspect.isfunction(tb.engines) and 'reference' in tb.engines())"
     )

@@ -1,4 +1,7 @@
-"""The comparison harness itself, on the reference and on engines of a third party: no engine library needed."""
+"""The comparison harness itself, on the reference and on engines of a third party.
+
+No engine library needed.
+"""
 
 from __future__ import annotations
 
@@ -165,7 +168,9 @@ def test_tolerances_grow_with_the_order_and_do_not_sharpen() -> None:
 
 
 def test_the_papers_allowances_and_a_comparison_apply_the_same_tolerance() -> None:
-    """At a longer step, and away from Table I, where the paper's allowances once lacked a factor of ten."""
+    """At a longer step, and away from Table I, where the paper's allowances once lacked a factor of
+    ten.
+    """
     from trebucheck_paper.evidence.engine_runs import allowances, allowed
     from trebucheck_paper.evidence.quantities import ThrowQuantity
 
@@ -200,7 +205,9 @@ def test_a_tolerance_finer_than_the_reference_can_vouch_for_is_refused_and_the_r
 
 @pytest.mark.slow
 def test_beyond_the_predictability_horizon_only_invariants_are_judged() -> None:
-    """The reference itself, so far that a hundred-thousandth of an inertia moves it by more than the default."""
+    """The reference itself, so far that a hundred-thousandth of an inertia moves it by more than
+    the default.
+    """
     far = _compare(models=["rolling"], duration=8.0, timestep=5e-3)
     (machine,), (run,) = far.results.machines, far.results.runs
     assert machine.judged_to < machine.compared_to == 8.0
@@ -284,7 +291,9 @@ def test_a_crashing_engine_costs_its_row_only() -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("third_party")
 def test_several_runs_at_once_give_the_same_results(tmp_path: Path) -> None:
-    """One that crashes costs its row only, a finished one is taken from the store, and rows keep their order."""
+    """One that crashes costs its row only, a finished one is taken from the store, and rows keep
+    their order.
+    """
     store = Store(tmp_path / "trajectories", records=tmp_path / "runs")
     study = Study(["fixed"], ["crasher", "reference", "echo"], ["tuned"], store=store)
     one_at_a_time = compare_study(study).results
@@ -311,7 +320,10 @@ def test_diagnoses_are_the_same_however_many_are_made_at_once() -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("third_party")
 def test_an_engine_that_never_ends_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The limit is the run's alone: on a busy machine the reference and the model check may take as long."""
+    """The limit is the run's alone.
+
+    On a busy machine the reference and the model check may take as long.
+    """
     call = Worker.call
 
     def patient(worker: Worker, function: Any, runner: Any, given: Any) -> Any:
@@ -354,7 +366,10 @@ def test_an_engine_that_is_not_installed_is_said_and_no_disagreement(
 
 
 def test_one_own_mechanism_and_no_launch() -> None:
-    """A pendulum: no projectile, no stops, nothing that launches; the report is made all the same."""
+    """A pendulum: no projectile, no stops, nothing that launches.
+
+    The report is made all the same.
+    """
     pendulum = tb.Mechanism(
         name="pendulum",
         bodies=(tb.Body(name="bob", angle="beta", mass=3.0, centre=(2.0, 0), inertia=1.0),),

@@ -1,4 +1,7 @@
-"""The commands that the documents print are commands: their options exist and their values are of the right kind."""
+"""The commands that the documents print are commands.
+
+Their options exist and their values are of the right kind.
+"""
 
 from __future__ import annotations
 

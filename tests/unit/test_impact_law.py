@@ -1,4 +1,7 @@
-"""Newton's law with complementarity where stops are redundant: the reference's algorithm and the engines' one."""
+"""Newton's law with complementarity where stops are redundant.
+
+The reference's algorithm and the engines' one.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,9 @@ RESTITUTIONS = np.array([0.0, 0.2, 0.5, 0.8, 1.0])
 def speeds_after(
     rows: list[list[float]], u: list[float], restitution: list[float]
 ) -> list[FloatArray | None]:
-    """Of unit masses after an impact, by the reference's least distance and by the engines' choice of contacts."""
+    """Of unit masses after an impact, by the reference's least distance and by the engines' choice
+    of contacts.
+    """
     gaps, before, e = np.array(rows), np.array(u), np.array(restitution)
     matrix, came = gaps @ gaps.T, gaps @ before
     found = solve_lcp(matrix, (1.0 + e) * came), impulses(matrix, came, e)
@@ -37,14 +42,20 @@ def test_of_redundant_stops_the_one_that_asks_for_more_decides(
 
 
 def test_stops_against_each_other_leave_no_rebound() -> None:
-    """Free between them is no speed but zero; the law with their e has no solution, the reference says so."""
+    """Free between them is no speed but zero.
+
+    The law with their e has no solution, the reference says so.
+    """
     least_distance, by_choice = speeds_after([[1], [-1]], [-1], [0.5, 0.0])
     assert least_distance is None
     assert by_choice == pytest.approx([0.0], abs=1e-15)
 
 
 def test_two_algorithms_agree_on_random_stops() -> None:
-    """Up to five stops on up to three motions, parallel and opposite ones among them; half have a common e."""
+    """Up to five stops on up to three motions, parallel and opposite ones among them.
+
+    Half have a common e.
+    """
     random, unsolvable = np.random.default_rng(18), 0
     for _ in range(400):
         n, m = random.integers(1, 4), random.integers(1, 6)

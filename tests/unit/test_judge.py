@@ -1,4 +1,7 @@
-"""Files that somebody else made: what they give is judged, the rest is not, and broken ones are refused."""
+"""Files that somebody else made.
+
+What they give is judged, the rest is not, and broken ones are refused.
+"""
 
 from __future__ import annotations
 
@@ -94,8 +97,11 @@ def test_a_broken_file_gets_its_cause_from_what_it_gives(
     weaker gravity looks like a slower clock, and both are named."""
     weak = tb.model(MODEL).model_copy(update={"gravity": 9.75})
     slow = tb.engine("reference", timestep=5e-3).simulate(tb.Problem(weak, duration=2.0))
-    files = (_csv(tmp_path / "sign.csv", motion, *STATE, scale=-1.0), _csv(tmp_path / "qu.csv", slow, *STATE),
-             _csv(tmp_path / "q.csv", slow, "q theta"))  # fmt: skip
+    files = (
+        _csv(tmp_path / "sign.csv", motion, *STATE, scale=-1.0),
+        _csv(tmp_path / "qu.csv", slow, *STATE),
+        _csv(tmp_path / "q.csv", slow, "q theta"),
+    )
     found = [_judged(path) for path in files]
     named = [
         [cause.name for cause in each.diagnosis.named] if each.diagnosis else [] for each in found
@@ -308,7 +314,10 @@ def test_a_broken_file_gets_one_sentence_with_its_line(
 
 
 def _bounces(path: Path, head: str = "", late: float = 0.0, factor: float = 1.0) -> Path:
-    """Two samples at each impact; all of it late by so many seconds, speeds after impacts by a factor wrong."""
+    """Two samples at each impact.
+
+    All of it late by so many seconds, speeds after impacts by a factor wrong.
+    """
     problem = library_problem("bouncing")
     assert problem is not None
     solution = solve(problem)

@@ -103,7 +103,9 @@ def test_a_handful_of_samples_will_do() -> None:
 
 
 def test_a_projectile_on_its_rest_is_not_launched() -> None:
-    """Its rest never opens, though its velocity turns down through 45 degrees as the whole machine swings."""
+    """Its rest never opens, though its velocity turns down through 45 degrees as the whole machine
+    swings.
+    """
     machine = tb.fixed()
     times = {"hanger rest": 1.0, "sling rest": None, "arm stop": None}
     assert rest_opened(machine, "sling", times) is None

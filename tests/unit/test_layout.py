@@ -1,4 +1,7 @@
-"""Tables in terminals of any width: no word is cut, no line is too long, and what has no room is named."""
+"""Tables in terminals of any width.
+
+No word is cut, no line is too long, and what has no room is named.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""`trebucheck matrix`: runs of several files side by side, grouped by scheme; nothing is green that was not judged."""
+"""`trebucheck matrix`: runs of several files side by side, grouped by scheme.
+
+Nothing is green that was not judged.
+"""
 
 from __future__ import annotations
 
@@ -63,9 +66,17 @@ def _run(
         holds=holds,
     )
     given = {
-        "problem": "swing", "preset": "tuned", "engine_version": "1", "scheme": RK4, "order": 4.0, "timestep": 1e-3,
-        "outcome": Outcome.AGREES, "date": "2026-01-02", "made_by": "0.1.0", "errors": () if part is None else (error,),
-    }  # fmt: skip
+        "problem": "swing",
+        "preset": "tuned",
+        "engine_version": "1",
+        "scheme": RK4,
+        "order": 4.0,
+        "timestep": 1e-3,
+        "outcome": Outcome.AGREES,
+        "date": "2026-01-02",
+        "made_by": "0.1.0",
+        "errors": () if part is None else (error,),
+    }
     return MatrixRun(engine=engine, **(given | fields))
 
 
@@ -195,14 +206,18 @@ def test_agreement_is_counted_by_what_of_the_run_is_the_engines_own() -> None:
     runs = (
         *(_run("a", 1e-9, problem=each.name, supplied={}) for each in problems),
         *(_run("b", 1e-9, problem=each.name, supplied=held) for each in problems),
-        *(_run("c", 1e-9, problem=each.name, supplied={"time steps": "", **held}) for each in problems),
-        _run("d", 1e-9), _run("a", 1.0, False, preset="stock", outcome=Outcome.DISAGREES, supplied={}),
-    )  # fmt: skip
+        *(
+            _run("c", 1e-9, problem=each.name, supplied={"time steps": "", **held})
+            for each in problems
+        ),
+        _run("d", 1e-9),
+        _run("a", 1.0, False, preset="stock", outcome=Outcome.DISAGREES, supplied={}),
+    )
     text = _text(_matrix(*runs, problems=problems))
     assert (
-        "Of 10 agreements the engine's own is: all in 5, steps in 1, dynamics in 3, not stated in 1."
-        in text
-    )
+        "Of 10 agreements the engine's own is: all in 5, steps in 1, dynamics in 3, not stated in "
+        "1."
+    ) in text
     own = {
         (where, line.split(" | ")[0].strip("| ")): line.split(" | ")[1]
         for where, line in _leading(text)
@@ -231,7 +246,9 @@ def _leading(text: str) -> Iterator[tuple[str, str]]:
 @pytest.fixture(scope="module")
 def results() -> Results:
     """A pendulum in an engine and the reference."""
-    return tb.compare(["pendulum"], ["pymunk", "reference"], until=0.5, isolate=False).results
+    return tb.compare(
+        ["pendulum"], ["pymunk", "reference"], until=0.5, isolate=False, diagnose=False
+    ).results
 
 
 def test_results_of_a_comparison_are_distilled_with_schemes_scales_and_verdicts(
@@ -300,9 +317,20 @@ def _sweep(
 ) -> SweepStudy:
     curve = Curve(quantity="position", law=law, floor=None)
     return SweepStudy(
-        engine=engine, engine_version="1", preset="tuned", knob=knob, title="", unit="s", base={}, settings={},
-        expected=None, why="", own=False, points=(Point(value=1e-3, options={}, position=position),), curves=(curve,),
-    )  # fmt: skip
+        engine=engine,
+        engine_version="1",
+        preset="tuned",
+        knob=knob,
+        title="",
+        unit="s",
+        base={},
+        settings={},
+        expected=None,
+        why="",
+        own=False,
+        points=(Point(value=1e-3, options={}, position=position),),
+        curves=(curve,),
+    )
 
 
 def test_orders_are_those_of_sweeps_of_the_time_step_that_moved(tmp_path: Path) -> None:
@@ -313,9 +341,16 @@ def test_orders_are_those_of_sweeps_of_the_time_step_that_moved(tmp_path: Path) 
     )  # fmt: skip
     mechanism = tb.model("pendulum")
     machine = MachineStudies(
-        model="swing", mechanism=mechanism, mechanism_hash=mechanism.content_hash, launch_time=None, uncertainty={},
-        uncertainty_source="estimate", studies=sweeps, limits=(), pairs=(),
-    )  # fmt: skip
+        model="swing",
+        mechanism=mechanism,
+        mechanism_hash=mechanism.content_hash,
+        launch_time=None,
+        uncertainty={},
+        uncertainty_source="estimate",
+        studies=sweeps,
+        limits=(),
+        pairs=(),
+    )
     converge, runs = tmp_path / "converge.json", tmp_path / "runs.json"
     converge.write_text(Studies.made_here(machines=(machine,)).to_json())
     runs.write_text(_matrix(_run("a", 1e-9)).to_json())

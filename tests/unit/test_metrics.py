@@ -1,4 +1,7 @@
-"""Every metric on a motion given by formulas, where the right answer is known: no engine, no integration."""
+"""Every metric on a motion given by formulas, where the right answer is known.
+
+No engine, no integration.
+"""
 
 from __future__ import annotations
 
@@ -67,29 +70,71 @@ def test_the_reference_is_no_distance_from_itself() -> None:
         label: held.get(label, 0.0) for label in found
     }
     assert set(found) == {
-        "missing_time", "position_max (projectile)", "position_rms (projectile)", "velocity_max (projectile)",
-        "position_max (hook)", "position_rms (hook)", "velocity_max (hook)",
-        "angle_max (tilt)", "angular_speed_max (tilt)", "angle_max (beta)", "angular_speed_max (beta)",
-        "slide_max (s)", "slide_speed_max (s)", "launch_time", "launch_speed", "release_time (rest)",
-        "stop_torque_max (rest)", "stop_torque_settled (rest)", "stop_impulse (rest)",
-        "stop_torque_max (buffer)", "stop_torque_settled (buffer)", "stop_impulse (buffer)",
-        "stop_torque_max (wall)", "stop_torque_settled (wall)", "stop_impulse (wall)",
-        "joint_reaction_max (slot)", "joint_reaction_relative (slot)",
-        "joint_reaction_max (pivot)", "joint_reaction_relative (pivot)",
-        "kinetic_energy_max", "potential_energy_max", "energy_balance", "energy_drift", "energy_drift_kinetic",
-        "horizontal_momentum", "stop_gap_held (rest)",
-    }  # fmt: skip
+        "missing_time",
+        "position_max (projectile)",
+        "position_rms (projectile)",
+        "velocity_max (projectile)",
+        "position_max (hook)",
+        "position_rms (hook)",
+        "velocity_max (hook)",
+        "angle_max (tilt)",
+        "angular_speed_max (tilt)",
+        "angle_max (beta)",
+        "angular_speed_max (beta)",
+        "slide_max (s)",
+        "slide_speed_max (s)",
+        "launch_time",
+        "launch_speed",
+        "release_time (rest)",
+        "stop_torque_max (rest)",
+        "stop_torque_settled (rest)",
+        "stop_impulse (rest)",
+        "stop_torque_max (buffer)",
+        "stop_torque_settled (buffer)",
+        "stop_impulse (buffer)",
+        "stop_torque_max (wall)",
+        "stop_torque_settled (wall)",
+        "stop_impulse (wall)",
+        "joint_reaction_max (slot)",
+        "joint_reaction_relative (slot)",
+        "joint_reaction_max (pivot)",
+        "joint_reaction_relative (pivot)",
+        "kinetic_energy_max",
+        "potential_energy_max",
+        "energy_balance",
+        "energy_drift",
+        "energy_drift_kinetic",
+        "horizontal_momentum",
+        "stop_gap_held (rest)",
+    }
 
 
 UNITS = {
-    "missing_time": "s", "position_max (hook)": "m", "position_rms (hook)": "m", "velocity_max (hook)": "m/s",
-    "angle_max (beta)": "rad", "angular_speed_max (beta)": "rad/s", "slide_max (s)": "m", "slide_speed_max (s)": "m/s",
-    "launch_time": "s", "launch_speed": "m/s", "release_time (rest)": "s", "stop_torque_max (rest)": "N m",
-    "stop_torque_settled (wall)": "N", "stop_impulse (rest)": "N m s", "stop_impulse (wall)": "N s",
-    "joint_reaction_max (slot)": "N", "joint_reaction_relative (slot)": "1", "kinetic_energy_max": "J",
-    "potential_energy_max": "J", "energy_balance": "J", "energy_drift": "1", "energy_drift_kinetic": "1",
-    "horizontal_momentum": "kg m/s", "stop_gap_held (rest)": "rad",
-}  # fmt: skip
+    "missing_time": "s",
+    "position_max (hook)": "m",
+    "position_rms (hook)": "m",
+    "velocity_max (hook)": "m/s",
+    "angle_max (beta)": "rad",
+    "angular_speed_max (beta)": "rad/s",
+    "slide_max (s)": "m",
+    "slide_speed_max (s)": "m/s",
+    "launch_time": "s",
+    "launch_speed": "m/s",
+    "release_time (rest)": "s",
+    "stop_torque_max (rest)": "N m",
+    "stop_torque_settled (wall)": "N",
+    "stop_impulse (rest)": "N m s",
+    "stop_impulse (wall)": "N s",
+    "joint_reaction_max (slot)": "N",
+    "joint_reaction_relative (slot)": "1",
+    "kinetic_energy_max": "J",
+    "potential_energy_max": "J",
+    "energy_balance": "J",
+    "energy_drift": "1",
+    "energy_drift_kinetic": "1",
+    "horizontal_momentum": "kg m/s",
+    "stop_gap_held (rest)": "rad",
+}
 
 
 def test_every_metric_has_its_unit() -> None:
@@ -145,15 +190,27 @@ READINGS: dict[str, tuple[tb.Trajectory, dict[str, float]]] = {
     ),
     "torque off by 7 N m": (
         _torque("rest", -7.0),
-        {"stop_torque_max (rest)": 7.0, "stop_torque_settled (rest)": 7.0, "stop_impulse (rest)": -7.0 * END},
+        {
+            "stop_torque_max (rest)": 7.0,
+            "stop_torque_settled (rest)": 7.0,
+            "stop_impulse (rest)": -7.0 * END,
+        },
     ),
     "sign of a torque": (
         _torque("rest", -2 * OWN.stop_torques["rest"]),
-        {"stop_torque_max (rest)": 40.0, "stop_torque_settled (rest)": 40.0, "stop_impulse (rest)": -10.0},
+        {
+            "stop_torque_max (rest)": 40.0,
+            "stop_torque_settled (rest)": 40.0,
+            "stop_impulse (rest)": -10.0,
+        },
     ),
     "force at a stop on a point": (
         _torque("wall", _ramp(1.0)),
-        {"stop_torque_max (wall)": END, "stop_torque_settled (wall)": END, "stop_impulse (wall)": END**2 / 2},
+        {
+            "stop_torque_max (wall)": END,
+            "stop_torque_settled (wall)": END,
+            "stop_impulse (wall)": END**2 / 2,
+        },
     ),
     "torque wrong at its release only": (
         _torque("rest", 5.0 * (np.abs(T - RELEASE) < 0.0149)),
@@ -161,11 +218,19 @@ READINGS: dict[str, tuple[tb.Trajectory, dict[str, float]]] = {
     ),
     "torque wrong two steps from its release": (
         _torque("rest", 5.0 * (np.abs(T - RELEASE - 0.02) < 1e-6)),
-        {"stop_torque_max (rest)": 5.0, "stop_torque_settled (rest)": 5.0, "stop_impulse (rest)": 0.05},
+        {
+            "stop_torque_max (rest)": 5.0,
+            "stop_torque_settled (rest)": 5.0,
+            "stop_impulse (rest)": 0.05,
+        },
     ),
     "torque wrong two steps before its release": (
         _torque("rest", 5.0 * (np.abs(T - RELEASE + 0.02) < 1e-6)),
-        {"stop_torque_max (rest)": 5.0, "stop_torque_settled (rest)": 5.0, "stop_impulse (rest)": 0.05},
+        {
+            "stop_torque_max (rest)": 5.0,
+            "stop_torque_settled (rest)": 5.0,
+            "stop_impulse (rest)": 0.05,
+        },
     ),
     "sign of a reaction": (
         _reaction("slot", -OWN.joint_reactions["slot"]),
@@ -173,15 +238,28 @@ READINGS: dict[str, tuple[tb.Trajectory, dict[str, float]]] = {
     ),
     "reaction off across": (
         _reaction("pivot", OWN.joint_reactions["pivot"] + np.array([0.3, -0.4])),
-        {"joint_reaction_max (pivot)": 0.5, "joint_reaction_relative (pivot)": 0.5 / math.hypot(4.5, 6.0)},
+        {
+            "joint_reaction_max (pivot)": 0.5,
+            "joint_reaction_relative (pivot)": 0.5 / math.hypot(4.5, 6.0),
+        },
     ),
     "half the kinetic energy": (
         _own(kinetic_energy=0.5 * OWN.kinetic_energy),
-        {"kinetic_energy_max": 37.5, "energy_balance": 37.5, "energy_drift": 37.5 / 20, "energy_drift_kinetic": 0.5},
+        {
+            "kinetic_energy_max": 37.5,
+            "energy_balance": 37.5,
+            "energy_drift": 37.5 / 20,
+            "energy_drift_kinetic": 0.5,
+        },
     ),
     "another zero of the potential energy": (
         _own(potential_energy=OWN.potential_energy - 8.0),
-        {"potential_energy_max": 8.0, "energy_balance": 8.0, "energy_drift": 0.4, "energy_drift_kinetic": 8 / 75},
+        {
+            "potential_energy_max": 8.0,
+            "energy_balance": 8.0,
+            "energy_drift": 0.4,
+            "energy_drift_kinetic": 8 / 75,
+        },
     ),
     "energies that balance": (
         _own(kinetic_energy=OWN.kinetic_energy - 2.0, potential_energy=OWN.potential_energy + 2.0),
@@ -193,8 +271,11 @@ READINGS: dict[str, tuple[tb.Trajectory, dict[str, float]]] = {
         _own(release_times={"rest": 1.9}),
         {"release_time (rest)": 1.4, "launch_time": None, "launch_speed": None},
     ),
-    "drift of a joint": (_own(joint_gaps={"pivot": -_ramp(1e-3)}), {"joint_gap_max (pivot)": 1.5e-3}),
-}  # fmt: skip
+    "drift of a joint": (
+        _own(joint_gaps={"pivot": -_ramp(1e-3)}),
+        {"joint_gap_max (pivot)": 1.5e-3},
+    ),
+}
 
 
 @pytest.mark.parametrize("name", READINGS)
@@ -210,12 +291,16 @@ def test_nothing_after_the_end_counts() -> None:
     late = T > END + 1e-9
     more = late[:, None]
     other = _own(
-        q=OWN.q + late[:, None], u=OWN.u + late[:, None], kinetic_energy=OWN.kinetic_energy + late,
+        q=OWN.q + late[:, None],
+        u=OWN.u + late[:, None],
+        kinetic_energy=OWN.kinetic_energy + late,
         potential_energy=OWN.potential_energy + late,
         stop_torques={name: torque + late for name, torque in OWN.stop_torques.items()},
         joint_reactions={name: force + more for name, force in OWN.joint_reactions.items()},
-        markers={n: PointMotion(m.position + more, m.velocity + more) for n, m in OWN.markers.items()},
-    )  # fmt: skip
+        markers={
+            n: PointMotion(m.position + more, m.velocity + more) for n, m in OWN.markers.items()
+        },
+    )
     assert _changed(other) == {}
     at_end = T >= END - 1e-9
     other = replace(other, q=OWN.q + _column(0, at_end), u=OWN.u + _column(0, at_end))
@@ -228,9 +313,11 @@ def test_nothing_after_the_end_counts() -> None:
 def test_invariants_are_compared_longer_than_the_rest() -> None:
     late = T > 1.0 + 1e-9
     other = _own(
-        q=OWN.q + _column(0, late), u=OWN.u + _column(2, 0.1 * late), kinetic_energy=OWN.kinetic_energy + 1.0 * late,
+        q=OWN.q + _column(0, late),
+        u=OWN.u + _column(2, 0.1 * late),
+        kinetic_energy=OWN.kinetic_energy + 1.0 * late,
         joint_gaps={"pivot": 1e-3 * late},
-    )  # fmt: skip
+    )
     assert _changed(other, end=1.0, invariants_to=1.5) == {
         "energy_balance": pytest.approx(1.0),
         "energy_drift": pytest.approx(1 / 20),
@@ -280,7 +367,8 @@ def test_a_launch_that_one_of_the_two_has_by_the_end_is_missing_and_one_after_th
     found = _measured(OWN, none)
     assert found["launch_time"].value is None and found["launch_speed"].value is None
     assert found["launch_time"].note == (
-        "projectile comes to the launch angle at 1.28539816 s by the engine, at no time before the end by the reference"
+        "projectile comes to the launch angle at 1.28539816 s by the engine, at no time before "
+        "the end by the reference"
     )
     assert found["launch_speed"].note == "only one of the two launches"
     resting = _own(release_times={"rest": None})
@@ -432,16 +520,26 @@ def test_ten_impacts_of_a_stop_count() -> None:
 
 
 def _jump(at: float, low: float, high: float) -> dict[str, float | None]:
-    """What changes where speeds and forces are off between two times, beside impacts at `at` and 1 s."""
+    """What changes where speeds and forces are off between two times, beside impacts at `at` and 1
+    s.
+    """
     reference = replace(REFERENCE, impacts=_struck(1.0))
     off = ((low < T) & (high > T)).astype(float)
     own = replace(
-        reference.trajectory(T), impacts=_struck(at), u=OWN.u + _column(0, off),
+        reference.trajectory(T),
+        impacts=_struck(at),
+        u=OWN.u + _column(0, off),
         kinetic_energy=OWN.kinetic_energy + off,
         stop_torques={**OWN.stop_torques, "wall": off},
-        joint_reactions={**OWN.joint_reactions, "slot": OWN.joint_reactions["slot"] + off[:, None] * [0, 1]},
-        markers={**OWN.markers, "hook": replace(OWN.marker("hook"), velocity=off[:, None] * [0.0, 1.0])},
-    )  # fmt: skip
+        joint_reactions={
+            **OWN.joint_reactions,
+            "slot": OWN.joint_reactions["slot"] + off[:, None] * [0, 1],
+        },
+        markers={
+            **OWN.markers,
+            "hook": replace(OWN.marker("hook"), velocity=off[:, None] * [0.0, 1.0]),
+        },
+    )
     changed = _changed(own, reference)
     return {
         label: value
@@ -451,9 +549,14 @@ def _jump(at: float, low: float, high: float) -> dict[str, float | None]:
 
 
 SPEEDS_AND_FORCES = {
-    "angular_speed_max (tilt)", "velocity_max (hook)", "kinetic_energy_max", "energy_balance", "stop_torque_max (wall)",
-    "joint_reaction_max (slot)", "joint_reaction_relative (slot)",
-}  # fmt: skip
+    "angular_speed_max (tilt)",
+    "velocity_max (hook)",
+    "kinetic_energy_max",
+    "energy_balance",
+    "stop_torque_max (wall)",
+    "joint_reaction_max (slot)",
+    "joint_reaction_relative (slot)",
+}
 
 
 def test_speeds_and_forces_are_not_compared_beside_an_impact() -> None:
@@ -508,8 +611,11 @@ def test_what_an_engine_does_not_tell_is_said_for_each_stop_and_joint() -> None:
     found = _measured(_own(stop_torques={"rest": OWN.stop_torques["rest"]}, joint_reactions={}))
     blind = {label: metric for label, metric in found.items() if not metric.observed}
     assert set(blind) == {
-        "stop_torque_max (buffer)", "stop_torque_max (wall)", "joint_reaction_max (slot)", "joint_reaction_max (pivot)"
-    }  # fmt: skip
+        "stop_torque_max (buffer)",
+        "stop_torque_max (wall)",
+        "joint_reaction_max (slot)",
+        "joint_reaction_max (pivot)",
+    }
     assert all(m.value is None and m.note == "the engine does not tell it" for m in blind.values())
     assert {blind["stop_torque_max (wall)"].unit, blind["stop_torque_max (buffer)"].unit} == {
         "N",

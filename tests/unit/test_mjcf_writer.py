@@ -1,4 +1,7 @@
-"""MJCF written from a mechanism: the committed files, exact floats, stops as limits, nothing half-written."""
+"""MJCF written from a mechanism.
+
+The committed files, exact floats, stops as limits, nothing half-written.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Impulses of an impact through a full mass matrix: contacts at once, redundant ones, loops, and times of events."""
+"""Impulses of an impact through a full mass matrix.
+
+Contacts at once, redundant ones, loops, and times of events.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,10 @@ def test_one_contact_gives_back_its_restitution() -> None:
 
 
 def test_contacts_that_would_have_to_pull_take_no_part() -> None:
-    """The one that is met accelerates the other away: an impulse at both would have to pull there."""
+    """The one that is met accelerates the other away.
+
+    An impulse at both would have to pull there.
+    """
     impact = resolve_impact(
         FREE,
         np.array([0.0, -1.0]),
@@ -62,7 +68,10 @@ def test_redundant_contacts_share_one_impulse() -> None:
 
 
 def test_impulses_respect_loops_that_are_redundant() -> None:
-    """Two speeds that a loop holds equal, the loop given twice: the contact feels the sum of the inertias."""
+    """Two speeds that a loop holds equal, the loop given twice.
+
+    The contact feels the sum of the inertias.
+    """
     loop = np.array([[1.0, -1.0]])
     inertia = Inertia(MASS, np.concatenate([loop, 2 * loop]))
     impact = resolve_impact(inertia, np.array([-1.0, -1.0]), {"a": AXES["a"]}, {"a": 0.0}, "mujoco")
@@ -80,7 +89,10 @@ def test_drift_of_held_contacts_and_loops_is_no_speed_of_an_impact() -> None:
 
 
 def test_a_root_whose_last_bit_depends_on_what_was_asked_before() -> None:
-    """MuJoCo's warm start does that: a value that has the other sign when it is asked for again is no error."""
+    """MuJoCo's warm start does that.
+
+    A value that has the other sign when it is asked for again is no error.
+    """
     pytest.importorskip("mujoco")
     from trebucheck.engines.events import root_in
 

@@ -1,4 +1,7 @@
-"""What constraints leave open, in a comparison: when a stop opens that carries nothing, or whose load others share."""
+"""What constraints leave open, in a comparison.
+
+When a stop opens that carries nothing, or whose load others share.
+"""
 
 from __future__ import annotations
 
@@ -39,9 +42,13 @@ def _triangle() -> Mechanism:
         name="weld", parent="first", child="third", parent_point=(2.3, 0.6), child_point=(0.5, 0.0)
     )
     return Mechanism(
-        name="triangle", bodies=(_rod("first"), _rod("second"), _rod("third")), joints=(*joints, weld), gravity=G,
-        stops=(CLOSED,), start=(0.3, 0.3, 0.3),
-    )  # fmt: skip
+        name="triangle",
+        bodies=(_rod("first"), _rod("second"), _rod("third")),
+        joints=(*joints, weld),
+        gravity=G,
+        stops=(CLOSED,),
+        start=(0.3, 0.3, 0.3),
+    )
 
 
 def _rotor() -> Mechanism:
@@ -91,7 +98,9 @@ def test_a_release_is_judged_where_something_presses_or_pulls(
 
 
 def test_a_stop_that_follows_from_a_loop_takes_no_freedom() -> None:
-    """A slightly other start keeps its speeds but for the change itself, and the motion stays predictable."""
+    """A slightly other start keeps its speeds but for the change itself, and the motion stays
+    predictable.
+    """
     mechanism = _triangle().model_copy(update={"start_speeds": (0.7, 0.7, 0.7)})
     equations = Equations(mechanism)
     near = consistent_coordinates(equations, np.array([0.300001, 0.299999, 0.3]), (CLOSED.name,))

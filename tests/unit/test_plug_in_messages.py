@@ -1,4 +1,6 @@
-"""What the author of a plug-in is told about a class that is not finished, and about an error of first order."""
+"""What the author of a plug-in is told about a class that is not finished, and about an error of
+first order.
+"""
 
 from __future__ import annotations
 
@@ -142,7 +144,9 @@ def test_one_table_of_a_deviation_is_told_from_a_list_of_them(tmp_path: Any) -> 
 
 @cache
 def _catapult_by_euler(h: float, duration: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times, and angle and speed of the catapult at each, by Euler's explicit method at equal steps of h [s]."""
+    """Times, and angle and speed of the catapult at each, by Euler's explicit method at equal steps
+    of h [s].
+    """
     body, steps = tb.catapult().bodies[0], round(duration / h)
     lever = body.centre[0]
     strength = 9.81 * body.mass * lever / (body.inertia + body.mass * lever**2)
@@ -154,7 +158,10 @@ def _catapult_by_euler(h: float, duration: float) -> tuple[np.ndarray, np.ndarra
 
 
 class Euler(OwnVersion):
-    """Of first order, and perhaps with a part of that error which no step takes out; the catapult alone."""
+    """Of first order, and perhaps with a part of that error which no step takes out.
+
+    The catapult alone.
+    """
 
     name: ClassVar[str] = "euler"
     rest: ClassVar[float] = 0.0
@@ -191,7 +198,9 @@ class EulerAndRest(Euler):
 
 
 class TwoOrders(Euler):
-    """An error of which 0.6 are of first order in the step and 0.4 of second, as of a soft contact and of a rule."""
+    """An error of which 0.6 are of first order in the step and 0.4 of second, as of a soft contact
+    and of a rule.
+    """
 
     name: ClassVar[str] = "two-orders"
 

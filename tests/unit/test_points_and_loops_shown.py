@@ -1,4 +1,7 @@
-"""Machines with stops on points and loops of joints, as a user meets them: words, units, wrong files, suspects."""
+"""Machines with stops on points and loops of joints, as a user meets them.
+
+Words, units, wrong files, suspects.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,10 @@ def _file(folder: Path, change: Callable[[dict[str, Any]], object], name: str = 
 
 
 def _mixed() -> tb.Mechanism:
-    """The paper's machine over a floor that it does not touch: stops of both kinds, one of them open."""
+    """The paper's machine over a floor that it does not touch.
+
+    Stops of both kinds, one of them open.
+    """
     fields = tb.fixed().model_dump()
     floor = {
         "name": "floor",
@@ -106,7 +112,10 @@ def test_a_catapult_has_no_sling(capsys: pytest.CaptureFixture[str], tmp_path: P
 
 
 def test_a_track_that_only_guides_bears_nothing() -> None:
-    """The counterweight's track is upright: nobody's wheels lift off it, by rounding least of all."""
+    """The counterweight's track is upright.
+
+    Nobody's wheels lift off it, by rounding least of all.
+    """
     found = throw(model("floating-arm"))
     drop, track = found.supports
     assert (drop.joint, track.joint) == ("drop", "track")
@@ -170,7 +179,9 @@ def test_units_follow_the_stops() -> None:
     "machine", [model(name) for name in NEW] + [_mixed()], ids=lambda machine: machine.name
 )
 def test_suspects_are_machines_that_can_move(machine: tb.Mechanism) -> None:
-    """Whatever is changed, stops touch and loops close again, for a thousand times the change as well."""
+    """Whatever is changed, stops touch and loops close again, for a thousand times the change as
+    well.
+    """
     suspects = machine_suspects(machine)
     names = [suspect.name for suspect in suspects]
     assert len(set(names)) == len(names)

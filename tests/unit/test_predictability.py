@@ -1,4 +1,7 @@
-"""How errors of the start and of parameters are stretched, and the predictability horizon: from closed forms."""
+"""How errors of the start and of parameters are stretched, and the predictability horizon.
+
+From closed forms.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +52,9 @@ def _links(n: int, start: float) -> tb.Mechanism:
 
 
 def test_errors_of_the_start_of_an_even_turn() -> None:
-    """Without gravity an angle keeps its error, and an error of the speed makes one that grows with time."""
+    """Without gravity an angle keeps its error, and an error of the speed makes one that grows with
+    time.
+    """
     even = mechanisms.hanging_bob(
         gravity=0.0, start_speeds=(1.0,)
     )  # 2 m: the natural speed is its own, 1 rad/s
@@ -81,7 +86,9 @@ def test_a_closed_stop_holds_the_start() -> None:
 
 
 def test_a_regular_motion_is_predictable_however_long() -> None:
-    """A rod's swing: a part of its inertia changes its phase by 1.5 parts in each characteristic time."""
+    """A rod's swing: a part of its inertia changes its phase by 1.5 parts in each characteristic
+    time.
+    """
     found = _stretched(_links(1, 0.3), 20.0)
     assert found.parameters[-1] > LIMIT and found.horizon == 20.0
 

@@ -1,4 +1,7 @@
-"""Inputs and places that no command can work with: one short sentence, exit code 2, nothing half-written."""
+"""Inputs and places that no command can work with.
+
+One short sentence, exit code 2, nothing half-written.
+"""
 
 from __future__ import annotations
 
@@ -148,7 +151,10 @@ def test_a_field_that_is_there_twice(
 
 @pytest.mark.parametrize("drag", [0.0, 1e-3])
 def test_a_flight_that_only_touches_the_ground_has_no_rate(drag: float) -> None:
-    """It is met where a sling points forward at the start (phi0 = 0): the projectile rests at the landing's height."""
+    """It is met where a sling points forward at the start (phi0 = 0).
+
+    The projectile rests at the landing's height.
+    """
     release = Release(0.0, (1.0, 0.0), (2.0, 0.0), (0.0, 1.0))
     assert math.isnan(range_rate(release, Surroundings(gravity=9.81, drag=drag)))
 
@@ -218,8 +224,11 @@ def test_a_limit_of_file_sizes_costs_only_what_does_not_fit(tmp_path: Path) -> N
         "tuned",
     ]
     code, said = _limited("FSIZE", 400_000, [*arguments, "--out", str(tmp_path)])
-    assert (code, said) == (2, f"error: {tmp_path / 'trajectories' / 'fixed-reference-tuned.nc'} cannot be written: "
-                            "File too large.\n")  # fmt: skip
+    assert (code, said) == (
+        2,
+        f"error: {tmp_path / 'trajectories' / 'fixed-reference-tuned.nc'} cannot be written: "
+        "File too large.\n",
+    )
     assert [path.name for path in (tmp_path / "trajectories").iterdir()] == [
         "catapult-reference-tuned.nc"
     ]

@@ -61,4 +61,6 @@ def test_a_satellite_says_what_it_is(name: str) -> None:
     project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
     assert project["name"] == f"trebucheck-{name}"
     assert "trebucheck" in project["dependencies"]
-    assert (folder / "CHANGELOG.md").is_file() and "pip install" in (folder / "README.md").read_text()
+    assert (folder / "CHANGELOG.md").is_file() and "pip install" in (
+        folder / "README.md"
+    ).read_text()

@@ -1,4 +1,7 @@
-"""Scales of motions given by formulas, of mechanisms at rest, without gravity, of any size; stretching; the end."""
+"""Scales of motions given by formulas, of mechanisms at rest, without gravity, of any size.
+
+Stretching; the end.
+"""
 
 from __future__ import annotations
 
@@ -115,7 +118,10 @@ def test_a_body_reaches_to_its_farthest_point() -> None:
 
 @pytest.mark.parametrize("factor", [1e-3, 1e2])
 def test_scales_of_a_mechanism_of_another_size_are_the_same_parts(factor: float) -> None:
-    """Lengths times s, masses times s^3, times the square root: the theory of models under gravity."""
+    """Lengths times s, masses times s^3, times the square root.
+
+    The theory of models under gravity.
+    """
     s, own = factor, mechanisms.hanging_bob(start=0.3)
     body = Body(name="bob", angle="beta", mass=3.0 * s**3, centre=(2.0 * s, 0), inertia=0.0)
     other = mechanisms.hanging_bob(
@@ -139,7 +145,10 @@ def test_scales_of_a_mechanism_of_another_size_are_the_same_parts(factor: float)
 
 
 def test_springs_on_angles_have_the_time_of_the_inertia_that_they_turn() -> None:
-    """A body that is lighter than the arm is not at the spring; a cubic one has its stiffness at the start."""
+    """A body that is lighter than the arm is not at the spring.
+
+    A cubic one has its stiffness at the start.
+    """
     body = Body(name="bob", angle="beta", mass=3.0, centre=(0.5, 0), inertia=0.25)
     turned = 3.0 * 0.5**2 + 0.25
     ends = {"name": "spring", "body": "bob", "relative_to": "ground"}
@@ -200,18 +209,34 @@ def _scale(name: str, subject: str | None = None) -> float:
 def test_each_quantity_is_measured_in_its_own_scale() -> None:
     time = math.sqrt(1 / 3)
     found = {
-        ("position_max", "hook"): 3.0, ("velocity_max", "hook"): 2.0, ("angle_max", "beta"): 1.0,
-        ("slide_max", "s"): 3.0, ("angular_speed_max", "beta"): 1.0, ("slide_speed_max", "s"): 2.0,
-        ("launch_time", None): time, ("launch_speed", None): 2.0, ("release_time", "rest"): time,
-        ("impact_time", "buffer"): time, ("impact_impulse", "rest"): 30.0, ("impact_impulse", "wall"): 10.0,
-        ("impact_speed", "beta"): 1.0, ("impact_speed", "hook"): 2.0,
-        ("stop_torque_max", "rest"): 20.0, ("stop_torque_max", "wall"): 0.045,
-        ("joint_reaction_max", "slot"): 45.0, ("kinetic_energy_max", None): 150.0,
+        ("position_max", "hook"): 3.0,
+        ("velocity_max", "hook"): 2.0,
+        ("angle_max", "beta"): 1.0,
+        ("slide_max", "s"): 3.0,
+        ("angular_speed_max", "beta"): 1.0,
+        ("slide_speed_max", "s"): 2.0,
+        ("launch_time", None): time,
+        ("launch_speed", None): 2.0,
+        ("release_time", "rest"): time,
+        ("impact_time", "buffer"): time,
+        ("impact_impulse", "rest"): 30.0,
+        ("impact_impulse", "wall"): 10.0,
+        ("impact_speed", "beta"): 1.0,
+        ("impact_speed", "hook"): 2.0,
+        ("stop_torque_max", "rest"): 20.0,
+        ("stop_torque_max", "wall"): 0.045,
+        ("joint_reaction_max", "slot"): 45.0,
+        ("kinetic_energy_max", None): 150.0,
         ("potential_energy_max", None): 150.0,
-        ("energy_balance", None): 150.0, ("horizontal_momentum", None): 10.0, ("stop_gap_held", "rest"): 1.0,
-        ("stop_penetration", "wall"): 3.0, ("joint_gap_max", "pivot"): 3.0, ("missing_time", None): time,
-        ("energy_drift", None): 1.0, ("base_error", None): 0.01,
-    }  # fmt: skip
+        ("energy_balance", None): 150.0,
+        ("horizontal_momentum", None): 10.0,
+        ("stop_gap_held", "rest"): 1.0,
+        ("stop_penetration", "wall"): 3.0,
+        ("joint_gap_max", "pivot"): 3.0,
+        ("missing_time", None): time,
+        ("energy_drift", None): 1.0,
+        ("base_error", None): 0.01,
+    }
     assert {key: _scale(*key) for key in found} == pytest.approx(found)
     assert {name for name, _ in found} >= {quantity.name for quantity in JUDGED.values()}
 
@@ -221,11 +246,15 @@ def test_what_follows_is_judged_in_its_place() -> None:
         quantity.name: quantity.follows for quantity in QUANTITIES.values() if quantity.follows
     }
     assert follows == {
-        "position_rms": "position_max", "stop_torque_settled": "stop_torque_max", "stop_impulse": "stop_torque_max",
-        "joint_reaction_relative": "joint_reaction_max", "energy_drift": "energy_balance",
-        "energy_drift_kinetic": "energy_balance", "complementarity": "stop_penetration",
+        "position_rms": "position_max",
+        "stop_torque_settled": "stop_torque_max",
+        "stop_impulse": "stop_torque_max",
+        "joint_reaction_relative": "joint_reaction_max",
+        "energy_drift": "energy_balance",
+        "energy_drift_kinetic": "energy_balance",
+        "complementarity": "stop_penetration",
         "first_parting": "base_error",
-    }  # fmt: skip
+    }
     assert {q.name for q in QUANTITIES.values() if q.event} == {
         "launch_time",
         "release_time",
@@ -246,13 +275,30 @@ def test_a_quantity_knows_its_subjects() -> None:
     subjects = {title: quantity.subjects(trolley()) for title, quantity in JUDGED.items()}
     stops, joints, markers = ("rest", "buffer", "wall"), ("slot", "pivot"), ("projectile", "hook")
     assert subjects == {
-        "position": markers, "speed": markers, "angle": ("tilt", "beta"), "angular-speed": ("tilt", "beta"),
-        "slide": ("s",), "slide-speed": ("s",), "release": ("rest",), "stop-gap": ("rest",), "impact": stops,
-        "impulse": stops, "impact-speed": ("tilt", "beta", "s", *markers),
-        "stop-torque": stops, "penetration": stops, "reaction": joints, "joint-gap": joints,
-        "launch-time": (), "launch-speed": (), "kinetic-energy": (), "potential-energy": (), "energy": (),
-        "momentum": (), "duration": (), "base-error": (),
-    }  # fmt: skip
+        "position": markers,
+        "speed": markers,
+        "angle": ("tilt", "beta"),
+        "angular-speed": ("tilt", "beta"),
+        "slide": ("s",),
+        "slide-speed": ("s",),
+        "release": ("rest",),
+        "stop-gap": ("rest",),
+        "impact": stops,
+        "impulse": stops,
+        "impact-speed": ("tilt", "beta", "s", *markers),
+        "stop-torque": stops,
+        "penetration": stops,
+        "reaction": joints,
+        "joint-gap": joints,
+        "launch-time": (),
+        "launch-speed": (),
+        "kinetic-energy": (),
+        "potential-energy": (),
+        "energy": (),
+        "momentum": (),
+        "duration": (),
+        "base-error": (),
+    }
 
 
 # stretching
@@ -272,14 +318,20 @@ def _stretched(mechanism: tb.Mechanism, end: float) -> tuple[Any, Any]:
 
 
 def test_a_free_rotation_is_stretched_by_what_slows_it_down() -> None:
-    """A rod that turns evenly, without gravity: more inertia changes nothing, as the speed at the start is given."""
+    """A rod that turns evenly, without gravity.
+
+    More inertia changes nothing, as the speed at the start is given.
+    """
     t, stretched = _stretched(mechanisms.hanging_bob(gravity=0.0, start_speeds=(1.0,)), 1.0)
     assert len(t) == len(stretched) == 400 and t[-1] == 1.0
     assert stretched.max() < 1e-2
 
 
 def test_a_small_swing_is_stretched_as_its_period_is() -> None:
-    """A point mass on l swings with w = sqrt(g / l); an inertia of e m l^2 more makes that w / sqrt(1 + e)."""
+    """A point mass on l swings with w = sqrt(g / l).
+
+    An inertia of e m l^2 more makes that w / sqrt(1 + e).
+    """
     length, end = 3.0, 2.0
     bob = mechanisms.hanging_bob(start=math.pi / 2 - 1e-3, length=length, markers=())
     t, stretched = _stretched(bob, end)
@@ -316,10 +368,16 @@ def test_stretching_is_of_everything_in_parts_of_its_scale() -> None:
     )
     forces = [force[:, 0] + 1j * force[:, 1] for force in motion.joint_reactions.values()]
     expected = [
-        upper / scales.length, upper_speed / scales.speed, q[:, 0] / 2.0, u[:, 0] / scales.angular_speed,
-        lower / scales.length, lower_speed / scales.speed, q[:, 1] / 2.0, u[:, 1] / scales.angular_speed,
+        upper / scales.length,
+        upper_speed / scales.speed,
+        q[:, 0] / 2.0,
+        u[:, 0] / scales.angular_speed,
+        lower / scales.length,
+        lower_speed / scales.speed,
+        q[:, 1] / 2.0,
+        u[:, 1] / scales.angular_speed,
         *(force / scales.force for force in forces),
-    ]  # fmt: skip
+    ]
     assert stretchings._motion(solution, t, scales) == pytest.approx(np.array(expected), rel=1e-9)
 
 

@@ -1,4 +1,6 @@
-"""The model check leaves out states in which an engine's solver finds no accelerations, but for the start."""
+"""The model check leaves out states in which an engine's solver finds no accelerations, but for the
+start.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What is taken from a store: only what was made under the same conditions and has not been changed since."""
+"""What is taken from a store.
+
+Only what was made under the same conditions and has not been changed since.
+"""
 
 from __future__ import annotations
 
@@ -295,7 +298,10 @@ def test_the_settings_of_an_engine_are_among_the_conditions() -> None:
 def test_times_taken_from_a_store_are_still_of_as_many_runs_at_once(
     lost: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whether the whole run is taken, or its trajectory alone; what is made anew is disturbed by nothing."""
+    """Whether the whole run is taken, or its trajectory alone.
+
+    What is made anew is disturbed by nothing.
+    """
     monkeypatch.setattr(Study, "worker", lambda study: Worker(isolate=False, jobs=study.jobs))
     out = [
         "compare",

@@ -1,4 +1,6 @@
-"""summary.md: what a pull request is shown of a comparison, and nothing that results.json does not say."""
+"""summary.md: what a pull request is shown of a comparison, and nothing that results.json does not
+say.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ pytest.importorskip("pymunk")
 @pytest.fixture(scope="module")
 def results() -> Results:
     """A pendulum in an engine, with the command line of somebody."""
-    made = tb.compare(["pendulum"], ["pymunk", "reference"], until=0.5, isolate=False).results
+    made = tb.compare(
+        ["pendulum"], ["pymunk", "reference"], until=0.5, isolate=False, diagnose=False
+    ).results
     return made.made_by("trebucheck compare --model pendulum")
 
 
@@ -66,7 +70,10 @@ def test_it_begins_with_the_verdict_and_ends_with_what_can_be_opened(results: Re
 
 
 def test_its_numbers_are_those_of_the_results(results: Results) -> None:
-    """Each error of the table, to its two digits; no column of a quantity that a pendulum does not have."""
+    """Each error of the table, to its two digits.
+
+    No column of a quantity that a pendulum does not have.
+    """
     row = re.search(r"^\| pendulum \| pymunk stock \|(.*)$", _text(results), re.MULTILINE)
     assert row
     cells = [cell.strip() for cell in row[1].split("|")]

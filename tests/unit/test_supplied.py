@@ -1,4 +1,7 @@
-"""What engines say that trebucheck supplies: how much of a run is theirs, and that the built-in ones say what is so."""
+"""What engines say that trebucheck supplies.
+
+How much of a run is theirs, and that the built-in ones say what is so.
+"""
 
 from __future__ import annotations
 

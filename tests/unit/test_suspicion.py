@@ -78,7 +78,9 @@ def test_sizes_that_make_no_sense_are_refused(
 
 @pytest.mark.parametrize("build", [tb.fixed, tb.rolling])
 def test_first_order_effects_are_those_of_the_solved_motion(build: object) -> None:
-    """Of every hypothesis: what is left is of second order in a size of 1e-6, grown along the motion."""
+    """Of every hypothesis: what is left is of second order in a size of 1e-6, grown along the
+    motion.
+    """
     mechanism = build()  # type: ignore[operator]
     solution = solve(tb.Problem(mechanism, duration=2.4))
     t = np.linspace(0.0, 2.4, 101)[1:]
@@ -92,7 +94,9 @@ def test_first_order_effects_are_those_of_the_solved_motion(build: object) -> No
 
 
 def test_elements_do_the_work_that_they_store_or_take() -> None:
-    """A spring keeps energy with its own, turned gravity keeps it along its direction, and damping takes it."""
+    """A spring keeps energy with its own, turned gravity keeps it along its direction, and damping
+    takes it.
+    """
     mechanism = tb.fixed()
     t = np.linspace(0.0, 1.0, 50)
 
@@ -110,7 +114,9 @@ def test_elements_do_the_work_that_they_store_or_take() -> None:
 
 
 def test_turned_gravity_is_the_turned_mechanism() -> None:
-    """Gravity turned by an angle moves a mechanism as upright gravity moves it turned the other way."""
+    """Gravity turned by an angle moves a mechanism as upright gravity moves it turned the other
+    way.
+    """
     angle, mechanism = 0.2, tb.fixed()
     free = mechanism.model_copy(update={"stops": ()})
     turned = free.model_copy(update={"start": tuple(q + angle for q in free.start)})
@@ -134,7 +140,10 @@ def _said(trajectory: tb.Trajectory, solution: Solution, end: float = 2.3) -> Di
 
 
 def test_a_quantity_that_is_read_strangely_is_named_as_a_reading() -> None:
-    """In a way that is no suspect: the motion is right, so the cause is in how that one quantity is read."""
+    """In a way that is no suspect.
+
+    The motion is right, so the cause is in how that one quantity is read.
+    """
     solution = _solution()
     right = solution.trajectory(np.linspace(0.0, 2.4, 400))
     strange = {
@@ -186,7 +195,10 @@ def _pendulum(gravity: float = 9.81) -> tb.Mechanism:
 
 
 def test_impacts_are_solved_instead_of_linearised() -> None:
-    """Under the unilateral law a stop closes: the effect of a fault is then that of the solved motion."""
+    """Under the unilateral law a stop closes.
+
+    The effect of a fault is then that of the solved motion.
+    """
     t, right = np.linspace(0.0, 1.4, 400), _pendulum()
     solution = solve(tb.Problem(right, duration=1.4, stop_law="unilateral"))
     assert solution.impacts and solution.impacts[0][0] < 1.0
@@ -196,7 +208,10 @@ def test_impacts_are_solved_instead_of_linearised() -> None:
 
 
 def test_a_start_speed_has_the_size_asked_for_where_the_mechanism_starts_at_rest() -> None:
-    """Left-out start speeds are zeros: the fault was the suspect's own small one whatever its size."""
+    """Left-out start speeds are zeros.
+
+    The fault was the suspect's own small one whatever its size.
+    """
     mechanism = tb.catapult()
     (speed,) = [
         suspect for suspect in machine_suspects(mechanism) if suspect.name == "start speed of theta"
@@ -301,6 +316,9 @@ def test_only_what_may_be_listed_is_measured() -> None:
 
 
 def test_what_decides_how_many_are_named_is_measured() -> None:
-    """Eight suspects of the same effect: the list has room for six, and the named ones depend on all."""
+    """Eight suspects of the same effect.
+
+    The list has room for six, and the named ones depend on all.
+    """
     estimates, asked = _estimates(*((f"cause {k}", 0.97, 0.97) for k in range(8)))
     assert ranked(measured(estimates))[1] == 0 and len(asked) == 8

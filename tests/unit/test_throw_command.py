@@ -154,7 +154,9 @@ def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_figures_agree_with_their_parts() -> None:
-    """The collected figures are those of the flight and release modules, on Mars, from a machine of one's own."""
+    """The collected figures are those of the flight and release modules, on Mars, from a machine of
+    one's own.
+    """
     parameters = tb.TrebuchetParameters(l1=9.5)
     found = throw(tb.fixed(parameters), body="mars", drag_area=0.05, height=-3.0, best=True)
     machine = tb.fixed(tb.TrebuchetParameters(l1=9.5, g=3.71))
@@ -206,7 +208,10 @@ def test_an_arm_that_goes_through_its_stop_is_told_of() -> None:
 
 
 def test_a_free_body_is_thrown(tmp_path: Path) -> None:
-    """Nothing holds it: its centre comes down where it would have without a release; no members, no supports."""
+    """Nothing holds it: its centre comes down where it would have without a release.
+
+    No members, no supports.
+    """
     speed, ends = (6.0, 9.0), {"inertia": 0.4, "mass": 2.0, "centre": (0.0, 0.0)}
     hull = tb.Mechanism(
         name="hull",

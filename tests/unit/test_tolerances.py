@@ -1,4 +1,7 @@
-"""Needs, claims, defaults and the reference's uncertainty: which tolerance a figure is held against, and which none."""
+"""Needs, claims, defaults and the reference's uncertainty.
+
+Which tolerance a figure is held against, and which none.
+"""
 
 from __future__ import annotations
 
@@ -37,11 +40,22 @@ TIME = math.sqrt(1 / 3)
 
 def _machine(known: Mapping[str, float] | None = None, **changes: Any) -> Machine:
     fields: dict[str, Any] = {
-        "model": "trolley", "mechanism": trolley(), "mechanism_hash": "", "table_one": False, "compared_to": END,
-        "judged_to": END, "stretching": 1.0, "scales": SCALES, "thrown": "projectile", "launch_time": None,
-        "launch_speed": None, "impacts": 0, "reference_uncertainty": dict(known or {}), "release_times": {"rest": 0.5},
+        "model": "trolley",
+        "mechanism": trolley(),
+        "mechanism_hash": "",
+        "table_one": False,
+        "compared_to": END,
+        "judged_to": END,
+        "stretching": 1.0,
+        "scales": SCALES,
+        "thrown": "projectile",
+        "launch_time": None,
+        "launch_speed": None,
+        "impacts": 0,
+        "reference_uncertainty": dict(known or {}),
+        "release_times": {"rest": 0.5},
         "start_torques": {"rest": 20.0, "buffer": 0.0, "wall": 0.0},
-    }  # fmt: skip
+    }
     return Machine(**(fields | changes))
 
 
@@ -52,9 +66,13 @@ def _judged(
     **run: Any,
 ) -> Metric:
     fields: dict[str, Any] = {
-        "model": "trolley", "engine": "reference", "preset": "tuned", "outcome": "not judged", "engine_version": "1",
+        "model": "trolley",
+        "engine": "reference",
+        "preset": "tuned",
+        "outcome": "not judged",
+        "engine_version": "1",
         "metrics": (metric,),
-    }  # fmt: skip
+    }
     (judged,) = judge(Run(**(fields | run)), machine or _machine(), Needs.of(needs))
     return judged
 
@@ -190,13 +208,25 @@ def test_every_quantity_has_a_default_of_a_thousandth_of_its_scale() -> None:
         label for label, metric in judged.items() if metric.follows
     }
     expected = {
-        "missing_time": TIME, "position_max (hook)": 3.0, "velocity_max (hook)": 2.0, "angle_max (beta)": 1.0,
-        "angular_speed_max (beta)": 1.0, "slide_max (s)": 3.0, "slide_speed_max (s)": 2.0, "launch_time": TIME,
-        "launch_speed": 2.0, "release_time (rest)": TIME, "stop_torque_max (rest)": 20.0,
+        "missing_time": TIME,
+        "position_max (hook)": 3.0,
+        "velocity_max (hook)": 2.0,
+        "angle_max (beta)": 1.0,
+        "angular_speed_max (beta)": 1.0,
+        "slide_max (s)": 3.0,
+        "slide_speed_max (s)": 2.0,
+        "launch_time": TIME,
+        "launch_speed": 2.0,
+        "release_time (rest)": TIME,
+        "stop_torque_max (rest)": 20.0,
         "stop_torque_max (wall)": 0.045,
-        "joint_reaction_max (slot)": 45.0, "kinetic_energy_max": 150.0, "potential_energy_max": 150.0,
-        "energy_balance": 150.0, "horizontal_momentum": 10.0, "stop_gap_held (rest)": 1.0,
-    }  # fmt: skip
+        "joint_reaction_max (slot)": 45.0,
+        "kinetic_energy_max": 150.0,
+        "potential_energy_max": 150.0,
+        "energy_balance": 150.0,
+        "horizontal_momentum": 10.0,
+        "stop_gap_held (rest)": 1.0,
+    }
     assert {label: judged[label].tolerance for label in expected} == pytest.approx(
         {label: 1e-3 * scale for label, scale in expected.items()}
     )
@@ -369,7 +399,10 @@ def test_a_claim_is_no_finer_than_the_reference_can_vouch_for(
 def test_claims_beyond_the_launch_of_table_one_grow(
     table_one: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """They are stated up to it: further on an error is as much larger as the motion is stretched."""
+    """They are stated up to it.
+
+    Further on an error is as much larger as the motion is stretched.
+    """
     _claiming(_claim(value=1e-6), monkeypatch=monkeypatch)
     metric, launch = _metric("position_max", "projectile"), table_one.launch_time
     usual = table_one.stretching

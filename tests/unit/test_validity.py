@@ -80,39 +80,72 @@ def _at(values: Any, i: int, value: float) -> Any:
 
 
 FAULTS: dict[str, tuple[dict[str, Any], str]] = {
-    "another mechanism": ({"mechanism": trolley(name="other")}, "it is of another mechanism, 'other'"),
+    "another mechanism": (
+        {"mechanism": trolley(name="other")},
+        "it is of another mechanism, 'other'",
+    ),
     "t is a list": ({"t": list(T)}, "t is a list; an array of float64 is needed"),
-    "t in single precision": ({"t": T.astype(np.float32)}, "t is an array of float32; an array of float64 is needed"),
-    "t of two columns": ({"t": np.stack([T, T])}, "t has the shape (2, 5); at least two times are needed"),
+    "t in single precision": (
+        {"t": T.astype(np.float32)},
+        "t is an array of float32; an array of float64 is needed",
+    ),
+    "t of two columns": (
+        {"t": np.stack([T, T])},
+        "t has the shape (2, 5); at least two times are needed",
+    ),
     "one time": ({"t": T[:1]}, "t has the shape (1,); at least two times are needed"),
     "no time": ({"t": T[:0]}, "t has the shape (0,); at least two times are needed"),
     "a time is not a number": ({"t": _at(T, 2, np.nan)}, "t[2] is not finite"),
     "time runs back": ({"t": _at(T, 3, 0.9)}, "t decreases after 1 s"),
     "begins late": ({"t": _at(T, 0, 1.1e-9 * T[-1])}, "it begins at t = 2.2e-09 s instead of 0"),
     "begins early": ({"t": _at(T, 0, -1e-12)}, "it begins at t = -1e-12 s instead of 0"),
-    "unknown marker": ({"markers": {**OWN.markers, "x": HOOK}}, "markers has 'x', which the mechanism does not have"),
+    "unknown marker": (
+        {"markers": {**OWN.markers, "x": HOOK}},
+        "markers has 'x', which the mechanism does not have",
+    ),
     "missing marker": ({"markers": {"projectile": HOOK}}, "markers lacks 'hook'"),
     "unknown stop": ({"stop_torques": {"x": 0 * T}}, "stop_torques has 'x'"),
     "unknown release": ({"release_times": {"rest": 1.0, "x": 1.0}}, "release_times has 'x'"),
     "missing release": ({"release_times": {}}, "release_times lacks 'rest'"),
-    "unknown joint": ({"joint_reactions": {**OWN.joint_reactions, "x": HOOK.position}}, "joint_reactions has 'x'"),
+    "unknown joint": (
+        {"joint_reactions": {**OWN.joint_reactions, "x": HOOK.position}},
+        "joint_reactions has 'x'",
+    ),
     "unknown names": ({"stop_torques": {"y": 0 * T, "x": 0 * T}}, "stop_torques has 'x'"),
     "unknown gap": ({"joint_gaps": {"x": 0 * T}}, "joint_gaps has 'x'"),
-    "release is not a number": ({"release_times": {"rest": np.nan}}, "the release time of 'rest' is nan s"),
-    "release before the start": ({"release_times": {"rest": -1e-3}}, "the release time of 'rest' is -0.001 s"),
+    "release is not a number": (
+        {"release_times": {"rest": np.nan}},
+        "the release time of 'rest' is nan s",
+    ),
+    "release before the start": (
+        {"release_times": {"rest": -1e-3}},
+        "the release time of 'rest' is -0.001 s",
+    ),
     "impact is not a number": ({"impacts": ((np.inf, {}),)}, "an impact's time is inf s"),
     "impact before the start": ({"impacts": ((1.0, {}), (-1.0, {}))}, "an impact's time is -1.0 s"),
     "impact of an unknown stop": ({"impacts": ((1.0, {"x": 1.0}),)}, "impacts has 'x'"),
-    "impulse is not a number": ({"impacts": ((1.0, {"rest": np.nan}),)}, "the impulse of 'rest' is nan"),
+    "impulse is not a number": (
+        {"impacts": ((1.0, {"rest": np.nan}),)},
+        "the impulse of 'rest' is nan",
+    ),
     "q transposed": ({"q": OWN.q.T}, "q has the shape (3, 5), not (5, 3)"),
     "u of one column": ({"u": OWN.u[:, :1]}, "u has the shape (5, 1), not (5, 3)"),
-    "kinetic energy too short": ({"kinetic_energy": T[1:]}, "kinetic_energy has the shape (4,), not (5,)"),
-    "potential energy": ({"potential_energy": OWN.q}, "potential_energy has the shape (5, 3), not (5,)"),
+    "kinetic energy too short": (
+        {"kinetic_energy": T[1:]},
+        "kinetic_energy has the shape (4,), not (5,)",
+    ),
+    "potential energy": (
+        {"potential_energy": OWN.q},
+        "potential_energy has the shape (5, 3), not (5,)",
+    ),
     "q is a list": ({"q": OWN.q.tolist()}, "q is a list; an array is needed"),
     "q is text": ({"q": OWN.q.astype(str)}, "q holds no real numbers"),
     "q is complex": ({"q": OWN.q + 1j}, "q holds no real numbers"),
     "q is not finite": ({"q": _at(OWN.q, 3, np.inf)}, "q is not finite at t = 1.5 s"),
-    "q is huge": ({"q": _at(OWN.q, 3, -1.1e100)}, "q reaches 1.1e+100, which is too large to compare"),
+    "q is huge": (
+        {"q": _at(OWN.q, 3, -1.1e100)},
+        "q reaches 1.1e+100, which is too large to compare",
+    ),
     "position": (
         {"markers": {**OWN.markers, "hook": replace(HOOK, position=_at(HOOK.position, 1, np.nan))}},
         "position of 'hook' is not finite at t = 0.5 s",
@@ -121,12 +154,16 @@ FAULTS: dict[str, tuple[dict[str, Any], str]] = {
         {"markers": {**OWN.markers, "hook": PointMotion(HOOK.position, HOOK.velocity[:, 0])}},
         "velocity of 'hook' has the shape (5,), not (5, 2)",
     ),
-    "torque": ({"stop_torques": {"rest": _at(T, 4, -np.inf)}}, "torque of 'rest' is not finite at t = 2 s"),
+    "torque": (
+        {"stop_torques": {"rest": _at(T, 4, -np.inf)}},
+        "torque of 'rest' is not finite at t = 2 s",
+    ),
     "reaction": (
-        {"joint_reactions": {**OWN.joint_reactions, "slot": T}}, "reaction of 'slot' has the shape (5,), not (5, 2)"
+        {"joint_reactions": {**OWN.joint_reactions, "slot": T}},
+        "reaction of 'slot' has the shape (5,), not (5, 2)",
     ),
     "gap": ({"joint_gaps": {"pivot": OWN.q}}, "gap of 'pivot' has the shape (5, 3), not (5,)"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("fault", FAULTS)

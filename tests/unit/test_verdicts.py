@@ -166,19 +166,25 @@ def test_the_headline_counts_every_verdict() -> None:
         Equality(exposed=False),
     )
     assert verdict(_results(_run(Outcome.AGREES, HELD, HELD, equality=equal))) == (
-        "Agreement holds. Runs: 1 agree; 2 of 2 judged quantities hold; 1 of 1 built models equivalent."
+        "Agreement holds. Runs: 1 agree; 2 of 2 judged quantities hold; 1 of 1 built models "
+        "equivalent."
     )
     assert verdict(
         _results(
-            _run(Outcome.AGREES, HELD, equality=equal), _run(Outcome.NOT_EQUIVALENT, equality=other),
-            _run(Outcome.DISAGREES, HELD, BROKEN, BARE, equality=dark), _run(Outcome.ABSENT), _run(Outcome.ABSENT),
+            _run(Outcome.AGREES, HELD, equality=equal),
+            _run(Outcome.NOT_EQUIVALENT, equality=other),
+            _run(Outcome.DISAGREES, HELD, BROKEN, BARE, equality=dark),
+            _run(Outcome.ABSENT),
+            _run(Outcome.ABSENT),
         )
     ) == (
-        "Agreement does not hold. Runs: 1 agree, 1 disagree, 1 not equivalent, 2 not installed; 2 of 3 judged "
+        "Agreement does not hold. Runs: 1 agree, 1 disagree, 1 not equivalent, 2 not installed; 2 "
+        "of 3 judged "
         "quantities hold; 1 of 2 built models equivalent, 1 not checked."
-    )  # fmt: skip
+    )
     assert verdict(_results(_run(Outcome.NOT_JUDGED, BARE))) == (
-        "Nothing was judged. Runs: 1 not judged; 0 of 0 judged quantities hold; 0 of 0 built models equivalent."
+        "Nothing was judged. Runs: 1 not judged; 0 of 0 judged quantities hold; 0 of 0 built "
+        "models equivalent."
     )
     assert verdict(_results()).startswith("Nothing was judged. Runs: none; 0 of 0")
 

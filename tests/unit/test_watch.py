@@ -1,4 +1,7 @@
-"""The reference under watch: a motion that gets nowhere, a process that hangs, a machine that fails among others."""
+"""The reference under watch.
+
+A motion that gets nowhere, a process that hangs, a machine that fails among others.
+"""
 
 from __future__ import annotations
 
@@ -97,7 +100,9 @@ def test_a_part_that_is_too_fast_for_the_duration_ends_with_a_sentence(length: f
 
 
 def test_a_long_motion_is_within_the_limit() -> None:
-    """Its steps are counted over all its segments, and so is what Table I's machine needs for a third of a minute."""
+    """Its steps are counted over all its segments, and so is what Table I's machine needs for a
+    third of a minute.
+    """
     solution = solve(tb.Problem(tb.fixed(), duration=20.0))
     steps = sum(len(np.asarray(segment.interpolant.ts)) for segment in solution.segments)
     assert 1000 < steps < MOST_STEPS / 100
@@ -303,7 +308,9 @@ def test_a_run_that_does_not_fit_into_memory_is_refused_before_it_starts(
 
 
 def test_the_memory_that_is_estimated_is_at_least_what_a_run_takes() -> None:
-    """Peak of what Python and NumPy allocate in a reference run, and of its copy from another process."""
+    """Peak of what Python and NumPy allocate in a reference run, and of its copy from another
+    process.
+    """
     problem = tb.Problem(tb.fixed(), duration=2.0)
     engine = tb.engine("reference", timestep=1e-4)
     engine.simulate(problem)

@@ -1,4 +1,7 @@
-"""Processes in which engines run: what a call does to its own says a sentence, and no other call notices it."""
+"""Processes in which engines run.
+
+What a call does to its own says a sentence, and no other call notices it.
+"""
 
 from __future__ import annotations
 
@@ -153,7 +156,10 @@ def test_where_nothing_can_be_forked_each_call_has_a_process_that_is_started_for
 
 
 def test_a_closed_worker_leaves_no_semaphores_and_no_threads() -> None:
-    """What is left to other threads may stay: a script that ended then was told of leaked semaphores."""
+    """What is left to other threads may stay.
+
+    A script that ended then was told of leaked semaphores.
+    """
 
     def left() -> tuple[int, set[str]]:
         finalizers = multiprocessing.util._finalizer_registry.values()  # type: ignore[attr-defined]

@@ -90,9 +90,14 @@ def _overarm(
 ) -> Mechanism:
     """A bob that is swung over the top from the left, tied to a point aside."""
     tie = SpringDamper(
-        name="tie", body="bob", point=(2.0, 0), relative_point=(0.5, 3.0), stiffness=stiffness, damping=damping,
+        name="tie",
+        body="bob",
+        point=(2.0, 0),
+        relative_point=(0.5, 3.0),
+        stiffness=stiffness,
+        damping=damping,
         rest_length=rest_length,
-    )  # fmt: skip
+    )
     marker = Marker(name="projectile", body="bob", point=(2.0, 0))
     return hanging_bob(
         start=math.pi, start_speeds=(speed,), force_elements=(tie,), markers=(marker,)
@@ -112,7 +117,10 @@ def _assert_as_alone(machines: Sequence[Mechanism], duration: float) -> None:
 
 @pytest.mark.slow
 def test_what_one_machine_alone_has_moves_it() -> None:
-    """The first machine's tie is without stiffness, damping and rest length: others' numbers count none the less."""
+    """The first machine's tie is without stiffness, damping and rest length.
+
+    Others' numbers count none the less.
+    """
     pytest.importorskip("heyoka")
     ties = [(), (30.0, 5.0, 1.0)]
     _assert_as_alone([_overarm(*tie) for tie in ties], duration=2.0)
@@ -133,7 +141,10 @@ def test_a_batch_may_come_from_an_iterator_and_in_parts(monkeypatch: pytest.Monk
 
 
 def _four_bar(speed: float, start: float) -> Mechanism:
-    """A02 of the IFToMM benchmarks with one window: rods of 1 m and 1 kg; singular where all of them are level."""
+    """A02 of the IFToMM benchmarks with one window: rods of 1 m and 1 kg.
+
+    Singular where all of them are level.
+    """
     rods = (
         ("crank", "ground", (0, 0)),
         ("follower", "ground", (1.0, 0)),
@@ -155,7 +166,10 @@ def _four_bar(speed: float, start: float) -> Mechanism:
 
 @pytest.mark.slow
 def test_machines_pass_singular_positions_or_say_why_not() -> None:
-    """From the top two singular positions come before the launch at 5 pi / 4; below, some swing into one and back."""
+    """From the top two singular positions come before the launch at 5 pi / 4.
+
+    Below, some swing into one and back.
+    """
     pytest.importorskip("heyoka")
     speeds = (0.5, 1.6, 3.0)
     machines = [

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 import trebucheck as tb
-from conftest import machine_parameters
-from hypothesis import given
-from hypothesis import settings as hypothesis_settings
 from mechanisms import angle_stop, everything, hanging_bob
 from trebucheck.models.problem import StopLaw
 from trebucheck.models.spec import schema_text
@@ -149,18 +145,33 @@ def test_a_computation_left_out_is_covered_by_the_others(committed: Certificate)
     assert max(ratios)[0] <= 1.0, max(ratios)
 
 
-@hypothesis_settings(max_examples=2)
-@given(parameters=machine_parameters())
-def test_a_computation_left_out_is_covered_on_random_machines(
-    build: Callable[[tb.TrebuchetParameters], tb.Mechanism], parameters: tb.TrebuchetParameters
-) -> None:
-    certificate = certify(build(parameters), parameters)
-    launched = _left_out(certificate) if certificate.figure("launch_time") else []
-    assert all(ratio <= 1.0 for ratio, _, _ in launched), max(launched)
+RANDOM = {
+    "fixed": tb.TrebuchetParameters(
+        l1=7.923, l2=3.642, m_b=97.31, m_cw=3931.0, m_a=1167.0, h=8.011, r=4.071, theta0=0.0,
+        phi0=3.404, alpha0=-1.061,
+    ),
+    "rolling": tb.TrebuchetParameters(
+        l1=7.0, l2=2.5, m_b=30.0, m_cw=1500.0, m_a=300.0, h=6.0, r=4.0, theta0=0.0,
+        phi0=2.941592653589793, alpha0=-1.0853981633974483,
+    ),
+}  # fmt: skip
+"""Drawn by `conftest.machine_parameters`: away from Table I in every length and mass."""
+
+
+@pytest.mark.parametrize("model", RANDOM)
+def test_a_computation_left_out_is_covered_on_a_random_machine(model: str) -> None:
+    parameters = RANDOM[model]
+    certificate = certify(BUILD[model](parameters), parameters)
+    assert certificate.figure("launch_time") is not None
+    ratios = _left_out(certificate)
+    assert len(ratios) > 150
+    assert max(ratios)[0] <= 1.0, max(ratios)
 
 
 def test_a_fault_in_one_computation_is_not_covered(committed: Certificate) -> None:
-    """The check can fail: a launch speed that is off by a millionth lies outside what the others allow."""
+    """The check can fail: a launch speed that is off by a millionth lies outside what the others
+    allow.
+    """
     figures = tuple(
         f.model_copy(
             update={
@@ -228,7 +239,10 @@ def test_a_machine_without_launch_and_marker_is_certified() -> None:
 def test_any_mechanism_is_certified_in_parts_of_its_own_time(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Springs, slides on bodies and no projectile: coordinates and markers at instants of the duration asked for."""
+    """Springs, slides on bodies and no projectile.
+
+    Coordinates and markers at instants of the duration asked for.
+    """
     monkeypatch.setattr(
         "trebucheck.reference.certification.certify.why_not_taylor",
         lambda _: "compilation takes long",

@@ -20,7 +20,10 @@ G = 9.81
 
 @pytest.mark.parametrize("swing", [0.1, 1.0, 2.5])
 def test_period_of_a_pendulum(swing: float) -> None:
-    """T = 4 sqrt(l/g) K(sin^2(swing/2)): after half of it the bob stands at rest on the other side."""
+    """T = 4 sqrt(l/g) K(sin^2(swing/2)).
+
+    After half of it the bob stands at rest on the other side.
+    """
     half = 2 * math.sqrt(2.0 / G) * float(ellipk(math.sin(swing / 2) ** 2))
     solution = solve(tb.Problem(hanging_bob(start=math.pi / 2 - swing), duration=half))
     motion = solution.motion(np.array([half]))
@@ -54,7 +57,10 @@ def test_a_rest_that_would_have_to_pull_is_gone_at_the_start() -> None:
 
 
 def test_an_inelastic_impact_takes_all_of_one_body_s_energy() -> None:
-    """Dropped from level onto a stop straight below: impulse m l sqrt(2 g l), then at rest against the stop."""
+    """Dropped from level onto a stop straight below.
+
+    Impulse m l sqrt(2 g l), then at rest against the stop.
+    """
     stop = tb.Stop(name="stop", body="bob", sense=-1, limit=-math.pi / 2, closed=False)
     solution = solve(tb.Problem(hanging_bob(stop), duration=2.0, stop_law="unilateral"))
     ((time, impulses),) = solution.impacts
@@ -72,7 +78,10 @@ def test_release_once_never_closes() -> None:
 
 
 def test_a_loop_of_joints_holds() -> None:
-    """A crank whose tip runs in a level slot: one loop constraint, the tip stays on the slot's line."""
+    """A crank whose tip runs in a level slot.
+
+    One loop constraint, the tip stays on the slot's line.
+    """
     mechanism = slider_crank()
     trajectory = solve(tb.Problem(mechanism, duration=2.0)).trajectory(np.linspace(0, 2, 400))
     assert np.abs(trajectory.marker("tip").position[:, 1]).max() < 1e-11
@@ -103,7 +112,10 @@ def test_complementarity_is_solved(seed: int, size: int) -> None:
 
 
 def test_mass_matrix_of_the_fixed_machine_is_the_books() -> None:
-    """M_ij = c_ij cos(q_i - q_j), with the arm's inertia about the fulcrum from the paper's Eq. (5)."""
+    """M_ij = c_ij cos(q_i - q_j), with the arm's inertia about the fulcrum from the paper's Eq.
+
+    (5).
+    """
     p = tb.TrebuchetParameters()
     q = np.array([0.3, 2.0, -0.7])
     inertia = p.m_a * (p.l1**3 + p.l2**3) / (p.l1 + p.l2) / 3

@@ -44,7 +44,10 @@ def test_accelerations_and_multipliers_are_numpys(
 
 
 def test_motion_is_that_of_scipys_integrator(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Same method, same choice of steps: the same evaluations, releases and states, but for rounding."""
+    """Same method, same choice of steps.
+
+    The same evaluations, releases and states, but for rounding.
+    """
     problem = tb.Problem(tb.rolling(), duration=2.6)
     quick = solve(problem, 1e-9, 1e-9)
     monkeypatch.setattr(compiled, "is_available", lambda: False)

@@ -1,4 +1,7 @@
-"""The published trajectories: whole, readable without us, and right within the uncertainties that they state."""
+"""The published trajectories.
+
+Whole, readable without us, and right within the uncertainties that they state.
+"""
 
 from __future__ import annotations
 

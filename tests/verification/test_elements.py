@@ -1,4 +1,7 @@
-"""Joints, walls and force elements of every kind: the equations against Lagrange's own, by differences of energies."""
+"""Joints, walls and force elements of every kind.
+
+The equations against Lagrange's own, by differences of energies.
+"""
 
 import math
 from collections.abc import Callable
@@ -104,7 +107,10 @@ def test_energy_changes_by_the_work_of_dampers_and_motors() -> None:
 
 
 def test_reactions_balance_what_the_whole_moves() -> None:
-    """Nothing holds the hull: its free joint has no reaction, and the momentum changes by weight and pull alone."""
+    """Nothing holds the hull.
+
+    Its free joint has no reaction, and the momentum changes by weight and pull alone.
+    """
     solution = solve(tb.Problem(everything(), duration=0.5))
     trajectory = solution.trajectory(np.linspace(0, 0.5, 7))
     assert set(trajectory.joint_reactions) == {"slot", "rail", "weld", "pin"}
@@ -117,7 +123,10 @@ def test_reactions_balance_what_the_whole_moves() -> None:
 
 
 def test_loop_of_a_slot_in_a_turningbody_of() -> None:
-    """A crank's pin in the slot of a rocker (quick return): the closed form of the rocker's angle."""
+    """A crank's pin in the slot of a rocker (quick return).
+
+    The closed form of the rocker's angle.
+    """
     crank, distance = 0.3, 1.0
     mechanism = tb.Mechanism(
         name="quick return",
@@ -166,19 +175,29 @@ def test_sprung_and_damped_oscillator() -> None:
         bodies=(body_of("block", None, m, (0, 0), 0.0),),
         joints=(
             tb.PrismaticJoint(
-                name="rail", parent="ground", child="block", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0),
+                name="rail",
+                parent="ground",
+                child="block",
+                parent_point=(0, 0),
+                child_point=(0, 0),
+                axis=(1, 0),
                 coordinate="x",
             ),
         ),
         force_elements=(
             tb.SpringDamper(
-                name="spring", body="block", point=(0, 0), relative_point=(-1.0, 0), stiffness=k, damping=c,
+                name="spring",
+                body="block",
+                point=(0, 0),
+                relative_point=(-1.0, 0),
+                stiffness=k,
+                damping=c,
                 rest_length=1.0,
             ),
         ),
         gravity=9.81,
         start=(x0,),
-    )  # fmt: skip
+    )
     t = np.linspace(0, 5, 40)
     decay = c / (2 * m)
     w = math.sqrt(k / m - decay**2)

@@ -115,7 +115,10 @@ def test_a_vertical_throw() -> None:
 
 
 def test_a_long_fall_ends_at_terminal_velocity() -> None:
-    """The excess decays as exp(-2 g y/v_t^2): at 3 km, v_t = 31 m/s, below rounding; so does what was sideways."""
+    """The excess decays as exp(-2 g y/v_t^2): at 3 km, v_t = 31 m/s, below rounding.
+
+    So does what was sideways.
+    """
     drag = 0.01
     flight = fly(shot(90.0, 0.6, y=3000.0), Surroundings(gravity=G, drag=drag))
     assert flight.impact_velocity[0] == pytest.approx(0.0, abs=1e-9)
@@ -193,14 +196,19 @@ def _best_angle(name: str, drag_area: float) -> float:
      ("earth", 0.09, 40.2), ("venus", 0.09, 14.9)],
 )  # fmt: skip
 def test_best_angles_on_four_worlds(place: str, drag_area: float, angle: float) -> None:
-    """The angles are given to C_d A of "about" 0.05 and 0.09 m^2: within 0.01 m^2 of it and a printed digit."""
+    """The angles are given to C_d A of "about" 0.05 and 0.09 m^2.
+
+    Within 0.01 m^2 of it and a printed digit.
+    """
     low, high = _best_angle(place, drag_area + 0.01), _best_angle(place, drag_area - 0.01)
     assert low - 0.15 <= angle <= high + 0.15
 
 
 @pytest.mark.slow
 def test_thicker_air_asks_for_a_flatter_throw() -> None:
-    """Moon above Mars above Earth above Venus, and no drag area gives all four of the paper's Table II."""
+    """Moon above Mars above Earth above Venus, and no drag area gives all four of the paper's Table
+    II.
+    """
     angles = [_best_angle(place, 0.05) for place in ("moon", "mars", "earth", "venus")]
     assert angles == sorted(angles, reverse=True)
     needed = {
@@ -211,7 +219,10 @@ def test_thicker_air_asks_for_a_flatter_throw() -> None:
 
 
 def test_gravity_alone_changes_no_angle() -> None:
-    """Without drag g only scales time: the best angle and range are the same on every world (rounding, 1e-9)."""
+    """Without drag g only scales time.
+
+    The best angle and range are the same on every world (rounding, 1e-9).
+    """
     ranges = []
     for place in WORLDS.values():
         surroundings = Surroundings(gravity=place.gravity)

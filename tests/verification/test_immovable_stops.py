@@ -1,4 +1,7 @@
-"""A stop whose gap nothing can change has no part in the motion: in the reference, in engines, in the model check."""
+"""A stop whose gap nothing can change has no part in the motion.
+
+In the reference, in engines, in the model check.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +25,27 @@ BODIES = (
     Body(name="cart", angle=None, mass=0.4, centre=(0.0, 0.1), inertia=0.05),
 )
 JOINTS = (
-    PinJoint(name="pin", parent="ground", child="arm", parent_point=(0.1, 0.9), child_point=(-0.13, 0.37)),
-    WeldJoint(name="weld", parent="arm", child="head", parent_point=(0.4, 0.2), child_point=(0.3, -0.1), angle=ANGLE),
-    PrismaticJoint(
-        name="rail", parent="head", child="cart", parent_point=(0.1, 0.1), child_point=(0.2, 0.1),
-        axis=(math.cos(RAIL), math.sin(RAIL)), coordinate="s",
+    PinJoint(
+        name="pin", parent="ground", child="arm", parent_point=(0.1, 0.9), child_point=(-0.13, 0.37)
     ),
-)  # fmt: skip
+    WeldJoint(
+        name="weld",
+        parent="arm",
+        child="head",
+        parent_point=(0.4, 0.2),
+        child_point=(0.3, -0.1),
+        angle=ANGLE,
+    ),
+    PrismaticJoint(
+        name="rail",
+        parent="head",
+        child="cart",
+        parent_point=(0.1, 0.1),
+        child_point=(0.2, 0.1),
+        axis=(math.cos(RAIL), math.sin(RAIL)),
+        coordinate="s",
+    ),
+)
 FLOOR = PointStop(
     name="floor",
     body="arm",

@@ -1,4 +1,7 @@
-"""Stops that close again: impulses, energy losses and resting against closed forms; the law at all times."""
+"""Stops that close again: impulses, energy losses and resting against closed forms.
+
+The law at all times.
+"""
 
 from __future__ import annotations
 
@@ -64,7 +67,9 @@ def test_one_body(e: float) -> None:
 
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
 def test_arm_stop_after_the_launch(build: Callable[..., tb.Mechanism], e: float) -> None:
-    """P = (1 + e)|v| / A and loss (1 - e^2) v^2 / (2 A), with A = G M^-1 G^T the inverse inertia the stop feels."""
+    """P = (1 + e)|v| / A and loss (1 - e^2) v^2 / (2 A), with A = G M^-1 G^T the inverse inertia
+    the stop feels.
+    """
     fields = build().model_dump()
     fields["stops"][2]["restitution"] = e
     machine = tb.Mechanism(**fields)
@@ -87,7 +92,10 @@ def test_arm_stop_after_the_launch(build: Callable[..., tb.Mechanism], e: float)
 
 
 def test_two_stops_at_once_on_a_double_pendulum() -> None:
-    """Straight, weightless, turning as one: both links meet their stops at one instant, and P = M u stops both."""
+    """Straight, weightless, turning as one.
+
+    Both links meet their stops at one instant, and P = M u stops both.
+    """
     omega = 1.3
     upper = tb.Body(name="upper", angle="a", mass=2.0, centre=(0.6, 0), inertia=0.1)
     lower = tb.Body(name="lower", angle="b", mass=1.0, centre=(0.9, 0), inertia=0.2)
@@ -266,7 +274,10 @@ def test_impacts_are_written_and_read(tmp_path: object) -> None:
 def test_a_small_kick_against_the_rests_changes_little(
     build: Callable[..., tb.Mechanism], coordinate: int, kick: float
 ) -> None:
-    """It rattles between two closed rests at once; what is left is a kick of the machine as a whole."""
+    """It rattles between two closed rests at once.
+
+    What is left is a kick of the machine as a whole.
+    """
     fields = build().model_dump()
     speeds = [0.0] * len(fields["start"])
     speeds[coordinate] = kick
@@ -282,7 +293,10 @@ def test_a_small_kick_against_the_rests_changes_little(
 
 
 def test_stops_that_stand_against_each_other_do_not_jam_by_rounding() -> None:
-    """Two stops hold a body from both sides; both seem to be approached, by a rounding, and no speeds undo both."""
+    """Two stops hold a body from both sides.
+
+    Both seem to be approached, by a rounding, and no speeds undo both.
+    """
     found = _unilateral(random_mechanism(257), 1.0)
     assert found.problem.duration == 1.0
     assert all(

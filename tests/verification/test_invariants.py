@@ -1,4 +1,7 @@
-"""What must hold whatever the machine: energy, momentum, mirror image, scaling, time, complementarity."""
+"""What must hold whatever the machine.
+
+Energy, momentum, mirror image, scaling, time, complementarity.
+"""
 
 from __future__ import annotations
 

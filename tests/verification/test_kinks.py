@@ -1,4 +1,7 @@
-"""Motions with derivatives to one side only, and starts that loops hold: each against differences of the motions."""
+"""Motions with derivatives to one side only, and starts that loops hold.
+
+Each against differences of the motions.
+"""
 
 from __future__ import annotations
 
@@ -93,7 +96,9 @@ def test_bouncing_to_rest_against_differences() -> None:
 
 @pytest.mark.slow
 def test_a_stop_whose_gap_loops_hold_has_no_part_in_the_motion() -> None:
-    """Random mechanism 45: loop 0 holds the angle of stop 0, which a change of the loop's angle opens or jams."""
+    """Random mechanism 45: loop 0 holds the angle of stop 0, which a change of the loop's angle
+    opens or jams.
+    """
     mechanism, t = random_mechanism(45), 0.3
     alone = consistent_direction(mechanism, {"joints.loop 0.angle": 1.0})
     along = alone | {"stops.stop 0.limit": 1.0}
@@ -119,7 +124,10 @@ def beside_a_floor(restitution: float, gravity: float) -> Mechanism:
 
 
 def test_a_stop_without_a_force_holds_against_pushes_one_way() -> None:
-    """Without gravity y = F t^2 / 2 m for an upward force and 0 for a downward one; along the floor nothing changes."""
+    """Without gravity y = F t^2 / 2 m for an upward force and 0 for a downward one.
+
+    Along the floor nothing changes.
+    """
     pushes = [
         {"force_elements.push.force.1": 1.0},
         {"force_elements.push.force.1": -2.0},
@@ -130,7 +138,8 @@ def test_a_stop_without_a_force_holds_against_pushes_one_way() -> None:
     assert found.dq[:, 0] == pytest.approx(0, abs=1e-15)
     (sentence,) = one_sided(found.kinks, ["lift", "press", "shove"])
     assert sentence == (
-        "derivatives hold one way only for an increase of press and a decrease of lift: the other way opens floor, "
+        "derivatives hold one way only for an increase of press and a decrease of lift: the other "
+        "way opens floor, "
         "which carries no force from t = 0 s on"
     )
     assert derivatives(beside_a_floor(0.5, G), pushes, 0.5, LAW).kinks == ()
@@ -143,7 +152,10 @@ def test_a_kick_on_a_stop_that_throws_all_back_has_no_derivative() -> None:
     assert math.isnan(held[0])
     assert held[1] == 0
     assert one_sided(found.kinks, ["kick", "mass"]) == [
-        "there is no derivative by kick: either way bounces on floor for ever, because its restitution is 1"
+        (
+            "there is no derivative by kick: either way bounces on floor for ever, because its "
+            "restitution is 1"
+        )
     ]
     assert derivatives(beside_a_floor(0.9, G), [kick, heavier], 0.5, LAW).kinks == ()
 

@@ -35,7 +35,10 @@ WHIRLING = tb.TrebuchetParameters(
     phi0=3.201,
     alpha0=0.09984,
 )
-"""A counterweight that whirls about a heavy projectile: its velocity turns through a right angle in milliseconds."""
+"""A counterweight that whirls about a heavy projectile.
+
+Its velocity turns through a right angle in milliseconds.
+"""
 
 
 def _scanned(solution: Solution, angle: float) -> float | None:
@@ -110,7 +113,9 @@ def test_the_first_launch_whatever_the_end(
 
 
 def test_a_velocity_that_whirls_through_the_direction() -> None:
-    """A scan every 2 ms finds its direction already turned away, and takes the next launch, two seconds later."""
+    """A scan every 2 ms finds its direction already turned away, and takes the next launch, two
+    seconds later.
+    """
     solution = solve(tb.Problem(tb.rolling(WHIRLING), duration=12.0), 1e-10, 1e-10)
     assert solution.launch is not None
     # Sensitive to rounding by now, but not by a millisecond.
@@ -222,7 +227,10 @@ def test_a_launch_that_the_coarser_solution_lacks_is_unknown(
 @pytest.mark.parametrize("taylor", [False, True])
 @pytest.mark.parametrize("law", list(StopLaw))
 def test_what_loops_hold_fast_is_not_launched(taylor: bool, law: StopLaw) -> None:
-    """A body that a loop locks, beside others that swing: its velocity is rounding, which points anywhere."""
+    """A body that a loop locks, beside others that swing.
+
+    Its velocity is rounding, which points anywhere.
+    """
     mechanism = random_mechanism(32)
     thrown = Marker(name="projectile", body=mechanism.bodies[-1].name, point=(0.5, 0.1))
     locked = mechanism.model_copy(update={"markers": (thrown,)})

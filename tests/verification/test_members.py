@@ -1,4 +1,7 @@
-"""Forces in rods and at the ground: closed forms of a pendulum, and the checked figures of both machines."""
+"""Forces in rods and at the ground.
+
+Closed forms of a pendulum, and the checked figures of both machines.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +55,10 @@ def pendulum(start: float, axis: tuple[float, float] | None = None) -> tb.Mechan
 
 
 def test_a_pendulum_from_the_top_pushes_until_two_thirds() -> None:
-    """T = m g (2 cos(top) - 3 cos(a)), a from the upright: in compression while cos(a) > 2/3 cos(top)."""
+    """T = m g (2 cos(top) - 3 cos(a)), a from the upright.
+
+    In compression while cos(a) > 2/3 cos(top).
+    """
     top = 0.3
     solution = solve(tb.Problem(pendulum(-math.pi / 2 + top), duration=2.0))
     (force,) = member_forces(solution, 2.0)
@@ -69,7 +75,10 @@ def test_a_pendulum_from_the_top_pushes_until_two_thirds() -> None:
 
 
 def test_the_ground_pulls_a_pendulum_s_pin_down_where_the_formula_says() -> None:
-    """Upward force of the pin: -T cos(a) above, so negative just where T > 0 and the bob is above the pin."""
+    """Upward force of the pin.
+
+    -T cos(a) above, so negative just where T > 0 and the bob is above the pin.
+    """
     solution = solve(tb.Problem(pendulum(-math.pi / 2 + 0.3), duration=1.6))
     (force,) = support_forces(solution, 1.6)
     assert not force.rolls

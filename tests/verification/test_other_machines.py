@@ -1,4 +1,7 @@
-"""The machines the paper names besides its own: closed forms, invariants, one formulation against the other."""
+"""The machines the paper names besides its own.
+
+Closed forms, invariants, one formulation against the other.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +46,10 @@ def other_machines(name: str) -> st.SearchStrategy[tb.Mechanism]:
 @given(data=st.data())
 @pytest.mark.parametrize("name", OTHERS)
 def test_two_formulations_move_alike(name: str, data: st.DataObject) -> None:
-    """Up to 80 % of the launch time, both integrated to 3e-14 a step; errors grow with the motion's own speed."""
+    """Up to 80 % of the launch time, both integrated to 3e-14 a step.
+
+    Errors grow with the motion's own speed.
+    """
     machine = data.draw(other_machines(name))
     end = 0.8 * _launch_time(machine)
     problem = tb.Problem(machine, duration=end)
@@ -70,7 +76,10 @@ def _launch_time(machine: tb.Mechanism) -> float:
 
 @given(machine=other_machines("catapult"))
 def test_a_catapult_is_a_quadrature(machine: tb.Mechanism) -> None:
-    """One degree of freedom: omega^2 = 2 (U0 - U) / I, and the time is the integral of 1 / omega."""
+    """One degree of freedom.
+
+    Omega^2 = 2 (U0 - U) / I, and the time is the integral of 1 / omega.
+    """
     arm, start = machine.bodies[0], machine.start[0]
     assume(arm.centre[0] < -0.2)  # a longer arm outweighs the counterweight, or turns for minutes
     about_pivot = arm.inertia + arm.mass * arm.centre[0] ** 2
@@ -95,7 +104,9 @@ def test_a_catapult_is_a_quadrature(machine: tb.Mechanism) -> None:
 @pytest.mark.slow
 @given(machine=other_machines("floating-arm"))
 def test_a_floating_arm_keeps_to_its_tracks(machine: tb.Mechanism) -> None:
-    """The counterweight stays on its line, the wheel on its own, and neither pushes along its track."""
+    """The counterweight stays on its line, the wheel on its own, and neither pushes along its
+    track.
+    """
     end = _launch_time(machine)
     solution = solve(tb.Problem(machine, duration=end))
     trajectory = solution.trajectory(np.linspace(0, end, 50))

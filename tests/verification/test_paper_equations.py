@@ -1,4 +1,6 @@
-"""The paper's Lagrangian, differentiated by SymPy, against the equations derived from the mechanism."""
+"""The paper's Lagrangian, differentiated by SymPy, against the equations derived from the
+mechanism.
+"""
 
 from __future__ import annotations
 

@@ -61,7 +61,10 @@ def ladder(lean: float, tilt: float = 0.0) -> tb.Mechanism:
 @settings(max_examples=10)
 @given(lean=st.floats(0.4, 1.5))
 def test_a_ladder_leaves_its_wall_at_two_thirds_of_its_height(lean: float) -> None:
-    """Where sin a = 2/3 sin a0: a classic. The wall's force before is 3/4 m g cos a (3 sin a - 2 sin a0)."""
+    """Where sin a = 2/3 sin a0: a classic.
+
+    The wall's force before is 3/4 m g cos a (3 sin a - 2 sin a0).
+    """
     problem = tb.Problem(ladder(lean), duration=3.0)
     solution = solve(problem)
     time = solution.release_times["wall"]
@@ -101,7 +104,10 @@ def test_a_tilted_wall_is_the_same_in_every_formulation() -> None:
 
 @given(depth=st.floats(0.3, 1.9))
 def test_a_bob_falls_on_a_floor(depth: float) -> None:
-    """It arrives with sqrt(2 g depth) along its circle; the floor's impulse has to stop that: m v / (n . t)."""
+    """It arrives with sqrt(2 g depth) along its circle; the floor's impulse has to stop that.
+
+    M v / (n . t).
+    """
     solution = solve(tb.Problem(hanging_bob(floor(depth)), duration=2.0, stop_law="unilateral"))
     ((_, impulses),) = solution.impacts
     along = math.sqrt(1 - (depth / 2.0) ** 2)
@@ -114,7 +120,10 @@ def test_a_bob_falls_on_a_floor(depth: float) -> None:
 
 
 def test_a_bob_bounces_on_a_floor() -> None:
-    """With e the speed after the first impact is e times that before it: e^2 of the height is reached again."""
+    """With e the speed after the first impact is e times that before it.
+
+    E^2 of the height is reached again.
+    """
     depth, e = 1.0, 0.6
     solution = solve(tb.Problem(hanging_bob(floor(depth, e)), duration=1.2, stop_law="unilateral"))
     (first, _), (second, _) = solution.impacts[:2]

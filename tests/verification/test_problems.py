@@ -1,4 +1,7 @@
-"""The problem library: published and closed-form figures against the reference; the library wherever a machine is."""
+"""The problem library: published and closed-form figures against the reference.
+
+The library wherever a machine is.
+"""
 
 from __future__ import annotations
 
@@ -189,7 +192,8 @@ def test_a_problem_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> No
 
 @pytest.mark.parametrize(("changes", "sentence"), [
     ({"rod": 0.5}, r"rod = 0\.5 m is shorter than crank = 1 m"),
-    ({"speed": 5.42}, r"speed = 5\.42 rad/s brings the crank to rest upright.* than 0\.5 % from 5\.42494 rad/s"),
+    ({"speed": 5.42}, (r"speed = 5\.42 rad/s brings the crank to rest upright.* than 0\.5 % from "
+                      r"5\.42494 rad/s")),
 ])  # fmt: skip
 def test_a_slider_crank_that_would_stick_is_refused(
     changes: dict[str, float], sentence: str

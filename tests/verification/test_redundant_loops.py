@@ -1,4 +1,7 @@
-"""Loops with more joints than they need: the motion is unique and is found, forces are not and are said not to be."""
+"""Loops with more joints than they need.
+
+The motion is unique and is found, forces are not and are said not to be.
+"""
 
 from __future__ import annotations
 
@@ -97,7 +100,9 @@ def test_a_stop_held_twice_releases_when_a_single_one_does() -> None:
 
 
 def test_a_position_beside_a_redundant_one_is_made_consistent() -> None:
-    """Newton's iteration must not take the contradictions of dependent constraints for a way to move."""
+    """Newton's iteration must not take the contradictions of dependent constraints for a way to
+    move.
+    """
     equations = Equations(parallel_cranks(3))
     start = np.array([0.3, 0.0, 0.3, 0.3])
     q = consistent_coordinates(equations, start + np.array([0.1, 0.03, 0.04, 0.05]), ())
@@ -138,7 +143,10 @@ def test_a_slot_through_a_fixed_point_adds_nothing() -> None:
 
 
 def test_a_weld_that_repeats_a_pin_is_followed_from_a_start_with_speeds() -> None:
-    """Its three constraints hold one angle: no position beside the start has more independent ones."""
+    """Its three constraints hold one angle.
+
+    No position beside the start has more independent ones.
+    """
     arm = {"mass": 1.0, "centre": (0.5, 0.1), "inertia": 0.1}
     mechanism = Mechanism(
         name="held twice",

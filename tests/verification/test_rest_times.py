@@ -1,4 +1,6 @@
-"""When bouncing ends: times of rest against sums of flights, and impacts of any speed in mechanisms of any size."""
+"""When bouncing ends: times of rest against sums of flights, and impacts of any speed in mechanisms
+of any size.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,10 @@ def test_without_loss_nothing_rests() -> None:
 
 
 def _rest_of_a_bob(e: float, limit: float) -> float:
-    """When a bob let go level ceases to bounce on its stop [s]: it comes back as fast as it left, in known times."""
+    """When a bob let go level ceases to bounce on its stop [s].
+
+    It comes back as fast as it left, in known times.
+    """
     mpmath = pytest.importorskip("mpmath")
     with mpmath.workdps(25):
         rate = mpmath.mpf(G) / LENGTH
@@ -79,7 +84,10 @@ def test_a_bob_on_a_stop(e: float) -> None:
 
 
 def _lower_rod_swings(e: float) -> tb.Problem:
-    """The upper rod bounces on its stop while the lower one swings: what presses it on changes meanwhile."""
+    """The upper rod bounces on its stop while the lower one swings.
+
+    What presses it on changes meanwhile.
+    """
     stop = angle_stop(0.7, e, body="rod 1")
     mechanism = pin_links("rods", rods(2, 1.0, 1.0), 1.0, G, (0.4, 2.4), (stop,))
     return tb.Problem(mechanism, duration=4.0, stop_law="unilateral")

@@ -52,7 +52,9 @@ def table_one(request: pytest.FixtureRequest) -> tuple[Build, Sensitivities]:
 
 
 def figures(mechanism: tb.Mechanism, duration: float) -> np.ndarray:
-    """Launch time, speed, range in vacuum, release times (NaN where there was none before the launch)."""
+    """Launch time, speed, range in vacuum, release times (NaN where there was none before the
+    launch).
+    """
     solution = solve(tb.Problem(mechanism, duration=duration))
     launch = solution.launch
     assert launch is not None
@@ -65,7 +67,10 @@ def figures(mechanism: tb.Mechanism, duration: float) -> np.ndarray:
 
 
 def figures_of_all(mechanisms: Sequence[tb.Mechanism], duration: float) -> np.ndarray:
-    """A row of :func:`figures` each: by a batch of Taylor series where heyoka is here, which takes a tenth."""
+    """A row of :func:`figures` each.
+
+    By a batch of Taylor series where heyoka is here, which takes a tenth.
+    """
     if find_spec("heyoka") is None:
         return np.array([figures(mechanism, duration) for mechanism in mechanisms])
     from trebucheck.reference.taylor.batch import launch_batch
@@ -194,7 +199,10 @@ def test_random_machines_against_differences(build: Build, p: tb.TrebuchetParame
 
 
 def test_a_rest_gone_at_the_start_against_differences() -> None:
-    """Beyond l1 = 12.73 m of the beam's 14 the fixed machine's hanger rest would have to pull: it is gone at t = 0."""
+    """Beyond l1 = 12.73 m of the beam's 14 the fixed machine's hanger rest would have to pull.
+
+    It is gone at t = 0.
+    """
     p = tb.TrebuchetParameters.with_beam(13.3)
     found = whipper_sensitivities(tb.fixed, p)
     assert np.isnan(found.d_release_times["hanger rest"]).all()
@@ -229,7 +237,10 @@ def assert_degrees(
 @given(p=machine_parameters())
 @settings(max_examples=5)
 def test_scaling(build: Build, p: tb.TrebuchetParameters) -> None:
-    """Time and speed go with the root of the size and of 1/g and g, range with the size; masses cancel."""
+    """Time and speed go with the root of the size and of 1/g and g, range with the size.
+
+    Masses cancel.
+    """
     assume(solve(tb.Problem(build(p), duration=4.0)).launch is not None)
     found = whipper_sensitivities(build, p)
     assert_degrees(found, LENGTHS, 0.5, 0.5, 1.0)
@@ -270,7 +281,10 @@ def test_moving_the_rolling_machine_moves_its_range() -> None:
 
 
 def test_a_rolling_frame_of_reference() -> None:
-    """A kick to x_p alone moves everything at that speed (Galilei): rests open when they did, the direction turns."""
+    """A kick to x_p alone moves everything at that speed (Galilei).
+
+    Rests open when they did, the direction turns.
+    """
     found = whipper_sensitivities(tb.rolling)
     i = found.names.index("u_x_p")
     for name in RESTS:
@@ -297,7 +311,9 @@ def test_a_kick_that_the_rests_take_up_by_impacts(coordinate: str, kick: float) 
 
 
 def test_the_state_s_rate_does_not_jump_at_a_release(build: Build) -> None:
-    """So the tangent's jump there, (f_after - f_before) dt_release, is zero (saltation is the identity)."""
+    """So the tangent's jump there, (f_after - f_before) dt_release, is zero (saltation is the
+    identity).
+    """
     solution = solve(tb.Problem(build(tb.TrebuchetParameters()), duration=3.0))
     for before, after in zip(solution.segments[:-1], solution.segments[1:], strict=True):
         y = np.asarray(before.interpolant(before.end))
@@ -321,7 +337,10 @@ def test_the_table_of_numbers_is_the_machine(build: Build, p: tb.TrebuchetParame
 def test_directions_are_the_derivatives_of_the_machine_s_numbers(
     build: Build, p: tb.TrebuchetParameters
 ) -> None:
-    """Every number is of degree 2 at most in each parameter: a central difference has no truncation error."""
+    """Every number is of degree 2 at most in each parameter.
+
+    A central difference has no truncation error.
+    """
     for name, direction in parameter_directions(build, p).items():
         step = 2.0**-4
         above, below = (

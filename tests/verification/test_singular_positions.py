@@ -1,4 +1,6 @@
-"""Singular positions: passed on the smooth branch where the speed tells it, and refused with a sentence elsewhere."""
+"""Singular positions: passed on the smooth branch where the speed tells it, and refused with a
+sentence elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -220,7 +222,10 @@ def test_branches_that_cross_are_passed_straight_on() -> None:
 
 
 def _slider_crank(crank: float, speed: float, mirrored: bool = True) -> Mechanism:
-    """A crank and a rod as long as it; its tip runs in a slot through the pivot, at which all constraints vanish."""
+    """A crank and a rod as long as it.
+
+    Its tip runs in a slot through the pivot, at which all constraints vanish.
+    """
     slot = SlotJoint(name="slot", child="rod", parent_point=(0, 0), child_point=(1, 0), axis=(1, 0))
     return Mechanism(
         name="slider crank",
@@ -234,7 +239,10 @@ def _slider_crank(crank: float, speed: float, mirrored: bool = True) -> Mechanis
 
 @pytest.mark.parametrize("start", [0.3, math.pi / 2], ids=["beside it", "in it"])
 def test_a_slider_crank_with_equal_links_keeps_to_its_branch(start: float) -> None:
-    """The rod mirrors the crank; from the position over the pivot on, both could also turn as one."""
+    """The rod mirrors the crank.
+
+    From the position over the pivot on, both could also turn as one.
+    """
     solution = solve(Problem(_slider_crank(start, 3.0), 3.0))
     motion = solution.motion(np.linspace(0.0, 3.0, 61))
     a, u = motion.q[:, 0], motion.u[:, 0]
@@ -248,7 +256,9 @@ def test_a_slider_crank_with_equal_links_keeps_to_its_branch(start: float) -> No
 
 
 def test_both_ways_out_of_a_singular_position_are_told_apart_by_the_speed() -> None:
-    """Crank and rod that turn as one are a pendulum of a third of the inertia, and the slot does not hold them."""
+    """Crank and rod that turn as one are a pendulum of a third of the inertia, and the slot does
+    not hold them.
+    """
     solution, t = (
         solve(Problem(_slider_crank(math.pi / 2, 3.0, mirrored=False), 1.0)),
         np.linspace(0.0, 1.0, 21),
@@ -283,7 +293,10 @@ def test_a_motion_that_turns_just_before_or_behind_it(part: float) -> None:
 
 
 def test_loops_that_all_but_have_a_singular_position_are_no_passage() -> None:
-    """A coupler a part longer turns the mechanism round there; one longer by a rounding does not; between is told."""
+    """A coupler a part longer turns the mechanism round there; one longer by a rounding does not.
+
+    Between is told.
+    """
 
     def solved(longer: float) -> Solution:
         nearly = _windows(1, -1.3, 0.0, width=2.0)
@@ -313,7 +326,10 @@ def test_loops_that_all_but_have_a_singular_position_are_no_passage() -> None:
 
 
 class _TouchingBranches(Equations):
-    """Of two coordinates, held to y (y - x^2) = 0 instead of by their slot: branches with one tangent where x = 0."""
+    """Of two coordinates, held to y (y - x^2) = 0 instead of by their slot.
+
+    Branches with one tangent where x = 0.
+    """
 
     @staticmethod
     def _plane(q: FloatArray) -> tuple[FloatArray, FloatArray]:

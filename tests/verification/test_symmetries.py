@@ -16,7 +16,10 @@ Build = Callable[..., tb.Mechanism]
 
 
 def mirrored(mechanism: tb.Mechanism) -> tb.Mechanism:
-    """The machine seen in a mirror, x -> -x: angles become pi - q, body points (a, b) become (a, -b)."""
+    """The machine seen in a mirror, x -> -x.
+
+    Angles become pi - q, body points (a, b) become (a, -b).
+    """
 
     def flipped(point: tuple[float, float]) -> tuple[float, float]:
         return (point[0], -point[1])
@@ -85,7 +88,10 @@ def test_time_translation(build: Build, pause: float) -> None:
 
 
 def test_the_hanger_is_released_by_the_torque_of_the_true_active_set(build: Build) -> None:
-    """A published simulator asks for the hanger's torque with the sling already free: a false, earlier release."""
+    """A published simulator asks for the hanger's torque with the sling already free.
+
+    A false, earlier release.
+    """
     solution = solve(tb.Problem(build(), duration=2.0))
     hanger, sling = solution.release_times["hanger rest"], solution.release_times["sling rest"]
     assert hanger is not None and sling is not None and hanger < sling

@@ -1,4 +1,6 @@
-"""Derivatives of any mechanism's motion against closed forms and against differences of the reference's motions."""
+"""Derivatives of any mechanism's motion against closed forms and against differences of the
+reference's motions.
+"""
 
 from __future__ import annotations
 
@@ -73,7 +75,10 @@ def test_random_mechanisms_against_differences(seed: int) -> None:
     ("name", "part"), [("squeezer", 0.3), ("n-four-bar", 0.06), ("stopped-pendulum", 0.5)]
 )
 def test_problems_of_the_library_against_differences(name: str, part: float) -> None:
-    """Up to some part of their durations; the N-four-bar, from its first position to one near the singular one."""
+    """Up to some part of their durations.
+
+    The N-four-bar, from its first position to one near the singular one.
+    """
     problem = benchmark(name).problem()
     assert_differences_agree(
         problem.mechanism, part * problem.duration, problem.stop_law, least=1e-4
@@ -113,7 +118,10 @@ def test_what_has_ceased_to_bounce_rests_where_the_floor_is() -> None:
 
 
 def test_a_sprung_and_damped_wheel_in_closed_form() -> None:
-    """I a'' + c a' + k (a - r) = T: a damped oscillation about r + T / k, differentiated by a complex step."""
+    """I a'' + c a' + k (a - r) = T.
+
+    A damped oscillation about r + T / k, differentiated by a complex step.
+    """
 
     def angle(
         t: float,
@@ -160,7 +168,10 @@ def test_a_sprung_and_damped_wheel_in_closed_form() -> None:
 
 
 def test_redundant_loops_follow_what_they_can_and_refuse_what_tears_them() -> None:
-    """A beam on three parallel cranks moves as a pendulum; one crank of another length would lock it."""
+    """A beam on three parallel cranks moves as a pendulum.
+
+    One crank of another length would lock it.
+    """
     mechanism, t = parallel_cranks(3), 0.8
     start = {"start.0": 1.0, "start.2": 1.0, "start.3": 1.0}
     found = derivatives(mechanism, [start, {"bodies.beam.mass": 1.0}], t, StopLaw.RELEASE_ONCE)

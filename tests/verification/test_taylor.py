@@ -131,7 +131,10 @@ def test_extended_precision_confirms_the_double_one() -> None:
 
 @needs_heyoka
 def test_impacts_agree_with_dop853() -> None:
-    """The fixed machine under the unilateral law: its arm meets the arm stop after the launch and bounces."""
+    """The fixed machine under the unilateral law.
+
+    Its arm meets the arm stop after the launch and bounces.
+    """
     machine = tb.fixed()
     stops = [
         s.model_copy(update={"restitution": 0.5}) if s.name == "arm stop" else s
@@ -152,7 +155,10 @@ def test_impacts_agree_with_dop853() -> None:
 
 @needs_heyoka
 def test_a_motion_in_every_fourth_power_of_time_keeps_its_step_short() -> None:
-    """From level, theta has t^2, t^6, t^10, ...: of any two neighbouring coefficients both may be zero."""
+    """From level, theta has t^2, t^6, t^10, ...
+
+    Of any two neighbouring coefficients both may be zero.
+    """
     problem = tb.Problem(hanging_bob(angle_stop(math.pi / 2)), duration=2.0, stop_law="unilateral")
     ((time, _),) = solve_taylor(problem).impacts
     assert time == pytest.approx(math.sqrt(2.0 / 9.81) * float(ellipk(0.5)), rel=1e-14)
@@ -183,7 +189,10 @@ def test_bouncing_settles(e: float) -> None:
 
 @needs_heyoka
 def test_rattling_between_two_rests_ends() -> None:
-    """Kicked at the start, two closed rests throw the machine to and fro; none may be lost on the way."""
+    """Kicked at the start, two closed rests throw the machine to and fro.
+
+    None may be lost on the way.
+    """
     machine = tb.fixed()
     for kick in ((1e-4, 0.0, 0.0), (0.0, -1e-3, 0.0)):
         kicked = tb.Mechanism(**{**dict(machine), "start_speeds": kick})
@@ -199,7 +208,10 @@ def test_rattling_between_two_rests_ends() -> None:
 
 @needs_heyoka
 def test_a_loop_of_joints_holds() -> None:
-    """A crank whose tip runs in a level slot, as in the closed forms: against DOP853, and on its line."""
+    """A crank whose tip runs in a level slot, as in the closed forms.
+
+    Against DOP853, and on its line.
+    """
     mechanism = slider_crank(centres=((0.5, 0), (1.0, 0.1)))
     problem, t = tb.Problem(mechanism, duration=2.0), np.linspace(0, 2, 200)
     taylor, dop853 = solve_taylor(problem).motion(t), solve(problem).motion(t)
@@ -210,7 +222,10 @@ def test_a_loop_of_joints_holds() -> None:
 
 @needs_heyoka
 def test_a_batch_is_its_machines_one_by_one(build: Build) -> None:
-    """More machines than lanes; among them one that drops a rest at the start and one that throws nothing in time."""
+    """More machines than lanes.
+
+    Among them one that drops a rest at the start and one that throws nothing in time.
+    """
     parameters = [tb.TrebuchetParameters(l1=l1) for l1 in np.linspace(8.0, 12.5, 19)]
     parameters.append(
         tb.TrebuchetParameters(l1=12.9, l2=1.1)
@@ -274,7 +289,10 @@ def test_every_element_moves_as_by_dop853() -> None:
 
 
 def test_loops_of_every_joint_have_the_accelerations_of_the_equations() -> None:
-    """A slot in a turning body, a weld and a slider that close loops: rows of three kinds, without compilation."""
+    """A slot in a turning body, a weld and a slider that close loops.
+
+    Rows of three kinds, without compilation.
+    """
     quick_return = Mechanism(
         name="loops",
         bodies=(

@@ -1,4 +1,6 @@
-"""Derivatives of any mechanism's throw by all its physical numbers, against differences of the throws themselves."""
+"""Derivatives of any mechanism's throw by all its physical numbers, against differences of the
+throws themselves.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +64,9 @@ def with_projectile(mechanism: Mechanism) -> Mechanism:
     ids=lambda value: getattr(value, "name", None),
 )
 def test_all_numbers_against_differences(mechanism: Mechanism, release: dict[str, float]) -> None:
-    """Along one random direction of all numbers but start speeds, which a closed rest takes in part."""
+    """Along one random direction of all numbers but start speeds, which a closed rest takes in
+    part.
+    """
     performance = performed(mechanism, release)
     found, sentences = sensitivities_of(performance)
     assert not sentences

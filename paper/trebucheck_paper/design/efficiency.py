@@ -358,7 +358,7 @@ def efficiencies(engines: Sequence[str] | None = None) -> Machines:
     started = time.perf_counter()
     names = tuple(models())
     named = engines if engines is None else tuple(engines) or ("reference",)
-    comparison = compare(names, engines=named, presets=("tuned",))
+    comparison = compare(names, engines=named, presets=("tuned",), diagnose=False)
     rows = tuple(_efficiency(name, comparison) for name in names)
     return Machines(
         machines=rows, slings=SLINGS, bounds=BOUNDS, seconds=time.perf_counter() - started

@@ -1,4 +1,6 @@
-"""The driver of engines without stops of their own, on an engine made of the mechanism's kinematics."""
+"""The driver of engines without stops of their own, on an engine made of the mechanism's
+kinematics.
+"""
 
 import numpy as np
 import pytest
@@ -65,7 +67,9 @@ def _run(problem: tb.Problem, step: float, locate: bool = True) -> Recording:
 
 
 def _errors(problem: tb.Problem, step: float) -> tuple[Recording, float, float]:
-    """The run, and its greatest errors of positions and of forces, relative to the greatest of each."""
+    """The run, and its greatest errors of positions and of forces, relative to the greatest of
+    each.
+    """
     found = _run(problem, step)
     truth = solve(problem).trajectory(found.t)
     forces = [found.stop_torques[name] - truth.stop_torques[name] for name in found.stop_torques]

@@ -28,7 +28,9 @@ BAR = Mechanism(
 
 
 class Pressed:
-    """A tree of one joint: its bias pushes it onto its lower limit, less so from step to step, at last away from it."""
+    """A tree of one joint: its bias pushes it onto its lower limit, less so from step to step, at
+    last away from it.
+    """
 
     def __init__(self) -> None:
         self.coordinates, self.range, self.steps = JointCoordinates(BAR), (-np.inf, np.inf), 0
