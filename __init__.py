@@ -43,9 +43,10 @@ _PUBLIC = {
     "PointStop PrismaticJoint RotationalSpringDamper SlotJoint SpringDamper Stop WeldJoint",
     "models.library.given": "model problem problems",
     "models.launch": "Launch",
-    "models.library.catapult": "CatapultParameters catapult",
-    "models.library.floating_arm": "FloatingArmParameters floating_arm",
-    "models.library.trebuchet": "HingedParameters TrebuchetParameters fixed hinged rolling",
+    "models.library.trebuchet": """
+        CatapultParameters FloatingArmParameters HingedParameters TrebuchetParameters catapult fixed
+        floating_arm hinged rolling
+    """,
     "models.mechanism": "Body Marker Mechanism",
     "models.mjcf.paths": "mjcf_path",
     "models.mjcf.writer": "mjcf_names",

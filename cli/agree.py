@@ -16,14 +16,12 @@ from .call import Call, command
 from .options import argument, folder, option
 
 if TYPE_CHECKING:
-    from ..comparisons.diff import Difference
-    from ..comparisons.matrix import Matrix
     from ..comparisons.report.document import Document
 
 FACTOR = 1.1
-"""As in the study, which is imported when the command runs."""
+"""The study's, which is imported when the command runs."""
 _WIDTH = 120
-"""Of a text file, in characters."""
+"""Width of a text file, in characters."""
 
 
 @command(
@@ -167,7 +165,21 @@ def conform_command(call: Call) -> bool:
     return results.passed
 
 
-_SUFFIXES_OF_MATRIX = (".html", ".md", ".json")
+class Format(StrEnum):
+    """How a difference is shown."""
+
+    TEXT = "text"
+    MARKDOWN = "markdown"
+    HTML = "html"
+    JSON = "json"
+
+
+_SUFFIXES = {
+    ".html": Format.HTML,
+    ".htm": Format.HTML,
+    ".md": Format.MARKDOWN,
+    ".json": Format.JSON,
+}
 
 
 @command(
@@ -199,53 +211,19 @@ def matrix_command(call: Call) -> None:
     from ..models.files import refuse_unwritable, write_text
 
     out: Path | None = call.out
-    if out is not None and out.suffix not in _SUFFIXES_OF_MATRIX:
-        raise InputError(
-            f"--out {output.printable(str(out))} must end in "
-            f"{', '.join(_SUFFIXES_OF_MATRIX[:-1])} or .json."
-        )
     if out is not None:
+        if out.suffix not in (".html", ".md", ".json"):
+            raise InputError(f"--out {output.printable(str(out))} must end in .html, .md or .json.")
         refuse_unwritable(out.parent, out.name)
     matrix = matrix_of(call.files).made_by(call.command_line)
+    report, written = document(matrix), {}
     if out is not None:
-        write_text(out, _matrix_text(matrix, out.suffix))
+        write_text(out, _in_format(report, matrix.to_json(), _SUFFIXES[out.suffix]))
+        written = {"Matrix": out}
     if call.json:
         typer.echo(matrix.to_json())
     else:
-        output.show(
-            document(matrix), output.Told(call.quiet), **({} if out is None else {"Matrix": out})
-        )
-
-
-def _matrix_text(matrix: Matrix, suffix: str) -> str:
-    """The matrix in the format of the file's name."""
-    from ..comparisons.report import html, markdown
-    from ..comparisons.report.pages.matrix import document
-
-    if suffix == ".json":
-        return matrix.to_json() + "\n"
-    return (
-        html.page(document(matrix))
-        if suffix == ".html"
-        else markdown.text(document(matrix), signs=True)
-    )
-
-
-class Format(StrEnum):
-    """How a difference is shown."""
-
-    TEXT = "text"
-    MARKDOWN = "markdown"
-    HTML = "html"
-    JSON = "json"
-
-
-_SUFFIXES = {
-    ".html": Format.HTML,
-    ".htm": Format.HTML,
-    ".md": Format.MARKDOWN,
-    ".json": Format.JSON,
-}
+        output.show(report, call.told, **written)
 
 
 _FILE = argument("results.json of compare, or the folder that holds it.", Path)
@@ -278,54 +256,41 @@ def diff_command(call: Call) -> bool:
 
     trebucheck diff before after --json
     """
-    from ..comparisons.diff import diff
+    from ..comparisons.diff import data, diff
     from ..comparisons.report.pages.diff import document
     from ..models.files import write_text
 
     difference, out = diff(call.old, call.new, call.factor), call.out
+    report, content = document(difference), data(difference).to_json()
     by_name = None if out is None else _SUFFIXES.get(out.suffix.lower())
     chosen = call.format or by_name or Format.TEXT
     if out is not None:
-        write_text(out, _text(difference, chosen))
+        write_text(out, _in_format(report, content, chosen))
     if call.json:
-        print(_text(difference, Format.JSON), end="")
+        print(content)
     elif out is not None:
         print(f"{difference.summary}\n\nDifference: {output.printable(str(out))}")
     elif chosen is Format.TEXT:
-        output.show(document(difference))
+        output.show(report)
     else:
-        print(_text(difference, chosen), end="")
+        print(_in_format(report, content, chosen), end="")
     return difference.passed
 
 
-def _text(difference: Difference, format: Format) -> str:
-    """The difference in a format, whole."""
-    from ..comparisons.diff import data
-    from ..comparisons.report.pages.diff import document
+def _in_format(report: Document, data: str, format: Format) -> str:
+    """A report in a format, whole; `data` is its JSON."""
+    from ..comparisons.report import html, markdown, terminal
 
-    return (
-        data(difference).to_json() + "\n"
-        if format is Format.JSON
-        else _rendered(document(difference), format)
-    )
-
-
-def _rendered(document: Document, format: Format) -> str:
-    """The document in a format, whole."""
+    if format is Format.JSON:
+        return data + "\n"
     if format is Format.HTML:
-        from ..comparisons.report import html
-
-        return html.page(document)
+        return html.page(report)
     if format is Format.MARKDOWN:
-        from ..comparisons.report import markdown
-
-        return markdown.text(document, signs=True)
+        return markdown.text(report, signs=True)
     from rich.console import Console
 
-    from ..comparisons.report import terminal
-
     to = Console(file=io.StringIO(), width=_WIDTH, highlight=False, record=True)
-    terminal.show(document, to)
+    terminal.show(report, to)
     return to.export_text()
 
 

@@ -112,7 +112,7 @@ class Call:
 
 
 Answer = bool | None
-"""What a command returns: False for exit code 1."""
+"""Answer of a command: False for exit code 1."""
 
 
 def command(

@@ -27,9 +27,7 @@ MACHINES = (
 # -------------------------------------------------------------------- completion in shells
 
 
-def _completion(
-    names: Callable[[], Iterable[str]] | None,
-) -> Callable[[str], list[str]] | None:
+def _completion(names: Callable[[], Iterable[str]] | None) -> Callable[[str], list[str]] | None:
     """Completion of the last name of a comma list, without those that stand before it."""
     if names is None:
         return None

@@ -37,7 +37,7 @@ _RANKS = {
     Outcome.FAILED: 4,
     Outcome.TIMED_OUT: 4,
 }
-"""Of outcomes of engines that could run, the best first."""
+"""Ranks of outcomes of engines that could run, the best first."""
 
 
 class Fate(StrEnum):
@@ -62,7 +62,7 @@ class QuantityChange:
     old: Metric | None
     new: Metric | None
     unknown: float
-    """What both results leave unknown of the difference of their errors, in the quantity's unit."""
+    """Unknown part of the difference of both errors, in the quantity's unit."""
 
     @property
     def either(self) -> Metric:
@@ -90,13 +90,9 @@ class QuantityChange:
     def by_tolerance(self) -> bool:
         """Whether the verdict differs, and would not had the tolerance stayed the same."""
         old, size = self.old, _size(self.new)
-        if (
-            old is None
-            or old.tolerance is None
-            or size is None
-            or self.new is None
-            or self.new.holds is None
-        ):
+        if old is None or old.tolerance is None or size is None:
+            return False
+        if self.new is None or self.new.holds is None:
             return False
         return self.new.holds is not old.holds and (size <= old.tolerance) is old.holds
 
@@ -106,8 +102,10 @@ class QuantityChange:
         old, new = _size(self.old), _size(self.new)
         if old is None or new is None:
             return None
-        least = max(old, self.unknown), max(new, self.unknown)
-        return 1.0 if least[0] == least[1] else least[1] / least[0] if least[0] else math.inf
+        old, new = max(old, self.unknown), max(new, self.unknown)
+        if old == new:
+            return 1.0
+        return new / old if old else math.inf
 
     @property
     def bounded(self) -> bool:
@@ -129,7 +127,9 @@ class QuantityChange:
 
 
 def _verdict_rank(metric: Metric | None) -> int:
-    return 1 if metric is None or metric.holds is None else 0 if metric.holds else 2
+    if metric is None or metric.holds is None:
+        return 1
+    return 0 if metric.holds else 2
 
 
 def _size(metric: Metric | None) -> float | None:
@@ -140,7 +140,7 @@ def _excess(metric: Metric | None) -> float:
     if metric is None or metric.holds is None:
         return 0.0
     size = _size(metric)
-    return math.inf if size is None else size / metric.tolerance if metric.tolerance else math.inf
+    return size / metric.tolerance if size is not None and metric.tolerance else math.inf
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ class RunChange:
 
     @property
     def fate(self) -> Fate:
-        """What became of it."""
+        """Change of its verdict."""
         old, new = _rank(self.old), _rank(self.new)
         if new is None:
             return Fate.SAME if old is None else Fate.VANISHED
@@ -173,7 +173,9 @@ class RunChange:
             return Fate.NOT_COMPARED
         if old == new:
             return Fate.SAME
-        return Fate.BETTER if new < old else Fate.FAILS if failed else Fate.WORSE
+        if new < old:
+            return Fate.BETTER
+        return Fate.FAILS if failed else Fate.WORSE
 
     @property
     def diagnoses(self) -> tuple[Diagnosis, Diagnosis] | None:
@@ -205,17 +207,15 @@ def _named(diagnosis: Diagnosis) -> tuple[str, ...]:
     return diagnosis.leads, *(cause.name for cause in diagnosis.named)
 
 
-@dataclass(frozen=True)
-class ReferenceChange:
+class ReferenceChange(Spec):
     """A figure of the reference that moved by more than both results say it is uncertain by."""
 
     model: str
-    name: str
+    figure: str
     unit: str
-    old: float | None
-    new: float | None
-    unknown: float
-    """Sum of both uncertainties."""
+    old: Real | None
+    new: Real | None
+    unknown: Real = Field(description="sum of both uncertainties")
 
 
 @dataclass(frozen=True, repr=False)
@@ -229,7 +229,7 @@ class Difference(Reported):
     versions: dict[str, tuple[str, str]]
     """Software whose versions differ, old and new."""
     conditions: tuple[str, ...]
-    """What was asked for and judged otherwise, a sentence each."""
+    """Conditions that were asked for or judged otherwise, a sentence each."""
 
     @cached_property
     def broken(self) -> tuple[QuantityChange, ...]:
@@ -304,13 +304,10 @@ class Difference(Reported):
             f"{len(self.moved)} of {len(self.quantities)} errors moved by more than a factor "
             f"{self.factor:g}"
         )
-        head = (
-            "Something broke"
-            if self.worse
-            else "Nothing broke"
-            if self.passed
-            else "Nothing could be compared"
-        )
+        if self.worse:
+            head = "Something broke"
+        else:
+            head = "Nothing broke" if self.passed else "Nothing could be compared"
         runs = f"{self.compared} run{'' if self.compared == 1 else 's'} compared"
         return f"{head}: {', '.join([*shown, moved])}; {runs}."
 
@@ -322,14 +319,18 @@ class Difference(Reported):
         """A quantity of a run a row, with its error before and now."""
         for each in self.quantities:
             values = [None if metric is None else metric.value for metric in (each.old, each.new)]
-            found = {"broke": each.broke, "mended": each.mended, "moved": each.moved(self.factor)}
-            quantity = {
+            yield {
+                "model": each.model,
+                "run": each.run,
                 "quantity": each.either.label,
                 "unit": each.either.unit,
                 "old": values[0],
                 "new": values[1],
+                "factor": each.factor,
+                "broke": each.broke,
+                "mended": each.mended,
+                "moved": each.moved(self.factor),
             }
-            yield {"model": each.model, "run": each.run, **quantity, "factor": each.factor, **found}
 
     @staticmethod
     def _sorted(changes: Sequence[QuantityChange]) -> tuple[QuantityChange, ...]:
@@ -392,17 +393,6 @@ class RunFate(Spec):
     )
 
 
-class Reference(Spec):
-    """A figure of the reference that moved by more than both results say it is uncertain by."""
-
-    model: str
-    figure: str
-    unit: str
-    old: Real | None
-    new: Real | None
-    unknown: Real = Field(description="sum of both uncertainties")
-
-
 class DifferenceData(Spec):
     """Movements and breaks from one comparison to another."""
 
@@ -414,7 +404,7 @@ class DifferenceData(Spec):
         description="software whose versions differ, old and new"
     )
     conditions: tuple[str, ...] = Field(description="what was asked for or judged otherwise")
-    references: tuple[Reference, ...]
+    references: tuple[ReferenceChange, ...]
     runs: tuple[RunFate, ...]
     quantities: tuple[QuantityDifference, ...]
 
@@ -427,20 +417,9 @@ def data(found: Difference) -> DifferenceData:
         factor=found.factor,
         versions=found.versions,
         conditions=found.conditions,
-        references=tuple(map(_reference, found.references)),
+        references=found.references,
         runs=tuple(map(_run, found.runs)),
         quantities=tuple(_quantity(each, found.factor) for each in found.quantities),
-    )
-
-
-def _reference(each: ReferenceChange) -> Reference:
-    return Reference(
-        model=each.model,
-        figure=each.name,
-        unit=each.unit,
-        old=each.old,
-        new=each.new,
-        unknown=each.unknown,
     )
 
 
@@ -482,11 +461,9 @@ def _finite(value: float | None) -> float | None:
 
 
 def _side(metric: Metric | None) -> Side | None:
-    return (
-        None
-        if metric is None
-        else Side(value=metric.value, tolerance=metric.tolerance, holds=metric.holds)
-    )
+    if metric is None:
+        return None
+    return Side(value=metric.value, tolerance=metric.tolerance, holds=metric.holds)
 
 
 FACTOR = 1.1
@@ -495,9 +472,7 @@ digit tells.
 """
 _EPS = float(np.finfo(np.float64).eps)
 _SAME_END = 1e-6
-"""Of the end of a compared motion: largest errors up to ends that differ by less are those of the
-same motion.
-"""
+"""Relative difference of the ends of two compared motions up to which they are the same motion."""
 
 
 def diff(
@@ -567,7 +542,7 @@ def _versions(old: Results, new: Results) -> dict[str, tuple[str, str]]:
 
 
 def _all_versions(results: Results) -> dict[str, str]:
-    """Of everything that the results name."""
+    """Versions of everything that the results name."""
     engines = {
         run.engine: run.engine_version for run in results.runs if run.outcome is not Outcome.ABSENT
     }
@@ -625,7 +600,7 @@ def _run_change(
 def _quantity_change(
     name: str, subject: str | None, old: tuple[Run, Machine], new: tuple[Run, Machine]
 ) -> QuantityChange | None:
-    """Of a metric that stands for itself and was observed; None of another one."""
+    """Change of a metric that stands for itself and was observed; else None."""
     metrics = [run.metric(name, subject) for run, _ in (old, new)]
     found = [metric for metric in metrics if metric is not None]
     if any(metric.follows for metric in found) or not any(metric.observed for metric in found):
@@ -677,19 +652,30 @@ def _model_check(run: Run) -> Metric | None:
 
 
 def _reference_changes(old: Machine, new: Machine) -> Iterator[ReferenceChange]:
-    """Of figures within what both judge."""
+    """Changes of figures within what both judge."""
+
+    def change(
+        figure: str, unit: str, before: float | None, after: float | None, unknown: float
+    ) -> ReferenceChange:
+        return ReferenceChange(
+            model=old.model, figure=figure, unit=unit, old=before, new=after, unknown=unknown
+        )
+
     end = min(old.judged_to, new.judged_to) * (1 + _SAME_END)
     for name, subject, unit in _figures(old, new):
         before, after = (_figure(machine, name, subject, end) for machine in (old, new))
-        unknown = _reference_unknown(name, subject, old, before) + _reference_unknown(
-            name, subject, new, after
-        )
         appeared = (before is None) != (after is None)
+        # An event that is not there need not have an uncertainty; a figure without one never moved.
+        missing = 0.0 if appeared else math.inf
+        unknown = sum(
+            _reference_unknown(name, subject, machine, value, missing)
+            for machine, value in ((old, before), (new, after))
+        )
         if appeared or (before is not None and after is not None and abs(after - before) > unknown):
             label = name if subject is None else f"{name} ({subject})"
-            yield ReferenceChange(old.model, label, unit, before, after, unknown)
+            yield change(label, unit, before, after, unknown)
     if old.impacts != new.impacts and old.compared_to <= end:
-        yield ReferenceChange(old.model, "impacts", "1", old.impacts, new.impacts, 0.0)
+        yield change("impacts", "1", old.impacts, new.impacts, 0.0)
 
 
 def _figures(old: Machine, new: Machine) -> Iterator[tuple[str, str | None, str]]:
@@ -710,7 +696,9 @@ def _figure(machine: Machine, name: str, subject: str | None, end: float) -> flo
 
 
 def _reference_unknown(
-    name: str, subject: str | None, machine: Machine, value: float | None
+    name: str, subject: str | None, machine: Machine, value: float | None, missing: float
 ) -> float:
+    """Uncertainty of a figure, `missing` where none is stated, and the rounding of its value."""
     known = machine.reference_uncertainty
-    return known.get(f"{name} ({subject})", known.get(name, math.inf)) + _EPS * abs(value or 0.0)
+    stated = known.get(f"{name} ({subject})", known.get(name, missing))
+    return stated + _EPS * abs(value or 0.0)

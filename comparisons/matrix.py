@@ -253,9 +253,7 @@ def _same(a: MatrixProblem, b: MatrixProblem) -> bool:
 
 
 _SAME_END = 1e-6
-"""Of the end: the horizon follows from variational equations, which other versions of libraries
-round otherwise.
-"""
+"""Tolerance of the end: horizons are computed, and other libraries round otherwise."""
 
 
 def _one(path: Path) -> Matrix:
@@ -382,13 +380,9 @@ def _ratio(metric: Metric) -> float:
     """Ratio of the error to its tolerance; infinite for a missing value."""
     if metric.value is None:
         return math.inf
-    return (
-        abs(metric.value) / metric.tolerance
-        if metric.tolerance
-        else math.inf
-        if metric.value
-        else 0.0
-    )
+    if metric.tolerance:
+        return abs(metric.value) / metric.tolerance
+    return math.inf if metric.value else 0.0
 
 
 def _finite(value: float) -> float | None:
@@ -404,7 +398,11 @@ def _errors(run: Run, machine: Machine) -> Iterator[Error]:
         shown = [metric for metric in of if metric.observed] or of
         worst = max(shown, key=lambda m: math.inf if m.value is None else _part(m, machine) or 0.0)
         verdicts = [metric.holds for metric in of if metric.holds is not None]
-        undecided = any(metric.unjudged for metric in of)
+        holds = None
+        if not all(verdicts):
+            holds = False
+        elif verdicts and not any(metric.unjudged for metric in of):
+            holds = True
         yield Error(
             metric=name,
             subject=worst.subject,
@@ -414,7 +412,7 @@ def _errors(run: Run, machine: Machine) -> Iterator[Error]:
             observed=worst.observed,
             tolerance=worst.tolerance,
             note=worst.note,
-            holds=False if not all(verdicts) else True if verdicts and not undecided else None,
+            holds=holds,
         )
 
 
@@ -427,7 +425,7 @@ def _part(metric: Metric, machine: Machine) -> float | None:
 
 
 FLOOR = 1e-12
-"""Of the scale: smaller errors are rounding over thousands of steps, and count as this."""
+"""Part of the scale: smaller errors are rounding over thousands of steps, and count as this."""
 _METRIC = "position_max"
 
 
@@ -465,9 +463,9 @@ class Spread:
     moved: tuple[str, ...]
     """Those of them whose steps are trebucheck's: one implementation."""
     within: Ratios
-    """Of two engines of the scheme."""
+    """Ratio of two engines of the scheme."""
     between: Ratios
-    """Of one of them and one of another scheme."""
+    """Ratio of one of them and one of another scheme."""
 
 
 def spreads(matrix: Matrix) -> Iterator[Spread]:

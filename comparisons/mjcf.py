@@ -40,7 +40,7 @@ def record_motion(given: Mechanism | Problem) -> RecordedMotion:
 
 
 def motion_of(given: Mechanism | Problem) -> Runner:
-    """That motion.
+    """Reference run of a problem, or of a mechanism; see :func:`record_motion`.
 
     Raises:
         InputError: the reference cannot begin.

@@ -413,9 +413,8 @@ def refuse_no_problem(given: object) -> None:
 
 def _sample_size(mechanism: Mechanism) -> int:
     """Memory for one instant of a trajectory, with its copies [B]."""
-    columns = (
-        3 + 2 * len(mechanism.coordinates) + 4 * len(mechanism.markers)
-    )  # time, energies, states, points
+    # Time, energies, states, points.
+    columns = 3 + 2 * len(mechanism.coordinates) + 4 * len(mechanism.markers)
     columns += len(mechanism.stops) + 3 * len(mechanism.joints)  # forces; reactions and drifts
     return 8 * columns * _COPIES
 

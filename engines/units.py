@@ -81,9 +81,8 @@ DIMENSIONS: ElementTable[Mapping[str, _Dimension]] = ElementTable(
 
 _LENGTHS, _MASSES = (0.25, 200.0), (0.05, 1e6)  # [m], [kg] mechanisms between these are built in SI
 _LENGTH, _MASS = 16.0, 1024.0  # [m], [kg] what others get: about Table I's
-_SLOW = (
-    0.125  # [1/s] fastest rate of a slow motion: its accelerations fall below what engines resolve
-)
+# [1/s] fastest rate of a slow motion: its accelerations fall below what engines resolve.
+_SLOW = 0.125
 
 
 class _Options(Protocol):

@@ -35,9 +35,8 @@ def write_bytes(path: str | Path, content: bytes | memoryview) -> None:
                 file.write(content)
             umask = os.umask(0)
             os.umask(umask)
-            temporary.chmod(
-                0o666 & ~umask
-            )  # mkstemp makes it private; a report is for others to read
+            # Mkstemp makes it private; a report is for others to read.
+            temporary.chmod(0o666 & ~umask)
             temporary.replace(target)
         finally:
             temporary.unlink(missing_ok=True)

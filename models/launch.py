@@ -31,14 +31,12 @@ LAUNCH_ANGLE = math.pi / 4
 """45 degrees above the horizontal, the paper's choice."""
 
 _NEIGHBOURS = 4  # samples used on either side of the crossing: a polynomial of degree 15
-_SAME_TIME = (
-    1e-12  # parts of the time: samples closer than this (an event on a grid time) count once
-)
+# Parts of the time: samples closer than this (an event on a grid time) count once.
+_SAME_TIME = 1e-12
 
 _DEGREE = 16  # of the interpolant of a step; it is halved where that does not resolve it
-_NODES = 0.5 - 0.5 * np.cos(
-    np.pi * np.arange(_DEGREE + 1) / _DEGREE
-)  # Chebyshev's extreme points, from 0 to 1
+# Chebyshev's extreme points, from 0 to 1.
+_NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)
 _TO_CHEBYSHEV = np.linalg.inv(
     chebyshev.chebvander(2.0 * _NODES - 1.0, _DEGREE)
 ).T  # values at the nodes: coefficients
@@ -50,9 +48,8 @@ _ROUNDING = 1e-14  # of a velocity, in parts of it
 # it falls.
 _NOISE = 1e-12
 _AT_REST = 1e-8  # parts of the scale: slower than this nothing is thrown, and a rest may rattle
-_AT_END = (
-    1e-12  # [rad] a motion that ends this little above the launch direction ends with its launch
-)
+# [rad] a motion that ends this little above the launch direction ends with its launch.
+_AT_END = 1e-12
 
 Component = Callable[[FloatArray], FloatArray]
 
@@ -127,9 +124,8 @@ def first_launch(
             rest that rattles.
     """
     noise = _NOISE * scale
-    above: float | None = (
-        None  # the last instant at which the component was positive, if it was not negative since
-    )
+    # The last instant at which the component was positive, if it was not negative since.
+    above: float | None = None
     last: SmoothVelocity | None = None
     for piece in pieces:
         if piece is None:
@@ -282,9 +278,8 @@ def locate_launch(
             (t[near] - t[i]) / step, position[near] - position[i], velocity[near] * step
         )
         launch = first_launch([SmoothVelocity(np.array([0.0, 1.0]), velocity_at)], launch_angle)
-        if (
-            launch is None and across[i + 1] <= 0
-        ):  # the polynomial's rounding at an end that is the launch itself
+        # The polynomial's rounding at an end that is the launch itself.
+        if launch is None and across[i + 1] <= 0:
             launch = _launch_between(velocity_at, 0.0, 1.0, launch_angle)
         if launch and is_launch(np.array(launch.velocity) / step, launch_angle, scale):
             return _launch(float(t[i]) + step * launch.time, np.array(launch.velocity) / step)

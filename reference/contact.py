@@ -454,9 +454,8 @@ class Bouncing:
         others = tuple(other for other in closed if other != name)
         row = self._row(name, q)
         response = self.equations.response(q, row)
-        along = response / (
-            row @ response
-        )  # speeds that an impulse of the stop causes, for a gap speed of 1
+        # Speeds that an impulse of the stop causes, for a gap speed of 1.
+        along = response / (row @ response)
         resting = u - along * (row @ u)
         pull = self._pull(name, q, resting, others)
         if pull <= 0.0:

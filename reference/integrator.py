@@ -40,9 +40,8 @@ class StepLimit:
 
     def __init__(self, states: int, end: float, most: int = MOST_STEPS) -> None:
         self.end = end
-        most = min(
-            most, MOST_STEPS, _MOST_MEMORY // (500 + 64 * states)
-        )  # 8 vectors a step, and their objects
+        # 8 vectors a step, and their objects.
+        most = min(most, MOST_STEPS, _MOST_MEMORY // (500 + 64 * states))
         self.most = most // _WINDOW * _WINDOW
         self._taken, self._marked = 0, 0.0
 
@@ -263,9 +262,8 @@ class Interpolant(DenseOutput):
     def __init__(self, start: float, end: float, y: FloatArray, coefficients: FloatArray) -> None:
         super().__init__(start, end)
         self._size, self._coefficients = end - start, coefficients
-        self._y = np.ascontiguousarray(
-            y
-        )  # one layout, as in the compiled equations: pickling makes it so
+        # One layout, as in the compiled equations: pickling makes it so.
+        self._y = np.ascontiguousarray(y)
 
     def _call_impl(self, t: FloatArray) -> FloatArray:
         parts = (np.atleast_1d(t) - self.t_old) / self._size

@@ -60,9 +60,8 @@ class RankWatch:
         if equations.n_loops:
             basis = equations.basis(q, closed)
             self.rank = equations.n_loops + len(closed) if basis is None else basis.rows.shape[-2]
-            self.level = (
-                _NEAR if self.rank else 0.0
-            )  # joints that say again what the tree says lose no rank
+            # Joints that say again what the tree says lose no rank.
+            self.level = _NEAR if self.rank else 0.0
             positions = q + np.random.default_rng(1).uniform(-np.pi, np.pi, (_POSITIONS, len(q)))
             arms = np.abs(equations.constraint_jacobian(positions, closed)).max(axis=0)
             self.arms = arms.max(axis=0)
@@ -223,9 +222,8 @@ class RankWatch:
             if k == 0:
                 return None
             if abs(ahead[k] - half) < 0.05 * half:
-                clear = ahead[k:][
-                    values[k:] > 0.5 * values[0]
-                ]  # of the next singular position, if there is one
+                # Of the next singular position, if there is one.
+                clear = ahead[k:][values[k:] > 0.5 * values[0]]
                 end = clear[np.argmin(np.abs(clear - 2 * half))] if len(clear) else 2 * half
                 return self._collocated(given, given.time, 0.5 * float(end), _FIRST, motion)
             half = float(ahead[k])
@@ -369,9 +367,8 @@ def note_singular_start(equations: Equations, q: FloatArray, u: FloatArray) -> N
             place = place - least_step(
                 equations.constraint_jacobian(place, ()), equations.loop_residual(place), rank
             )
-            if (
-                not np.abs(place - beside).max() < 1.0
-            ):  # where the rank is less, steps have no bound
+            # Where the rank is less, steps have no bound.
+            if not np.abs(place - beside).max() < 1.0:
                 break
         near = (
             np.abs(place - beside).max() < 1e-2

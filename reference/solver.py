@@ -283,9 +283,8 @@ class _Path:
 
     def segment(self, closed: tuple[str, ...]) -> Segment:
         """The segment up to here."""
-        if (
-            len(self._pieces) > 1 and self.times[-1] <= self.times[-2]
-        ):  # the event fell on the step's very start
+        # The event fell on the step's very start.
+        if len(self._pieces) > 1 and self.times[-1] <= self.times[-2]:
             self.times.pop()
             self._pieces.pop()
         interpolant = OdeSolution(np.array(self.times), self._pieces)

@@ -1,4 +1,4 @@
-"""What convergence studies find, as data: the content of converge.json and its schema."""
+"""Findings of convergence studies, as data: the content of converge.json and its schema."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Curve(Spec):
 
     @property
     def unit(self) -> str:
-        """Of its error."""
+        """Unit of its error."""
         return "m" if self.quantity == "position" else self.force_unit
 
 
@@ -89,7 +89,7 @@ class Point(Spec):
     wall_times: tuple[Real, ...] = Field(default=(), description="warm, one a repeat [s]")
 
     def error(self, quantity: QuantityName, own: bool = False) -> float | None:
-        """Of a quantity; `own`: the part that the knob makes."""
+        """Error of a quantity; `own`: the part that the knob makes."""
         whole, part = (
             (self.position, self.own_position)
             if quantity == "position"
@@ -127,7 +127,7 @@ class SweepStudy(Spec):
         return f"{self.engine} {self.preset}"
 
     def curve(self, quantity: QuantityName) -> Curve:
-        """What was found of a quantity."""
+        """Law and floor of a quantity."""
         return next(curve for curve in self.curves if curve.quantity == quantity)
 
 

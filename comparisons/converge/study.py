@@ -42,16 +42,16 @@ from .results import (
     QuantityName,
     RichardsonLimit,
     Studies,
+    SweepStudy,
 )
-from .results import SweepStudy as ParameterStudy
 
 CONFIDENCE = 0.95
 FEWEST = 4  # points of a line: two make it, two more can gainsay it
 SLOPE = 0.1
 """How far the local slope may depart from a line's along its run: the bar the suite states for
-orders. A parabola that
-is off a line by r at worst, over a length L of the logarithm, has slopes that are off by 6 r / L at
-its ends; so a run is taken for straight if its worst point is off by no more than SLOPE * L / 6."""
+orders. A parabola that is off a line by r at worst, over a length L of the logarithm, has slopes
+that are off by 6 r / L at its ends; so a run is taken for straight if its worst point is off by no
+more than SLOPE * L / 6."""
 TENFOLD = 10.0
 """An exponent is only claimed where the error changes at least so much: less may be a floor with a
 slope.
@@ -119,10 +119,7 @@ ASYMPTOTIC = 0.1
 themselves.
 """
 _LOWEST, _HIGHEST = 0.1, 8.0  # orders that are looked for
-_NEAR, _CANDIDATES = (
-    0.03,
-    6001,
-)  # range of the fitting step about the one asked for, relative; steps tried in it
+_NEAR, _CANDIDATES = 0.03, 6001  # relative range about the step asked for; steps tried in it
 
 
 @dataclass(frozen=True)
@@ -253,8 +250,7 @@ def fitting(step: float, end: float, events: Sequence[float], longest: float = m
 
 LOWERED = 0.8
 """A refinement that leaves less than this share of an error has lowered it: the smallest one, a
-halving at first order,
-leaves 0.5, and 0.8 where only two fifths of the error are of its making."""
+halving at first order, leaves 0.5, and 0.8 where only two fifths of the error are of its making."""
 _SINGLE = float(np.finfo(np.float32).epsneg)
 _NAMED = 3  # refinements in the evidence
 GROWN = 1.5
@@ -297,7 +293,7 @@ class Site:
     measure: Callable[[dict[str, Any]], float | None]
     """The error with some options changed; None if the run fails."""
     constraints: ConstraintKinds
-    """What those of the mechanism hold."""
+    """Constraints that the mechanism has."""
 
 
 def floor(site: Site, uncertainty: float, finer: Sequence[tuple[float, float]] = ()) -> Floor:
@@ -337,10 +333,8 @@ def _lowered_most(site: Site) -> tuple[str, str]:
             continue  # finer than the engine takes
         if error is not None:
             remaining.append((error / site.error, refinement))
-    lowered = sorted(
-        ((share, refinement) for share, refinement in remaining if share <= LOWERED),
-        key=lambda lowering: lowering[0],
-    )
+    lowered = [lowering for lowering in remaining if lowering[0] <= LOWERED]
+    lowered.sort(key=lambda lowering: lowering[0])
     if not lowered:
         nothing = f"none of {len(remaining)} other knobs, turned one notch, lowers it by a fifth"
         if engine_study(site.engine).single_precision:
@@ -355,12 +349,10 @@ def _lowered_most(site: Site) -> tuple[str, str]:
 _METRICS: Mapping[QuantityName, str] = {"position": "position_max", "torque": "stop_torque_max"}
 _STEPS = tuple(1e-2 / 2**k for k in range(8))  # 1e-2 to 7.8e-5 s: two decades and a little
 _STOCK_STEPS = _STEPS[:6]  # down to 3e-4 s: finer ones are no newcomer's, and cost the most
-_STEPS_TIME = (
-    1.36  # [s] characteristic time of machines with these steps, the mean of the named ones
-)
-_COARSER = tuple(
-    _STEPS[0] * 2 ** (k / 2) for k in range(1, 9)
-)  # to 0.16 s, an eighth of the time below
+# [s] characteristic time of machines with these steps, the mean of the named ones
+_STEPS_TIME = 1.36
+# To 0.16 s, an eighth of the time above.
+_COARSER = tuple(_STEPS[0] * 2 ** (k / 2) for k in range(1, 9))
 _UNKNOWN = StepOrder(None, "the order of a plug-in is not known beforehand")
 
 
@@ -423,7 +415,7 @@ def converge_study(study: Study, chosen: Sequence[str] | None = None) -> Studies
 
         def sweep(
             trials: EngineRuns, name: str, parameter: SweptParameter
-        ) -> tuple[str, ParameterStudy, Extrapolated | None]:
+        ) -> tuple[str, SweepStudy, Extrapolated | None]:
             own = options_for(name, study.options)
             found = _Sweep(trials, known[trials.mechanism.name], name, parameter, count, own)
             return trials.mechanism.name, found.study(), found.limit()
@@ -476,12 +468,10 @@ def _timestep(engine: str, preset: str) -> SweptParameter:
 
 def parameter_names() -> tuple[str, ...]:
     """Names that `--knobs` can have."""
-    own = [
-        parameter.name
-        for name in engine_names()
-        for parameter in engine_study(name).swept_parameters
-    ]
-    return tuple(dict.fromkeys(["timestep", *own]))
+    names = ["timestep"]
+    for name in engine_names():
+        names += [parameter.name for parameter in engine_study(name).swept_parameters]
+    return tuple(dict.fromkeys(names))
 
 
 def swept_parameters(name: str, names: list[str] | None = None) -> list[SweptParameter]:
@@ -538,8 +528,7 @@ def _refuse_options(name: str, parameter: SweptParameter, own: Mapping[str, Any]
         if option in swept:
             raise InputError(
                 f"option {option} of {name} is what its knob {parameter.name!r} turns; leave "
-                f"the option out, or choose "
-                "other knobs."
+                "the option out, or choose other knobs."
             )
     if own:
         engine(name, parameter.preset, **{**parameter.base, **own})
@@ -548,7 +537,7 @@ def _refuse_options(name: str, parameter: SweptParameter, own: Mapping[str, Any]
 def _machine(
     trials: EngineRuns,
     uncertainty: dict[QuantityName, float],
-    swept: Sequence[tuple[ParameterStudy, Extrapolated | None]],
+    swept: Sequence[tuple[SweepStudy, Extrapolated | None]],
     absent: list[str],
 ) -> MachineStudies:
     """All studies of one machine, and the limits that follow from them."""
@@ -582,12 +571,8 @@ class _Sweep:
         count: Counter,
         own: Mapping[str, Any],
     ) -> None:
-        self.machine, self.uncertainty, self.name, self.parameter = (
-            trials,
-            uncertainty,
-            name,
-            parameter,
-        )
+        self.machine, self.uncertainty = trials, uncertainty
+        self.name, self.parameter = name, parameter
         self.fixed = {**parameter.base, **own}
         """Options that stay as they are, the user's own among them."""
         self.of_step = "timestep" in parameter.options(parameter.values[0])
@@ -641,9 +626,9 @@ class _Sweep:
         """Run of the engine with these options."""
         return self.machine.record(self.engine(options), repeats)
 
-    def study(self) -> ParameterStudy:
+    def study(self) -> SweepStudy:
         """The sweep as data, with laws and floors."""
-        return ParameterStudy(
+        return SweepStudy(
             engine=self.name,
             engine_version=engine_class(self.name).version(),
             preset=self.parameter.preset,
@@ -662,31 +647,23 @@ class _Sweep:
     def curve(self, quantity: QuantityName) -> Curve:
         """Law and floor of one quantity along the sweep."""
         own = self.without is not None
+        values = [point.value for point in self.points]
         errors = [point.error(quantity, own) for point in self.points]
-        law = power_law(
-            [point.value for point in self.points],
-            errors,
-            0.0 if own else self.uncertainty[quantity],
-        )
-        ran = [
-            (point.value, error) for point, error in zip(self.points, errors, strict=True) if error
-        ]
-        explained = (
-            self._floor_along(quantity, law, ran)
-            if self.without is None
-            else self._floor_without(quantity)
-        )
+        law = power_law(values, errors, 0.0 if own else self.uncertainty[quantity])
+        if own:
+            explained = self._floor_without(quantity)
+        else:
+            ran = [(value, error) for value, error in zip(values, errors, strict=True) if error]
+            explained = self._floor_along(quantity, law, ran)
         unit = self.machine.mechanism.force_unit
         return Curve(quantity=quantity, force_unit=unit, law=law, floor=explained)
 
     def _floor_without(self, quantity: QuantityName) -> Floor | None:
         """Find what sets the error that is left with the parameter's own error taken out."""
         left = None if self.without is None else _whole(self.without, quantity)
-        return (
-            None
-            if left is None
-            else self.floor(self.parameter.without or {}, quantity, (None, left))
-        )
+        if left is None:
+            return None
+        return self.floor(self.parameter.without or {}, quantity, (None, left))
 
     def _floor_along(
         self, quantity: QuantityName, law: PowerLaw | None, ran: Sequence[tuple[float, float]]
@@ -714,12 +691,14 @@ class _Sweep:
             return _whole(self.trial({**options, **change}, 1), quantity)
 
         value, error = at
-        swept, constraints = (
-            tuple(self.parameter.options(self.parameter.values[0])),
-            ConstraintKinds.of(self.machine.mechanism),
-        )
         site = Site(
-            self.name, self.engine(options).settings, swept, error, value, measure, constraints
+            engine=self.name,
+            settings=self.engine(options).settings,
+            swept=tuple(self.parameter.options(self.parameter.values[0])),
+            error=error,
+            value=value,
+            measure=measure,
+            constraints=ConstraintKinds.of(self.machine.mechanism),
         )
         return floor(site, self.uncertainty[quantity], finer)
 

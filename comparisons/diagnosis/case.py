@@ -28,8 +28,6 @@ from ..runs.results import RankedCause
 from .rank import Estimate
 
 ENERGIES = ("kinetic energy", "potential energy")
-
-
 _FAINT = 1e-4  # of the largest: earlier than this, rounding and steps are most of a deviation
 
 
@@ -219,21 +217,11 @@ def thinned(trajectory: Trajectory, keep: IndexArray) -> Trajectory:
 
 
 _SAMPLES = 300  # of the compared motion: enough to tell suspects apart
-
-
 _FEWEST = 3
-
-
 _ROUNDING = 1e-10  # of the forces of gravity
-
-
 _ROUGH_MARGIN = 10  # a fault's motion may be so many times as sensitive as the reference's
 _ROUGH_ENOUGH = 0.01  # error of a share up to which a rough one is of use
-
-
 _REFERENCE_STEPS = 100  # at least, as a measure of what a motion with a fault may cost
-
-
 FINE = 1e-11
 """Tolerance of the suspects' motions."""
 ROUGH = 1e-6

@@ -64,13 +64,8 @@ from .readings import NO_MOTION, Reading, all_readings, partly_late_readings
 from .rerun import Rerun
 
 _COARSE = 1e-9  # tolerance of the coarser integration: its error is far above the finer one's
-
-
-_LEAST = (
-    1e-3  # of the growth to the end: an engine's steps and soft stops show from the first one on
-)
-
-
+# of the growth to the end: an engine's steps and soft stops show from the first one on
+_LEAST = 1e-3
 _GROWTH_SAMPLES = 400
 
 
@@ -171,10 +166,7 @@ _COORDINATES = {
 }
 
 
-_ENERGIES = {
-    "kinetic_energy_max": "kinetic_energy",
-    "potential_energy_max": "potential_energy",
-}
+_ENERGIES = {"kinetic_energy_max": "kinetic_energy", "potential_energy_max": "potential_energy"}
 
 
 """Field of a trajectory by metric."""
@@ -199,19 +191,10 @@ def growth(solution: Solution, t: FloatArray) -> FloatArray:
 
 
 _CERTAIN = 0.9999  # share of a reading's mistake from which on no other cause is looked for
-
-
 _CORRECTIONS = 4  # of a size that has no linear effect
-
-
-_MISREAD = (
-    0.01  # of the deviation: what deviates by less is right, where other quantities are wrong
-)
-
-
+# of the deviation: what deviates by less is right, where other quantities are wrong
+_MISREAD = 0.01
 _RIGHT = 1e-6  # of the sizes of quantities: what deviates by less is right
-
-
 _STATE_METRICS = frozenset({"angle_max", "angular_speed_max", "slide_max", "slide_speed_max"})
 _POINT_METRICS = frozenset({"position_max", "velocity_max"})
 _FORCES = frozenset({QuantityKind.TORQUE, QuantityKind.FORCE})
@@ -590,16 +573,9 @@ def _misread(case: Case) -> Iterator[RankedCause]:
 
 
 _TELLING = 0.05  # of a deviation: what accounts for less is no suspect
-
-
 _ALIKE = 1e-6  # relative, or [rad]: of a value that was mistaken for another
-
-
-_READ_OFF = (
-    0.992  # weight of a cause that one quantity shows, against one that explains all of them
-)
-
-
+# Weight of a cause that one quantity shows, against one that explains all of them
+_READ_OFF = 0.992
 _NO_TORQUE = 0.97  # the same of a stop that carries none: it may be at another position
 
 
@@ -607,14 +583,8 @@ _CORRECTIONS_model = 6  # of a size, by Gauss and Newton
 
 
 _PARTS = (1.0, 0.5, 0.25, 0.1, 0.01)  # of a correction that leads to a size that makes no sense
-
-
 _FITS = 0.99999  # share from which on a size need not be corrected any more
-
-
 _GAIN = 0.003  # in share: corrections that gain less are at an end
-
-
 _HOPELESS = 0.2  # share to first order, below which a size is not corrected
 
 

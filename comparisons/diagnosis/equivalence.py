@@ -48,17 +48,9 @@ from ..runs.scales import size
 
 # In the units that engines build a mechanism in:
 _SPREAD = 0.5  # [rad or m] of the coordinates about the start
-
-
 SPEED = 1.0  # [rad/s or m/s]
-
-
 _ROUNDING = 1e-12  # [rad/s or m/s], or of the terms whose sum is a gap speed
-
-
 _OPEN = 0.02  # [rad] least gap of an open stop: beyond the margin at which engines make a contact
-
-
 _DRAWS = 60  # for one set of stops; if they are never all active, those that are are taken
 
 
@@ -153,8 +145,6 @@ ROUNDING = 1e-14
 
 
 DOUBLE = 2.0**-53
-
-
 _ROUNDINGS = 1000
 
 
@@ -280,7 +270,7 @@ class Expected:
 
     @property
     def solved(self) -> float:
-        """To how much of their sizes accelerations and forces of constraints must agree.
+        """Share of their sizes to which accelerations and forces of constraints must agree.
 
         They solve a least-squares problem with constraints (Gauss). Relative changes of its data of
         a size of rounding change the solution by their multiple with the condition number (Wedin,
@@ -437,9 +427,8 @@ def _differences(
     return (np.array([values for _, values in exposed]) - right[states]) / sizes[states]
 
 
-_LEAST = (
-    1e-3  # of the inertial forces: where less acts, as without gravity, rounding is all there is
-)
+# of the inertial forces: where less acts, as without gravity, rounding is all there is
+_LEAST = 1e-3
 
 
 def _scale_of(values: FloatArray, inertial: FloatArray) -> FloatArray:

@@ -135,35 +135,16 @@ def _forcing(right: Equations, faulty: Sequence[Equations], path: _Path) -> Floa
 
 
 _WINDOWS = (0.08, 0.3, 1.0)  # parts of the motion to which suspects are fitted to first order
-
-
 _SOLVED = 3  # suspects of each window that are then solved
-
-
 _ALIKE = 6  # that are, where so many account for all of it
-
-
 _CORRECTIONS = 6
-
-
 _WORTH_SOLVING = 0.98  # of the best share in its group: of a member of it
-
-
 _HOPELESS = 0.5  # share to first order, below which a size is not corrected
-
-
 _IMPATIENCE = 3  # times the reference's steps: what fits badly is not solved where it is stiff
-
-
 _GAIN = 0.003  # in share: corrections that gain less are at an end
-
-
 _STILL = 1e-10  # of the accelerations: rounding
-
-
-_PARSIMONY = (
-    0.5  # a fault of two numbers must leave less than this part of what one of them alone leaves
-)
+# A fault of two numbers must leave less than this part of what one of them alone leaves
+_PARSIMONY = 0.5
 
 
 @dataclass(frozen=True)

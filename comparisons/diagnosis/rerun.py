@@ -25,9 +25,8 @@ from .rank import SUFFICIENT
 Simulate = Callable[[Engine, Problem], Trajectory]
 
 _STEP = "timestep"
-_FIRST_ORDER = (
-    0.8  # share that an eighth of the step takes out of a first-order error: 7/8, rounded
-)
+# Share that an eighth of the step takes out of a first-order error: 7/8, rounded
+_FIRST_ORDER = 0.8
 _MOST_OF_IT = 0.5  # share of a deviation from which on a cause may be one of two
 
 

@@ -18,7 +18,7 @@ _Fraction = Real | None
 
 
 class Share(Spec):
-    """What one cause contributes to one quantity's error."""
+    """Contribution of one cause to one quantity's error."""
 
     cause: str
     fraction: _Fraction = Field(
@@ -103,7 +103,7 @@ class Figures(Spec):
 
 
 class Change(Spec):
-    """What a single option buys."""
+    """Gain by a single option."""
 
     option: str
     stock: JsonValue

@@ -75,22 +75,22 @@ class Reread:
 
     @property
     def name(self) -> str:
-        """Of the engine."""
+        """Name of the engine."""
         return self.engine.name
 
     @property
     def capabilities(self) -> Capabilities:
-        """Of the engine."""
+        """Capabilities of the engine."""
         return self.engine.capabilities
 
     @property
     def timestep(self) -> float | None:
-        """Of the engine [s]."""
+        """Time step of the engine [s]."""
         return self.engine.timestep
 
     @property
     def preset(self) -> str:
-        """Of the engine."""
+        """Preset of the engine."""
         return self.engine.preset
 
     @property
@@ -103,7 +103,7 @@ class Reread:
         return {**self.engine.settings, **ways}
 
     def simulate(self, problem: Problem) -> Trajectory:
-        """As the engine does it, read otherwise."""
+        """Simulate as the engine does, and read the result otherwise."""
         trajectory = self.engine.simulate(problem)
         if self.own_kinematics:
             trajectory = by_kinematics(trajectory)
@@ -420,7 +420,7 @@ class Observed:
     unit: str
     values: FloatArray
     components: int = 1
-    """Of a vector quantity: its values are all x, then all y."""
+    """Whether it is a vector: its values are all x, then all y."""
 
     def size(self, values: FloatArray) -> tuple[float, float]:
         """Root mean square over time and largest value of a function, Euclidean over components."""
@@ -475,11 +475,7 @@ def _ordered(causes: Sequence[Cause]) -> tuple[Cause, ...]:
 
 
 def split(
-    name: str,
-    whole: Observed,
-    parts: Mapping[str, TwoWayShare],
-    noise: float,
-    noise_left: float,
+    name: str, whole: Observed, parts: Mapping[str, TwoWayShare], noise: float, noise_left: float
 ) -> QuantityBudget:
     """The budget of one quantity.
 

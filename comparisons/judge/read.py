@@ -255,13 +255,13 @@ class GivenMotion:
     """Content of a file of a motion, in SI units."""
 
     values: Mapping[str, FloatArray]
-    """By column, each of shape (n,), `t` among them."""
+    """Values by column, each of shape (n,), `t` among them."""
     releases: Mapping[str, float | None]
-    """Of the stops whose release is given [s]; None: it does not open."""
+    """Releases of the stops that give one [s]; None: it does not open."""
     impacts: tuple[GivenImpact, ...]
-    """That are told in so many words."""
+    """Impacts that the file states in comments."""
     sha256: str
-    """Of the file."""
+    """Digest of the file."""
 
     @property
     def t(self) -> FloatArray:

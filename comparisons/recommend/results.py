@@ -1,4 +1,4 @@
-"""What the advice is, as data: the content of recommend.json and its schema."""
+"""Advice as data: the content of recommend.json and its schema."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Asked(Spec):
 
 
 class Obstacle(StrEnum):
-    """What keeps an error from falling further, as its course over the steps shows."""
+    """Obstacle that keeps an error from falling further, by its course over the steps."""
 
     STEP = "the time step"
     FLOOR = "a floor"
@@ -107,7 +107,7 @@ class Choice(Spec):
 
 
 class EngineAdvice(Spec):
-    """For one engine: settings, or why there are none."""
+    """Settings for one engine, or why there are none."""
 
     engine: str
     engine_version: str
@@ -132,7 +132,7 @@ class NeighbourMachine(Spec):
 
 
 class Advice(Reported, ResultFile):
-    """What is recommended for one machine, and on what evidence."""
+    """Recommendations for one machine, and their evidence."""
 
     format: Literal["trebucheck-recommend-1"] = FORMAT
     model: str
@@ -157,7 +157,7 @@ class Advice(Reported, ResultFile):
     engines: tuple[EngineAdvice, ...]
 
     def headline(self) -> str:
-        """For which engines there are settings."""
+        """Engines for which there are settings."""
         found = ", ".join(
             f"{e.engine} {f'{e.choice.step:g} s' if e.choice else 'none'}" for e in self.engines
         )

@@ -133,7 +133,7 @@ class TargetedRuns:
         )
 
     def described(self, trial: RunRecord) -> Errors:
-        """As the report has it."""
+        """Errors as the report has them."""
         errors = {
             name: value if math.isfinite(value) else None
             for name, value in self.errors(trial).items()
@@ -295,7 +295,7 @@ class RefinementLevel:
     hardest: int
     """Index of the machine of that."""
     trials: dict[int, RunRecord]
-    """By index of machine; the machine asked about is 0."""
+    """Trials by index of machine; the machine asked about is 0."""
 
     @property
     def reached(self) -> bool:

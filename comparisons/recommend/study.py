@@ -61,7 +61,7 @@ class _Family:
 
 
 _MakeCase = Callable[[Mechanism, Until, bool], TargetedRuns]
-"""Of a mechanism, the end of its motion, and whether that is known to be predictable up to there.
+"""End of a mechanism's motion, and whether it is known to be predictable up to there.
 """
 
 
@@ -195,10 +195,7 @@ def _tried(
 
 def _words(model: str | Mechanism | Problem, parameters: Spec | None) -> tuple[str, ...]:
     if not isinstance(model, str):
-        return (
-            "--model",
-            f"{mechanism_of(model).name}.json",
-        )
+        return ("--model", f"{mechanism_of(model).name}.json")
     defaults = parameters_type(model)()
     base, own = defaults.model_dump(), (parameters or defaults).model_dump()
     changed = (f"{name}={value!r}" for name, value in own.items() if value != base[name])

@@ -401,9 +401,8 @@ class Solver:
             # stiffness, and would not fall further; the increments of the coordinates do. Exudyn
             # wants both tolerances alike for them.
             newton.residualMode, newton.absoluteTolerance = 1, options.newton_relative
-        if (
-            self._dependent
-        ):  # a full-pivoting LU that leaves the multipliers out that it cannot tell
+        # A full-pivoting LU that leaves the multipliers out that it cannot tell.
+        if self._dependent:
             settings.linearSolverType = exu.LinearSolverType.EigenDense
             settings.linearSolverSettings.ignoreSingularJacobian = True
         settings.solution.file.write = False

@@ -227,9 +227,8 @@ _STOPS: ElementTable[Callable[[Any, Mapping[str, str], Any], UnilateralConstrain
 
 _PRELOAD_ITERATIONS = 6  # each gains the four digits of 1 - d, d the impedance
 _MOST_ITERATIONS = 3000  # where forces of redundant constraints drift
-_REDUNDANT = (
-    1e-12  # of the largest eigenvalue: constraints more nearly dependent follow from each other
-)
+# Of the largest eigenvalue: constraints more nearly dependent follow from each other.
+_REDUNDANT = 1e-12
 _PATIENCE = 10  # iterations without a smaller change: what is left is rounding
 _SETTLED = 1e-10  # change of the constraints' forces in an iteration, of the largest
 

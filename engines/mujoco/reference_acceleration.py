@@ -176,9 +176,8 @@ class ReferenceAccelerationCorrection:
         present: dict[int, NDArray[np.intp]] = {}
         for index in range(model.neq):
             rows = equality_rows(data, index)
-            if not len(
-                rows
-            ):  # a pin where there is one already: MuJoCo leaves out rows that are zero
+            # A pin where there is one already: MuJoCo leaves out rows that are zero.
+            if not len(rows):
                 continue
             present[index] = rows
             reference = data.efc_aref[rows]

@@ -18,9 +18,9 @@ from .benchmark import (
     KnownValue,
     at,
     energy_figure,
+    slot,
     speed,
 )
-from .parts import slot
 from .pendulums import pin_links, rods
 
 _ZENO = (

@@ -23,15 +23,16 @@ from .benchmark import (
     passage,
     path_figure,
     period,
+    pin,
+    rod,
+    slot,
     suite_condition,
 )
 from .closed_forms import LOWEST, Swing, slow_swing_period, time_between, turn, turn_period
-from .parts import pin, rod, slot
 
 UPRIGHT = -math.pi / 2  # [rad] angle of a link that points up
-_UPRIGHT_SHARE = (
-    0.01  # of the energy: nearer to its upright position the crank would stay there for long
-)
+# Of the energy: nearer to its upright position the crank would stay there for long.
+_UPRIGHT_SHARE = 0.01
 _SUITE = "M. Gonzalez et al., MBS benchmark library (Univ. of A Coruna, 2005)"
 
 

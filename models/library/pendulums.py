@@ -19,10 +19,11 @@ from .benchmark import (
     coordinate,
     energy_figure,
     period,
+    pin,
+    rod,
     suite_condition,
 )
 from .closed_forms import LOWEST, Swing
-from .parts import pin, rod
 
 
 class PendulumParameters(BenchmarkParameters):

@@ -12,14 +12,22 @@ from ..mechanism import Mechanism
 from ..problem import Problem
 from ..spec import Spec
 from .benchmark import Benchmark, BenchmarkParameters
-from .catapult import CatapultParameters, catapult
 from .contacts import CONTACTS
-from .floating_arm import FloatingArmParameters, floating_arm
 from .linkages import LINKAGES
 from .pendulums import PENDULUMS
 from .single_elements import SINGLE_ELEMENTS
 from .squeezer import SqueezerParameters
-from .trebuchet import HingedParameters, TrebuchetParameters, fixed, hinged, rolling
+from .trebuchet import (
+    CatapultParameters,
+    FloatingArmParameters,
+    HingedParameters,
+    TrebuchetParameters,
+    catapult,
+    fixed,
+    floating_arm,
+    hinged,
+    rolling,
+)
 
 
 @dataclass(frozen=True)

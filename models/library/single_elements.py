@@ -25,15 +25,19 @@ from .benchmark import (
     BenchmarkParameters,
     KnownValue,
     at,
+    block,
     coordinate,
+    disc,
     marker,
     passage,
     path_figure,
     period,
+    pin,
+    rail,
+    rod,
     speed,
 )
 from .closed_forms import Swing, time_between
-from .parts import block, disc, pin, rail, rod
 
 _LINEAR = "linear equation of motion: Lord Rayleigh, The Theory of Sound (1877), Ch. III"
 _SPAN = 10.0  # periods, or time constants, of a linear motion
@@ -252,9 +256,8 @@ class MotorParameters(BenchmarkParameters):
 
     def figures(self) -> tuple[KnownValue, ...]:
         end, final = _SPAN * self.constant, self.torque / self.damping
-        share = self.casing / (
-            self.casing + self.rotor
-        )  # of the relative motion that is the rotor's
+        # Of the relative motion that is the rotor's.
+        share = self.casing / (self.casing + self.rotor)
 
         def angle(t: FloatArray) -> FloatArray:
             return share * final * (t + self.constant * np.expm1(-t / self.constant))

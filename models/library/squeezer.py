@@ -16,8 +16,7 @@ from pydantic import Field
 from ..elements import GROUND, ConstantTorque, SpringDamper
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import NonNegative, Positive, Real, Vector
-from .benchmark import BenchmarkParameters, KnownValue, Quantity, at, coordinate
-from .parts import pin
+from .benchmark import BenchmarkParameters, KnownValue, Quantity, at, coordinate, pin
 
 _END = 0.03  # [s]
 _START = {

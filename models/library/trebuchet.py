@@ -1,4 +1,10 @@
-"""The paper's parameters, Table I as defaults."""
+"""The named machines: the paper's whipper trebuchet, what came before and what may come after it.
+
+Masses and lengths are Table I's. The catapult of the introduction (Sec. I) is one rigid body on a
+pivot. The floating arm of the outlook (Sec. VI) has no fixed pivot: the counterweight, at the arm's
+short end, falls in a vertical track; the arm's wheel rolls on a level one. The arm's two points on
+crossing lines make it a trammel: while the counterweight falls straight down, the arm turns over.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +18,11 @@ from ..elements import GROUND, PinJoint, PointStop, SlotJoint, Stop
 from ..errors import InputError
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import Positive, Real, Spec
+from .benchmark import pin, slot
 
 Angle = Annotated[Real, Field(ge=-4 * math.pi, le=4 * math.pi)]
+
+
 """[rad] up to two turns either way: more are degrees more often than not."""
 
 
@@ -72,6 +81,7 @@ def short_end(l1: float, beam: float) -> float:
 FULCRUM, SLING_PIN, HANGER_PIN = "fulcrum", "sling pin", "hanger pin"
 HANGER_REST, SLING_REST, ARM_STOP, TROUGH = "hanger rest", "sling rest", "arm stop", "trough"
 PROJECTILE, COUNTERWEIGHT = "projectile", "counterweight"
+DROP, TRACK = "drop", "track"
 
 
 class HingedParameters(Spec):
@@ -106,10 +116,8 @@ def fixed(parameters: TrebuchetParameters | None = None) -> Mechanism:
         parameters: Table I where left out.
     """
     p = parameters or TrebuchetParameters()
-    pin = PinJoint(
-        name=FULCRUM, parent=GROUND, child="arm", parent_point=(0, 0), child_point=(0, 0)
-    )
-    return _whipper("fixed", p, pin, start=(p.theta0, p.phi0, p.alpha0))
+    fulcrum = pin(FULCRUM, GROUND, "arm")
+    return _whipper("fixed", p, fulcrum, start=(p.theta0, p.phi0, p.alpha0))
 
 
 def rolling(parameters: TrebuchetParameters | None = None) -> Mechanism:
@@ -119,15 +127,8 @@ def rolling(parameters: TrebuchetParameters | None = None) -> Mechanism:
         parameters: Table I where left out.
     """
     p = parameters or TrebuchetParameters()
-    slot = SlotJoint(
-        name=FULCRUM,
-        child="arm",
-        parent_point=(0, 0),
-        child_point=(0, 0),
-        axis=(1, 0),
-        coordinate="x_p",
-    )
-    return _whipper("rolling", p, slot, start=(p.theta0, p.phi0, p.alpha0, 0.0))
+    fulcrum = slot(FULCRUM, "arm", (1, 0), coordinate="x_p")
+    return _whipper("rolling", p, fulcrum, start=(p.theta0, p.phi0, p.alpha0, 0.0))
 
 
 def hinged(parameters: HingedParameters | None = None) -> Mechanism:
@@ -203,20 +204,8 @@ def _whipper(
         bodies=(arm, sling, hanger),
         joints=(
             fulcrum,
-            PinJoint(
-                name=SLING_PIN,
-                parent="arm",
-                child="sling",
-                parent_point=(p.l1, 0),
-                child_point=(0, 0),
-            ),
-            PinJoint(
-                name=HANGER_PIN,
-                parent="arm",
-                child="hanger",
-                parent_point=(-p.l2, 0),
-                child_point=(0, 0),
-            ),
+            pin(SLING_PIN, "arm", "sling", (p.l1, 0)),
+            pin(HANGER_PIN, "arm", "hanger", (-p.l2, 0)),
         ),
         stops=_stops(p),
         markers=(
@@ -280,3 +269,104 @@ def _square(length: float) -> float:
         raise InputError(
             f"a length of {length!r} m is too large: its square must be a number, below 1.8e308."
         ) from None
+
+
+class CatapultParameters(Spec):
+    """Lengths [m], masses [kg], gravity [m/s^2] and start angle [rad] of the catapult.
+
+    Masses and arm are Table I's. The arm starts pointing back and down, away from the launch, at 45
+    degrees.
+
+    Raises:
+        InputError: a length, mass or gravity is not positive and finite, or the angle is not in
+            range.
+    """
+
+    l1: Positive = Field(default=10.0, description="arm, fulcrum to projectile [m]")
+    l2: Positive = Field(default=4.0, description="arm, fulcrum to counterweight [m]")
+    m_b: Positive = Field(
+        default=60.0, description="projectile, in a cup at the end of the arm [kg]"
+    )
+    m_cw: Positive = Field(default=3000.0, description="counterweight, fixed to the arm [kg]")
+    m_a: Positive = Field(default=1000.0, description="arm, a uniform rod [kg]")
+    g: Positive = Field(default=9.81, description="gravity [m/s^2]")
+    theta0: Angle = Field(default=3 * math.pi / 4, description="start angle of the arm [rad]")
+
+
+def catapult(parameters: CatapultParameters | None = None) -> Mechanism:
+    """One body: arm, counterweight fixed to it, projectile in its cup; q = (theta,).
+
+    The projectile is part of the body for as long as the motion is followed: a launch is an instant
+    of it.
+
+    Args:
+        parameters: Table I's masses and arm where left out.
+    """
+    p = parameters or CatapultParameters()
+    return Mechanism(
+        name="catapult",
+        bodies=(loaded_arm(p.l1, p.l2, p.m_a, {p.l1: p.m_b, -p.l2: p.m_cw}),),
+        joints=(pin(FULCRUM, GROUND, "arm"),),
+        markers=(
+            Marker(name=PROJECTILE, body="arm", point=(p.l1, 0), mass=p.m_b),
+            Marker(name=COUNTERWEIGHT, body="arm", point=(-p.l2, 0)),
+        ),
+        gravity=p.g,
+        start=(p.theta0,),
+    )
+
+
+class FloatingArmParameters(Spec):
+    """Lengths [m], masses [kg], gravity [m/s^2] and start angles [rad] of a floating arm.
+
+    Masses and lengths are Table I's; the wheel stands where the fulcrum of the others is.
+
+    Raises:
+        InputError: a length, mass or gravity is not positive and finite, or an angle is not in
+            range.
+    """
+
+    l1: Positive = Field(default=10.0, description="arm, wheel to sling pin [m]")
+    l2: Positive = Field(default=4.0, description="arm, wheel to counterweight [m]")
+    m_b: Positive = Field(default=60.0, description="projectile, a point mass [kg]")
+    m_cw: Positive = Field(
+        default=3000.0, description="counterweight, a point mass on the arm's end [kg]"
+    )
+    m_a: Positive = Field(default=1000.0, description="arm, a uniform rod [kg]")
+    r: Positive = Field(default=6.0, description="sling length [m]")
+    g: Positive = Field(default=9.81, description="gravity [m/s^2]")
+    theta0: Angle = Field(default=3 * math.pi / 4, description="start angle of the arm [rad]")
+    phi0: Angle = Field(default=0.0, description="start angle of the sling [rad]")
+
+
+def floating_arm(parameters: FloatingArmParameters | None = None) -> Mechanism:
+    """The arm on its two tracks and its sling; q = (theta, phi, drop), one loop.
+
+    The tracks cross at the origin; `drop` is the counterweight's height above the wheel's track.
+
+    Args:
+        parameters: Table I's where left out.
+    """
+    p = parameters or FloatingArmParameters()
+    sling = Body(name="sling", angle="phi", mass=p.m_b, centre=(p.r, 0), inertia=0)
+    floor = -p.l1 * math.sin(p.theta0) - p.r * math.sin(p.phi0)
+    trough = PointStop(
+        name=TROUGH, body="sling", point=(p.r, 0), normal=(0, 1), offset=floor, closed=True
+    )
+    return Mechanism(
+        name="floating-arm",
+        bodies=(loaded_arm(p.l1, p.l2, p.m_a, {-p.l2: p.m_cw}), sling),
+        joints=(
+            slot(DROP, "arm", (0, 1), on=(-p.l2, 0), coordinate="drop"),
+            pin(SLING_PIN, "arm", "sling", (p.l1, 0)),
+            slot(TRACK, "arm", (1, 0)),
+        ),
+        stops=(trough,),
+        markers=(
+            Marker(name=PROJECTILE, body="sling", point=(p.r, 0)),
+            Marker(name=COUNTERWEIGHT, body="arm", point=(-p.l2, 0)),
+            Marker(name="wheel", body="arm", point=(0, 0)),
+        ),
+        gravity=p.g,
+        start=(p.theta0, p.phi0, p.l2 * math.sin(p.theta0)),
+    )

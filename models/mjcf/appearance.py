@@ -111,9 +111,8 @@ class Appearance:
             look, thickness = _WOODS[self.mechanism.bodies.index(body) % len(_WOODS)], 0.018
             if not ends:
                 shapes.disc(body.centre, self.disc(body), round(0.01 * self.reach, 6), look)
-        cords = (
-            (-0.023, 0.023) if look == ROPE else (0.0,)
-        )  # on both sides of the arm that it lies along
+        # On both sides of the arm that it lies along.
+        cords = (-0.023, 0.023) if look == ROPE else (0.0,)
         for end in ends:
             for side in cords:
                 shapes.rod(

@@ -374,9 +374,8 @@ def _taylor_values(problem: Problem, plan: Plan, precision: Precision) -> Values
     from ..taylor.solve import solve_taylor, taylor_quantities  # heyoka takes a second to import
 
     read = read_quantities(MinimalMotion(solve_taylor(problem, precision=precision)), plan)
-    own = taylor_quantities(
-        problem, precision
-    )  # located and evaluated on the series itself, in its own precision
+    # Located and evaluated on the series itself, in its own precision.
+    own = taylor_quantities(problem, precision)
     direct: dict[tuple[str, str | None, str], Any] = {
         ("launch_time", None, ""): own.launch_time,
         ("launch_speed", None, ""): own.launch_speed,

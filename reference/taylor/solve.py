@@ -69,9 +69,8 @@ def solve_taylor(
             events.
     """
     started = time.perf_counter()
-    with numerical(
-        "from the start"
-    ):  # heyoka refuses a system that has no parameters: nothing moves the mechanism
+    # Heyoka refuses a system that has no parameters: nothing moves the mechanism.
+    with numerical("from the start"):
         run = _Integration(problem, tolerance, precision)
         run.integrate(record=True)
     return Solution(
@@ -465,9 +464,8 @@ def _time_to_clear(height: float, speed: float, acceleration: float) -> float:
     """Time that a gap takes to `height` [rad], or to shut again before [s]."""
     if speed <= _STANDING:
         return _OPENING
-    if (
-        acceleration < 0 and speed**2 < -4 * acceleration * height
-    ):  # its top is lower than twice that
+    # Its top is lower than twice that.
+    if acceleration < 0 and speed**2 < -4 * acceleration * height:
         return -2 * speed / acceleration
     return min(height / speed, _OPENING)
 

@@ -19,9 +19,16 @@ from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.models.elements import GROUND, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics
-from trebucheck.models.library.catapult import CatapultParameters, catapult
-from trebucheck.models.library.floating_arm import FloatingArmParameters, floating_arm
-from trebucheck.models.library.trebuchet import ARM_STOP, HingedParameters, fixed, hinged
+from trebucheck.models.library.trebuchet import (
+    ARM_STOP,
+    CatapultParameters,
+    FloatingArmParameters,
+    HingedParameters,
+    catapult,
+    fixed,
+    floating_arm,
+    hinged,
+)
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.trajectory import Trajectory

@@ -16,9 +16,13 @@ from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.models.elements import GROUND, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.errors import UnsupportedProblemError
-from trebucheck.models.library.catapult import catapult
-from trebucheck.models.library.floating_arm import FloatingArmParameters, floating_arm
-from trebucheck.models.library.trebuchet import HingedParameters, hinged
+from trebucheck.models.library.trebuchet import (
+    FloatingArmParameters,
+    HingedParameters,
+    catapult,
+    floating_arm,
+    hinged,
+)
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.trajectory import Trajectory

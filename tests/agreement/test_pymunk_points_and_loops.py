@@ -21,9 +21,14 @@ from trebucheck.engines.pymunk.passes import convergence
 from trebucheck.models.elements import GROUND, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics
-from trebucheck.models.library.catapult import CatapultParameters, catapult
-from trebucheck.models.library.floating_arm import FloatingArmParameters, floating_arm
-from trebucheck.models.library.trebuchet import HingedParameters, hinged
+from trebucheck.models.library.trebuchet import (
+    CatapultParameters,
+    FloatingArmParameters,
+    HingedParameters,
+    catapult,
+    floating_arm,
+    hinged,
+)
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.models.trajectory import Trajectory

@@ -308,7 +308,7 @@ def test_a_reference_that_moved_is_something_that_broke(results: Results) -> Non
     }
 
     def with_figures(**figures: Any) -> Results:
-        own = machine.model_copy(update={"reference_uncertainty": known, **figures})
+        own = machine.model_copy(update={"reference_uncertainty": known} | figures)
         return results.model_copy(update={"machines": (own,)})
 
     old = with_figures()
@@ -316,9 +316,16 @@ def test_a_reference_that_moved_is_something_that_broke(results: Results) -> Non
     assert not diff(old, with_figures(launch_time=0.3 + 2.1e-9)).passed
     assert diff(old, with_figures(launch_time=None)).references
     assert [
-        each.name for each in diff(old, with_figures(release_times={"rest": 0.21})).references
+        each.figure for each in diff(old, with_figures(release_times={"rest": 0.21})).references
     ] == ["release_time (rest)"]
     assert not diff(old, with_figures(release_times={"rest": None})).passed
+    gone = {name: size for name, size in known.items() if not name.startswith("launch")}
+    unlaunched = with_figures(launch_time=None, launch_speed=None, reference_uncertainty=gone)
+    moved = data(diff(old, unlaunched)).references
+    assert [(each.figure, each.new, each.unknown < 2e-9) for each in moved] == [
+        ("launch_time", None, True),
+        ("launch_speed", None, True),
+    ]
     found = diff(old, with_figures(impacts=2))
     assert (
         _shown(found).count("The reference moved") == 1

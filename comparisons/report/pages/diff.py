@@ -106,7 +106,7 @@ def _digits(value: float | None) -> str:
 
 _REFERENCE_COLUMNS = (
     doc.Column("machine", of=attrgetter("model")),
-    doc.Column("figure", of=attrgetter("name")),
+    doc.Column("figure", of=attrgetter("figure")),
     doc.Column("old", of=lambda change: _digits(change.old)),
     doc.Column("new", of=lambda change: doc.Cell(_digits(change.new), "bad")),
     doc.Column("unit", of=attrgetter("unit")),
