@@ -158,7 +158,6 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "engines.node_scene": ("trebucheck_toolkit.node_scene",),
     "engines.option_table": ("engines.registry", "engines.options"),
     "engines.plain_run": ("trebucheck_toolkit.plain_run",),
-    "engines.point_masses": ("trebucheck_toolkit.point_masses",),
     "engines.pymunk.assembly": ("engines.pymunk.bodies",),
     "engines.pymunk.force_elements": ("engines.pymunk.build",),
     "engines.pymunk.impact": ("engines.pymunk.motion",),

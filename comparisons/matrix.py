@@ -253,7 +253,7 @@ def _same(a: MatrixProblem, b: MatrixProblem) -> bool:
 
 
 _SAME_END = 1e-6
-"""Tolerance of the end: horizons follow from variational equations, and libraries round otherwise."""
+"""Tolerance of the end: horizons are computed, and other libraries round otherwise."""
 
 
 def _one(path: Path) -> Matrix:

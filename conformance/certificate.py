@@ -49,12 +49,9 @@ def headline(results: Conformance) -> str:
     """The whole in a line."""
     counts, judged = results.counts, _judged(results)
     who = ", ".join(f"{label} {version}" for label, version in results.engines.items())
-    said = [
-        f"{counts[state]} {state.value}"
-        for state in CheckState
-        if counts[state] and state is not CheckState.KEPT
-    ]
-    rest = f"; {', '.join(said)}" if said else ""
+    others = [state for state in CheckState if counts[state] and state is not CheckState.KEPT]
+    counted = ", ".join(f"{counts[state]} {state.value}" for state in others)
+    rest = f"; {counted}" if counted else ""
     verdict = "conforms" if results.passed else "does not conform"
     kept = f"{counts[CheckState.KEPT]} of {judged} checks kept"
     return f"{who} {verdict} ({results.tier} tier): {kept}{rest}."
@@ -66,25 +63,17 @@ def _judged(results: Conformance) -> int:
 
 def certificate(results: Conformance) -> Document:
     """Verdict, what to do next, problems, and every check."""
-    line, failed = headline(results), sum(verdict.failed for verdict in results.verdicts)
-    counts = results.counts
-    tiles = Tiles(
-        (
-            Tile(
-                f"{counts[CheckState.KEPT]}/{_judged(results)}",
-                "checks kept",
-                "good" if results.passed else "bad",
-            ),
-            Tile(str(failed), "broken or not judged", "bad" if failed else "plain"),
-            Tile(
-                str(counts[CheckState.DEVIATES]),
-                "known deviations",
-                "warning" if counts[CheckState.DEVIATES] else "plain",
-            ),
-            Tile(str(counts[CheckState.SKIPPED]), "skipped"),
-        )
+    line, counts = headline(results), results.counts
+    mark: Mark = "good" if results.passed else "bad"
+    failed = sum(verdict.failed for verdict in results.verdicts)
+    known, skipped = counts[CheckState.DEVIATES], counts[CheckState.SKIPPED]
+    tiles = (
+        Tile(f"{counts[CheckState.KEPT]}/{_judged(results)}", "checks kept", mark),
+        Tile(str(failed), "broken or not judged", "bad" if failed else "plain"),
+        Tile(str(known), "known deviations", "warning" if known else "plain"),
+        Tile(str(skipped), "skipped"),
     )
-    blocks: list[Block] = [Text(line, "good" if results.passed else "bad"), tiles, *_own(results)]
+    blocks: list[Block] = [Text(line, mark), Tiles(tiles), *_own(results)]
     blocks += [*_next(results), *_tables(results)]
     title = f"Conformance of {', '.join(results.engines)}"
     return Document(title, tuple(blocks), window=title, command=results.command or "", verdict=line)
@@ -93,13 +82,11 @@ def certificate(results: Conformance) -> Document:
 def _own(results: Conformance) -> Iterator[Text]:
     """Sentences on the parts of a run that each engine does itself."""
     for label in results.engines:
-        given = results.supplied.get(label)
-        said = (
-            "The engine does not say what of a run is its own."
-            if given is None
-            else sentence(given)
-        )
-        yield Text(said, lead=f"{label}:" if len(results.engines) > 1 else "")
+        supplied = results.supplied.get(label)
+        text = "The engine does not say what of a run is its own."
+        if supplied is not None:
+            text = sentence(supplied)
+        yield Text(text, lead=f"{label}:" if len(results.engines) > 1 else "")
 
 
 def _next(results: Conformance) -> Iterator[Block]:
@@ -210,21 +197,14 @@ def _problem_rows(verdicts: Sequence[CheckVerdict]) -> Iterator[Row]:
         if where.startswith("deviations/"):
             continue
         engine, _, problem = where.rpartition("/")
-        kept, judged = (
-            sum(v.state in states for v in found) for states in ((CheckState.KEPT,), _JUDGED)
-        )
-        worst = max(
-            (v for v in found if v.share is not None), key=lambda v: v.share or 0.0, default=None
-        )
-        share = "" if worst is None else f"{worst.share:.2g}"
+        kept = sum(verdict.state is CheckState.KEPT for verdict in found)
+        judged = sum(verdict.state is not CheckState.SKIPPED for verdict in found)
+        shared = [verdict for verdict in found if verdict.share is not None]
+        worst = max(shared, key=lambda verdict: verdict.share or 0.0, default=None)
+        worst_cells = ("", "") if worst is None else (worst.check, f"{worst.share:.2g}")
         wall = next((f"{v.wall_time:.2f}" for v in found if v.wall_time is not None), "")
-        name = "" if worst is None else worst.check
-        yield row(
-            engine, problem, f"{kept}/{judged}" if judged else "", name, share, wall, _said(found)
-        )
-
-
-_JUDGED = tuple(state for state in CheckState if state is not CheckState.SKIPPED)
+        counts = f"{kept}/{judged}" if judged else ""
+        yield row(engine, problem, counts, *worst_cells, wall, _said(found))
 
 
 def _said(found: Iterable[CheckVerdict]) -> Cell:

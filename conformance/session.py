@@ -39,20 +39,15 @@ class Deviation(Spec):
         """Reason for not being about these engines (engine/preset), if it is about another one."""
         engine, _, rest = self.id.partition("/")
         preset = rest.partition("/")[0]
-        if (
-            any(fnmatchcase(label, f"{engine}/{preset}") for label in labels)
-            or engine not in engine_names()
-        ):
+        own = any(fnmatchcase(label, f"{engine}/{preset}") for label in labels)
+        if own or engine not in engine_names():
             return ""
         try:
             presets = engine_class(engine).presets()
         except Exception:  # of a plug-in that cannot be loaded
             return "of an engine that is not run"
-        return (
-            "of an engine that is not run"
-            if any(fnmatchcase(each, preset) for each in presets)
-            else ""
-        )
+        known = any(fnmatchcase(each, preset) for each in presets)
+        return "of an engine that is not run" if known else ""
 
     @property
     def text(self) -> str:
@@ -93,9 +88,8 @@ class Deviations(Spec):
         row = next((row for row in self.deviation if row.covers(verdict.id)), None)
         if row is None or not verdict.failed:
             return verdict
-        return verdict.model_copy(
-            update={"state": CheckState.DEVIATES, "text": f"{row.text}: {verdict.text}"}
-        )
+        update = {"state": CheckState.DEVIATES, "text": f"{row.text}: {verdict.text}"}
+        return verdict.model_copy(update=update)
 
     def of_rows(
         self, ids: Iterable[str], verdicts: Iterable[CheckVerdict], labels: Collection[str]
@@ -119,18 +113,14 @@ def _of_row(
     row: Deviation, ids: tuple[str, ...], verdicts: tuple[CheckVerdict, ...]
 ) -> dict[str, Any]:
     if not any(map(row.covers, ids)):
-        return {
-            "state": CheckState.BROKEN,
-            "text": f"row {row.id!r} is about no check that there is",
-        }
+        text = f"row {row.id!r} is about no check that there is"
+        return {"state": CheckState.BROKEN, "text": text}
     own = [verdict for verdict in verdicts if row.covers(verdict.id)]
     if not own:
         return {"state": CheckState.SKIPPED, "text": f"row {row.id!r}: none of its checks was run"}
     if all(verdict.state is not CheckState.DEVIATES for verdict in own):
-        return {
-            "state": CheckState.BROKEN,
-            "text": f"row {row.id!r} is stale: none of its checks fails; take it out",
-        }
+        text = f"row {row.id!r} is stale: none of its checks fails; take it out"
+        return {"state": CheckState.BROKEN, "text": text}
     return {"state": CheckState.KEPT}
 
 
@@ -147,12 +137,8 @@ class Session:
     def __init__(
         self, suites: Sequence[Suite], tier: str, deviations: Deviations, path: Path | None = None
     ) -> None:
-        self._suites, self._tier, self._deviations, self._path = (
-            tuple(suites),
-            tier,
-            deviations,
-            path,
-        )
+        self._suites, self._tier = tuple(suites), tier
+        self._deviations, self._path = deviations, path
         self._by_id = {id: suite for suite in self._suites for id in suite.ids}
         self._found: dict[str, CheckVerdict] = {}
         self.rows = tuple(f"deviations/file/row/{row.id}" for row in deviations.deviation)
@@ -181,9 +167,8 @@ class Session:
             InputError: a name, a value or a file is not valid.
         """
         if str(folder) not in sys.path:
-            sys.path.append(
-                str(folder)
-            )  # behind all that is installed: a file `rich.py` there is not meant for us
+            # Behind all that is installed: a file `rich.py` there is not meant for us
+            sys.path.append(str(folder))
         if not options["timeout"] > 0:
             raise InputError(f"timeout = {options['timeout']!r} s must be positive.")
         asked = [name.strip() for text in options["problem"] for name in text.split(",")]
@@ -191,11 +176,8 @@ class Session:
         for name in names:
             given(name)
         targets = dict.fromkeys(map(Target.of, engines))
-        deviations = (
-            Deviations.read(folder / options["deviations"])
-            if options["deviations"]
-            else Deviations()
-        )
+        known = options["deviations"]
+        deviations = Deviations.read(folder / known) if known else Deviations()
         path = folder / options["json"] if options["json"] else None
         if path:
             refuse_unwritable(path.parent, path.name)
@@ -213,12 +195,10 @@ class Session:
     def judged(self, id: str) -> CheckVerdict:
         """The verdict on a check, or on a row of the file of deviations."""
         if id not in self._found:
-            found = (
-                self._row(id)
-                if id in self.rows
-                else self._deviations.applied(self._by_id[id].verdict(id))
-            )
-            self._found[id] = found
+            if id in self.rows:
+                self._found[id] = self._row(id)
+            else:
+                self._found[id] = self._deviations.applied(self._by_id[id].verdict(id))
         return self._found[id]
 
     def take(self, verdict: CheckVerdict) -> None:

@@ -228,9 +228,8 @@ class MachineRuns:
 def _unequal(equality: Equality) -> str:
     if equality.note:
         return equality.note
-    broken = ", ".join(
-        f"{check.label} off by {format_number(check.value)}" for check in equality.broken
-    )
+    off = [f"{check.label} off by {format_number(check.value)}" for check in equality.broken]
+    broken = ", ".join(off)
     return f"the built model differs before any motion: {broken}; its motion was not compared."
 
 
@@ -256,12 +255,8 @@ class Comparison(Reported):
     def rows(self) -> Iterator[dict[str, object]]:
         """A quantity of a run a row."""
         for run in self.results.runs:
-            head = {
-                "model": run.model,
-                "engine": run.engine,
-                "preset": run.preset,
-                "outcome": run.outcome.value,
-            }
+            head = {"model": run.model, "engine": run.engine, "preset": run.preset}
+            head["outcome"] = run.outcome.value
             for metric in run.metrics:
                 yield {**head, **metric.model_dump(), "holds": metric.holds}
 
@@ -450,13 +445,11 @@ def read_results(path: str | Path) -> Results:
     if twice:
         raise InputError(f"{path}: the run {', '.join(twice[0])} is there twice; once is needed.")
     known = {machine.model for machine in results.machines}
-    unknown = [
-        run.model for run in results.runs if run.outcome in COMPARED and run.model not in known
-    ]
-    if unknown:
-        raise InputError(
-            f"{path}: there are runs of {unknown[0]!r}, which is not among the machines."
-        )
+    for run in results.runs:
+        if run.outcome in COMPARED and run.model not in known:
+            raise InputError(
+                f"{path}: there are runs of {run.model!r}, which is not among the machines."
+            )
     return results
 
 

@@ -15,12 +15,8 @@ from ...models.arrays import FloatArray
 from ...models.trajectory import Trajectory
 from .drawing.scene import RunLook, Scene, States, scene
 
-_COLOURS = (
-    "#CC79A7",
-    "#56B4E9",
-    "#E69F00",
-    "#8C6BB1",
-)  # of engines that bring none: further ones of Okabe and Ito
+# Of engines that bring none: further ones of Okabe and Ito
+_COLOURS = ("#CC79A7", "#56B4E9", "#E69F00", "#8C6BB1")
 INK = "currentColor"
 """The colour of the text around a plot, for what belongs to no engine."""
 

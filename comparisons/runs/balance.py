@@ -30,9 +30,8 @@ from ...models.mechanism import Mechanism
 from ...models.trajectory import Trajectory
 from ...reference.solution import Segment, Solution
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(
-    5
-)  # exact to order 9; a step's dense output is of order 7
+# Exact to order 9; a step's dense output is of order 7
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
 _DOES_WORK: ElementTable[Callable[[Any], bool]] = ElementTable(

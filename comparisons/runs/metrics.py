@@ -102,12 +102,8 @@ class AlignedRun:
     def impact_pairs(self, stop: str) -> list[Pair]:
         """Pairs of times of a stop's impacts in both motions (:func:`.impacts.paired`)."""
         times, expected = impact_times(self.trajectory, stop), impact_times(self.solution, stop)
-        return paired(
-            times,
-            expected,
-            self.step,
-            min(float(self.trajectory.t[-1]), self.solution.problem.duration),
-        )
+        end = min(float(self.trajectory.t[-1]), self.solution.problem.duration)
+        return paired(times, expected, self.step, end)
 
     def distance(self, values: FloatArray, reference: FloatArray) -> FloatArray:
         """Distance at the compared times; Euclidean over a trailing axis, if there is one."""
@@ -162,13 +158,11 @@ def _impact_windows(c: AlignedRun) -> Iterator[tuple[float, float]]:
     """First and last instant of each impact of either; both of an impact that both have."""
     for stop in c.trajectory.mechanism.stops:
         times, expected = impact_times(c.trajectory, stop.name), impact_times(c.solution, stop.name)
-        yield from ((time, time) for time in [*times, *expected])
-        pairs = c.impact_pairs(stop.name)
-        yield from (
-            (min(own, other), max(own, other))
-            for own, other in pairs
-            if own is not None and other is not None
-        )
+        for time in (*times, *expected):
+            yield time, time
+        for own, other in c.impact_pairs(stop.name):
+            if own is not None and other is not None:
+                yield min(own, other), max(own, other)
 
 
 def not_observed(
@@ -178,9 +172,8 @@ def not_observed(
     return Metric(name=name, subject=subject, value=None, unit=unit, observed=False, note=why)
 
 
-_COUNTED_IMPACTS = (
-    10  # of each stop: the first ones; further ones pile up in a shorter and shorter time
-)
+# Of each stop: the first ones; further ones pile up in a shorter and shorter time
+_COUNTED_IMPACTS = 10
 _REDUNDANT = "not unique: constraints are redundant"
 _RESOLVED = 0.5  # characteristic times, or of the end: a longer interval leaves motion unseen
 SAME_END = 1e-9
@@ -210,17 +203,8 @@ def measure(
         stretching: of the reference motion to that end, for the time of first parting.
     """
     reference = reference or solution.trajectory(trajectory.t)
-    c = AlignedRun(
-        trajectory,
-        reference,
-        solution,
-        end,
-        trajectory.t <= end,
-        thrown,
-        scales,
-        invariants_to,
-        stretching,
-    )
+    motions = (trajectory, reference, solution, end, trajectory.t <= end)
+    c = AlignedRun(*motions, thrown, scales, invariants_to, stretching)
     return tuple(metric for part in _PARTS for metric in part(c))
 
 
@@ -251,21 +235,17 @@ def _coordinates(c: AlignedRun) -> Iterator[Metric]:
 def _launch(c: AlignedRun) -> Iterator[Metric]:
     if c.thrown not in c.trajectory.markers:
         return
-    expected, launch = (
-        c.solution.launch_at(LAUNCH_ANGLE, c.thrown),
-        c.trajectory.launch(marker=c.thrown),
-    )
-    times = tuple(None if each is None else each.time for each in (launch, expected))
-    if not _either_within(c, *times):
+    launch = c.trajectory.launch(marker=c.thrown)
+    expected = c.solution.launch_at(LAUNCH_ANGLE, c.thrown)
+    time, due = (None if each is None else each.time for each in (launch, expected))
+    if not _either_within(c, time, due):
         return
     subject = None if c.thrown == THROWN else c.thrown
-    time, due = times
-    yield _event_metric(
-        c, "launch_time", subject, time, due, f"{c.thrown} comes to the launch angle"
-    )
-    both = launch is not None and expected is not None
-    speed = launch.speed - expected.speed if launch and expected else None
-    note = None if both else "only one of the two launches"
+    what = f"{c.thrown} comes to the launch angle"
+    yield _event_metric("launch_time", subject, time, due, what)
+    speed, note = None, "only one of the two launches"
+    if launch is not None and expected is not None:
+        speed, note = launch.speed - expected.speed, None
     yield Metric(name="launch_speed", subject=subject, value=speed, unit="m/s", note=note)
 
 
@@ -280,26 +260,19 @@ def _releases(c: AlignedRun) -> Iterator[Metric]:
         if why is not None:
             yield not_observed("release_time", stop.name, "s", why)
         else:
-            yield _event_metric(c, "release_time", stop.name, *times, "released")
+            yield _event_metric("release_time", stop.name, *times, "released")
 
 
 def _no_release(c: AlignedRun, stop: str) -> str | None:
     """Reason why the time at which a stop opens is not unique; None if it is."""
     if stop in c.solution.undetermined_stops:
         return _REDUNDANT
-    scale = (
-        c.scales.angle if c.trajectory.mechanism.stop(stop).gap_unit == "rad" else c.scales.length
-    )
-    torque, gap = c.reference.stop_torque(stop), c.reference.stop_gap(stop)
-    parts = (
-        np.abs(values[c.keep]).max(initial=0.0)
-        for values in (torque / c.scales.torques[stop], gap / scale)
-    )
-    return (
-        "not unique: nothing presses on the stop, and it stays closed"
-        if max(parts) <= PARTED
-        else None
-    )
+    turns = c.trajectory.mechanism.stop(stop).gap_unit == "rad"
+    torque = c.reference.stop_torque(stop) / c.scales.torques[stop]
+    gap = c.reference.stop_gap(stop) / (c.scales.angle if turns else c.scales.length)
+    if any(np.abs(values[c.keep]).max(initial=0.0) > PARTED for values in (torque, gap)):
+        return None
+    return "not unique: nothing presses on the stop, and it stays closed"
 
 
 def _either_within(c: AlignedRun, *times: float | None) -> bool:
@@ -307,12 +280,7 @@ def _either_within(c: AlignedRun, *times: float | None) -> bool:
 
 
 def _event_metric(
-    c: AlignedRun,
-    name: str,
-    subject: str | None,
-    time: float | None,
-    expected: float | None,
-    what: str,
+    name: str, subject: str | None, time: float | None, expected: float | None, what: str
 ) -> Metric:
     """Difference of the times of an event; without a value if one of the two never has it."""
     if time is not None and expected is not None:
@@ -333,12 +301,8 @@ def _impacts(c: AlignedRun) -> Iterator[Metric]:
         if not _either_within(c, *times, *expected):
             continue
         if not c.trajectory.impacts:
-            yield not_observed(
-                "impact_time",
-                stop.name,
-                "s",
-                "the engine resolves no impacts; its motion is judged",
-            )
+            why = "the engine resolves no impacts; its motion is judged"
+            yield not_observed("impact_time", stop.name, "s", why)
             continue
         if stop.name in c.solution.undetermined_stops:
             yield not_observed("impact_time", stop.name, "s", _REDUNDANT)
@@ -347,12 +311,8 @@ def _impacts(c: AlignedRun) -> Iterator[Metric]:
 
 
 def _worst_impact(c: AlignedRun, stop: str) -> Iterator[Metric]:
-    pairs = c.impact_pairs(stop)[:_COUNTED_IMPACTS]
-    metrics = [
-        _event_metric(c, "impact_time", stop, *pair, "met")
-        for pair in pairs
-        if _either_within(c, *pair)
-    ]
+    pairs = [pair for pair in c.impact_pairs(stop)[:_COUNTED_IMPACTS] if _either_within(c, *pair)]
+    metrics = [_event_metric("impact_time", stop, *pair, "met") for pair in pairs]
     if metrics:
         yield max(metrics, key=lambda metric: np.inf if metric.value is None else abs(metric.value))
 
@@ -373,9 +333,8 @@ def _torques(c: AlignedRun) -> Iterator[Metric]:
         impulse = trapezoid(torque[c.keep], c.t) - trapezoid(expected[c.keep], c.t)
         yield c.largest("stop_torque_max", torque, expected, unit, name, forces=True)
         if settled.any():
-            yield Metric(
-                name="stop_torque_settled", subject=name, value=error[settled].max(), unit=unit
-            )
+            largest = error[settled].max()
+            yield Metric(name="stop_torque_settled", subject=name, value=largest, unit=unit)
         yield Metric(name="stop_impulse", subject=name, value=float(impulse), unit=f"{unit} s")
 
 
@@ -398,19 +357,13 @@ def _reactions(c: AlignedRun) -> Iterator[Metric]:
         if name in c.solution.undetermined_joints:
             yield not_observed("joint_reaction_max", name, "N", _REDUNDANT)
             continue
-        error = c.largest(
-            "joint_reaction_max", force, c.reference.joint_reaction(name), "N", name, forces=True
-        )
+        expected = c.reference.joint_reaction(name)
+        error = c.largest("joint_reaction_max", force, expected, "N", name, forces=True)
         yield error
-        scale = float(
-            np.linalg.norm(c.reference.joint_reaction(name)[c.keep][c.away], axis=1).max(
-                initial=0.0
-            )
-        )
+        scale = float(np.linalg.norm(expected[c.keep][c.away], axis=1).max(initial=0.0))
         if scale > 0 and error.value is not None:
-            yield Metric(
-                name="joint_reaction_relative", subject=name, value=error.value / scale, unit="1"
-            )
+            part = error.value / scale
+            yield Metric(name="joint_reaction_relative", subject=name, value=part, unit="1")
 
 
 def _energy(c: AlignedRun) -> Iterator[Metric]:
@@ -460,36 +413,25 @@ def _constraints(c: AlignedRun) -> Iterator[Metric]:
         if stop.closed:
             # Held until the earlier of the two releases: in between, the two differ by the release
             # time.
-            times = [
-                c.end,
-                c.trajectory.release_time(stop.name),
-                c.reference.release_time(stop.name),
-            ]
-            held = c.t <= min(time for time in times if time is not None)
-            yield Metric(
-                name="stop_gap_held",
-                subject=stop.name,
-                value=np.abs(gap[held]).max(initial=0.0),
-                unit=unit,
-            )
+            releases = (motion.release_time(stop.name) for motion in (c.trajectory, c.reference))
+            held = c.t <= min([c.end, *(time for time in releases if time is not None)])
+            opened = np.abs(gap[held]).max(initial=0.0)
+            yield Metric(name="stop_gap_held", subject=stop.name, value=opened, unit=unit)
     yield from _complementarity(c)
     for name, gap in c.trajectory.joint_gaps.items():
-        yield Metric(
-            name="joint_gap_max", subject=name, value=np.abs(gap[c.lasting.keep]).max(), unit="m"
-        )
+        opened = np.abs(gap[c.lasting.keep]).max()
+        yield Metric(name="joint_gap_max", subject=name, value=opened, unit="m")
 
 
 def _complementarity(c: AlignedRun) -> Iterator[Metric]:
     """Violations of gap >= 0, torque >= 0 and torque * gap = 0, the law of unilateral stops."""
-    if (
-        c.solution.problem.stop_law is not StopLaw.UNILATERAL
-    ):  # whatever the engine says that it followed
+    # The law that was asked for counts, whatever the engine says that it followed.
+    if c.solution.problem.stop_law is not StopLaw.UNILATERAL:
         return
     for stop in c.trajectory.mechanism.stops:
         gap, name, unit = c.trajectory.stop_gap(stop.name)[c.keep], stop.name, stop.gap_unit
-        yield Metric(
-            name="stop_penetration", subject=name, value=max(0.0, -float(gap.min())), unit=unit
-        )
+        depth = max(0.0, -float(gap.min()))
+        yield Metric(name="stop_penetration", subject=name, value=depth, unit=unit)
         torque = c.trajectory.stop_torques.get(name, np.zeros(len(c.keep)))[c.keep]
         peak = float(torque.max())
         if peak > 0:

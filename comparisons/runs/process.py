@@ -137,9 +137,8 @@ class Worker:
     """Whether a process that forks imports what calls have imported."""
 
     def __post_init__(self) -> None:
-        self.timeout = min(
-            self.timeout, TIMEOUT_MAX
-        )  # infinity, too, is a wait that the system can take
+        # infinity, too, is a wait that the system can take
+        self.timeout = min(self.timeout, TIMEOUT_MAX)
         for _ in range(self.jobs):
             self._idle.put(None)
 

@@ -97,9 +97,8 @@ class Curves(Spec):
     @property
     def farthest(self) -> str:
         """Name of the point with the largest distance from the reference."""
-        return max(
-            self.positions, key=lambda name: np.linalg.norm(self.positions[name], axis=0).max()
-        )
+        distances = {name: np.linalg.norm(xy, axis=0).max() for name, xy in self.positions.items()}
+        return max(distances, key=distances.__getitem__)
 
     def of_point(self, name: str) -> Curves:
         """Returns the same with the position of one point only."""
@@ -244,17 +243,15 @@ def curves_of(
     expected = points(reference)
     errors = {name: position - expected[name] for name, position in points(trajectory).items()}
     closed = [stop.name for stop in trajectory.mechanism.stops if stop.closed]
-    torques = {
-        name: np.interp(
-            grid, trajectory.t, trajectory.stop_torque(name) - reference.stop_torque(name)
-        )
-        for name in closed
-        if name in trajectory.stop_torques
-    }
+    torques: dict[str, FloatArray] = {}
+    releases: dict[str, float | None] = {}
+    for name in closed:
+        time, due = trajectory.release_time(name), solution.release_times[name]
+        releases[name] = None if time is None or due is None else time - due
+        if name in trajectory.stop_torques:
+            error = trajectory.stop_torque(name) - reference.stop_torque(name)
+            torques[name] = np.interp(grid, trajectory.t, error)
     balance, kept = against(trajectory, solution, end, reference).balance
-    releases = {
-        name: (trajectory.release_time(name), solution.release_times[name]) for name in closed
-    }
     launch_time, launch_speed = _launch_differences(trajectory, solution, thrown)
     return Curves(
         end=end,
@@ -262,10 +259,7 @@ def curves_of(
         positions={name: _on_grid(trajectory.t, error, grid) for name, error in errors.items()},
         torques={name: tuple(values.tolist()) for name, values in torques.items()},
         energy=tuple(np.interp(grid, trajectory.t, balance - kept[0]).tolist()),
-        release_times={
-            name: None if time is None or due is None else time - due
-            for name, (time, due) in releases.items()
-        },
+        release_times=releases,
         launch_time=launch_time,
         launch_speed=launch_speed,
     )
@@ -444,6 +438,7 @@ def machine_row(runner: Runner, needs: Needs) -> Machine:
     launch = solution.launch_at(LAUNCH_ANGLE, runner.until.thrown)
     uncertainties = runner.uncertainties
     start = solution.motion(np.zeros(1))
+    passages = [p for p in solution.singular_passages if p.time <= end]
     return Machine(
         model=mechanism.name,
         mechanism=mechanism,
@@ -463,9 +458,7 @@ def machine_row(runner: Runner, needs: Needs) -> Machine:
         reference_uncertainty=uncertainties.values,
         uncertainty_source=uncertainties.source,
         impacts=sum(time <= end for time, _ in solution.impacts),
-        singular_positions=tuple(
-            SingularPosition(**asdict(p)) for p in solution.singular_passages if p.time <= end
-        ),
+        singular_positions=tuple(SingularPosition(**asdict(p)) for p in passages),
         release_times=dict(solution.release_times),
         start_torques={name: float(torque[0]) for name, torque in start.stop_torques.items()},
     )
@@ -517,9 +510,8 @@ def pair_of(
 def _position_difference(first: RunErrors, second: RunErrors, marker: str, end: float) -> float:
     coarse, fine = sorted((first, second), key=lambda run: len(run.t))
     t = coarse.t[coarse.t <= min(end, fine.t[-1])]
-    interpolated = np.stack(
-        [np.interp(t, fine.t, fine.errors[marker][:, axis]) for axis in (0, 1)], axis=1
-    )
+    columns = [np.interp(t, fine.t, column) for column in fine.errors[marker].T]
+    interpolated = np.stack(columns, axis=1)
     return float(np.linalg.norm(coarse.errors[marker][: len(t)] - interpolated, axis=1).max())
 
 

@@ -75,7 +75,7 @@ class Outcome(StrEnum):
 
 
 def share_of(value: float | None, tolerance: float | None) -> float | None:
-    """value / tolerance; infinite for a missing value, None without a tolerance."""
+    """Value / tolerance; infinite for a missing value, None without a tolerance."""
     if tolerance is None:
         return None
     return math.inf if value is None else abs(value) / (tolerance or _LEAST)
@@ -129,7 +129,7 @@ class Metric(Spec):
 
     @property
     def share(self) -> float | None:
-        """value / tolerance; infinite for a missing value, None without a tolerance."""
+        """Value / tolerance; infinite for a missing value, None without a tolerance."""
         return share_of(self.value, self.tolerance)
 
     @property

@@ -86,11 +86,9 @@ def _faults(
         if not (np.isfinite(time) and time >= 0):
             yield f"an impact's time is {time!r} s"
         yield from _names("impacts", impulses, {stop.name for stop in mechanism.stops}, set())
-        yield from (
-            f"the impulse of {name!r} is {p!r}"
-            for name, p in impulses.items()
-            if not np.isfinite(p)
-        )
+        for name, impulse in impulses.items():
+            if not np.isfinite(impulse):
+                yield f"the impulse of {name!r} is {impulse!r}"
 
 
 def _time_faults(t: Any) -> Iterator[str]:
@@ -110,10 +108,8 @@ def _name_faults(
     trajectory: Trajectory, mechanism: Mechanism, capabilities: Capabilities
 ) -> Iterator[str]:
     markers = {marker.name for marker in mechanism.markers}
-    stops, joints = (
-        {stop.name for stop in mechanism.stops},
-        {joint.name for joint in mechanism.joints},
-    )
+    stops = {stop.name for stop in mechanism.stops}
+    joints = {joint.name for joint in mechanism.joints}
     closed = {stop.name for stop in mechanism.stops if stop.closed}
     yield from _names("markers", trajectory.markers, markers, markers)
     torques = closed if capabilities.stop_torques else set[str]()
@@ -144,14 +140,12 @@ def _arrays(trajectory: Trajectory, n: int, n_q: int) -> Iterator[tuple[str, Any
     for name, motion in trajectory.markers.items():
         yield f"position of {name!r}", motion.position, (n, 2)
         yield f"velocity of {name!r}", motion.velocity, (n, 2)
-    yield from (
-        (f"torque of {name!r}", torque, (n,)) for name, torque in trajectory.stop_torques.items()
-    )
-    yield from (
-        (f"reaction of {name!r}", force, (n, 2))
-        for name, force in trajectory.joint_reactions.items()
-    )
-    yield from ((f"gap of {name!r}", gap, (n,)) for name, gap in trajectory.joint_gaps.items())
+    for name, torque in trajectory.stop_torques.items():
+        yield f"torque of {name!r}", torque, (n,)
+    for name, force in trajectory.joint_reactions.items():
+        yield f"reaction of {name!r}", force, (n, 2)
+    for name, gap in trajectory.joint_gaps.items():
+        yield f"gap of {name!r}", gap, (n,)
 
 
 def _array_faults(label: str, given: Any, shape: tuple[int, ...], t: Any) -> Iterator[str]:
@@ -171,11 +165,9 @@ def _array_faults(label: str, given: Any, shape: tuple[int, ...], t: Any) -> Ite
 
 
 def _kind(given: object) -> str:
-    return (
-        f"an array of {given.dtype}"
-        if isinstance(given, np.ndarray)
-        else f"a {type(given).__name__}"
-    )
+    if isinstance(given, np.ndarray):
+        return f"an array of {given.dtype}"
+    return f"a {type(given).__name__}"
 
 
 _COARSE = 1e-12  # tolerance of the second integration: some thirty times the reference's own
@@ -211,9 +203,7 @@ def reference_uncertainties(
     if certificate is None:
         return Uncertainties(source="estimate", values=estimated)
     known = certified(certificate).values
-    kept = {
-        label: value for label, value in estimated.items() if parse_label(label)[0] not in known
-    }
+    kept = {name: value for name, value in estimated.items() if parse_label(name)[0] not in known}
     return Uncertainties(source="certificate", values=kept | known)
 
 
@@ -227,19 +217,17 @@ def _estimated(
 ) -> dict[str, float]:
     problem, until = solution.problem, invariants_to or end
     margin = min(problem.duration, until * 1.02)  # so that the coarser one's events lie inside, too
-    coarse = solve(
-        Problem(problem.mechanism, duration=margin, stop_law=problem.stop_law), _COARSE, _COARSE
-    )
+    longer = Problem(problem.mechanism, duration=margin, stop_law=problem.stop_law)
+    coarse = solve(longer, _COARSE, _COARSE)
     n = int(np.clip(_DENSE * until / scales.time, _LEAST, _MOST))
     samples = np.unique(np.concatenate([np.linspace(0.0, margin, n), [end, until]]))
     metrics = measure(
         coarse.trajectory(samples[samples <= margin]), solution, end,
         scales=scales, thrown=thrown, invariants_to=invariants_to, stretching=stretching,
     )  # fmt: skip
+    launch = coarse.launch_at(LAUNCH_ANGLE, thrown)
     values: dict[str, float] = {}
-    for metric in _without_sampling(
-        metrics, coarse.launch_at(LAUNCH_ANGLE, thrown), solution, thrown
-    ):
+    for metric in _without_sampling(metrics, launch, solution, thrown):
         value = _SAFETY * _distance(metric, scales, solution) + _rounding(metric, scales, solution)
         values[metric.label] = value
         values[metric.name] = max(values.get(metric.name, 0.0), value)
@@ -274,9 +262,8 @@ def _distance(metric: Metric, scales: Scales, solution: Solution) -> float:
     """Distance between the two integrations; the scale for an event that only one of them has."""
     if metric.value is None:
         return QUANTITIES[metric.name].scale_of(scales, metric.subject, solution.problem.mechanism)
-    return max(
-        0.0, abs(metric.value) - (metric.sampling_error or 0.0)
-    )  # the reference is not known by samples
+    # The reference is not known by samples
+    return max(0.0, abs(metric.value) - (metric.sampling_error or 0.0))
 
 
 def _rounding(metric: Metric, scales: Scales, solution: Solution) -> float:
@@ -323,10 +310,8 @@ def farthest(trajectory: Trajectory, runner: Runner) -> Farthest:
 
 
 _Result = TypeVar("_Result")
-_TAIL_STEPS, _TAIL = (
-    20,
-    0.02,
-)  # an engine runs on past the end of what is compared, so that its launch can be found
+# An engine runs on past the end of what is compared, so that its launch can be found
+_TAIL_STEPS, _TAIL = (20, 0.02)
 # Time grids on which the reference is kept: runs of one step and engine share theirs. The longest
 # takes some 10 MB; longer ones belong to runs beside which the reference is cheap.
 _GRIDS, _LONGEST_GRID = 3, 30_000
@@ -378,9 +363,8 @@ class _once(Generic[_Result]):  # noqa: N801 - used as a decorator, like the pro
         name = self._compute.__name__
         with runner.lock:
             if name not in runner.__dict__:
-                runner.__dict__[name] = self._compute(
-                    runner
-                )  # is found there before this is asked again
+                # Is found there before this is asked again
+                runner.__dict__[name] = self._compute(runner)
             return runner.__dict__[name]
 
 
@@ -450,21 +434,14 @@ class Runner:
         Raises:
             SimulationError: as for :attr:`solution`.
         """
-        given = (
-            self.solution,
-            self.judged_to,
-            self.scales,
-            self.until.thrown,
-            self.end,
-            self._stretching,
-        )
-        return self.worker.compute(partial(reference_uncertainties, *given))
+        motion = (self.solution, self.judged_to, self.scales, self.until.thrown)
+        estimate = partial(reference_uncertainties, *motion, self.end, self._stretching)
+        return self.worker.compute(estimate)
 
     @_once
     def _stretching(self) -> Stretching:
-        return self.worker.compute(
-            partial(stretching_until, self.solution, self.end, self._scales_to_end)
-        )
+        grow = partial(stretching_until, self.solution, self.end, self._scales_to_end)
+        return self.worker.compute(grow)
 
     @_once
     def judged_to(self) -> float:
@@ -528,9 +505,8 @@ class Runner:
         """
         problem, longest = self.problem(engine, given), self.solution.problem.duration
         trajectory = self.worker.simulate(engine, problem)
-        valid = refuse_invalid(
-            engine.name, trajectory, given or self.mechanism, engine.capabilities
-        )
+        mechanism = given or self.mechanism
+        valid = refuse_invalid(engine.name, trajectory, mechanism, engine.capabilities)
         if valid.t[-1] > longest:
             to = f"it goes on to {valid.t[-1]:.6g} s, and {problem.duration:.6g} s was asked for"
             raise SimulationError(f"{engine.name} gave an invalid trajectory: {to}.")

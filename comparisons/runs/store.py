@@ -153,9 +153,8 @@ class Store:
             InputError: the folder cannot be written to.
         """
         if self.records is not None:
-            self.jobs[name] = max(
-                jobs, self.jobs.get(name, 1)
-            )  # what was timed before may be timed once more
+            # What was timed before may be timed once more
+            self.jobs[name] = max(jobs, self.jobs.get(name, 1))
             self._write(name, self.records / f"{name}.json", record, conditions)
 
     def _read(self, name: str, path: Path, kind: type[_S], conditions: str) -> _S | None:

@@ -71,10 +71,8 @@ _TOLERANCE = 1e-9  # of the integrations: a thousandth of what the change moves
 _KNOWN = 1e-4  # of a scale: if the reference is known no better, nothing is judged any more
 _SAMPLES = 400
 _NEAR = 0.1  # of the interval of the samples
-_EACH, _COMBINATIONS = (
-    6,
-    3,
-)  # most bodies whose inertias are changed one by one; random combinations of more
+# Most bodies whose inertias are changed one by one; random combinations of more
+_EACH, _COMBINATIONS = (6, 3)
 _NUMBERS: ElementTable[tuple[str, ...]] = ElementTable(
     "The growth of errors",
     FORCE_ELEMENTS,
@@ -88,12 +86,8 @@ _NUMBERS: ElementTable[tuple[str, ...]] = ElementTable(
 )
 """Numbers of a force element that are changed, in the order of the random signs."""
 _ROWS = 4  # of each body before those of forces: place, velocity, angle and its speed
-_SHORTER = (
-    1.0,
-    0.75,
-    0.5,
-    0.25,
-)  # of the end: how far a changed mechanism is moved that cannot be moved to the end
+# Of the end: how far a changed mechanism is moved that cannot be moved to the end
+_SHORTER = (1.0, 0.75, 0.5, 0.25)
 
 
 @dataclass(frozen=True)
@@ -193,9 +187,8 @@ class _Changed:
         motion, found = read(self.unchanged, self.t, self.scales), np.zeros(len(self.t))
         for mechanism in mechanisms:
             moved = self._moved(mechanism, read)
-            apart = np.nan_to_num(
-                np.abs(moved - motion[:, : moved.shape[1]])
-            )  # what is unique in both
+            # What is unique in both
+            apart = np.nan_to_num(np.abs(moved - motion[:, : moved.shape[1]]))
             apart[self.first_force :, self.poles[: moved.shape[1]]] = 0.0
             distance = apart.max(axis=0) / _CHANGE
             found[: len(distance)] = np.maximum(found[: len(distance)], distance)

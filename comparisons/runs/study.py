@@ -22,7 +22,7 @@ from ...models.launch import LAUNCH_ANGLE
 from ...models.library.given import Models, several
 from ...models.library.registry import find_benchmark, library_problem, model
 from ...models.mechanism import Mechanism
-from ...models.problem import Problem, StopLaw
+from ...models.problem import Problem, StopLaw, mechanism_of
 from ...models.spec import Spec
 from ...reference.solution import Solution
 from ...reference.solver import characteristic_time, solve, solve_to_launch, solve_until
@@ -305,9 +305,9 @@ class Study:
     def end_of(self, mechanism: Mechanism) -> Until:
         """End of a mechanism's compared motion: as asked for, its problem's, or the launch."""
         problem = self._problems.get(mechanism.name)
-        return (
-            Until.of(problem.duration) if problem is not None and self.until is None else self.end
-        )
+        if problem is None or self.until is not None:
+            return self.end
+        return Until.of(problem.duration)
 
     @cached_property
     def law(self) -> StopLaw:
@@ -333,22 +333,25 @@ class Study:
     @cached_property
     def mechanisms(self) -> tuple[Mechanism, ...]:
         """Each name once."""
-        return tuple({run.name: run for run in map(_mechanism_of, self._given)}.values())
+        return tuple({run.name: run for run in map(mechanism_of, self._given)}.values())
 
     @cached_property
     def _given(self) -> tuple[Mechanism | Problem, ...]:
         """The models, names resolved."""
-        return tuple(
-            library_problem(m, self.parameters) or model(m, self.parameters)
-            if isinstance(m, str)
-            else m
-            for m in self.models
-        )
+        found: list[Mechanism | Problem] = []
+        for named in self.models:
+            if isinstance(named, str):
+                found.append(
+                    library_problem(named, self.parameters) or model(named, self.parameters)
+                )
+            else:
+                found.append(named)
+        return tuple(found)
 
     @cached_property
     def _problems(self) -> Mapping[str, Problem]:
         """Problems of the study by the name of their mechanism."""
-        last = {_mechanism_of(given).name: given for given in self._given}
+        last = {mechanism_of(given).name: given for given in self._given}
         return {name: given for name, given in last.items() if isinstance(given, Problem)}
 
     @property
@@ -423,10 +426,6 @@ def one_end(duration: float | None, until: str | float | None) -> str | float | 
             "leave one of them out."
         )
     return until if duration is None else duration
-
-
-def _mechanism_of(given: Mechanism | Problem) -> Mechanism:
-    return given.mechanism if isinstance(given, Problem) else given
 
 
 def _unique(names: Iterable[Any]) -> list[Any]:

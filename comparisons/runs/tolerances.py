@@ -132,9 +132,8 @@ class Needs:
 
     def need(self, metric: Metric) -> Need | None:
         """Need of a metric; None where none was stated."""
-        return self.by_quantity.get(
-            (metric.name, metric.subject), self.by_quantity.get((metric.name, None))
-        )
+        of_all = self.by_quantity.get((metric.name, None))
+        return self.by_quantity.get((metric.name, metric.subject), of_all)
 
     def refuse_what_only_files_tell(self) -> None:
         """Refuse a tolerance that no run of an engine would be held to.
@@ -160,10 +159,9 @@ class Needs:
             quantity = QUANTITIES[metric]
             known = {name for each in mechanisms for name in quantity.subjects(each)}
             if subject is not None and subject not in known:
-                there = (
-                    f"there are {sorted(known)}" if quantity.of else "it is of the whole mechanism"
-                )
-                what = quantity.of or "subject"
+                there, what = "it is of the whole mechanism", "subject"
+                if quantity.of:
+                    there, what = f"there are {sorted(known)}", quantity.of
                 raise InputError(
                     f"tolerance {quantity.title}:{subject[:60]}: there is no such {what}; {there}."
                 )
@@ -171,12 +169,13 @@ class Needs:
     @property
     def texts(self) -> dict[str, str]:
         """Needs as they were stated, by quantity."""
-        names = {
-            key: QUANTITIES[key[0]].title + (f":{key[1]}" if key[1] else "")
-            for key in self.by_quantity
-        }
-        stated = {names[key]: need.text for key, need in self.by_quantity.items()}
-        return stated | ({_EVERYTHING: self.default.text} if self.default else {})
+        stated: dict[str, str] = {}
+        for (metric, subject), need in self.by_quantity.items():
+            title = QUANTITIES[metric].title
+            stated[f"{title}:{subject}" if subject else title] = need.text
+        if self.default is not None:
+            stated[_EVERYTHING] = self.default.text
+        return stated
 
 
 @dataclass(frozen=True)
@@ -221,17 +220,12 @@ def tolerance_for(
         table_one: whether the mechanism is one of Table I (:func:`is_table_one`); ten times as much
             elsewhere.
     """
-    fitting = [
-        each
-        for each in engine_study(engine).tolerances
-        if each.fits(preset, metric, subject, mechanism)
-    ]
+    every = engine_study(engine).tolerances
+    fitting = [each for each in every if each.fits(preset, metric, subject, mechanism)]
     if not fitting or step is None:
         return None
-    shortest = min(each.timestep for each in fitting)
-    at = max(
-        (each.timestep for each in fitting if each.timestep <= step * (1 + 1e-9)), default=shortest
-    )
+    steps = [each.timestep for each in fitting]
+    at = max((each for each in steps if each <= step * (1 + 1e-9)), default=min(steps))
     stated = min((each for each in fitting if each.timestep == at), key=lambda each: each.value)
     growth = max(1.0, step / stated.timestep) ** stated.order
     allowance = 1.0 if table_one else _OTHER_MACHINES
@@ -302,13 +296,10 @@ def _held_against(metric: Metric, applied: AppliedTolerance, most: float) -> Met
                 f"more than the tolerance {value:.2g}"
             )
             return metric.model_copy(update={"note": note})
-        value, reason = (
-            value + unknown,
-            f"{reason}; and {unknown:.2g} that the samples leave unknown",
-        )
-    return metric.model_copy(
-        update={"tolerance": value, "source": applied.source, "reason": reason}
-    )
+        value += unknown
+        reason = f"{reason}; and {unknown:.2g} that the samples leave unknown"
+    update = {"tolerance": value, "source": applied.source, "reason": reason}
+    return metric.model_copy(update=update)
 
 
 def _surely_broken(
@@ -320,11 +311,9 @@ def _surely_broken(
     has it.
     """
     known = uncertainty or 0.0
-    return (
-        known < scale
-        if metric.value is None
-        else abs(metric.value) > tolerance + REFUSED_BELOW * known
-    )
+    if metric.value is None:
+        return known < scale
+    return abs(metric.value) > tolerance + REFUSED_BELOW * known
 
 
 def _vouched(applied: AppliedTolerance, uncertainty: float | None, most: float) -> AppliedTolerance:
@@ -332,9 +321,8 @@ def _vouched(applied: AppliedTolerance, uncertainty: float | None, most: float) 
     least = REFUSED_BELOW * (uncertainty or 0.0)
     if applied.source != "claim" or not applied.value < least <= most:
         return applied
-    return AppliedTolerance(
-        least, "claim", f"{applied.reason}; raised to ten times the reference's uncertainty"
-    )
+    reason = f"{applied.reason}; raised to ten times the reference's uncertainty"
+    return AppliedTolerance(least, "claim", reason)
 
 
 def _applied(
@@ -377,9 +365,8 @@ def _default(
     step, located = _step(run), engine_class(run.engine).capabilities.located_releases
     located = located and all(run.settings.get(option, True) for option in _LOCATES)
     if quantity.event and step is not None and not located:
-        return AppliedTolerance(
-            value + step, "default", f"{reason}, and the step in which it does not locate an event"
-        )
+        value += step
+        reason += ", and the step in which it does not locate an event"
     return AppliedTolerance(value, "default", reason)
 
 
@@ -403,18 +390,17 @@ def _claim(
     scales, usual, mechanism = _table_one()
     if machine.table_one and (machine.stretching <= usual or _to_the_launch(machine)):
         stated = tolerance_for(*of, step, table_one=True)
-        return stated and AppliedTolerance(
-            stated.value * _share(stated, metric, machine), "claim", stated.reason
-        )
+        if stated is None:
+            return None
+        value = stated.value * _share(stated, metric, machine)
+        return AppliedTolerance(value, "claim", stated.reason)
     stretched = max(1.0, machine.stretching / usual)
     stated = tolerance_for(*of, step and step * scales.time / machine.scales.time, table_one=True)
     if stated is None:
         return None
-    part = (
-        stated.value
-        if stated.stated.per
-        else stated.value / _stated_scale(quantity, scales, mechanism)
-    )
+    part = stated.value
+    if not stated.stated.per:
+        part /= _stated_scale(quantity, scales, mechanism)
     reason = (
         f"{stated.reason} on Table I, to its launch; "
         f"the same part of the scale, times {_CARRIED * stretched:.3g}"
@@ -433,11 +419,9 @@ def _share(stated: StatedTolerance, metric: Metric, machine: Machine) -> float:
     if not stated.stated.per or metric.subject is None:
         return 1.0
     start = machine.start_torques.get(metric.subject, 0.0)
-    return (
-        start
-        if stated.stated.per == "start" and start > 0
-        else machine.scales.torques[metric.subject]
-    )
+    if stated.stated.per == "start" and start > 0:
+        return start
+    return machine.scales.torques[metric.subject]
 
 
 def _stated_scale(quantity: MetricKind, scales: Scales, mechanism: Mechanism) -> float:

@@ -153,7 +153,7 @@ def test_a_stop_of_a_body_against_itself_is_refused() -> None:
     )
     alone = Mechanism(**(dict(plain) | {"stops": (wall,)}))
     with pytest.raises(
-        UnsupportedProblemError, match="'wall' holds a point of 'bob' against 'bob' itself"
+        UnsupportedProblemError, match="'wall' holds a point of 'bob' against itself"
     ):
         MujocoEngine().simulate(Problem(alone, 0.1))
 

@@ -18,7 +18,8 @@ import trebucheck as tb
 from mechanisms import chain, four_bar, hanging_bob
 from trebucheck.__main__ import main
 from trebucheck.comparisons.converge import study as converging
-from trebucheck.comparisons.recommend import Asked, recommend
+from trebucheck.comparisons.recommend import Asked
+from trebucheck.comparisons.recommend.study import recommend_study
 from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.report.pages.converge import document
 from trebucheck.comparisons.runs.process import Worker
@@ -195,7 +196,7 @@ def test_a_motion_is_compared_up_to_its_predictability_horizon(
 ) -> None:
     wild = chain(start=(-2.5, -2.0), start_speeds=())
     monkeypatch.setattr(converging, "_STEPS", STEPS[:1])
-    studies = converging.converge(Study([wild], ["second"], until=3.0, isolate=False), ["timestep"])
+    studies = converging.converge_study(Study([wild], ["second"], until=3.0, isolate=False), ["timestep"])
     found = studies.machines[0]
     assert found.compared_to == 3.0 and found.judged_to is not None and 1.0 < found.judged_to < 2.9
     assert f"Nothing is compared beyond {found.judged_to:.6g} s" in page(document(studies))
@@ -206,15 +207,15 @@ def test_a_motion_is_compared_up_to_its_predictability_horizon(
 def test_what_the_reference_does_not_do_cannot_be_asked() -> None:
     quick = Study([tb.fixed()], ["second"], until=0.1, isolate=False)
     with pytest.raises(InputError, match="no stop of 'fixed' releases within the compared"):
-        recommend(quick, Asked(release=1e-6), 0)
+        recommend_study(quick, Asked(release=1e-6), 0)
     with pytest.raises(InputError, match="has no stop that is closed at the start"):
-        recommend(Study([MACHINES["tip"]], ["second"], isolate=False), Asked(torque=1.0), 0)
+        recommend_study(Study([MACHINES["tip"]], ["second"], isolate=False), Asked(torque=1.0), 0)
 
 
 @pytest.mark.parametrize("until", ["release:hanger rest", "launch", "0.5"])
 def test_the_end_is_that_of_the_study(until: str) -> None:
     expected = Runner(tb.fixed(), until=Until.of(until)).end
-    found = converging.converge(
+    found = converging.converge_study(
         Study([tb.fixed()], ["second"], until=until, isolate=False), ["timestep"]
     ).machines[0]
     assert found.compared_to == expected
@@ -229,7 +230,7 @@ def test_steps_follow_the_size(tmp_path: Path) -> None:
     small = hanging_bob(markers=(Marker(name="tip", body="bob", point=(0.02, 0)),), length=0.02)
     finest: list[float] = []
     for machine in (MACHINES["tip"], small):
-        found = converging.converge(
+        found = converging.converge_study(
             Study([machine], ["second"], isolate=False), ["timestep"]
         ).machines[0]
         finest.append(min(point.value for study in found.studies for point in study.points))
@@ -267,7 +268,7 @@ def test_steps_follow_a_short_end() -> None:
     """Ten milliseconds, or a tenth of one, have as many steps as a whole throw."""
     for until in (1e-2, 1e-4):
         study = Study([tb.fixed()], ["second"], until=until, isolate=False)
-        found = converging.converge(study, ["timestep"]).machines[0].studies[0]
+        found = converging.converge_study(study, ["timestep"]).machines[0].studies[0]
         assert all(point.message is None for point in found.points)
         usual = found.points[
             -len(converging._STEPS)

@@ -12,7 +12,7 @@ from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
-from trebucheck_toolkit.point_masses import NoPointMasses
+from trebucheck.engines.point_masses import NoPointMasses
 
 LEAST = 1e-2
 

@@ -116,16 +116,12 @@ _BEFORE = 1e-7  # parts of the end
 _SAME = 1e-3  # a marker is where q puts it, if it is less than this share of its deviation away
 _KEPT = 4  # motions at the samples of runs
 _SAME_TIME = 1e-9  # parts of the end
-_WIDER, _MARGIN = (
-    0.15,
-    0.03,
-)  # of the size: by how much runs widen the view at most, and what is left beside them
+# Of the size: by how much runs widen the view at most, and what is left beside them
+_WIDER, _MARGIN = (0.15, 0.03)
 _ROUNDING = 1e-14  # of the size, below which a deviation is rounding
 _SECONDS = 6.0  # of a motion, as files show it
-_SLOWED, _CLOSE = (
-    3.0,
-    0.02,
-)  # slow motion there: how much, and within which part of the end about an event
+# Slow motion there: how much, and within which part of the end about an event
+_SLOWED, _CLOSE = (3.0, 0.02)
 HOLD = 1.2
 """How long files show the last picture [s]."""
 _MOST = 1e8  # times that a deviation is magnified

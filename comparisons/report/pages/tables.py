@@ -35,10 +35,11 @@ MARKS: dict[Outcome, doc.Mark] = {
 }
 """Marks of verdicts."""
 _LISTED = 5  # singular positions whose times are stated
+# Why nothing is compared beyond the predictability horizon
 _HORIZON = (
     "there a hundred-thousandth of a body's inertia, or a millionth of the start, moves the "
     "mechanism by a thousandth of its size, and any two integrators differ"
-)  # why nothing is compared beyond the predictability horizon
+)
 _BEYOND = "beyond it only invariants and the time of first parting are judged"
 
 

@@ -15,7 +15,7 @@ from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import NonNegative
 from trebucheck_toolkit.plain_run import plain_run
-from trebucheck_toolkit.point_masses import LeastInertia
+from trebucheck.engines.point_masses import LeastInertia
 
 from .study import STUDY
 

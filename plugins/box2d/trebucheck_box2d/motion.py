@@ -14,7 +14,7 @@ from trebucheck.models.problem import Problem, StopLaw
 from trebucheck_toolkit.event_driver import Observation
 from trebucheck_toolkit.joint_coordinates import Limit
 from trebucheck_toolkit.plain_run import StepAhead
-from trebucheck_toolkit.point_masses import NoPointMasses
+from trebucheck.engines.point_masses import NoPointMasses
 from trebucheck_toolkit.schemes import State
 
 from .build import WIDE, Built

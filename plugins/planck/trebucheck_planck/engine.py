@@ -18,7 +18,7 @@ from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Positive
 from trebucheck_toolkit.node_samples import NodeSamples
 from trebucheck_toolkit.node_scene import Json, NodeScene
-from trebucheck_toolkit.point_masses import LeastInertia, NoPointMasses
+from trebucheck.engines.point_masses import LeastInertia, NoPointMasses
 
 from .bridge import PLANCK
 from .inspect import inspect

@@ -11,7 +11,7 @@ from trebucheck.models.elements import FreeJoint
 from trebucheck.models.problem import StopLaw
 from trebucheck_toolkit.node_samples import NodeSamples
 from trebucheck_toolkit.node_scene import MIRROR
-from trebucheck_toolkit.point_masses import NoPointMasses
+from trebucheck.engines.point_masses import NoPointMasses
 
 
 def recording(samples: NodeSamples, spread: NoPointMasses, law: StopLaw) -> Recording:
