@@ -666,7 +666,9 @@ MISTAKES: dict[str, Mistake] = {
     "pins rub": Mistake(_DAMPING, built=_rubbing("pin")),
     # moved wrongly
     "slides rub": Mistake(_DAMPING, moved=_by(_RubbingSlots)),
-    "no velocity-dependent forces": Mistake(("velocity-dependent",), moved=_by(without_centrifugal)),
+    "no velocity-dependent forces": Mistake(
+        ("velocity-dependent",), moved=_by(without_centrifugal)
+    ),
     "stops hold in both directions": Mistake(("never",), moved=_held),
     "stops open one step late": Mistake(("release",), moved=_opened(lambda t, h: t + h)),
     "stops open 0.05 s late": Mistake(("release",), moved=_opened(lambda t, h: t + 0.05)),

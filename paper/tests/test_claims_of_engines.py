@@ -238,6 +238,7 @@ def test_the_counterweights_way_is_the_paths() -> None:
     """All its turns, against the sum over a thousand samples, whose error goes with the square of
     their distance.
     """
+    assert len(evidence().throws) > 0
     for throw in evidence().throws.values():
         t = np.linspace(0.0, throw.launch_time, 1001)
         x = throw.at(t).marker("counterweight").position[:, 0]
@@ -262,6 +263,7 @@ def test_an_engine_that_computes_another_machine_is_outside_its_bars() -> None:
     wrong = tb.fixed(tb.TrebuchetParameters(r=6.006))
     solution = solve(tb.Problem(wrong, duration=3.0))
     values = read(MinimalMotion(solution), solution.trajectory(np.linspace(0.0, 3.0, 500)))
+    assert len(throw.engines) > 0
     for each in throw.engines:
         for quantity in (LAUNCH_SPEED, ENERGY_RATIO, BEST_TIME):
             error = abs(values[quantity] - throw.values[quantity])

@@ -175,6 +175,7 @@ def test_at_45_degrees_the_angle_is_45_at_the_peak() -> None:
 
 
 def test_within_all_constraints() -> None:
+    assert len(design().designs) > 0
     for each in design().designs:
         throwing, p = each.throwing, each.throwing.parameters
         assert p.l1 + p.l2 == pytest.approx(14.0, abs=1e-12)

@@ -125,6 +125,7 @@ def test_the_order_is_found_of_any_mechanism(
     """Without a launch, without stops."""
     monkeypatch.setattr(studying, "_STEPS", tuple(8e-3 / 2**k for k in range(5)))
     study = runs.Study([mechanism], ["pymunk", "exudyn"], until=1.0, isolate=False)
+    assert len(converge_study(study, ["timestep"]).machines[0].studies) > 0
     for found in converge_study(study, ["timestep"]).machines[0].studies:
         assert [curve.quantity for curve in found.curves] == ["position"]
         law = found.curve("position").law

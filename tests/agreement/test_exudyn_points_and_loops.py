@@ -95,6 +95,7 @@ def test_the_order_is_two(name: str) -> None:
     exact = reference(name)
     steps = np.array([4e-3, 2e-3, 1e-3])
     runs = [ExudynEngine(timestep=step).simulate(exact.problem) for step in steps]
+    assert len(MACHINES[name].markers) > 0
     for marker in MACHINES[name].markers:
         errors = [position_error(run, exact, marker.name) for run in runs]
         assert np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(2.0, abs=0.1)

@@ -127,11 +127,13 @@ def test_the_trough_lets_go_inside_a_step(name: str) -> None:
 @machines
 def test_forces_at_the_start_are_exact(name: str) -> None:
     found, exact = run(name, 1e-3), reference(name).trajectory(run(name, 1e-3).t[:1])
+    assert found.stop_torques.keys() == exact.stop_torques.keys()
     for stop, force in found.stop_torques.items():
         assert force[0] == pytest.approx(exact.stop_torque(stop)[0], rel=EXACT)
     largest = max(
         float(np.abs(exact.joint_reaction(joint)).max()) for joint in found.joint_reactions
     )
+    assert len(found.joint_reactions) > 0
     for joint, force in found.joint_reactions.items():
         assert np.abs(force[0] - exact.joint_reaction(joint)[0]).max() <= EXACT * largest
 
@@ -495,6 +497,7 @@ def test_impulses_at_the_start_have_converged_however_slowly_they_do() -> None:
     problem = Problem(random_mechanism(22), 0.004)
     found = PymunkEngine(timestep=4e-4).simulate(problem)
     exact = solve(problem).trajectory(found.t)
+    assert len(exact.joint_reactions) > 0
     for name, forces in exact.joint_reactions.items():
         # Of the impulses' least change that counts in a round, with the inertia that amplifies it
         # here.

@@ -119,6 +119,7 @@ def test_a_run_s_marker_is_drawn_where_the_data_say(page: Any, index: int, facto
 @pytest.mark.parametrize("index", [0, 1, 2])
 def test_live_errors_are_the_data_s(page: Any, index: int) -> None:
     shown = SCENES[index]
+    assert len(shown.runs) > 0
     page.evaluate(f"{PLAYER}.choose({index})")
     for frame in (len(shown.t) // 3, len(shown.t) - 1):
         page.evaluate(f"{PLAYER}.seek({float(shown.t[frame])!r})")

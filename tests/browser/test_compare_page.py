@@ -154,7 +154,9 @@ def test_every_cell_leads_to_its_plot(page: Page) -> None:
 
 
 def test_verdicts_lead_to_what_is_said_of_the_run_and_open_it(page: Page) -> None:
-    for model, label, cells in overview(page):
+    rows = overview(page)
+    assert len(rows) == len(pages.comparison().results.runs)
+    for model, label, cells in rows:
         href = cells["verdict"][1]
         page.evaluate("(href) => document.querySelector(`table a[href='${href}']`).click()", href)
         target = page.locator(href)
@@ -323,6 +325,7 @@ CELLS = (
 
 def test_numbers_of_every_metric_are_those_of_the_results(page: Page) -> None:
     results = json.loads(pages.comparison().results.to_json())
+    assert any(run["metrics"] for run in results["runs"])
     for run in results["runs"]:
         anchor = f"{run['model']}-metrics-{run['engine']}-{run['preset']}"
         if not run["metrics"]:

@@ -136,7 +136,9 @@ def test_neighbours_stay_in_the_stated_ranges_and_are_always_the_same() -> None:
 
 def test_a_mechanism_of_ones_own_keeps_its_geometry() -> None:
     mechanism = tb.fixed()
-    for neighbour, factors in islice(family.of_mechanism(mechanism), 5):
+    neighbours = list(islice(family.of_mechanism(mechanism), 5))
+    assert len(neighbours) == 5
+    for neighbour, factors in neighbours:
         assert neighbour.joints == mechanism.joints and neighbour.start == mechanism.start
         assert neighbour.gravity == mechanism.gravity * factors["gravity"]
         for body, own in zip(neighbour.bodies, mechanism.bodies, strict=True):
@@ -289,7 +291,9 @@ def test_what_was_reached_is_told_of_the_best_step_measured() -> None:
 
 @pytest.mark.parametrize("name", ENGINES)
 def test_texts_are_what_they_say(name: str) -> None:
-    for options in option_sets(name):
+    sets = list(option_sets(name))
+    assert len(sets) > 0
+    for options in sets:
         texts = snippets(name, tb.rolling(), options.preset, options.all_options(5e-4))
         for title, text in texts.items():
             if title == MJCF:
@@ -318,7 +322,9 @@ def test_the_command_gives_the_same_engine(
         raise tb.InputError("enough")
 
     monkeypatch.setattr(Study, "engine", engine)
-    for options in option_sets(name):
+    sets = list(option_sets(name))
+    assert len(sets) > 0
+    for options in sets:
         command = snippets(name, tb.rolling(), options.preset, options.all_options(5e-4))
         words = shlex.split(command["trebucheck on the command line"])
         assert words[0] == "trebucheck"

@@ -21,8 +21,7 @@ from mechanisms import everything, fixed, hanging_bob
 from PIL import Image
 from trebucheck.__main__ import main
 from trebucheck.comparisons.report import html, markdown
-from trebucheck.comparisons.report.document import AnimationBlock
-from trebucheck.comparisons.report.document import Document, Heading
+from trebucheck.comparisons.report.document import AnimationBlock, Document, Heading
 from trebucheck.comparisons.report.drawing import animation, files
 from trebucheck.comparisons.report.drawing.animation import Animation, scene_data
 from trebucheck.comparisons.report.drawing.files import PALETTE, Stage
@@ -430,6 +429,7 @@ def test_in_an_svg_a_run_is_not_seen_after_its_end(tmp_path: Path) -> None:
     root = ET.fromstring((tmp_path / "motion.svg").read_text())
     frames = _layers(root, "frame")
     times = files.play_times(shown, files._SVG_RATE)
+    assert len(frames) > 0
     for frame, time in zip(frames, times, strict=True):
         assert ("#00ff00" in ET.tostring(frame, encoding="unicode")) == (time <= 1.0)
 

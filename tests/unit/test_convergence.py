@@ -282,7 +282,9 @@ def test_an_error_that_still_falls_has_no_floor() -> None:
 
 def test_knobs_are_options_of_their_engines_and_go_from_coarse_to_fine() -> None:
     for name in ("mujoco", "pymunk", "exudyn"):
-        for knob in swept_parameters(name):
+        knobs = swept_parameters(name)
+        assert len(knobs) > 1
+        for knob in knobs:
             made = [
                 tb.engine(name, knob.preset, **{**knob.base, **knob.options(v)})
                 for v in knob.values
@@ -299,6 +301,7 @@ def test_knobs_are_options_of_their_engines_and_go_from_coarse_to_fine() -> None
 def test_the_bias_leaves_an_error_standing_for_the_lag() -> None:
     knob = next(knob for knob in swept_parameters("pymunk") if knob.name == "error_bias")
     h = knob.base["timestep"]
+    assert len(knob.values) > 0
     for lag in knob.values:
         share = float(knob.options(lag)["error_bias"]) ** h  # of an error that is left after a step
         assert h * share / (1 - share) == pytest.approx(lag, rel=1e-9)
@@ -306,6 +309,7 @@ def test_the_bias_leaves_an_error_standing_for_the_lag() -> None:
 
 def test_the_radius_is_that_of_the_dissipation() -> None:
     knob = next(knob for knob in swept_parameters("exudyn") if knob.name == "spectral_radius")
+    assert len(knob.values) > 0
     for dissipation in knob.values:
         rho = knob.options(dissipation)["spectral_radius"]
         assert (1 - rho) / (1 + rho) == pytest.approx(dissipation)

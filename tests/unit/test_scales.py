@@ -138,6 +138,7 @@ def test_scales_of_a_mechanism_of_another_size_are_the_same_parts(factor: float)
         "force": 3,
         "energy": 4,
     }
+    assert len(powers) > 0
     for name, power in powers.items():
         assert getattr(small, name) == pytest.approx(
             getattr(usual, name) * s**power, rel=1e-6, abs=0
@@ -161,6 +162,7 @@ def test_springs_on_angles_have_the_time_of_the_inertia_that_they_turn() -> None
         ),
         (tb.CubicTorsionSpring(**ends, cubic_stiffness=1e5, rest_angle=0.1), 3e5 * 0.2**2),
     ]
+    assert len(springs) > 0
     for spring, stiffness in springs:
         swing = mechanisms.hanging_bob(
             start=0.3, bodies=(body,), markers=(), force_elements=(spring,)

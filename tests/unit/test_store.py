@@ -334,6 +334,7 @@ def test_trials_taken_from_a_store_are_still_of_as_many_runs_at_once(
         "explain": ["--preset", "tuned", "--until", "0.1", "--timestep", "5e-3"],
         "recommend": ["--position", "1e-2", "--until", "0.1", "--neighbours", "0"],
     }
+    assert len(commands) > 0
     for command, more in commands.items():
         for run in (["--jobs", "2"], ["--resume"]):
             assert main([command, *machine, *more, *run]) == 0

@@ -87,6 +87,7 @@ def test_first_order_effects_are_those_of_the_solved_motion(build: object) -> No
     chosen = [h for h in hypotheses(mechanism) if len(h.components) == 1][::4]
     equations = [e for e in (h.make([1.0]) for h in chosen) if e is not None]
     right = solution.motion(t)
+    assert len(equations) > 0
     for wrong, change in zip(equations, first_order(solution, equations, t), strict=True):
         moved = solve(tb.Problem(wrong.mechanism, duration=2.4), 1e-13, 1e-13, wrong).motion(t)
         exact = np.concatenate([moved.q - right.q, moved.u - right.u], axis=1)
@@ -121,9 +122,9 @@ def test_turned_gravity_is_the_turned_mechanism() -> None:
     free = mechanism.model_copy(update={"stops": ()})
     turned = free.model_copy(update={"start": tuple(q + angle for q in free.start)})
     t = np.linspace(0.0, 1.0, 20)
-    tilted = solve(tb.Problem(free, duration=1.0), equations=with_tilted_gravity(free, angle)).motion(
-        t
-    )
+    tilted = solve(
+        tb.Problem(free, duration=1.0), equations=with_tilted_gravity(free, angle)
+    ).motion(t)
     upright = solve(tb.Problem(turned, duration=1.0)).motion(t)
     assert tilted.q + angle == pytest.approx(upright.q, abs=1e-9)
 

@@ -25,10 +25,10 @@ from trebucheck.comparisons.runs.process import Worker
 from trebucheck.comparisons.runs.results import Outcome, Results
 from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.engines import protocol
+from trebucheck.engines.protocol import available_memory
 from trebucheck.models.elements import GROUND
 from trebucheck.models.errors import SimulationError
 from trebucheck.models.mechanism import Body, Marker, Mechanism
-from trebucheck.engines.protocol import available_memory
 from trebucheck.reference.certification import certify as certification
 from trebucheck.reference.integrator import MOST_STEPS
 from trebucheck.reference.solver import solve

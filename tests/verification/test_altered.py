@@ -55,7 +55,9 @@ def test_damping_takes_energy_as_fast_as_it_should(build: Build) -> None:
     """dE/dt = -c w^2 of the joint's relative speed w; the rest of the equations conserve energy."""
     mechanism, damping = build(), 50.0
     solution = solve_scheduled(
-        tb.Problem(mechanism, duration=1.0), {}, with_joint_element(mechanism, "hanger pin", damping=damping)
+        tb.Problem(mechanism, duration=1.0),
+        {},
+        with_joint_element(mechanism, "hanger pin", damping=damping),
     )
     t = np.linspace(0.0, 1.0, 4001)
     trajectory = solution.trajectory(t)
@@ -71,7 +73,10 @@ def test_armature_is_kinetic_energy_of_the_relative_speed(build: Build) -> None:
     mechanism, armature = build(), 300.0
     random = np.random.default_rng(1)
     q, u = random.normal(size=(2, len(mechanism.coordinates)))
-    plain, geared = Equations(mechanism), with_joint_element(mechanism, "sling pin", armature=armature)
+    plain, geared = (
+        Equations(mechanism),
+        with_joint_element(mechanism, "sling pin", armature=armature),
+    )
     more = 0.5 * u @ (geared.mass_matrix(q) - plain.mass_matrix(q)) @ u
     assert more == pytest.approx(0.5 * armature * (u[1] - u[0]) ** 2, rel=1e-9)
 

@@ -107,6 +107,8 @@ def test_the_checked_figures_are_covered(committed: Certificate) -> None:
 
 def test_certificates_are_as_sharp_as_needed(committed: Certificate) -> None:
     """Stated needs: event times to 3e-13 relative, positions up to the launch to 1e-10 m."""
+    names = {figure.name for figure in committed.figures}
+    assert {"release_time", "launch_time", "position_x", "position_y"} <= names
     for figure in committed.figures:
         if figure.name in ("release_time", "launch_time"):
             assert figure.uncertainty < 3e-13 * figure.value

@@ -251,6 +251,7 @@ def test_the_law_is_complementary_at_all_times(
         stop["restitution"] = e
     solution = _unilateral(tb.Mechanism(**fields), 6.0)
     trajectory = solution.trajectory(np.linspace(0.0, 6.0, 3000))
+    assert len(trajectory.mechanism.stops) > 0
     for stop in trajectory.mechanism.stops:
         torque, gap = trajectory.stop_torque(stop.name), trajectory.stop_gap(stop.name)
         peak = max(float(torque.max()), 1.0)

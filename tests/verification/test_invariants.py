@@ -81,6 +81,7 @@ def test_reactions_carry_the_whole_machine(
 @given(parameters=machine_parameters())
 def test_stops_are_complementary(build: Build, parameters: tb.TrebuchetParameters) -> None:
     _, trajectory = _to_launch(build, parameters)
+    assert len(trajectory.mechanism.stops) > 0
     for stop in trajectory.mechanism.stops:
         torque, gap = trajectory.stop_torque(stop.name), trajectory.stop_gap(stop.name)
         scale = max(torque.max(), 1.0)

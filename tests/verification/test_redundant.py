@@ -121,6 +121,7 @@ def test_multipliers_are_the_newtonian_reactions(
     solution, motion, end = table_one
     times = np.linspace(0.0, end, 60)
     trajectory = solution.trajectory(times)
+    assert len(trajectory.joint_reactions) > 0
     for name, force in trajectory.joint_reactions.items():
         found = np.array([motion.joint_reactions(float(t))[name] for t in times])
         assert np.abs(found - force).max() < NEED * np.linalg.norm(force, axis=1).max()
@@ -158,6 +159,7 @@ def test_a_loop_of_joints(moving: bool) -> None:
     solution, motion = solve(problem), solve_redundant(problem)
     times = np.linspace(0.0, 2.0, 40)
     trajectory = solution.trajectory(times)
+    assert len(times) > 0
     for i, t in enumerate(times):
         assert motion.state(float(t))[0] == pytest.approx(trajectory.q[i], abs=NEED)
         for name, force in motion.joint_reactions(float(t)).items():
@@ -216,6 +218,7 @@ def test_every_element_makes_the_same_motion() -> None:
     solution, motion = solve(problem), solve_redundant(problem)
     times = np.linspace(0.0, 1.0, 9)
     trajectory = solution.trajectory(times)
+    assert len(times) > 0
     for i, t in enumerate(times):
         assert motion.state(float(t))[0] == pytest.approx(trajectory.q[i], abs=NEED)
         assert motion.state(float(t))[1] == pytest.approx(trajectory.u[i], abs=NEED)

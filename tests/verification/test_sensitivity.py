@@ -315,6 +315,7 @@ def test_the_state_s_rate_does_not_jump_at_a_release(build: Build) -> None:
     identity).
     """
     solution = solve(tb.Problem(build(tb.TrebuchetParameters()), duration=3.0))
+    assert len(solution.segments) > 2
     for before, after in zip(solution.segments[:-1], solution.segments[1:], strict=True):
         y = np.asarray(before.interpolant(before.end))
         q, u = np.split(y, 2)
@@ -341,7 +342,9 @@ def test_directions_are_the_derivatives_of_the_machine_s_numbers(
 
     A central difference has no truncation error.
     """
-    for name, direction in parameter_directions(build, p).items():
+    directions = parameter_directions(build, p)
+    assert directions.keys() >= {"l1", "m_b", "g"}
+    for name, direction in directions.items():
         step = 2.0**-4
         above, below = (
             numbers(build(p.model_copy(update={name: getattr(p, name) + s}))) for s in (step, -step)
@@ -384,6 +387,7 @@ def test_a_mechanism_with_a_loop() -> None:
         )
 
     nominal = {"length": 2.0, "tilt": 0.0, "mass": 1.0, "gravity": 9.81}
+    assert len(exact) > 0
     for row, (name, value) in zip(exact, nominal.items(), strict=True):
         central = [
             (end(**{name: value + h}) - end(**{name: value - h})) / (2 * h) for h in (1e-3, 2e-3)

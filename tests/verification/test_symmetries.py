@@ -52,12 +52,14 @@ def test_mirror_image(build: Build, parameters: tb.TrebuchetParameters) -> None:
     first, second = (solve(tb.Problem(m, duration=2.2)) for m in (machine, mirrored(machine)))
     t = np.linspace(0.0, 2.2, 50)
     one, other = first.trajectory(t), second.trajectory(t)
+    assert len(first.release_times) > 0
     for name, time in first.release_times.items():
         mine = second.release_times[name]
         # Two runs of the integrator: its tolerance of 3e-14 per step, grown by some hundreds in the
         # swing.
         assert (mine is None) == (time is None)
         assert mine is None or mine == pytest.approx(time, abs=1e-11)
+    assert len(one.markers) > 0
     for name, motion in one.markers.items():
         expected = motion.position * np.array([-1.0, 1.0])
         assert other.marker(name).position == pytest.approx(expected, abs=1e-9)

@@ -82,6 +82,7 @@ def test_taylor_series_agree_with_minimal_coordinates() -> None:
 def test_a_batch_takes_the_spring() -> None:
     machines = [sprung_pendulum(cubic_stiffness=k) for k in (0.0, 20.0, 30.0)]
     launches = launch_batch(machines, duration=1.5)
+    assert len(machines) > 0
     for machine, launched, time in zip(machines, launches.launched, launches.time, strict=True):
         launch = solve(Problem(machine, duration=1.5)).launch
         assert bool(launched) == (launch is not None)
