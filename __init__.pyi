@@ -34,13 +34,15 @@ from .models.errors import (
     UnsupportedProblemError,
 )
 from .models.launch import Launch
-from .models.library.catapult import CatapultParameters, catapult
-from .models.library.floating_arm import FloatingArmParameters, floating_arm
 from .models.library.given import model, problem, problems
 from .models.library.trebuchet import (
+    CatapultParameters,
+    FloatingArmParameters,
     HingedParameters,
     TrebuchetParameters,
+    catapult,
     fixed,
+    floating_arm,
     hinged,
     rolling,
 )

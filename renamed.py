@@ -305,7 +305,7 @@ def _full_name(module: str) -> str:
 class _RenamedModule(ModuleType):
     """A module under its old name; it looks its names up in the new ones."""
 
-    __path__: Sequence[str] = ()  # an old package: its modules are found by the same finder
+    __path__ = []  # an old package: its modules are found by the same finder
 
     def __getattr__(self, name: str) -> Any:
         for module in RENAMED[self.__name__.removeprefix(f"{_PACKAGE}.")]:

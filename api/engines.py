@@ -1,4 +1,4 @@
-"""What adapters and their tests use beside `trebucheck.engines.protocol`, for distributions built on trebucheck."""
+"""Engines by name and their protocol, for distributions built on trebucheck."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mechanisms, kinematics, equations of motion and the reference, for distributions built on trebucheck."""
+"""Mechanisms, equations of motion and the reference, for distributions built on trebucheck."""
 
 from __future__ import annotations
 

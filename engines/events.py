@@ -26,10 +26,10 @@ the contacts that rest, go on. What it asks of an engine is :class:`EventMotion`
                         motion.hold(rest, time)           # holds those of them that push, records
            if halt.again: the same for the last impact once more, from the state before it
 
-A `EventMotion` owns how it finds an event, how it holds a contact and how it resolves an impact. For an
-engine that takes steps of any length from a state that can be saved, :class:`SteppedMotion` finds
-the events: whole steps first, as many at once as the engine likes; then the step with an event
-again, up to the event. An engine whose time step must not change implements `proceed` itself.
+An `EventMotion` owns how it finds an event, how it holds a contact and how it resolves an impact.
+For an engine that takes steps of any length from a state that can be saved, :class:`SteppedMotion`
+finds the events: whole steps first, as many at once as the engine likes; then the step with an
+event again, up to the event. An engine whose time step must not change implements `proceed` itself.
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from random_mechanisms import random_mechanism
+from trebucheck.engines.point_masses import NoPointMasses
 from trebucheck.models.elements import GROUND, PinJoint
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.library.trebuchet import fixed, rolling
@@ -12,7 +13,6 @@ from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
-from trebucheck.engines.point_masses import NoPointMasses
 
 LEAST = 1e-2
 

@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 from trebucheck.engines.inspection import Inspection, State
+from trebucheck.engines.point_masses import LeastInertia
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
 from trebucheck.engines.supplied import Part, Supplied
@@ -15,7 +16,6 @@ from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import NonNegative
 from trebucheck_toolkit.plain_run import plain_run
-from trebucheck.engines.point_masses import LeastInertia
 
 from .study import STUDY
 

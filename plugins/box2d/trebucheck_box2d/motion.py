@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
+from trebucheck.engines.point_masses import NoPointMasses
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.kinematics import Kinematics
@@ -14,7 +15,6 @@ from trebucheck.models.problem import Problem, StopLaw
 from trebucheck_toolkit.event_driver import Observation
 from trebucheck_toolkit.joint_coordinates import Limit
 from trebucheck_toolkit.plain_run import StepAhead
-from trebucheck.engines.point_masses import NoPointMasses
 from trebucheck_toolkit.schemes import State
 
 from .build import WIDE, Built

@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 from trebucheck.engines.inspection import Inspection, State
+from trebucheck.engines.point_masses import LeastInertia, NoPointMasses
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
 from trebucheck.engines.supplied import Part, Supplied
@@ -18,7 +19,6 @@ from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Positive
 from trebucheck_toolkit.node_samples import NodeSamples
 from trebucheck_toolkit.node_scene import Json, NodeScene
-from trebucheck.engines.point_masses import LeastInertia, NoPointMasses
 
 from .bridge import PLANCK
 from .inspect import inspect

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from trebucheck.engines.point_masses import NoPointMasses
 from trebucheck.engines.protocol import Recording
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import FreeJoint
 from trebucheck.models.problem import StopLaw
 from trebucheck_toolkit.node_samples import NodeSamples
 from trebucheck_toolkit.node_scene import MIRROR
-from trebucheck.engines.point_masses import NoPointMasses
 
 
 def recording(samples: NodeSamples, spread: NoPointMasses, law: StopLaw) -> Recording:

@@ -142,7 +142,8 @@ class NodeScene:
 
     def _stop(self, stop: AnyStop) -> Json:
         """Limit of a pin on the child's angle less the parent's; side 1 is the least."""
-        _STOPS[stop]
+        _STOPS[stop]  # refuses stops on points by name
+        assert isinstance(stop, Stop)
         for (parent, child), joint in self.pins.items():
             if {parent, child} == {stop.body, stop.relative_to}:
                 side = stop.sense if child == stop.body else -stop.sense
