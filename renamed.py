@@ -104,6 +104,7 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "comparisons.recommend.cases": ("comparisons.recommend.search",),
     "comparisons.recommend.obstacles": ("comparisons.recommend.search",),
     "comparisons.recommend.report": ("comparisons.report.pages.recommend",),
+    "comparisons.report.layout": ("comparisons.report.terminal",),
     "comparisons.report.motion": ("comparisons.report.plots",),
     "comparisons.report.notebook": ("comparisons.report.pages.session",),
     "comparisons.report.run": ("comparisons.report.pages.run",),

@@ -675,11 +675,9 @@ def onto_zero_gap(
         low = root_in(lambda part: motion(part)[0], low, high)
     if motion(low)[1] < -least:
         return low
-    return (
-        root_in(lambda part: motion(part)[1] + least, low, high)
-        if motion(high)[1] < -least
-        else None
-    )
+    if motion(high)[1] < -least:
+        return root_in(lambda part: motion(part)[1] + least, low, high)
+    return None
 
 
 def root_in(function: Callable[[float], float], low: float, high: float) -> float:

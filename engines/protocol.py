@@ -352,16 +352,14 @@ class BuiltinEngine(EngineOptions, ABC):
         if steps > most:
             raise InputError(
                 f"timestep = {self.timestep!r} s makes more than {most} steps of "
-                f"{problem.duration!r} s; "
-                f"at least {problem.duration / most:.3g} s is needed."
+                f"{problem.duration!r} s; at least {problem.duration / most:.3g} s is needed."
             )
         need, available = steps * _sample_size(problem.mechanism), available_memory()
         if need > available:
             raise InputError(
-                f"timestep = {self.timestep!r} s makes {steps:.3g} steps of "
-                f"{problem.duration!r} s, for which some "
-                f"{need / 1e9:.3g} GB of memory are needed and {available / 1e9:.3g} GB are "
-                f"available; at least "
+                f"timestep = {self.timestep!r} s makes {steps:.3g} steps of {problem.duration!r} "
+                f"s, for which some {need / 1e9:.3g} GB of memory are needed and "
+                f"{available / 1e9:.3g} GB are available; at least "
                 f"{self.timestep * need / available:.3g} s is needed."
             )
 

@@ -148,11 +148,10 @@ def _refuse_incomplete(name: str, cls: object) -> None:
     """Refuse a plug-in's class that lacks a part, before it is missed somewhere else."""
     declared = getattr(cls, "capabilities", None)
     if not isinstance(declared, Capabilities):
-        given = (
-            "has no `capabilities`"
-            if declared is None
-            else f"has capabilities of type {type(declared).__name__}"
-        )
+        if declared is None:
+            given = "has no `capabilities`"
+        else:
+            given = f"has capabilities of type {type(declared).__name__}"
         raise InputError(
             f"engine {name!r}: its class {given}; a trebucheck.Capabilities is needed."
         )
@@ -173,8 +172,7 @@ def _refuse_incomplete(name: str, cls: object) -> None:
     ):
         raise InputError(
             f"engine {name!r}: its class has no `package`, the distribution whose version is "
-            f"reported; "
-            "an engine that is none has is_installed() and version() of its own."
+            "reported; an engine that is none has is_installed() and version() of its own."
         )
 
 
@@ -500,8 +498,7 @@ def view(engine: Engine, mechanism: Mechanism) -> None:
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     ):
         raise InputError(
-            "a viewer needs a display, and there is none here (neither DISPLAY nor "
-            "WAYLAND_DISPLAY is set); "
-            "`trebucheck animate` writes a file instead."
+            "a viewer needs a display, and there is none here (neither DISPLAY nor WAYLAND_DISPLAY "
+            "is set); `trebucheck animate` writes a file instead."
         )
     engine.view(mechanism)

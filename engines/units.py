@@ -189,10 +189,8 @@ class Units:
         """A part of a mechanism in these units."""
         changes = dict[str, object]()
         for name, (length, mass, time) in dimensions.items():
-            unit, value = (
-                self.length**length * self.mass**mass * self.time**time,
-                getattr(part, name),
-            )
+            unit = self.length**length * self.mass**mass * self.time**time
+            value = getattr(part, name)
             if value is not None:
                 changes[name] = (
                     tuple(each / unit for each in value)
@@ -288,11 +286,9 @@ def units_of(mechanism: Mechanism) -> Units:
     if not (_LENGTHS[0] <= length <= _LENGTHS[1] and _MASSES[0] <= mass <= _MASSES[1]):
         time = 2.0 ** round(math.log2(length / _LENGTH) / 2)
         units = Units(time**2, 2.0 ** round(math.log2(mass / _MASS)), time)
-    return (
-        replace(units, time=2.0 ** -round(math.log2(rate)))
-        if 0 < rate * units.time < _SLOW
-        else units
-    )
+    if 0 < rate * units.time < _SLOW:
+        return replace(units, time=2.0 ** -round(math.log2(rate)))
+    return units
 
 
 def _length(mechanism: Mechanism) -> float:

@@ -90,11 +90,9 @@ class Kinematics(Phasors):
 
     def _moved(self, at: PointCoefficients, body: str, arm: complex) -> PointCoefficients:
         """A point at an arm from another one, in a body's frame [m]; coefficients are copied."""
-        index, arm, coefficients = (
-            self.tree.attitudes[body][0],
-            self._turned(body, arm),
-            at.coefficients.copy(),
-        )
+        index = self.tree.attitudes[body][0]
+        arm = self._turned(body, arm)
+        coefficients = at.coefficients.copy()
         if index is None:
             return PointCoefficients(at.offset + arm, coefficients)
         coefficients[..., index] += arm
@@ -256,10 +254,8 @@ class Kinematics(Phasors):
 
     def loop_jacobian(self, q: FloatArray) -> FloatArray:
         """Jacobian of the loop closures, shape (..., n_loops, n_q)."""
-        rates, jacobian = (
-            self.rates(q),
-            np.empty((*q.shape[:-1], len(self.loop_closures), q.shape[-1])),
-        )
+        rates = self.rates(q)
+        jacobian = np.empty((*q.shape[:-1], len(self.loop_closures), q.shape[-1]))
         for k, closure in enumerate(self.loop_closures):
             jacobian[..., k, :] = closure.jacobian(q, rates)
         return jacobian

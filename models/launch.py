@@ -267,10 +267,8 @@ def locate_launch(
     launch_angle = LAUNCH_ANGLE if angle is None else angle
     keep = np.concatenate([[True], np.diff(t) > _SAME_TIME * np.abs(t[1:])]) & (t >= after)
     t, position, velocity = t[keep], position[keep], velocity[keep]
-    across, scale = (
-        lead(velocity, launch_angle),
-        float(np.linalg.norm(velocity, axis=1).max(initial=0.0)),
-    )
+    across = lead(velocity, launch_angle)
+    scale = float(np.linalg.norm(velocity, axis=1).max(initial=0.0))
     for i in _suspects(across, _NOISE * scale):
         near = slice(max(0, i + 1 - _NEIGHBOURS), i + 1 + _NEIGHBOURS)
         step = float(t[i + 1] - t[i])

@@ -294,10 +294,8 @@ def from_dataset(dataset: xr.Dataset) -> Trajectory:
         raise InputError(
             f"the dataset's format is {dataset.attrs.get('format')!r}; {FORMAT!r} is needed."
         )
-    positions, velocities = (
-        _split(dataset, "position", "marker"),
-        _split(dataset, "velocity", "marker"),
-    )
+    positions = _split(dataset, "position", "marker")
+    velocities = _split(dataset, "velocity", "marker")
     releases = _values(dataset, "release_time")
     names = [str(name) for name in dataset["releasable_stop"].values]
     return Trajectory(
@@ -362,11 +360,10 @@ def write_dataset(dataset: xr.Dataset, path: str | Path, *, compressed: bool = F
             for name, values in dataset.data_vars.items()
             if values.ndim and values.dtype.kind == "f"
         ]
-        how = (
-            {name: {"zlib": True, "complevel": 9, "shuffle": True} for name in numeric}
-            if compressed
-            else None
-        )
+        if compressed:
+            how = {name: {"zlib": True, "complevel": 9, "shuffle": True} for name in numeric}
+        else:
+            how = None
         dataset.dump_to_store(H5NetCDFStore(file), encoding=how)
     write_bytes(path, buffer.getbuffer())
 

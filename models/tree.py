@@ -104,10 +104,8 @@ class Tree:
         }
         configuration = Configuration(angles, {GROUND: (0j, 0j)})
         for joint in self.joints:
-            at, turned = (
-                configuration.point(joint.parent, joint.parent_point),
-                cmath.exp(-1j * angles[joint.parent]),
-            )
+            at = configuration.point(joint.parent, joint.parent_point)
+            turned = cmath.exp(-1j * angles[joint.parent])
             for name, direction in zip(joint.slides, joint.free_directions, strict=True):
                 at += values[name] * direction * turned
             configuration.carried[joint.child] = at, complex(*joint.child_point)

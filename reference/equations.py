@@ -361,11 +361,9 @@ def consistent_speeds(
 ) -> FloatArray:
     """The nearest speeds that keep loops closed and closed stops touching, shape (n_q,)."""
     jacobian = equations.constraint_jacobian(q, closed)
-    return (
-        u - least_step(jacobian, jacobian @ u, equations.rank_at_start(closed))
-        if len(jacobian)
-        else u
-    )
+    if len(jacobian):
+        return u - least_step(jacobian, jacobian @ u, equations.rank_at_start(closed))
+    return u
 
 
 def _rank_near(equations: Equations, q: FloatArray, closed: Sequence[str]) -> int:

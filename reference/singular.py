@@ -441,11 +441,10 @@ class Window:
         Within a hundred-thousandth of the window the mean of both sides is given: the finite part.
         """
         near = _POLE * self.motion.half
-        of = (
-            np.argmin(np.abs(t[:, None] - self.poles), axis=1)
-            if len(self.poles)
-            else np.zeros(len(t), dtype=int)
-        )
+        if len(self.poles):
+            of = np.argmin(np.abs(t[:, None] - self.poles), axis=1)
+        else:
+            of = np.zeros(len(t), dtype=int)
         pole = self.poles[of] if len(self.poles) else np.full(len(t), np.inf)
         inside = np.abs(t - pole) < near
         sides = [np.where(inside, pole + side * near, t) for side in (-1.0, 1.0)]
@@ -530,11 +529,10 @@ def collocated(
     once, twice = half * once, half**2 * twice
     start_q = given.q + half * np.outer(x - base, given.u)
     start_u = np.broadcast_to(given.u, (n, len(given.u)))
-    a = (
-        _first(accelerations, given, base, n)
-        if guess is None
-        else guess.values(guess.a, start + half * (x + 1))
-    )
+    if guess is None:
+        a = _first(accelerations, given, base, n)
+    else:
+        a = guess.values(guess.a, start + half * (x + 1))
     last, factors = np.inf, None
     for _ in range(_ITERATIONS):
         q, u = start_q + twice @ a, start_u + once @ a

@@ -139,11 +139,10 @@ class PointContact:
         wall, sphere = sorted(
             self.geoms, key=lambda geom: model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_SPHERE
         )
-        thickness = (
-            0.0
-            if model.geom_type[wall] == mujoco.mjtGeom.mjGEOM_PLANE
-            else model.geom_size[wall, 2]
-        )
+        if model.geom_type[wall] == mujoco.mjtGeom.mjGEOM_PLANE:
+            thickness = 0.0
+        else:
+            thickness = model.geom_size[wall, 2]
         normal = data.geom_xmat[wall].reshape(3, 3)[:, 2]
         apart = (data.geom_xpos[sphere] - data.geom_xpos[wall]) @ normal
         return float(apart - thickness - model.geom_size[sphere, 0])

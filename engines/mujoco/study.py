@@ -113,11 +113,9 @@ def _stiffest(settings: Any, constraints: ConstraintKinds, refinement: int = 1) 
 
 def _softness(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
     """Softness as two causes at most: an error of (1 - d) tc^2, d impedance, tc time constant."""
-    stiffest, given, shape = (
-        _stiffest(settings, constraints),
-        settings["solref"],
-        list(settings["solimp"]),
-    )
+    stiffest = _stiffest(settings, constraints)
+    given = settings["solref"]
+    shape = list(settings["solimp"])
     text = (
         "limits give way: MuJoCo's stops are springs and dampers, and let through 1 - d of what "
         "they should stop"
@@ -195,11 +193,9 @@ def _softer(settings: Options, constraints: ConstraintKinds) -> dict[str, Any] |
     if stiffness < 0:
         return {"solref": (4.0 * stiffness, 2.0 * damping)}
     # MuJoCo does not go below two steps with the positive form.
-    return (
-        {"solref": (stiffness / 2, damping)}
-        if stiffness >= 4 * float(settings["timestep"])
-        else None
-    )
+    if stiffness >= 4 * float(settings["timestep"]):
+        return {"solref": (stiffness / 2, damping)}
+    return None
 
 
 def _stiffer_impedance(settings: Options, _: ConstraintKinds) -> dict[str, Any] | None:

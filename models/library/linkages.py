@@ -315,11 +315,9 @@ class SliderCrankParameters(BenchmarkParameters):
         end = self.duration
         scale = self.inertia(0.0) * self.speed**2
         if self.share > 1:
-            name, time, measured = (
-                "time of a turn",
-                self.turn_time,
-                passage(coordinate("a"), 2 * math.pi, end),
-            )
+            name = "time of a turn"
+            time = self.turn_time
+            measured = passage(coordinate("a"), 2 * math.pi, end)
         else:
             name, time, measured = "period", self.swing_time, period(coordinate("a"), LOWEST, end)
         return (

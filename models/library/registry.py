@@ -101,11 +101,9 @@ def library_problem(name: str, parameters: Spec | None = None) -> Problem | None
     """
     _entry(name, parameters)
     problem_entry = find_benchmark(name)
-    return (
-        None
-        if problem_entry is None
-        else problem_entry.problem(cast("BenchmarkParameters | None", parameters))
-    )
+    if problem_entry is None:
+        return None
+    return problem_entry.problem(cast("BenchmarkParameters | None", parameters))
 
 
 def _entry(name: str, parameters: Spec | None = None) -> _Model:

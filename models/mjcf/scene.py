@@ -296,10 +296,8 @@ def _pair(z: complex) -> Vector:
 
 def _add_materials(asset: ET.Element, reach: float) -> None:
     size = {"width": "256", "height": "256"}
-    sky, grass = (
-        {"rgb1": "0.42 0.60 0.82", "rgb2": "0.86 0.92 0.97"},
-        {"rgb1": "0.42 0.52 0.34", "rgb2": "0.46 0.56 0.38"},
-    )
+    sky = {"rgb1": "0.42 0.60 0.82", "rgb2": "0.86 0.92 0.97"}
+    grass = {"rgb1": "0.42 0.52 0.34", "rgb2": "0.46 0.56 0.38"}
     ET.SubElement(asset, "texture", sky | size, type="skybox", builtin="gradient")
     ET.SubElement(asset, "texture", grass | size, name="floor", type="2d", builtin="checker")
     repeat = number(round(2.0 / reach, 4))

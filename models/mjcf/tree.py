@@ -207,8 +207,6 @@ def valid_names(names: Iterable[str], taken: Iterable[str] = ()) -> dict[str, st
 
 def _free(name: str, taken: set[str]) -> str:
     """The name, or with the first number that makes it one that is not taken."""
-    return (
-        name
-        if name not in taken
-        else next(new for i in count(2) if (new := f"{name}_{i}") not in taken)
-    )
+    if name not in taken:
+        return name
+    return next(new for i in count(2) if (new := f"{name}_{i}") not in taken)

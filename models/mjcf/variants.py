@@ -151,10 +151,8 @@ class Thrown:
     @cached_property
     def mass(self) -> float:
         """Mass of the body that flies [kg]."""
-        mass, whole = (
-            self.mechanism.thrown_mass(self.marker) or 0.0,
-            self.mechanism.body(self.marker.body).mass,
-        )
+        mass = self.mechanism.thrown_mass(self.marker) or 0.0
+        whole = self.mechanism.body(self.marker.body).mass
         return mass if mass < (1 - _KEPT) * whole else (1 - _KEPT) * mass
 
     @cached_property

@@ -304,11 +304,9 @@ class _Writer:
 
     def _turn(self, joint: AnyJoint) -> float:
         """Angle of a joint's child less that of its parent at the start [rad]."""
-        return (
-            self.angle[joint.child] - self.angle[joint.parent]
-            if joint.turned_by is None
-            else joint.turned_by
-        )
+        if joint.turned_by is None:
+            return self.angle[joint.child] - self.angle[joint.parent]
+        return joint.turned_by
 
     def _origin(self, joint: AnyJoint) -> str:
         """Origin of a body's frame, its joint, in its parent's frame at the start."""

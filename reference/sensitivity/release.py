@@ -108,11 +108,10 @@ def whipper_sensitivities(
     p = parameters or TrebuchetParameters()
     mechanism = build(p)
     directions = parameter_directions(build, p) | _start_directions(mechanism)
-    solution = (
-        solve_to_launch(mechanism)
-        if duration is None
-        else solve(Problem(mechanism, duration=duration))
-    )
+    if duration is None:
+        solution = solve_to_launch(mechanism)
+    else:
+        solution = solve(Problem(mechanism, duration=duration))
     if solution.launch is None:
         spent = solution.problem.duration
         raise InputError(
@@ -182,11 +181,10 @@ def _of_the_release(
         mechanism, scaled = _with_origin(mechanism, measured_from, scaled)
     equations = VariationalEquations(mechanism, scaled, names)
     state = state_tangent(solution, equations, moment.time)
-    d_origin = (
-        _d_origin(equations, len(state.q))
-        if measured_from is not None
-        else np.zeros((len(scaled), 2))
-    )
+    if measured_from is not None:
+        d_origin = _d_origin(equations, len(state.q))
+    else:
+        d_origin = np.zeros((len(scaled), 2))
     point = marker_tangent(equations, state)
     # What is held at the release's time t(p) fixes t; what is read there moves with p and with t.
     d_time = release_time_tangent(solution, equations, state, point, moment)

@@ -291,11 +291,10 @@ class _Lanes:
         while max(self.machine) >= 0:
             self.integrator.step(write_tc=guard is not None)
             late = (self.integrator.time > self.duration).tolist()
-            near = (
-                None
-                if guard is None
-                else guard.after_step(self.integrator, np.array(self.machine)).tolist()
-            )
+            if guard is None:
+                near = None
+            else:
+                near = guard.after_step(self.integrator, np.array(self.machine)).tolist()
             for lane, (outcome, _) in enumerate(self.integrator.step_res):
                 if self.machine[lane] < 0:
                     if outcome == not_finite:

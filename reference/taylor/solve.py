@@ -268,11 +268,9 @@ class _Integration:
         index = self._while_opening(integrator, initial, record)
         if index is None:
             index = self._step_to_event(integrator, initial, self.problem.duration, record)
-        return (
-            None
-            if index is None or index == len(self.stops)
-            else self._event_function(initial, index)
-        )
+        if index is None or index == len(self.stops):
+            return None
+        return self._event_function(initial, index)
 
     def _step_to_event(
         self, integrator: Any, initial: PostEventState, until: float, record: bool

@@ -173,11 +173,10 @@ def fly(release: Release, surroundings: Surroundings) -> Flight:
     Raises:
         InputError: the projectile never comes up to the ground's height.
     """
-    flight = (
-        _vacuum_flight(release, surroundings)
-        if surroundings.drag == 0
-        else drag_flight(release, surroundings)
-    )
+    if surroundings.drag == 0:
+        flight = _vacuum_flight(release, surroundings)
+    else:
+        flight = drag_flight(release, surroundings)
     if flight is None:
         raise InputError(
             f"a projectile released at y = {release.position[1]:.6g} m with "
@@ -265,11 +264,9 @@ def drag_flight(
     def state(t: FloatArray) -> FloatArray:
         falling = len(legs) > 1
         last = np.asarray(legs[-1].sol(np.maximum(t - (ends[0] if falling else 0.0), 0.0))).T
-        return (
-            np.where((t < ends[0])[:, None], np.asarray(legs[0].sol(t)).T, last)
-            if falling
-            else last
-        )
+        if falling:
+            return np.where((t < ends[0])[:, None], np.asarray(legs[0].sol(t)).T, last)
+        return last
 
     impact = (float(landing[2]), float(landing[3]))
     return Flight(

@@ -18,11 +18,11 @@ from trebucheck.cli.catalogue import engine_document
 from trebucheck.comparisons.compare.study import Comparison
 from trebucheck.comparisons.report import terminal
 from trebucheck.comparisons.report.document import Column, Document, table
-from trebucheck.comparisons.report.layout import fitted
 from trebucheck.comparisons.report.pages import compare as report
 from trebucheck.comparisons.report.pages.compare import verdict_cell
 from trebucheck.comparisons.report.pages.problems import listing
 from trebucheck.comparisons.report.pages.run import certificate_report
+from trebucheck.comparisons.report.terminal import fitted
 from trebucheck.comparisons.runs.results import Outcome
 from trebucheck.engines.options import default_text
 from trebucheck.engines.registry import option_table
