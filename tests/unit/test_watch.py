@@ -198,6 +198,7 @@ def test_a_worker_that_was_closed_leaves_no_process_behind() -> None:
 # the commands
 
 
+@pytest.mark.usefixtures("kept_processes")
 def test_one_machine_whose_reference_fails_costs_only_its_rows(
     tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
@@ -252,6 +253,7 @@ def test_every_command_stops_the_reference_in_time(
     assert "Traceback" not in said.err
 
 
+@pytest.mark.usefixtures("kept_processes")
 @pytest.mark.parametrize(
     ("command", "knobs"), [("converge", ["--knob", "iterations"]), ("explain", [])]
 )
@@ -274,6 +276,7 @@ def test_a_study_goes_on_after_a_machine_whose_reference_fails(
     assert page.count("the reference gave up") == 2
 
 
+@pytest.mark.usefixtures("kept_processes")
 def test_certificates_go_on_after_a_machine_that_cannot_be_moved(
     tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -326,6 +329,7 @@ def test_the_available_memory_is_a_number_of_bytes() -> None:
     assert 1e7 < available_memory() < 1e15
 
 
+@pytest.mark.usefixtures("kept_processes")
 def test_a_step_of_a_nanosecond_is_refused_at_once(
     tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
