@@ -70,7 +70,11 @@ def test_one_that_cannot_be_installed_or_run_costs_only_itself(
 
 
 def test_what_pip_says_becomes_a_sentence(runner: Any) -> None:
-    said = "WARNING: x\nERROR: Could not find a version\nERROR: No matching distribution found for drake==1.51.1\n"
+    said = (
+        "WARNING: x\nERROR: Could not find a version\nERROR: No matching distribution found "
+        "for "
+        "drake==1.51.1\n"
+    )
     assert re.fullmatch(
         r"cannot be installed with Python [\d.]+ on \w+ \w+: there is no wheel of drake==1.51.1",
         runner.failed_installation(said),

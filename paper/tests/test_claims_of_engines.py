@@ -250,8 +250,10 @@ def test_the_counterweights_way_is_the_paths() -> None:
         )
 
 
-@pytest.mark.parametrize("name", ["launch speed at l1 = 10", "R, rolling", "counterweight swings out further",
-                                  "time of the best release", "hanger released first, fixed"])  # fmt: skip
+@pytest.mark.parametrize("name", ["launch speed at l1 = "
+"10", "R, rolling", "counterweight swings out further",
+                                  "time of the best "
+                                  "release", "hanger released first, fixed"])  # fmt: skip
 def test_headline_figures_are_asked_of_every_engine(name: str) -> None:
     claim = claims()[name]
     assert {e.engine for e in claim.engines if e.agrees(claim.ours)} == set(INSTALLED)
