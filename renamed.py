@@ -305,8 +305,6 @@ def _full_name(module: str) -> str:
 class _RenamedModule(ModuleType):
     """A module under its old name; it looks its names up in the new ones."""
 
-    __path__ = []  # an old package: its modules are found by the same finder
-
     def __getattr__(self, name: str) -> Any:
         for module in RENAMED[self.__name__.removeprefix(f"{_PACKAGE}.")]:
             new = importlib.import_module(_full_name(module))
@@ -333,7 +331,9 @@ class RenamedModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         new = " or ".join(_full_name(module) for module in modules)
         message = f"{spec.name} is now {new}; the old name goes with the next release"
         warnings.warn(message, DeprecationWarning, stacklevel=2)
-        return _RenamedModule(spec.name)
+        module = _RenamedModule(spec.name)
+        module.__path__ = []  # an old package: its modules are found by the same finder
+        return module
 
     def exec_module(self, module: ModuleType) -> None:
         """Import the new modules for their side effects; names are looked up when asked for."""

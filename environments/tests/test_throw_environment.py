@@ -67,7 +67,8 @@ except Exception as error:
 env.step(1)
 landed = env.render()
 red = ((landed[..., 0] > 150) & (landed[..., 1] < 90)).sum()
-print(last.shape, last.dtype, float(last.std()) > 10, int((landed != last).any(axis=2).sum()) > 50, int(red) > 50)
+moved = int((landed != last).any(axis=2).sum())
+print(last.shape, last.dtype, float(last.std()) > 10, moved > 50, int(red) > 50)
 env.close()
 """
     run = [sys.executable, "-W", "error::UserWarning", "-c", code]

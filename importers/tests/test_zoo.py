@@ -32,7 +32,8 @@ IDEAL = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 
 
 def _largest_difference(zoo_model: ZooModel, mechanism: Mechanism) -> float:
-    """Of masses, accelerations without constraints, the start and ranges, relative to their sizes."""
+    """Of masses, accelerations without constraints, the start and ranges, relative to their
+    sizes."""
     model = mujoco.MjModel.from_xml_string(zoo_model.xml)
     data = mujoco.MjData(model)
     model.opt.disableflags |= IDEAL

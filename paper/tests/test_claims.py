@@ -281,7 +281,8 @@ def test_reasons_are_shown_as_sentences(text: str, printed: str) -> None:
 
 
 def test_the_papers_energies_tell_machines_apart() -> None:
-    """The same comparison with a length off by one part in a million is seen, far above rounding."""
+    """The same comparison with a length off by one part in a million is seen, far above
+    rounding."""
     p = tb.TrebuchetParameters()
     other = p.model_copy(update={"r": p.r * (1 + 1e-6)})
     for build, energies in (

@@ -1,4 +1,5 @@
-"""Of the plug-ins that are installed: orders of their steps, and their own limits. Agreement is `trebucheck conform`'s.
+"""Of the plug-ins that are installed: orders of their steps, and their own limits. Agreement is
+`trebucheck conform`'s.
 
 Each plug-in has an environment of its own, so that mostly one of the cases runs; where none is
 installed, all are skipped.
@@ -28,7 +29,8 @@ class Limits:
     release: float = 2e-3
     """[s] A step late by the scheme, and one by its end."""
     torque: float | None = 1e-2
-    """Of the greatest; None: it tells none. First order: where one ends in some tenths of a second, a step is that."""
+    """Of the greatest; None: it tells none. First order: where one ends in some tenths of a second,
+    a step is that."""
     position: float = np.inf
     """Of a marker [m]."""
 
@@ -108,7 +110,8 @@ EXACT = (*MOVED, *(Steps(name, "tuned", 1e-3) for name in ("drake", "opensim")))
 
 
 def _errors(found: tb.Trajectory, problem: tb.Problem) -> tuple[float, float]:
-    """Greatest distance of a marker from where it should be [m]; greatest error of a reaction [N]."""
+    """Greatest distance of a marker from where it should be [m]; greatest error of a reaction
+    [N]."""
     truth = solve(problem).trajectory(found.t)
     points = [
         np.abs(m.position - truth.markers[name].position).max() for name, m in found.markers.items()

@@ -196,7 +196,9 @@ def test_a_motion_is_compared_up_to_its_predictability_horizon(
 ) -> None:
     wild = chain(start=(-2.5, -2.0), start_speeds=())
     monkeypatch.setattr(converging, "_STEPS", STEPS[:1])
-    studies = converging.converge_study(Study([wild], ["second"], until=3.0, isolate=False), ["timestep"])
+    studies = converging.converge_study(
+        Study([wild], ["second"], until=3.0, isolate=False), ["timestep"]
+    )
     found = studies.machines[0]
     assert found.compared_to == 3.0 and found.judged_to is not None and 1.0 < found.judged_to < 2.9
     assert f"Nothing is compared beyond {found.judged_to:.6g} s" in page(document(studies))

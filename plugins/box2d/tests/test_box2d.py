@@ -1,4 +1,5 @@
-"""Box2D against the reference, and the floor of its precision; orders and limits are in `plugins/tests`."""
+"""Box2D against the reference, and the floor of its precision; orders and limits are in
+`plugins/tests`."""
 
 from itertools import pairwise
 from types import SimpleNamespace
@@ -74,7 +75,8 @@ def test_the_world_is_read_back_and_a_fault_in_it_is_found(name: str) -> None:
 
 
 def test_the_rounding_of_the_iterations_is_less_with_many() -> None:
-    """Richardson's limit of steps 4 and 2 ms: with 20 000 iterations a second-order remainder, with 100 a bias."""
+    """Richardson's limit of steps 4 and 2 ms: with 20 000 iterations a second-order remainder, with
+    100 a bias."""
     right = solve(FREE_SWING).trajectory(np.array([2.0]))
     end = np.array([motion.position[-1] for motion in right.markers.values()])
     ends = {n: [_end(step, n) for step in (8e-3, 4e-3, 2e-3)] for n in (100, 20_000)}

@@ -12,7 +12,8 @@ FREE_SWING = tb.fixed().model_copy(update={"stops": ()})
 
 
 def _run(problem: tb.Problem, preset: str, step: float) -> tuple[float, float]:
-    """Greatest distance of a marker from where it should be [m]; greatest error of a reaction, of the greatest."""
+    """Greatest distance of a marker from where it should be [m]; greatest error of a reaction, of
+    the greatest."""
     found = tb.engine("mjx", preset, timestep=step).simulate(problem)
     truth = solve(problem).trajectory(found.t)
     forces = [np.abs(f - truth.joint_reactions[n]).max() for n, f in found.joint_reactions.items()]

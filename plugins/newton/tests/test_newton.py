@@ -27,7 +27,8 @@ def test_featherstone_is_of_first_order() -> None:
 
 
 def test_mujoco_is_at_the_floor_of_single_precision() -> None:
-    """A state of 10 rad is rounded by 5e-7 in each of 500 steps, at 16 m: sqrt(500) times, if the signs are random."""
+    """A state of 10 rad is rounded by 5e-7 in each of 500 steps, at 16 m: sqrt(500) times, if the
+    signs are random."""
     assert _error("tuned", 4e-3) < np.sqrt(500) * 5e-7 * 16
 
 

@@ -62,7 +62,8 @@ def test_forces_are_of_first_order_from_the_first_sample_on(model: str) -> None:
 
 
 def test_forces_of_what_moves_at_the_start_are_of_first_order_too() -> None:
-    """Impulses of the first step tell nothing of centripetal forces: without them the error would stay."""
+    """Impulses of the first step tell nothing of centripetal forces: without them the error would
+    stay."""
     problem, errors = benchmark("bead").problem(), list[float]()
     for step in (1e-3, 5e-4):
         found = tb.engine("planck", timestep=step).simulate(problem)
@@ -86,16 +87,23 @@ def test_a_limit_that_holds_from_one_side_lets_go_by_the_correction_of_pins() ->
 
 
 def test_a_stop_that_is_met_stops_what_meets_it() -> None:
-    """Under the unilateral law, over more than a turn, without a rebound: the rod then rests on its stop."""
+    """Under the unilateral law, over more than a turn, without a rebound: the rod then rests on its
+    stop."""
     rod = tb.Body(name="rod", angle="a", mass=1.0, centre=(0.5, 0.0), inertia=0.1)
     pin = tb.PinJoint(
         name="pin", parent="ground", child="rod", parent_point=(0, 0), child_point=(0, 0)
     )
     stop = tb.Stop(name="end", body="rod", sense=-1, limit=-2.2 * np.pi, closed=False)
     made = tb.Mechanism(
-        name="turning", bodies=(rod,), joints=(pin,), stops=(stop,), gravity=9.81, start=(0.0,), start_speeds=(8.0,),
+        name="turning",
+        bodies=(rod,),
+        joints=(pin,),
+        stops=(stop,),
+        gravity=9.81,
+        start=(0.0,),
+        start_speeds=(8.0,),
         markers=(tb.Marker(name="tip", body="rod", point=(1, 0)),),
-    )  # fmt: skip
+    )
     step, speed = 1e-4, 15.0  # [s], and the rod's greatest speed is below this [rad/s]
     found = tb.engine("planck", timestep=step).simulate(
         tb.Problem(made, duration=1.5, stop_law=tb.StopLaw.UNILATERAL)
@@ -122,7 +130,8 @@ def test_the_world_is_read_back_and_a_fault_in_it_is_found(name: str) -> None:
 
 
 def test_richardsons_limit_of_the_free_swing_is_the_reference() -> None:
-    """In double precision its remainder is of the second order, a quarter at half the steps, and 2e-6 m."""
+    """In double precision its remainder is of the second order, a quarter at half the steps, and
+    2e-6 m."""
     truth = solve(FREE_SWING).trajectory(np.array([2.0]))
     ends = []
     for step in (5e-4, 2.5e-4, 1.25e-4):

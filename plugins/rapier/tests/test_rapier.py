@@ -21,16 +21,23 @@ def _error(problem: tb.Problem, step: float) -> float:
 
 
 def test_a_stop_stays_where_it_is_over_many_turns() -> None:
-    """Rapier knows an angle within half a turn: a stop at one and a half turns is met there and not before."""
+    """Rapier knows an angle within half a turn: a stop at one and a half turns is met there and not
+    before."""
     rod = tb.Body(name="rod", angle="a", mass=1.0, centre=(0.5, 0.0), inertia=0.1)
     pin = tb.PinJoint(
         name="pin", parent="ground", child="rod", parent_point=(0, 0), child_point=(0, 0)
     )
     stop = tb.Stop(name="end", body="rod", sense=-1, limit=-3 * np.pi, closed=False)
     made = tb.Mechanism(
-        name="turning", bodies=(rod,), joints=(pin,), stops=(stop,), gravity=9.81, start=(0.0,), start_speeds=(12.0,),
+        name="turning",
+        bodies=(rod,),
+        joints=(pin,),
+        stops=(stop,),
+        gravity=9.81,
+        start=(0.0,),
+        start_speeds=(12.0,),
         markers=(tb.Marker(name="tip", body="rod", point=(1, 0)),),
-    )  # fmt: skip
+    )
     problem = tb.Problem(made, duration=1.0, stop_law=tb.StopLaw.UNILATERAL)
     turned = tb.engine("rapier").simulate(problem).q[:, 0]
     assert turned.max() == pytest.approx(3 * np.pi, abs=1e-3)

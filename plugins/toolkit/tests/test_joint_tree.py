@@ -74,9 +74,14 @@ def test_a_limit_pushes_with_what_the_change_of_speed_leaves_over(law: StopLaw) 
     assert (tree.range[0] == -np.inf) == (law is StopLaw.RELEASE_ONCE)
 
 
-@pytest.mark.parametrize(("body", "other", "sense", "limits"), [
-    ("bob", "hull", 1, (0.5, np.inf)), ("bob", "hull", -1, (-np.inf, -0.5)), ("hull", "bob", 1, (-np.inf, -0.5)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("body", "other", "sense", "limits"),
+    [
+        ("bob", "hull", 1, (0.5, np.inf)),
+        ("bob", "hull", -1, (-np.inf, -0.5)),
+        ("hull", "bob", 1, (-np.inf, -0.5)),
+    ],
+)
 def test_stops_are_ranges_of_joints(
     body: str, other: str, sense: int, limits: tuple[float, float]
 ) -> None:
