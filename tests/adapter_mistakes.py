@@ -1,4 +1,5 @@
-"""Mistakes that strangers make in the adapter of an engine, against what a comparison says of them: the table.
+"""Mistakes that strangers make in the adapter of an engine, against what a comparison says of them:
+the table.
 
 Each engine is the reference at a tolerance of 1e-10, given another mechanism, moved by another law
 or read wrongly. Nothing here uses the code that suspects such mistakes. Run as a script, it prints
@@ -18,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import plugins
+import plugin_engines
 import trebucheck as tb
 import wrong_engines
 from random_mechanisms import random_mechanism
@@ -710,7 +711,7 @@ _CURRENT: list[str] = []
 
 def announce(folder: Path) -> None:
     """Write the metadata of an installed distribution that brings the engine."""
-    plugins.announce(
+    plugin_engines.announce(
         folder,
         "trebucheck-strangers",
         "[trebucheck.engines]\nstranger = adapter_mistakes:Stranger\n",

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import plugins
+import plugin_engines
 import pytest
 import trebucheck as tb
 from hypothesis import HealthCheck, Phase, settings
@@ -87,7 +87,7 @@ def build(request: pytest.FixtureRequest) -> object:
 def third_party(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
     """Engines announced by entry points, as an installed distribution announces them."""
     folder = tmp_path_factory.mktemp("site")
-    plugins.announce(folder)
+    plugin_engines.announce(folder)
     monkeypatch.syspath_prepend(str(folder))
 
 
@@ -147,7 +147,8 @@ def kept_processes(monkeypatch: pytest.MonkeyPatch, _idle_processes: list[Any]) 
 
 
 def machine_parameters() -> st.SearchStrategy[tb.TrebuchetParameters]:
-    """Machines a builder might think of, away from Table I in every length, mass and start angle."""
+    """Machines a builder might think of, away from Table I in every length, mass and start
+    angle."""
     return st.builds(
         tb.TrebuchetParameters,
         l1=st.floats(7.0, 12.0),

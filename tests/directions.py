@@ -1,4 +1,5 @@
-"""Mechanisms moved along directions of their numbers, and derivatives along them, for differences."""
+"""Mechanisms moved along directions of their numbers, and derivatives along them, for
+differences."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import trebucheck as tb
-from plugins import Echo
+from plugin_engines import Echo
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.models.elements import GROUND, RotationalSpringDamper
 from trebucheck.models.features import Feature, refuse_features
@@ -144,7 +144,8 @@ FAULTS: dict[str, Callable[[], object]] = {
 
 
 class Fragile(Everything):
-    """Moves rightly, and does something terrible to its process after some motions, but short ones."""
+    """Moves rightly, and does something terrible to its process after some motions, but short
+    ones."""
 
     name = "fragile"
 

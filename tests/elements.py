@@ -177,7 +177,8 @@ ELEMENTS: dict[str, Mechanism] = {
 def lever(
     normal: tuple[float, float], closed: bool, motor: float, on: str = "hull", e: float = 0.0
 ) -> Mechanism:
-    """A hull with a motor on its hinge, and a bob on another hinge that stands on the hull, or falls onto it.
+    """A hull with a motor on its hinge, and a bob on another hinge that stands on the hull, or
+    falls onto it.
 
     The wall is a side of the hull and the point one of the bob, or (on the ground) the other way
     round.

@@ -1,4 +1,5 @@
-"""A motion given by formulas, in the place of a reference solution: what comparisons measure is then known exactly.
+"""A motion given by formulas, in the place of a reference solution: what comparisons measure is
+then known exactly.
 
 A trolley on a level slot carries an arm, which its rest holds until RELEASE and which turns evenly
 from then on. The motion need not obey any law: a comparison only compares.

@@ -61,7 +61,7 @@ def misplaced(found: Trajectory, exact: Solution) -> float:
 
 
 # --- Parts
-# ------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def pin(name: str, parent: str, child: str, at: Vector = (0, 0), on: Vector = (0, 0)) -> PinJoint:
@@ -144,7 +144,8 @@ def chain(
     hook: Vector = (0.1, 0.2),
     **changes: object,
 ) -> Mechanism:
-    """Two bodies off every axis, hung from a point that is not the world's origin, moving at the start.
+    """Two bodies off every axis, hung from a point that is not the world's origin, moving at the
+    start.
 
     Args:
         stops: of the chain.
@@ -306,7 +307,8 @@ def four_bar(*further: Body, start: tuple[float, ...] = (), **changes: object) -
 def parallel_cranks(
     n: int, *stops: Stop | PointStop, start: float = 0.3, hung: bool = False
 ) -> Mechanism:
-    """A beam on n equal, parallel cranks, as a pendulum of one degree of freedom: more than two cranks are redundant.
+    """A beam on n equal, parallel cranks, as a pendulum of one degree of freedom: more than two
+    cranks are redundant.
 
     Args:
         n: number of cranks.
@@ -404,7 +406,7 @@ def _scaled_element(element: AnyForceElement, s: float) -> AnyForceElement:
 
 
 # --- Every element
-# ----------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def body_of(

@@ -36,7 +36,11 @@ from trebucheck_paper.evidence.claims import Claim, EngineValue, Quantity, Serie
 from trebucheck_paper.evidence.claims import Study as Paper
 from trebucheck_paper.evidence.verdicts import Row, as_printed
 
-COMMAND = "trebucheck compare --models fixed,pendulum --engines reference,pymunk --timestep 0.004 --out report"
+COMMAND = (
+    "trebucheck compare --models fixed,pendulum --engines reference,pymunk --timestep 0.004 "
+    "--out "
+    "report"
+)
 
 
 @cache

@@ -55,7 +55,8 @@ class _Draw:
 
 
 def random_mechanism(seed: int, stops: bool = True) -> Mechanism:
-    """One of some 1 m and 1 kg with one to six bodies and up to two loops, moving at some 1 m/s; the same for a seed.
+    """One of some 1 m and 1 kg with one to six bodies and up to two loops, moving at some 1 m/s;
+    the same for a seed.
 
     Args:
         seed: any number.

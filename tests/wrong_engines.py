@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-import plugins
+import plugin_engines
 import trebucheck as tb
-from plugins import Plain
+from plugin_engines import Plain
 from trebucheck.models.trajectory import PointMotion
 
 Spoil = Callable[[tb.Trajectory], tb.Trajectory]
@@ -230,6 +230,6 @@ def announce(folder: Path) -> None:
     points = [
         f"{cls.name} = wrong_engines:{cls.__name__}" for cls in (Honest, Bilateral, *WRONG.values())
     ]
-    plugins.announce(
+    plugin_engines.announce(
         folder, "trebucheck-wrong-engines", "\n".join(["[trebucheck.engines]", *points, ""])
     )

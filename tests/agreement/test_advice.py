@@ -33,7 +33,9 @@ RANGES = {
     "phi0": (math.pi - 0.2, math.pi + 0.3), "alpha0": (-math.pi / 4 - 0.3, -math.pi / 4 + 0.3),
 }  # fmt: skip
 """Those of conftest.machine_parameters, to draw from without hypothesis."""
-SWING = 2.0  # of the machine's launch time: a throw that takes longer went back once more, and its errors with it
+# Of the machine's launch time: a throw that takes longer went back once more, and its errors with
+# it
+SWING = 2.0
 
 
 @cache

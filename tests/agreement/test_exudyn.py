@@ -311,7 +311,10 @@ def test_a_wrong_option_is_named(option: str, value: object) -> None:
 
 
 def test_the_class_does_not_load_exudyn() -> None:
-    code = "import sys, trebucheck.engines.exudyn.engine as m; E = m.ExudynEngine; E.version(); E.is_installed(); E()"
+    code = (
+        "import sys, trebucheck.engines.exudyn.engine as m; E = m.ExudynEngine; E.version(); "
+        "E.is_installed(); E()"
+    )
     subprocess.run(
         [sys.executable, "-c", f"{code}; assert 'exudyn' not in sys.modules"], check=True, cwd="/"
     )

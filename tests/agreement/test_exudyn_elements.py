@@ -107,7 +107,8 @@ def test_tuned_stays_within_its_bar() -> None:
 
 
 def test_a_spring_turns_many_times_and_its_points_pass_each_other() -> None:
-    """A torsion pendulum of several turns, and a mass on a spring of no length that passes through its end.
+    """A torsion pendulum of several turns, and a mass on a spring of no length that passes through
+    its end.
 
     The trapezoidal rule moves a harmonic oscillator exactly, but with the frequency (2 / h) atan(w
     h / 2).
@@ -224,7 +225,8 @@ def test_a_fault_in_an_element_shows(fault: str, monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.parametrize("steps", [1000, 566])
 def test_loops_pass_singular_positions(steps: int) -> None:
-    """The four-bar mechanism of equal links lies flat twice a turn: another branch is off by a radian within 0.2 s.
+    """The four-bar mechanism of equal links lies flat twice a turn: another branch is off by a
+    radian within 0.2 s.
 
     Of 566 steps one ends so near to the second flat position that Newton's iteration does not
     converge.

@@ -49,7 +49,8 @@ def closed_loop() -> Mechanism:
 
 
 def off(found: Inspection, mechanism: Mechanism, states: tuple[State, ...]) -> dict[str, float]:
-    """Largest difference from the equations by quantity, relative to the quantity's largest value."""
+    """Largest difference from the equations by quantity, relative to the quantity's largest
+    value."""
     equations = Equations(mechanism)
     pairs: dict[str, list[tuple[object, object]]] = {
         "mass": [],

@@ -43,7 +43,8 @@ MACHINES = {"catapult": catapult(), "hinged": hinged(), "floating-arm": floating
 
 @functools.cache
 def reference(name: str) -> Solution:
-    """Reference motion of one of the machines up to its launch, and the step in which that falls."""
+    """Reference motion of one of the machines up to its launch, and the step in which that
+    falls."""
     launch = solve_to_launch(MACHINES[name]).launch
     assert launch is not None
     return solve(Problem(MACHINES[name], launch.time + 1e-4))

@@ -149,6 +149,10 @@ def test_a_wrong_option_is_named(option: str, value: float) -> None:
 
 
 def test_a_stiffness_beyond_rounding_is_refused() -> None:
-    message = r"^stop_stiffness = 1e\+20 N m/rad would turn the rounding .* of 7\.96e\+04 N m in the stops; at most .*\.$"
+    message = (
+        r"^stop_stiffness = 1e\+20 N m/rad would turn the rounding .* of 7\.96e\+04 N m in "
+        r"the "
+        r"stops; at most .*\.$"
+    )
     with pytest.raises(InputError, match=message):
         ExudynEngine(stop_stiffness=1e20).simulate(Problem(fixed(), 0.5))

@@ -386,7 +386,7 @@ def test_a_fault_in_the_space_shows(
 
 
 # --- As built
-# ---------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_start_comes_from_the_bodies_with_the_turns_of_the_mechanism(engine_name: str) -> None:

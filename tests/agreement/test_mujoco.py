@@ -185,7 +185,7 @@ def test_stock_is_held_back_by_its_soft_limits(name: str) -> None:
 
 
 # --- The traps
-# ---------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 @machines
@@ -300,7 +300,8 @@ def test_wrong_options_are_refused(options: dict[str, object]) -> None:
 
 
 def test_a_stop_on_the_ground_two_bodies_away() -> None:
-    """A limit on a tendon: the lower body rests on the ground's angle while the upper one swings."""
+    """A limit on a tendon: the lower body rests on the ground's angle while the upper one
+    swings."""
     level = Stop(name="level", body="lower", sense=1, limit=0.2, closed=True)
     problem = Problem(chain(level, start_speeds=()), 0.4)
     found, exact = MujocoEngine().simulate(problem), solve(problem)

@@ -10,7 +10,8 @@ pytest.importorskip("mujoco")
 
 
 def two_rods(**spring: float) -> tb.Mechanism:
-    """A double pendulum with the spring between its rods, which does not lie at rest at the start."""
+    """A double pendulum with the spring between its rods, which does not lie at rest at the
+    start."""
     rods = [
         tb.Body(name=name, angle=angle, mass=2.0, centre=(0.5, 0.0), inertia=0.2)
         for name, angle in (("upper", "a"), ("lower", "b"))

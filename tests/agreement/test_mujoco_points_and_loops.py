@@ -184,7 +184,8 @@ def many_stops() -> Mechanism:
 
 
 def ladder(start: float = 1.1, length: float = 3.0) -> Mechanism:
-    """A uniform rod whose foot slides on the floor, away from a wall against which its head leans."""
+    """A uniform rod whose foot slides on the floor, away from a wall against which its head
+    leans."""
     rod = Body(
         name="ladder", angle="a", mass=7.0, centre=(length / 2, 0), inertia=7.0 * length**2 / 12
     )
@@ -473,11 +474,12 @@ def test_both_laws_agree_up_to_the_launch(name: str) -> None:
 
 
 # --- The traps
-# ---------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_mujoco_leaves_the_turning_of_a_contact_out() -> None:
-    """Not put in, the slot's point stands off by (dJ/dt) u / k at every instant, with k = 1 / h^2."""
+    """Not put in, the slot's point stands off by (dJ/dt) u / k at every instant, with k = 1 /
+    h^2."""
     mechanism, step = slider_crank(), 1e-3
     problem, equations = Problem(mechanism, 0.9), Equations(mechanism)
     loose = MujocoEngine(timestep=step, moving_points=False).simulate(problem)

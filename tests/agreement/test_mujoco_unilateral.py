@@ -41,7 +41,8 @@ STEPS = (8e-3, 4e-3, 2e-3)
 LEAST_RATIO = (
     3.0  # of the errors at a step and at half of it: 4, but for where in a step the events are
 )
-RESOLVED = 1e-9  # [rad, m] free flights are of fourth order: below this there is nothing to see of the order
+# [rad, m] free flights are of fourth order: below this there is nothing to see of the order
+RESOLVED = 1e-9
 
 
 def ball(restitution: float, height: float = 1.0) -> Mechanism:

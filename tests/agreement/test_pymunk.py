@@ -250,15 +250,35 @@ def test_an_arm_far_lighter_than_what_hangs_on_it(name: str, m_a: float) -> None
 @pytest.mark.parametrize(
     "mechanism",
     [
-        pytest.param(pendulum(middle=0.0, start=(0.3, 0.2), speeds=(1.0, -2.0), joints=(
-            PinJoint(name="hook", parent=GROUND, child="upper", parent_point=(0.3, 2), child_point=(0, 0)),
-            PinJoint(name="pin", parent="upper", child="lower", parent_point=(0.5, 0.1), child_point=(0, 0.1)),
-        )), id="point masses on rods"),
+        pytest.param(
+            pendulum(
+                middle=0.0,
+                start=(0.3, 0.2),
+                speeds=(1.0, -2.0),
+                joints=(
+                    PinJoint(
+                        name="hook",
+                        parent=GROUND,
+                        child="upper",
+                        parent_point=(0.3, 2),
+                        child_point=(0, 0),
+                    ),
+                    PinJoint(
+                        name="pin",
+                        parent="upper",
+                        child="lower",
+                        parent_point=(0.5, 0.1),
+                        child_point=(0, 0.1),
+                    ),
+                ),
+            ),
+            id="point masses on rods",
+        ),
         pytest.param(pendulum(outer=0.3, speeds=(1.0, -2.0)), id="centre of oscillation"),
         pytest.param(three_bodies(), id="pin of two rods"),
         pytest.param(oblique_slot(), id="oblique slot"),
     ],
-)  # fmt: skip
+)
 def test_other_mechanisms_moving_at_the_start(mechanism: Mechanism) -> None:
     exact = solve(Problem(mechanism, 1.0))
     found = [PymunkEngine(timestep=h).simulate(Problem(mechanism, 1.0)) for h in STEPS]
@@ -371,5 +391,8 @@ def test_options_out_of_range(option: str) -> None:
 
 
 def test_the_class_does_not_load_the_library() -> None:
-    code = "import sys, trebucheck.engines.pymunk.engine as m; m.PymunkEngine.version(); sys.exit('pymunk' in sys.modules)"
+    code = (
+        "import sys, trebucheck.engines.pymunk.engine as m; m.PymunkEngine.version(); "
+        "sys.exit('pymunk' in sys.modules)"
+    )
     assert subprocess.run([sys.executable, "-c", code], check=False, cwd="/").returncode == 0

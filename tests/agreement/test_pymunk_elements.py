@@ -269,7 +269,8 @@ def errors(exact: Solution, step: float) -> dict[str, float]:
 
 
 def assert_order_two(exact: Solution, step: float) -> None:
-    """A quarter of the step leaves a sixteenth of each error that is more than what the passes leave.
+    """A quarter of the step leaves a sixteenth of each error that is more than what the passes
+    leave.
 
     Events fall elsewhere in a step, hence the margin; a release is found by extrapolation, within
     the step's square.

@@ -115,7 +115,13 @@ def test_a_mode_that_grows_all_the_same_is_refused() -> None:
 
     The sentence says so, and between which bodies.
     """
-    sentence = "on 'table' and 'sledge' are nearly parallel there, so that 20000 passes leave 0.95 of an error"
+    sentence = (
+        "on 'table' and 'sledge' are nearly parallel there, so that 20000 passes leave "
+        "0.95 "
+        "of "
+        "an "
+        "error"
+    )
     with pytest.raises(SimulationError, match=sentence):
         tb.engine("pymunk", timestep=1e-3).simulate(Problem(turntable(0.001), 0.5))
 

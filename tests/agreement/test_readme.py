@@ -1,4 +1,5 @@
-"""The certified launch time that a page prints is the certificate's, and the README's table is the page's.
+"""The certified launch time that a page prints is the certificate's, and the README's table is the
+page's.
 
 The page's tables: test_agreement.py and test_paper_study.py.
 """

@@ -79,7 +79,8 @@ def page(browser: Any, tmp_path: Path) -> Iterator[Any]:
 
 
 def _pixel(shown: Scene, point: np.ndarray, canvas: dict[str, float]) -> np.ndarray:
-    """Where a point of the world belongs in a canvas that shows the scene's box as large as it can."""
+    """Where a point of the world belongs in a canvas that shows the scene's box as large as it
+    can."""
     x0, y0, x1, y1 = shown.box
     scale = min(canvas["width"] / (x1 - x0), canvas["height"] / (y1 - y0))
     middle = np.array([x0 + x1, y0 + y1]) / 2
@@ -111,7 +112,12 @@ def test_a_run_s_marker_is_drawn_where_the_data_say(page: Any, index: int, facto
             assert np.hypot(*(arcs - expected).T).min() < 0.1  # the disc of the marker itself
             x, y = (round(float(v)) for v in expected)
             if 1 < x < canvas["width"] - 1 and 1 < y < canvas["height"] - 1:
-                pixel = f"document.querySelector('canvas').getContext('2d').getImageData({x}, {y}, 1, 1).data"
+                pixel = (
+                    f"document.querySelector('canvas').getContext('2d').getImageData({x}, "
+                    f"{y}, "
+                    "1, "
+                    "1).data"
+                )
                 assert page.evaluate(f"Array.from({pixel})")[:3] == list(colour)
         page.locator("tbody input").nth(k + 1).uncheck()
 

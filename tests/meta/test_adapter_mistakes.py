@@ -1,4 +1,5 @@
-"""Mistakes that strangers make in adapters, through the whole path: rejected, with the cause; the table is longer.
+"""Mistakes that strangers make in adapters, through the whole path: rejected, with the cause; the
+table is longer.
 
 `python tests/adapter_mistakes.py` prints all of it.
 """

@@ -464,7 +464,12 @@ def test_the_fixture_skips_what_is_absent() -> None:
 
 
 def test_the_plug_in_costs_a_strangers_run_nothing() -> None:
-    code = "import sys, pytest, trebucheck.conformance.plugin; print({'numpy', 'pydantic', 'scipy'} & set(sys.modules))"
+    code = (
+        "import sys, pytest, trebucheck.conformance.plugin; print({'numpy', 'pydantic', "
+        "'scipy'} "
+        "& "
+        "set(sys.modules))"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
 

@@ -1,4 +1,5 @@
-"""Faults built into engines: each is caught by the cheapest tier that can see it, and its cause is named.
+"""Faults built into engines: each is caught by the cheapest tier that can see it, and its cause is
+named.
 
 The gate sees what is built; only the motion tells how stops let go, how steps are taken and how
 results are read.

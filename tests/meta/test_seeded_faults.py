@@ -1,4 +1,5 @@
-"""The checks catch seeded faults: a wrong machine or a wrong reading, judged as MuJoCo's tuned preset would be.
+"""The checks catch seeded faults: a wrong machine or a wrong reading, judged as MuJoCo's tuned
+preset would be.
 
 The motions are the reference's own, of a machine or with a reading that is wrong in one place; an
 engine that had the fault would show it at least as much.
@@ -11,7 +12,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import plugins
+import plugin_engines
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.runs.record import machine_row
@@ -148,4 +149,4 @@ def test_what_is_right_is_not_flagged(build: Callable[..., tb.Mechanism]) -> Non
 
 def test_a_lying_plug_in_is_caught() -> None:
     """0.1 % too heavy a projectile, in an engine of a third party."""
-    assert _judged(plugins.Liar().simulate(tb.Problem(tb.fixed(), duration=2.8)), tb.fixed)
+    assert _judged(plugin_engines.Liar().simulate(tb.Problem(tb.fixed(), duration=2.8)), tb.fixed)

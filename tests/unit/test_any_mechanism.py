@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import plugins
+import plugin_engines
 import pytest
 import trebucheck as tb
 from mechanisms import chain, four_bar, hanging_bob
@@ -49,7 +49,7 @@ Command = Callable[..., dict[str, Any]]
 def third_party(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Engines announced by entry points; runs in this process, at few steps."""
     folder = tmp_path_factory.mktemp("site")
-    plugins.announce(folder)
+    plugin_engines.announce(folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(folder))
         patch.setattr(Study, "worker", lambda _: Worker(isolate=False))
@@ -142,7 +142,7 @@ def test_what_is_compared_is_the_farthest_point(name: str) -> None:
     """Markers, also two of them; without any, centres of mass, here computed apart."""
     machine = MACHINES[name]
     trials = EngineRuns(Runner(machine, until=Until.of(1.5)))
-    engine = plugins.Second(timestep=0.01)
+    engine = plugin_engines.Second(timestep=0.01)
     trial = trials.record(engine)
     run = engine.simulate(trials.runner.problem(engine))
     exact, keep = trials.solution.trajectory(run.t), run.t <= trials.end
@@ -165,9 +165,7 @@ def test_what_is_compared_is_the_farthest_point(name: str) -> None:
     )  # the grid has the end, where it is largest
 
 
-def test_the_positions_uncertainty_without_markers_is_that_of_a_marker_at_the_centre_at_most_some_times() -> (
-    None
-):
+def test_without_markers_the_uncertainty_is_that_of_the_centre_at_most_some_times() -> None:
     """The bound by coordinates holds what a marker says, and is no more than rounding's and
     safety's factor above.
     """
@@ -202,7 +200,9 @@ def test_a_motion_is_compared_up_to_its_predictability_horizon(
     found = studies.machines[0]
     assert found.compared_to == 3.0 and found.judged_to is not None and 1.0 < found.judged_to < 2.9
     assert f"Nothing is compared beyond {found.judged_to:.6g} s" in page(document(studies))
-    trial = EngineRuns(Runner(wild, until=Until.of(3.0))).record(plugins.Second(timestep=0.05))
+    trial = EngineRuns(Runner(wild, until=Until.of(3.0))).record(
+        plugin_engines.Second(timestep=0.05)
+    )
     assert trial.curves is not None and trial.curves.end == found.judged_to
 
 
@@ -245,7 +245,7 @@ def test_trials_to_another_end_are_other_trials(tmp_path: Path) -> None:
     def trial(until: str) -> RunRecord:
         store = Store(tmp_path, resume=True, records=tmp_path)
         return EngineRuns(Runner(MACHINES["tip"], until=Until.of(until)), store).record(
-            plugins.Second(timestep=0.01)
+            plugin_engines.Second(timestep=0.01)
         )
 
     first, second = trial("0.5"), trial("1.0")
@@ -258,7 +258,8 @@ def test_trials_to_another_end_are_other_trials(tmp_path: Path) -> None:
 
 
 def test_whole_steps_beyond_the_end_are_within_the_reference() -> None:
-    """The motion that goes on behind a short end is shorter than an engine's usual time behind one."""
+    """The motion that goes on behind a short end is shorter than an engine's usual time behind
+    one."""
     runner = Runner(tb.fixed(), until=Until.of(1e-2))
     engine = tb.engine("reference", timestep=3e-4)
     asked, longest = runner.problem(engine).duration, runner.solution.problem.duration

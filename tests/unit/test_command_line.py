@@ -1,4 +1,5 @@
-"""The command line: every wrong input gets one sentence and exit code 2, and nothing half-written."""
+"""The command line: every wrong input gets one sentence and exit code 2, and nothing
+half-written."""
 
 from __future__ import annotations
 

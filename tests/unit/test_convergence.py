@@ -14,7 +14,7 @@ from pathlib import Path
 
 import jsonschema
 import numpy as np
-import plugins
+import plugin_engines
 import pytest
 import trebucheck as tb
 from trebucheck.cli.app import main
@@ -335,13 +335,13 @@ def test_fitting_steps_are_hardly_shortened(asked: float) -> None:
 def test_durations_are_those_of_trials(step: float, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[float] = []
 
-    def simulate(self: plugins.Echo, problem: tb.Problem) -> tb.Trajectory:
+    def simulate(self: plugin_engines.Echo, problem: tb.Problem) -> tb.Trajectory:
         asked.append(problem.duration)
         return tb.engine("reference", timestep=5e-3).simulate(problem)
 
-    monkeypatch.setattr(plugins.Echo, "simulate", simulate)
+    monkeypatch.setattr(plugin_engines.Echo, "simulate", simulate)
     runner = Runner(tb.fixed())
-    make(runner, plugins.Echo(timestep=step))
+    make(runner, plugin_engines.Echo(timestep=step))
     assert asked[-1] == run_duration(runner.judged_to, step)
 
 

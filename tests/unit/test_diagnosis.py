@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import plugins
+import plugin_engines
 import pytest
 import trebucheck as tb
 from conftest import machine_parameters
@@ -88,7 +88,7 @@ def test_minimal_and_redundant_coordinates_pass_each_others_gate(build: Build) -
 
 
 def test_an_engine_that_shows_nothing_says_so() -> None:
-    found = check_model(plugins.Echo(), tb.fixed())
+    found = check_model(plugin_engines.Echo(), tb.fixed())
     assert not found.exposed and found.holds
     assert found.note and "only its motion can tell" in found.note
 

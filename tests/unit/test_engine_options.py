@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
-import plugins
+import plugin_engines
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
@@ -65,7 +65,7 @@ def test_a_default_as_it_is_shown_is_taken_on_the_command_line(name: str, tmp_pa
 
 
 def test_a_plug_in_s_options_are_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    plugins.announce(tmp_path)
+    plugin_engines.announce(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     assert "second" in engine_names()
     (row,) = option_table("second")

@@ -190,9 +190,7 @@ def test_the_papers_allowances_and_a_comparison_apply_the_same_tolerance() -> No
         )
 
 
-def test_a_tolerance_finer_than_the_reference_can_vouch_for_is_refused_and_the_report_says_why() -> (
-    None
-):
+def test_a_tolerance_finer_than_the_reference_is_refused_and_the_report_says_why() -> None:
     comparison = _compare(tolerances={"launch-speed": 1e-13})
     (run,) = comparison.results.runs
     metric = run.metric("launch_speed")

@@ -93,7 +93,8 @@ def test_a_whole_file_is_judged_in_everything(motion: tb.Trajectory, tmp_path: P
 def test_a_broken_file_gets_its_cause_from_what_it_gives(
     motion: tb.Trajectory, tmp_path: Path
 ) -> None:
-    """Signs are a mistake of the file's coordinates, whatever points follow from them; without speeds and forces a
+    """Signs are a mistake of the file's coordinates, whatever points follow from them; without
+    speeds and forces a
     weaker gravity looks like a slower clock, and both are named."""
     weak = tb.model(MODEL).model_copy(update={"gravity": 9.75})
     slow = tb.engine("reference", timestep=5e-3).simulate(tb.Problem(weak, duration=2.0))

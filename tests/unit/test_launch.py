@@ -10,11 +10,13 @@ import trebucheck as tb
 from trebucheck.models.launch import locate_launch, rest_opened
 
 RATE, FIRST = 3.0, math.radians(120)
-ROUNDING = 1e-12  # 1e-15 m over 0.01 s, over a turning rate of 15 m/s^2, with room for the divided differences
+# 1e-15 m over 0.01 s, over a turning rate of 15 m/s^2, with room for the divided differences
+ROUNDING = 1e-12
 
 
 def _turning(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Position and velocity of a point whose velocity, 5 + t m/s, turns clockwise from 120 degrees."""
+    """Position and velocity of a point whose velocity, 5 + t m/s, turns clockwise from 120
+    degrees."""
     along = np.exp(1j * (FIRST - RATE * t))
     velocity = (5.0 + t) * along
     position = along * ((5.0 + t) / (-1j * RATE) + 1 / RATE**2)  # its integral
@@ -83,7 +85,8 @@ def test_two_crossings_between_two_samples() -> None:
 
 
 def test_direction_counts_between_the_samples() -> None:
-    """The velocity turns by a right angle within a sample interval, and has turned away at its end."""
+    """The velocity turns by a right angle within a sample interval, and has turned away at its
+    end."""
     t = np.arange(0.0, 0.6, 0.1)
     along = np.exp(1j * (FIRST - 16.0 * (t - 0.1)))
     velocity, position = 5.0 * along, 5.0 * along / (-16j)

@@ -1,4 +1,5 @@
-"""Architecture: imports run one way and never in circles, counts do not rise, engines stay apart."""
+"""Architecture: imports run one way and never in circles, counts do not rise, engines stay
+apart."""
 
 from __future__ import annotations
 

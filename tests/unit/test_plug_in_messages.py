@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 import trebucheck as tb
-from plugins import Echo
+from plugin_engines import Echo
 from trebucheck.conformance.session import Deviations
 from trebucheck.engines.protocol import BuiltinEngine, Recording
 from trebucheck.engines.registry import ANNOUNCED, announce, engine_class

@@ -280,9 +280,7 @@ def test_figures_that_are_of_no_quantity_are_left_alone() -> None:
 # uncertainty
 
 
-def test_a_tolerance_finer_than_the_reference_can_vouch_for_is_not_judged_unless_it_is_surely_broken() -> (
-    None
-):
+def test_a_tolerance_finer_than_the_reference_is_judged_only_if_surely_broken() -> None:
     machine = _machine({"position_max": 1e-3, "position_max (projectile)": 1e-9})
     judged = _judged(POSITION, machine)
     assert (
@@ -300,9 +298,7 @@ def test_a_tolerance_finer_than_the_reference_can_vouch_for_is_not_judged_unless
     assert _judged(POSITION, machine, {"position": 0.0099}).holds is None
 
 
-def test_an_event_of_only_one_of_the_two_is_surely_broken_unless_the_reference_does_not_know_it() -> (
-    None
-):
+def test_an_event_of_one_run_is_surely_broken_unless_the_reference_lacks_it() -> None:
     missing = _metric("release_time", "rest", None, "s")
     assert _judged(missing).holds is False
     assert _judged(missing, _machine({"release_time": 1e-3})).holds is False

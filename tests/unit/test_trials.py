@@ -1,4 +1,5 @@
-"""What a trial remembers, how often it is timed, and how often the reference is evaluated for it."""
+"""What a trial remembers, how often it is timed, and how often the reference is evaluated for
+it."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import plugins
+import plugin_engines
 import pytest
 import trebucheck as tb
 from pydantic import JsonValue
@@ -29,7 +30,7 @@ SHORT, LONG = (
 
 
 @dataclass(frozen=True)
-class Claims(plugins.Echo):
+class Claims(plugin_engines.Echo):
     """Gives the reference back, and claims to have taken so long."""
 
     takes: float = SHORT
@@ -53,7 +54,7 @@ class Claims(plugins.Echo):
 def trials(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> EngineRuns:
     for module in ("record", "store"):
         monkeypatch.setattr(
-            f"trebucheck.comparisons.runs.{module}.engine_class", lambda _: plugins.Echo
+            f"trebucheck.comparisons.runs.{module}.engine_class", lambda _: plugin_engines.Echo
         )
     return EngineRuns(Runner(tb.fixed()), Store(tmp_path, resume=True, records=tmp_path))
 

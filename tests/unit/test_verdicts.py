@@ -63,9 +63,17 @@ FOLLOWS = _metric(9.0, None, follows="position_max")
 
 @pytest.mark.parametrize(
     ("value", "tolerance", "holds"),
-    [(2.0, 2.0, True), (-2.0, 2.0, True), (-2.1, 2.0, False), (2.1, 2.0, False), (None, 2.0, False), (1.0, None, None),
-     (None, None, None), (0.0, 0.0, True)],
-)  # fmt: skip
+    [
+        (2.0, 2.0, True),
+        (-2.0, 2.0, True),
+        (-2.1, 2.0, False),
+        (2.1, 2.0, False),
+        (None, 2.0, False),
+        (1.0, None, None),
+        (None, None, None),
+        (0.0, 0.0, True),
+    ],
+)
 def test_a_figure_holds_within_its_tolerance_on_either_side(
     value: float | None, tolerance: float | None, holds: bool | None
 ) -> None:
@@ -282,9 +290,18 @@ def test_only_markers_of_both_are_compared_and_the_worst_counts() -> None:
 
 @pytest.mark.parametrize(
     ("first", "second", "difference"),
-    [(0.5, 0.7, 0.2), (0.7, 0.5, 0.2), (None, 0.5, None), (0.5, None, None), (None, None, None), (1.6, None, None),
-     (None, END, None), (1.4, 1.6, 0.2), (1.6, 1.7, None)],
-)  # fmt: skip
+    [
+        (0.5, 0.7, 0.2),
+        (0.7, 0.5, 0.2),
+        (None, 0.5, None),
+        (0.5, None, None),
+        (None, None, None),
+        (1.6, None, None),
+        (None, END, None),
+        (1.4, 1.6, 0.2),
+        (1.6, 1.7, None),
+    ],
+)
 def test_releases_of_two_runs(
     first: float | None, second: float | None, difference: float | None
 ) -> None:

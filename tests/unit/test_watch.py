@@ -37,7 +37,8 @@ pytestmark = pytest.mark.slow
 
 
 def parallel_cranks(start: float = 1.0) -> Mechanism:
-    """Two parallelograms in a row, every link 1 m, that swing up and come to rest with all links on one line.
+    """Two parallelograms in a row, every link 1 m, that swing up and come to rest with all links on
+    one line.
 
     There the loops' constraints are singular, and at rest nothing tells how the mechanism moves on.
 
@@ -302,7 +303,13 @@ def test_a_run_that_does_not_fit_into_memory_is_refused_before_it_starts(
     monkeypatch.setattr(protocol, "available_memory", lambda: 1e9)
     kind = tb.engine(engine)
     monkeypatch.setattr(type(kind), "is_installed", classmethod(lambda _: True))
-    sentence = r"1e-06 s makes 2e\+06 steps of 2\.0 s, for which some .* GB of memory are needed and 1 GB are available"
+    sentence = (
+        r"1e-06 s makes 2e\+06 steps of 2\.0 s, for which some .* GB of memory are needed "
+        r"and "
+        r"1 "
+        r"GB "
+        r"are available"
+    )
     with pytest.raises(tb.InputError, match=sentence) as caught:
         tb.engine(engine, timestep=1e-6).simulate(tb.Problem(tb.fixed(), duration=2.0))
     valid = re.search(r"at least (\S+) s is needed", str(caught.value))

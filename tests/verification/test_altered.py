@@ -18,7 +18,8 @@ from trebucheck.reference.perturbed import (
 from trebucheck.reference.solver import solve
 
 Build = Callable[..., tb.Mechanism]
-AMPLIFIED = 1e6  # by how much the motion grows an error until then, generously: the whip's own factor is some 1e4
+# By how much the motion grows an error until then, generously: the whip's own factor is some 1e4
+AMPLIFIED = 1e6
 
 
 def test_the_right_schedule_gives_the_right_motion(build: Build) -> None:

@@ -117,7 +117,8 @@ def test_certificates_are_as_sharp_as_needed(committed: Certificate) -> None:
 
 
 def _left_out(certificate: Certificate) -> list[tuple[float, str, str]]:
-    """Distance over uncertainty for every figure and every independent computation that is left out.
+    """Distance over uncertainty for every figure and every independent computation that is left
+    out.
 
     With it go the coarser rungs of its own ladder, but not those of the reference itself: that its
     interpolant is less exact than its steps cannot be learned from computations that have no such

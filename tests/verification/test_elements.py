@@ -19,7 +19,8 @@ from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
 
 Array = NDArray[np.float64]
-_STEP = 1e-4  # of central differences of fourth order: errors of some (1e-4)^4 and 1e-16 / 1e-4, relative
+# Of central differences of fourth order: errors of some (1e-4)^4 and 1e-16 / 1e-4, relative
+_STEP = 1e-4
 
 
 def _slope(function: Callable[[Array], Any], x: Array) -> Array:

@@ -157,7 +157,8 @@ def test_two_bodies_that_meet_their_stops_together_do_not_disturb_each_other() -
 
 @pytest.mark.parametrize("e", [0.3, 0.7])
 def test_bouncing_settles(e: float) -> None:
-    """Against a stop at 30 degrees below level gravity presses on: rebounds die away, then the stop carries m g l cos.
+    """Against a stop at 30 degrees below level gravity presses on: rebounds die away, then the stop
+    carries m g l cos.
 
     Close to the stop the motion is a fall with constant acceleration a, so the bounces sum up to 2
     e v / ((1 - e) a).

@@ -69,7 +69,8 @@ def _states(solution: Solution, t: np.ndarray) -> np.ndarray:
 
 
 def _random_machines() -> Iterator[tuple[str, tb.TrebuchetParameters, float, float]]:
-    """Machines of every size from 1:10 000 up, with an angle, and an end in characteristic times."""
+    """Machines of every size from 1:10 000 up, with an angle, and an end in characteristic
+    times."""
     random = np.random.default_rng(11)
     for i in range(6):
         size = 10 ** random.uniform(-4, 2)

@@ -1,4 +1,5 @@
-"""Stops on points: a ladder that leaves its wall, a bob that falls on a floor, and what is refused."""
+"""Stops on points: a ladder that leaves its wall, a bob that falls on a floor, and what is
+refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Sensitivities against differences of the solver's own figures, and against what scaling and symmetry demand.
+"""Sensitivities against differences of the solver's own figures, and against what scaling and
+symmetry demand.
 
 Identities hold to the stated need of 1e-9, relative to the largest term that enters them.
 """
@@ -119,7 +120,8 @@ def let_through(mechanism: tb.Mechanism) -> np.ndarray:
 
 
 def differences(values: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Central differences, extrapolated twice (Richardson: O(step^6)), and how far the last one went.
+    """Central differences, extrapolated twice (Richardson: O(step^6)), and how far the last one
+    went.
 
     Args:
         values: figures at 1, 2 and 4 steps above, then as many below.

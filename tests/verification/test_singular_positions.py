@@ -34,7 +34,8 @@ def _rod(name: str, length: float) -> Body:
 def _windows(
     n: int, start: float, speed: float, length: float = 1.0, width: float = 1.0
 ) -> Mechanism:
-    """Four-bars in a row (A02 of the IFToMM benchmarks): slender rods of 1 kg, n + 1 cranks and n couplers.
+    """Four-bars in a row (A02 of the IFToMM benchmarks): slender rods of 1 kg, n + 1 cranks and n
+    couplers.
 
     Args:
         n: number of four-bars.
@@ -154,7 +155,8 @@ def test_loops_pass_their_own_positions_shortly_one_after_the_other() -> None:
 
 
 class _ChangePoint:
-    """A four-bar whose shortest and longest links are together as long as the others: ground + coupler = the rest.
+    """A four-bar whose shortest and longest links are together as long as the others: ground +
+    coupler = the rest.
 
     With all links on one line two branches cross. With r the distance from the crank's tip to the
     rocker's foot, 16 area^2 = (r^2 - (b - c)^2) ((b + c)^2 - r^2) has a double zero there, whose

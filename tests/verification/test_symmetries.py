@@ -67,7 +67,8 @@ def test_mirror_image(build: Build, parameters: tb.TrebuchetParameters) -> None:
 
 @pytest.mark.parametrize("pause", [0.4, 1.3, 2.0])
 def test_time_translation(build: Build, pause: float) -> None:
-    """A machine stopped anywhere and started again with that state goes on as if nothing had been."""
+    """A machine stopped anywhere and started again with that state goes on as if nothing had
+    been."""
     machine = build()
     whole = solve(tb.Problem(machine, duration=2.4))
     state = whole.motion(np.array([pause]))

@@ -21,7 +21,9 @@ from trebucheck.reference.sensitivity.variational import VariationalEquations, c
 from trebucheck.reference.solver import solve
 
 STEP = 1e-4
-SOLVER = 1e-12  # of the largest number of a state: what the solver may err by, at a local error of 3e-14 over 100 steps
+# Of the largest number of a state: what the solver may err by, at a local error of 3e-14 over 100
+# steps
+SOLVER = 1e-12
 BLIND = 1e-4  # differences that know less than this of themselves would prove nothing
 
 

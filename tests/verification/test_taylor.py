@@ -1,4 +1,5 @@
-"""The Taylor integrator: an integrator and an event finder that share neither steps nor roots with DOP853.
+"""The Taylor integrator: an integrator and an event finder that share neither steps nor roots with
+DOP853.
 
 Tolerances are the stated needs of two independent integrators: releases and launch 3e-13 relative
 on Table I, 1e-11 s for releases and 1e-9 for the state at the launch on random machines. Compiled

@@ -14,14 +14,14 @@ import trebucheck as tb
 from pydantic import JsonValue
 
 ENTRY_POINTS = """[trebucheck.engines]
-echo = plugins:Echo
-liar = plugins:Liar
-raiser = plugins:Raiser
-crasher = plugins:Crasher
-plain = plugins:Plain
-strange = plugins:Strange
-sleeper = plugins:Sleeper
-second = plugins:Second
+echo = plugin_engines:Echo
+liar = plugin_engines:Liar
+raiser = plugin_engines:Raiser
+crasher = plugin_engines:Crasher
+plain = plugin_engines:Plain
+strange = plugin_engines:Strange
+sleeper = plugin_engines:Sleeper
+second = plugin_engines:Second
 """
 
 
