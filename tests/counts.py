@@ -36,7 +36,18 @@ RotationalSpringDamper CubicTorsionSpring ConstantForce ConstantTorque
 """
 ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
-CEILINGS: dict[str, float] = {}
+CEILINGS: dict[str, float] = {
+    "lines": 60556,
+    "modules": 254,
+    "modules with one importer": 55,
+    "public class names used twice": 1,
+    "isinstance on elements": 9,
+    "files with isinstance on elements": 7,
+    "% of lines over 100": 0.01,
+    "% of docstrings that begin with a preposition": 1.43,
+    "comprehensions per 100 statements": 6.96,
+    "ternaries per 100 statements": 3.46,
+}
 """Largest allowed value of each count of the core."""
 
 
