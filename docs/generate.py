@@ -355,10 +355,16 @@ def _argument(parameter: inspect.Parameter) -> str:
     default = parameter.default
     if default is parameter.empty:
         return f"{stars}{parameter.name}{typed}"
-    return (
-        f"{stars}{parameter.name}{typed} = "
-        f"{default.value if isinstance(default, Enum) else default!r}"
-    )
+    return f"{stars}{parameter.name}{typed} = {_default(default)}"
+
+
+def _default(value: Any) -> str:
+    """A default as it is written; sets of classes in the order of their names."""
+    if isinstance(value, Enum):
+        return str(value.value)
+    if isinstance(value, frozenset) and value and all(isinstance(each, type) for each in value):
+        return f"frozenset({{{', '.join(sorted(each.__name__ for each in value))}}})"
+    return repr(value)
 
 
 def _members(value: Any) -> str:

