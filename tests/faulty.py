@@ -139,7 +139,7 @@ def run_with(fault: Fault, model: str, monkeypatch: pytest.MonkeyPatch) -> Run:
         [model],
         [fault.engine],
         ["tuned"],
-        until=JUDGED_TO[model],
+        until=JUDGED_TO.get(model),
         isolate=False,
         **(fault.options or {}),
     ).results

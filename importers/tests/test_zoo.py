@@ -25,7 +25,7 @@ from trebucheck_importers.zoo.model import ZooModel, zoo_file
 from trebucheck_importers.zoo.registry import zoo, zoo_model
 
 mujoco: Any = pytest.importorskip("mujoco")
-mass_matrix: Any = importlib.import_module("trebucheck.engines.mujoco.matrices").mass_matrix
+mass_matrix: Any = importlib.import_module("trebucheck.engines.mujoco.compat").mass_matrix
 
 every_model = pytest.mark.parametrize("model", zoo(), ids=lambda model: model.name)
 IDEAL = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT

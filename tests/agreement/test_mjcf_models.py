@@ -25,7 +25,7 @@ from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
 mujoco: Any = pytest.importorskip("mujoco")
-mass_matrix: Any = importlib.import_module("trebucheck.engines.mujoco.matrices").mass_matrix
+mass_matrix: Any = importlib.import_module("trebucheck.engines.mujoco.compat").mass_matrix
 
 CERTIFIED = 1e-7
 every_model = pytest.mark.parametrize("name", models())

@@ -160,7 +160,7 @@ def test_simulate_says_what_is_missing(name: str) -> None:
 
 
 def test_the_paper_can_be_called_whatever_was_imported_first() -> None:
-    importlib.import_module("trebucheck.paper.report")
+    importlib.import_module("trebucheck_paper.report")
     wrong: Any = ["nonsense"]
     with pytest.raises(tb.InputError, match="nonsense"):
         tb.paper(wrong)
