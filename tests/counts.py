@@ -37,7 +37,7 @@ RotationalSpringDamper CubicTorsionSpring ConstantForce ConstantTorque
 ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
 CEILINGS: dict[str, float] = {
-    "lines": 60556,
+    "lines": 60562,
     "modules": 254,
     "modules with one importer": 55,
     "public class names used twice": 1,
@@ -45,7 +45,7 @@ CEILINGS: dict[str, float] = {
     "files with isinstance on elements": 7,
     "% of lines over 100": 0.01,
     "% of docstrings that begin with a preposition": 1.43,
-    "comprehensions per 100 statements": 6.96,
+    "comprehensions per 100 statements": 6.97,
     "ternaries per 100 statements": 3.46,
 }
 """Largest allowed value of each count of the core."""
