@@ -38,7 +38,7 @@ def test_the_readmes_table_is_the_pages(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_the_readme_is_short_and_light() -> None:
     text = README.read_text()
-    assert len(text.splitlines()) <= 70
+    assert len(text.splitlines()) <= 60
     pictures = re.findall(r"\((docs/pictures/[^)]+)\)", text)
     assert pictures
     assert all((ROOT / name).stat().st_size < 1_000_000 for name in pictures)
