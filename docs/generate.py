@@ -29,7 +29,7 @@ from trebucheck.comparisons.converge.results import Studies
 from trebucheck.comparisons.data.certified import names, publish
 from trebucheck.comparisons.diff import DifferenceData
 from trebucheck.comparisons.explain.results import Explanation
-from trebucheck.comparisons.judge.study import Judgement
+from trebucheck.comparisons.judge import Judgement
 from trebucheck.comparisons.matrix import distilled, orders_of
 from trebucheck.comparisons.matrix import matrix as read_matrix
 from trebucheck.comparisons.mjcf import record_motion
