@@ -13,9 +13,9 @@ import numpy as np
 import plugin_engines
 import pytest
 import trebucheck as tb
-from conftest import machine_parameters
+from conftest import machine_parameters, machines
 from faulty import Faulty, body, parameters
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from trebucheck.comparisons.diagnosis.case import Case, match
 from trebucheck.comparisons.diagnosis.diagnose import active_contacts_at, check_and_diagnose, growth
@@ -67,7 +67,7 @@ def test_states_are_where_they_should_be(build: Build) -> None:
         assert active_contacts(equations, state.q, state.u, state.closed) == state.closed
 
 
-@settings(max_examples=10)
+@machines(10)
 @given(chosen=machine_parameters(), rolls=st.booleans())
 def test_parameters_are_read_off_a_machine(chosen: tb.TrebuchetParameters, rolls: bool) -> None:
     machine = (tb.rolling if rolls else tb.fixed)(chosen)
