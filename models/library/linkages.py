@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from ..arrays import FloatArray
 from ..elements import GROUND
-from ..mechanism import Body, Marker, Mechanism
+from ..mechanism import Body, Mechanism
 from ..spec import Positive, Real
 from .benchmark import (
     BenchmarkParameters,
@@ -20,6 +20,7 @@ from .benchmark import (
     at,
     coordinate,
     energy_figure,
+    marker,
     passage,
     path_figure,
     period,
@@ -74,46 +75,37 @@ class FourBarParameters(BenchmarkParameters):
     @property
     def duration(self) -> float:
         """10 s at 1 m and 1 m/s; at least one and a half turns."""
-        return max(
-            10.0 * math.sqrt(self.length * 9.81 / self.g),
-            1.5 * turn_period(self.omega, self.turning),
-        )
+        ten = 10.0 * math.sqrt(self.length * 9.81 / self.g)
+        return max(ten, 1.5 * turn_period(self.omega, self.turning))
 
     def mechanism(self) -> Mechanism:
-        cranks = tuple(
-            rod(f"crank {i}", f"a{i}", self.length, self.mass) for i in range(self.N + 1)
-        )
-        couplers = tuple(
-            rod(f"coupler {i}", f"b{i}", self.length, self.mass) for i in range(1, self.N + 1)
-        )
-        end = (self.length, 0.0)
-        pivots = tuple(
-            pin(f"pivot {i}", GROUND, f"crank {i}", (i * self.length, 0)) for i in range(self.N + 1)
-        )
-        left = tuple(
-            pin(f"left {i}", f"crank {i - 1}", f"coupler {i}", end) for i in range(1, self.N + 1)
-        )
-        right = tuple(
-            pin(f"right {i}", f"crank {i}", f"coupler {i}", end, end) for i in range(1, self.N + 1)
-        )
+        n, end = self.N, (self.length, 0.0)
+        cranks = [rod(f"crank {i}", f"a{i}", self.length, self.mass) for i in range(n + 1)]
+        couplers = [rod(f"coupler {i}", f"b{i}", self.length, self.mass) for i in range(1, n + 1)]
+        joints = [
+            pin(f"pivot {i}", GROUND, f"crank {i}", (i * self.length, 0)) for i in range(n + 1)
+        ]
+        for i in range(1, n + 1):
+            joints.append(pin(f"left {i}", f"crank {i - 1}", f"coupler {i}", end))
+        for i in range(1, n + 1):
+            joints.append(pin(f"right {i}", f"crank {i}", f"coupler {i}", end, end))
         return Mechanism(
             name=self.name,
-            bodies=cranks + couplers,
-            joints=pivots + left + right,
-            markers=(Marker(name="B0", body="crank 0", point=end),),
+            bodies=(*cranks, *couplers),
+            joints=tuple(joints),
+            markers=(marker("B0", "crank 0", end),),
             gravity=self.g,
-            start=(UPRIGHT,) * (self.N + 1) + (0.0,) * self.N,
-            start_speeds=(self.turning,) * (self.N + 1) + (0.0,) * self.N,
+            start=(UPRIGHT,) * (n + 1) + (0.0,) * n,
+            start_speeds=(self.turning,) * (n + 1) + (0.0,) * n,
         )
 
     def figures(self) -> tuple[KnownValue, ...]:
         end, angle = self.duration, coordinate("a0")
-        turn = turn_period(self.omega, self.turning)
+        time = turn_period(self.omega, self.turning)
         name = "largest error of the first crank's angle"
+        read = passage(angle, UPRIGHT + 2 * math.pi, end)
         return (
-            KnownValue(
-                "time of a turn", turn, "s", 1e-9, passage(angle, UPRIGHT + 2 * math.pi, end)
-            ),
+            KnownValue("time of a turn", time, "s", 1e-9, read),
             path_figure(name, "rad", 1e-9, angle, self.angle, end),
         )
 
@@ -166,30 +158,22 @@ class ThreeCranksParameters(SwingingParameters):
 
     @property
     def swing(self) -> Swing:
-        omega = math.sqrt(
-            (1.5 * self.crank + self.beam) * self.g / ((self.crank + self.beam) * self.length)
-        )
-        return Swing("a1", omega, self.amplitude)
+        moment, inertia = 1.5 * self.crank + self.beam, (self.crank + self.beam) * self.length
+        return Swing("a1", math.sqrt(moment * self.g / inertia), self.amplitude)
 
     def mechanism(self) -> Mechanism:
-        cranks = tuple(rod(f"crank {i}", f"a{i}", self.length, self.crank) for i in (1, 2, 3))
+        end, centre = (self.length, 0.0), (self.spacing, 0.0)
         inertia = self.beam * (2 * self.spacing) ** 2 / 12
-        beam = Body(
-            name="beam", angle="b", mass=self.beam, centre=(self.spacing, 0), inertia=inertia
-        )
-        end = (self.length, 0.0)
-        pivots = tuple(
-            pin(f"pivot {i}", GROUND, f"crank {i}", ((i - 1) * self.spacing, 0)) for i in (1, 2, 3)
-        )
-        pins = tuple(
-            pin(f"pin {i}", f"crank {i}", "beam", end, ((i - 1) * self.spacing, 0))
-            for i in (1, 2, 3)
-        )
+        beam = Body(name="beam", angle="b", mass=self.beam, centre=centre, inertia=inertia)
+        cranks = [rod(f"crank {i}", f"a{i}", self.length, self.crank) for i in (1, 2, 3)]
+        places = {1: (0.0, 0.0), 2: centre, 3: (2 * self.spacing, 0.0)}
+        pivots = [pin(f"pivot {i}", GROUND, f"crank {i}", at) for i, at in places.items()]
+        pins = [pin(f"pin {i}", f"crank {i}", "beam", end, at) for i, at in places.items()]
         return Mechanism(
             name=self.name,
             bodies=(*cranks, beam),
-            joints=pivots + pins,
-            markers=(Marker(name="beam", body="beam", point=beam.centre),),
+            joints=(*pivots, *pins),
+            markers=(marker("beam", "beam", centre),),
             gravity=self.g,
             start=(LOWEST + self.amplitude,) * 3 + (0.0,),
         )
@@ -220,17 +204,9 @@ class SliderCrankParameters(BenchmarkParameters):
         default=8.0, description="of the crank at the start, stretched out [rad/s]"
     )
 
-    @property
-    def is_singular(self) -> bool:
-        """Whether the slider passes the pivot."""
-        return self.rod == self.crank
-
     def rod_angle(self, a: float) -> tuple[float, float]:
-        """The rod's angle [rad] at the crank's, and its derivative.
-
-        Equal lengths have the mirrored branch.
-        """
-        if self.is_singular:
+        """The rod's angle [rad] at the crank's, and its derivative."""
+        if self.rod == self.crank:  # the slider passes the pivot, on the mirrored branch
             return -a, -1.0
         b = -math.asin(self.crank * math.sin(a) / self.rod)
         return b, -self.crank * math.cos(a) / (self.rod * math.cos(b))
@@ -257,16 +233,12 @@ class SliderCrankParameters(BenchmarkParameters):
         return self.inertia(0.0) * self.speed**2 / 2 / self.potential(UPRIGHT)
 
     @property
-    def turn_time(self) -> float:
-        """Time of the crank's first turn [s]; it does not turn back."""
-        return time_between(0.0, 2 * math.pi, self.speed, self.inertia, self.potential)
-
-    @property
-    def swing_time(self) -> float:
-        """Period of a crank that swings about its lowest position and does not turn over [s]."""
-        return slow_swing_period(
-            LOWEST, math.pi / 2 + math.asin(self.share), self.potential(UPRIGHT), self.inertia
-        )
+    def cycle(self) -> float:
+        """Time of a turn, or period of a crank that does not turn over [s]."""
+        if self.share > 1:
+            return time_between(0.0, 2 * math.pi, self.speed, self.inertia, self.potential)
+        amplitude = math.pi / 2 + math.asin(self.share)
+        return slow_swing_period(LOWEST, amplitude, self.potential(UPRIGHT), self.inertia)
 
     @model_validator(mode="after")
     def _moves_for_good(self) -> Self:
@@ -285,7 +257,7 @@ class SliderCrankParameters(BenchmarkParameters):
 
     @property
     def duration(self) -> float:
-        return 1.5 * (self.turn_time if self.share > 1 else self.swing_time)
+        return 1.5 * self.cycle
 
     def mechanism(self) -> Mechanism:
         # The slider, a point mass at the rod's end, is part of the rod.
@@ -305,23 +277,21 @@ class SliderCrankParameters(BenchmarkParameters):
                 pin("crank pin", "crank", "rod", (self.crank, 0)),
                 slot("slot", "rod", (1, 0), on=end),
             ),
-            markers=(Marker(name="slider", body="rod", point=end),),
+            markers=(marker("slider", "rod", end),),
             gravity=self.g,
             start=(0.0, 0.0),
             start_speeds=(self.speed, -self.speed * self.crank / self.rod),
         )
 
     def figures(self) -> tuple[KnownValue, ...]:
-        end = self.duration
-        scale = self.inertia(0.0) * self.speed**2
+        time, end, angle = self.cycle, self.duration, coordinate("a")
         if self.share > 1:
-            name = "time of a turn"
-            time = self.turn_time
-            measured = passage(coordinate("a"), 2 * math.pi, end)
+            name, read = "time of a turn", passage(angle, 2 * math.pi, end)
         else:
-            name, time, measured = "period", self.swing_time, period(coordinate("a"), LOWEST, end)
+            name, read = "period", period(angle, LOWEST, end)
+        scale = self.inertia(0.0) * self.speed**2
         return (
-            KnownValue(name, time, "s", 1e-10 * time, measured, "quadrature"),
+            KnownValue(name, time, "s", 1e-10 * time, read, "quadrature"),
             energy_figure(1e-10 * scale, end),
         )
 
@@ -363,10 +333,9 @@ class QuickReturnParameters(BenchmarkParameters):
     g: Positive = Field(default=9.81, description="gravity [m/s^2]")
     speed: Positive = Field(default=12.0, description="of the crank at the start, level [rad/s]")
 
-    @property
-    def turn_time(self) -> float:
-        """Time of the crank's first turn [s]; it does not turn back."""
-        return time_between(0.0, 2 * math.pi, self.speed, self.inertia, self.potential)
+    def time_to(self, a: float) -> float:
+        """Time to the crank's angle a [s]; it does not turn back."""
+        return time_between(0.0, a, self.speed, self.inertia, self.potential)
 
     def arm_angle(self, a: float) -> tuple[float, float]:
         """The arm's angle [rad] at the crank's, and its derivative."""
@@ -376,10 +345,8 @@ class QuickReturnParameters(BenchmarkParameters):
 
     def inertia(self, a: float) -> float:
         """Reduced to the crank's angle [kg m^2]."""
-        return (
-            self.m_crank * self.crank**2 / 3
-            + self.m_arm * self.arm**2 / 3 * self.arm_angle(a)[1] ** 2
-        )
+        arm = self.m_arm * self.arm**2 / 3 * self.arm_angle(a)[1] ** 2
+        return self.m_crank * self.crank**2 / 3 + arm
 
     def potential(self, a: float) -> float:
         """Energy of crank and arm [J]."""
@@ -388,7 +355,7 @@ class QuickReturnParameters(BenchmarkParameters):
 
     @property
     def duration(self) -> float:
-        return 1.5 * self.turn_time
+        return 1.5 * self.time_to(2 * math.pi)
 
     def mechanism(self) -> Mechanism:
         angle, slope = self.arm_angle(0.0)
@@ -403,28 +370,20 @@ class QuickReturnParameters(BenchmarkParameters):
                 pin("arm pivot", GROUND, "arm", (0, -self.distance)),
                 slot("slot", "crank", (1, 0), on=(self.crank, 0), parent="arm"),
             ),
-            markers=(Marker(name="tip", body="arm", point=(self.arm, 0)),),
+            markers=(marker("tip", "arm", (self.arm, 0)),),
             gravity=self.g,
             start=(0.0, angle),
             start_speeds=(self.speed, slope * self.speed),
         )
 
     def figures(self) -> tuple[KnownValue, ...]:
-        end, a = self.duration, coordinate("a")
-        half = time_between(0.0, math.pi, self.speed, self.inertia, self.potential)
-        turn, scale = self.turn_time, self.inertia(0.0) * self.speed**2
-        return (
-            KnownValue(
-                "time of a turn", turn, "s", 1e-11, passage(a, 2 * math.pi, end), "quadrature"
-            ),
-            KnownValue(
-                "time of the first half", half, "s", 1e-11, passage(a, math.pi, end), "quadrature"
-            ),
-            energy_figure(1e-11 * max(1.0, scale), end),
-        )
-
-
-_SPAN = 10.0  # periods of an oscillation
+        end, angle = self.duration, coordinate("a")
+        figures: list[KnownValue] = []
+        for name, a in {"time of a turn": 2 * math.pi, "time of the first half": math.pi}.items():
+            read = passage(angle, a, end)
+            figures.append(KnownValue(name, self.time_to(a), "s", 1e-11, read, "quadrature"))
+        scale = self.inertia(0.0) * self.speed**2
+        return (*figures, energy_figure(1e-11 * max(1.0, scale), end))
 
 
 class TrammelParameters(SwingingParameters):
@@ -450,13 +409,14 @@ class TrammelParameters(SwingingParameters):
 
     def mechanism(self) -> Mechanism:
         start = LOWEST + self.amplitude
-        level = slot("level", "rod", (1, 0), coordinate="x")
-        upright = slot("upright", "rod", (0, 1), on=(self.length, 0))
         return Mechanism(
             name=self.name,
             bodies=(rod("rod", "a", self.length, self.mass),),
-            joints=(level, upright),
-            markers=(Marker(name="pen", body="rod", point=(self.length / 4, 0)),),
+            joints=(
+                slot("level", "rod", (1, 0), coordinate="x"),
+                slot("upright", "rod", (0, 1), on=(self.length, 0)),
+            ),
+            markers=(marker("pen", "rod", (self.length / 4, 0)),),
             gravity=self.g,
             start=(start, -self.length * math.cos(start)),
         )

@@ -134,8 +134,8 @@ def _of_library(name: str) -> _Model | None:
 
 _PROBLEMS = (*PENDULUMS, *LINKAGES, *CONTACTS, *SINGLE_ELEMENTS, SqueezerParameters)
 _BENCHMARKS = {
-    parameters.name: Benchmark.of(parameters)
-    for parameters in sorted(_PROBLEMS, key=lambda parameters: parameters.number)
+    p.name: Benchmark(p.number, p.name, p.tags, p.text, p.source, p, p.stop_law)
+    for p in sorted(_PROBLEMS, key=lambda p: p.number)
 }
 
 
