@@ -34,7 +34,7 @@ from .models.errors import (
     UnsupportedProblemError,
 )
 from .models.launch import Launch
-from .models.library.given import model, problem, problems
+from .models.library.registry import model, problem, problems
 from .models.library.trebuchet import (
     CatapultParameters,
     FloatingArmParameters,

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from ...models.arrays import FloatArray
 from ...models.kinematics import Kinematics
-from ...models.library.given import Model, model_of
+from ...models.library.registry import Model, model_of
 from ...models.mechanism import Mechanism
 from ...models.problem import StopLaw
 from ...models.spec import Spec

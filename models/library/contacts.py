@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -118,10 +119,10 @@ class StoppedPendulumParameters(BenchmarkParameters):
     def mechanism(self) -> Mechanism:
         down, e = math.pi / 2, self.restitution
         # Clockwise from the vertical is to the left.
-        limits = {"left": (-1, -(down + self.opening)), "right": (1, down - self.opening)}
-        stops = tuple(
-            Stop(name=name, body="rod 1", sense=sense, limit=limit, closed=False, restitution=e)
-            for name, (sense, limit) in limits.items()
+        common: dict[str, Any] = {"body": "rod 1", "closed": False, "restitution": e}
+        stops = (
+            Stop(name="left", sense=-1, limit=-(down + self.opening), **common),
+            Stop(name="right", sense=1, limit=down - self.opening, **common),
         )
         links, start = rods(2, self.length, self.mass), (down, down + self.swing)
         return pin_links(self.name, links, self.length, self.g, start, stops)

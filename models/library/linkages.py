@@ -10,13 +10,14 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ..arrays import FloatArray
-from ..elements import GROUND
+from ..elements import GROUND, ConstantTorque, SpringDamper
 from ..mechanism import Body, Mechanism
-from ..spec import Positive, Real
+from ..spec import NonNegative, Positive, Real
 from .benchmark import (
     BenchmarkParameters,
     Condition,
     KnownValue,
+    Quantity,
     at,
     coordinate,
     energy_figure,
@@ -32,8 +33,12 @@ from .benchmark import (
 from .closed_forms import LOWEST, Swing, slow_swing_period, time_between, turn, turn_period
 
 UPRIGHT = -math.pi / 2  # [rad] angle of a link that points up
+
+
 # Of the energy: nearer to its upright position the crank would stay there for long.
 _UPRIGHT_SHARE = 0.01
+
+
 _SUITE = "M. Gonzalez et al., MBS benchmark library (Univ. of A Coruna, 2005)"
 
 
@@ -422,6 +427,121 @@ class TrammelParameters(SwingingParameters):
         )
 
 
+_BARYCENTRE = 0.02 - 0.01421  # [m]
+_K = {
+    1: (0.04325, 2.194e-6, (0.00092, 0)),
+    2: (0.00365, 4.410e-7, (-0.0115, 0)),
+    3: (0.02373, 5.255e-6, (0.01043, -0.01874)),
+    5: (0.07050, 1.169e-5, (0.02308, 0.00916)),
+    4: (0.00706, 5.667e-7, (0, -_BARYCENTRE)),
+    7: (0.05498, 1.912e-5, (-0.00449, -0.01228)),
+    6: (0.00706, 5.667e-7, (_BARYCENTRE, 0)),
+}
+"""Mass [kg], inertia [kg m^2] and centre [m] of the bodies of the squeezing mechanism."""
+_E = (-0.028, 0.0)  # [m] where K3, K4 and K6 meet, on K2
+_END = 0.03  # [s]
+_ANGLES = {
+    "beta": ("k1", None, -0.0617138900142764496358948458001, 15.81077119629904),
+    "Theta": ("k2", "k1", 0.0, -15.75637105984298),
+    "gamma": ("k3", None, 0.455279819163070380255912382449, 0.04082224013073101),
+    "Phi": ("k4", "k5", 0.222668390165885884674473185609, -0.5347301163226948),
+    "delta": ("k5", None, 0.487364979543842550225598953530, 0.5244099658805304),
+    "Omega": ("k6", "k7", -0.222668390165885884674473185609, 0.5347301163226948),
+    "epsilon": ("k7", None, 1.23054744454982119249735015568, 1.048080741042263),
+}
+"""Published angles: our coordinate, the one it counts from, values at the start and end [rad]."""
+
+
+class SqueezerParameters(BenchmarkParameters):
+    """Motor and spring of Andrews' mechanism; its geometry and masses are the published ones.
+
+    Published angles count counterclockwise, and some from another body: beta of the crank K1; Theta
+    of K2 from K1; gamma of K3, the triangle with the spring; delta of K5 and Phi of K4 from K5;
+    epsilon of K7 and Omega of K6 from K7.
+
+    The published end state is late by some 1e-12 s: minimal and redundant coordinates agree with
+    each other at any tolerance below 1e-11, and with it in the angles to a few parts in 1e10, in
+    their rates (not taken here) to some 5e-8.
+    """
+
+    number = "A03"
+    name = "squeezer"
+    tags = ("loop", "spring", "motor", "published", "IFToMM")
+    text = "Andrews' squeezing mechanism: seven bodies, driven by a motor against a spring"
+    source = (
+        "W. Schiehlen, Multibody Systems Handbook (1990); "
+        "E. Hairer, G. Wanner, Solving ODEs II (1996), Sec. VII.7; "
+        "end state: F. Mazzia, C. Magherini, Test Set for IVP Solvers 2.4 (2008); "
+        "problem A03 in the IFToMM library"
+    )
+
+    torque: Real = Field(
+        default=0.033, description="of the motor on the crank, counterclockwise [N m]"
+    )
+    stiffness: NonNegative = Field(default=4530.0, description="of the spring [N/m]")
+    rest_length: Positive = Field(default=0.07785, description="of the spring [m]")
+
+    @property
+    def duration(self) -> float:
+        return _END
+
+    def mechanism(self) -> Mechanism:
+        start = {name: -angle for name, _, angle, _ in _ANGLES.values()}
+        for name, other, _, _ in _ANGLES.values():
+            if other:
+                start[name] += start[other]
+        a, b, d = (-0.06934, -0.00227), (-0.03635, 0.03273), (0.02, -0.018)
+        bodies = tuple(
+            Body(name=f"K{i}", angle=f"k{i}", mass=mass, centre=centre, inertia=inertia)
+            for i, (mass, inertia, centre) in _K.items()
+        )
+        spring = SpringDamper(
+            name="spring", body="K3", point=d, relative_point=(0.014, 0.072),
+            stiffness=self.stiffness, rest_length=self.rest_length,
+        )  # fmt: skip
+        return Mechanism(
+            name=self.name,
+            bodies=bodies,
+            joints=(
+                pin("O", GROUND, "K1", (0, 0)),
+                pin("F", "K1", "K2", (0.007, 0)),
+                pin("B", GROUND, "K3", b),
+                pin("A5", GROUND, "K5", a),
+                pin("G", "K5", "K4", (0.04, 0)),
+                pin("A7", GROUND, "K7", a),
+                pin("H", "K7", "K6", (0, -0.04)),
+                pin("E3", "K2", "K3", _E, (0, -0.035)),
+                pin("E4", "K2", "K4", _E, (0, -0.02)),
+                pin("E6", "K2", "K6", _E, (0.02, 0)),
+            ),
+            force_elements=(spring, ConstantTorque(name="motor", body="K1", torque=-self.torque)),
+            markers=(marker("E", "K2", _E), marker("D", "K3", d)),
+            gravity=0,
+            start=tuple(start[f"k{i}"] for i in _K),
+        )
+
+    def figures(self) -> tuple[KnownValue, ...]:
+        """The published end state; of other parameters nothing is published."""
+        if self != SqueezerParameters():
+            return ()
+        figures: list[KnownValue] = []
+        for name, (_, _, _, value) in _ANGLES.items():
+            tolerance, read = 1e-9 * abs(value), at(published_angle(name), _END)
+            figure = KnownValue(f"{name} at 0.03 s", value, "rad", tolerance, read, "published")
+            figures.append(figure)
+        return tuple(figures)
+
+
+def published_angle(name: str) -> Quantity:
+    """A published angle of the squeezing mechanism [rad] from our absolute clockwise angles."""
+    body, other, _, _ = _ANGLES[name]
+    angle = coordinate(body)
+    if other is None:
+        return lambda trajectory: -angle(trajectory)
+    start = coordinate(other)
+    return lambda trajectory: start(trajectory) - angle(trajectory)
+
+
 LINKAGES = (
     FourBarParameters,
     ThreeCranksParameters,
@@ -429,4 +549,5 @@ LINKAGES = (
     SingularSliderCrankParameters,
     QuickReturnParameters,
     TrammelParameters,
+    SqueezerParameters,
 )
