@@ -30,7 +30,7 @@ _PUBLIC = {
     "comparisons.converge.study": "converge",
     "comparisons.diff": "diff",
     "comparisons.explain.study": "explain",
-    "comparisons.judge.study": "judge",
+    "comparisons.judge": "judge",
     "comparisons.matrix": "matrix",
     "comparisons.mjcf": "mjcf",
     "comparisons.recommend.study": "recommend",
