@@ -48,7 +48,7 @@ _PUBLIC = {
         floating_arm hinged rolling
     """,
     "models.mechanism": "Body Marker Mechanism",
-    "models.mjcf.paths": "mjcf_path",
+    "models.mjcf": "mjcf_path",
     "models.mjcf.writer": "mjcf_names",
     "models.problem": "Problem StopLaw",
     "models.trajectory": "Trajectory",

@@ -50,7 +50,7 @@ from trebucheck.conformance.verdicts import Conformance
 from trebucheck.models.library.benchmark import Benchmark
 from trebucheck.models.library.registry import benchmarks, models
 from trebucheck.models.mechanism import mechanism_schema
-from trebucheck.models.mjcf.recorded import RECORDED_FILE
+from trebucheck.models.mjcf.scene import RECORDED_FILE
 from trebucheck.models.mjcf.writer import write_model_folder
 from trebucheck.models.spec import schema_text
 from trebucheck.reference.solver import solve

@@ -37,7 +37,7 @@ from ....models.elements import (
     WeldJoint,
 )
 from ....models.mechanism import Body, Mechanism
-from ....models.sketch import distinct, loaded_rod, on_a_line
+from ....models.mjcf.appearance import distinct, loaded_rod, on_a_line
 from .sketch import ROLES, Box, Drawing, Role, Shape, Sketch
 
 _LEAST_SHARE = 0.01  # of a body's mass, below which a point mass in it is not drawn
