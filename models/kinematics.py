@@ -22,9 +22,8 @@ from .functions import (
     ScalarFunction,
     weighted,
 )
-from .mechanism import Marker, Mechanism
+from .mechanism import Marker, Mechanism, Tree
 from .spec import Vector, as_complex
-from .tree import Tree
 
 _ROUNDING = 1e-12  # of the greatest derivatives of a gap: those of one that nothing changes
 

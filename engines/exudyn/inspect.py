@@ -16,8 +16,7 @@ from ...models.arrays import FloatArray
 from ...models.elements import AnyJoint
 from ...models.errors import InputError, SimulationError
 from ...models.kinematics import Kinematics
-from ...models.mechanism import Mechanism
-from ...models.tree import Slide
+from ...models.mechanism import Mechanism, Slide
 from ..inspection import Dynamics, Inspection, State
 from .build import build, silence
 from .matrices import Matrices, Solved, matrices

@@ -50,11 +50,6 @@ class Stop(BaseStop):
         """Stops on angles, and restitution where it has one."""
         return (Basic.STOP, Basic.REBOUND) if self.restitution else (Basic.STOP,)
 
-    @property
-    def position(self) -> float:
-        """Its limit [rad]."""
-        return self.limit
-
     def component(
         self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]
     ) -> float:

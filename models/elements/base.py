@@ -1,16 +1,17 @@
-"""Bases of joints, stops and force elements, and the features that solvers declare.
+"""Bases of joints, stops and force elements, features that solvers declare, tables of elements.
 
 Bases of stops hold methods only: the order of a class's fields is the order in its JSON.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, Protocol, Self, TypeVar
 
 from pydantic import Field, model_validator
 
+from ..errors import UnsupportedProblemError
 from ..spec import Name, Spec, Vector, as_complex
 
 if TYPE_CHECKING:
@@ -23,7 +24,10 @@ if TYPE_CHECKING:
         ScalarFunction,
     )
 
+
 GROUND = "ground"
+
+
 _UNIT_TOLERANCE = 1e-12  # by which the square of a direction's length may differ from 1
 
 
@@ -59,40 +63,35 @@ class Geometry(Protocol):
 
     def point(self, body: str, point: Vector) -> PointCoefficients:
         """Coefficients of a body's point."""
-        ...
 
     def between(
         self, body: str, point: Vector, other: str, other_point: Vector
     ) -> PointCoefficients:
         """Coefficients of the vector from a point of another body to a body's point."""
-        ...
 
     def angle(self, body: str, other: str = GROUND) -> AngleFunction:
         """A body's angle less that of another one."""
-        ...
 
     def component(
         self, direction: complex, of: str, vector: PointCoefficients, constant: float = 0.0
     ) -> PointFunction | LineFunction:
         """A vector's component along a direction of a body's frame, plus a constant [m]."""
-        ...
 
     def vector(self, row: PointCoefficients, q: FloatArray) -> ComplexArray:
         """A point, or the vector between two, x + i y [m]."""
-        ...
 
     def rate(self, row: PointCoefficients, q: FloatArray, u: FloatArray) -> ComplexArray:
         """Its derivative with respect to time [m/s]."""
-        ...
 
     def gradient(
         self, coefficients: ComplexArray, q: FloatArray, rates: ComplexArray
     ) -> ComplexArray:
         """Its derivatives with respect to q, shape (..., n_q)."""
-        ...
 
 
 Direction = Any
+
+
 """Direction of a force element: :class:`PointCoefficients` or an :class:`AngleFunction`."""
 
 
@@ -187,6 +186,11 @@ class BaseStop(Spec):
     """Quantity that it pushes with."""
     position_field: ClassVar[Literal["limit", "offset"]]
     """Name of the field that holds its position."""
+
+    @property
+    def position(self) -> float:
+        """Its limit [rad] or offset [m]."""
+        return getattr(self, self.position_field)
 
     def component(
         self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]
@@ -334,3 +338,76 @@ class TorqueElement(TwoBodyForceElement):
     ) -> FloatArray:
         """Its generalized forces [N m], shape (..., n_q)."""
         return self.torque_on_body(direction, q, u)[..., None] * direction.coefficients
+
+
+T = TypeVar("T")
+
+
+CONSUMERS: list[ElementTable[object]] = []
+
+
+"""Every table that has been made, for the test that holds each against the elements that exist."""
+
+
+class ElementTable(Generic[T]):
+    """Handlers of one consumer by class of element; a class that it does not know is refused.
+
+    A table states for every class of its group either what it does (`handlers`) or why it does not
+    (`refused`); `tests/unit/test_elements.py` finds the classes that are in neither.
+
+    >>> from trebucheck.models.elements import FORCE_ELEMENTS, ConstantTorque
+    >>> table = ElementTable("a printer", FORCE_ELEMENTS, {ConstantTorque: "torque"}, others="no")
+    >>> table[ConstantTorque(name="motor", body="arm", torque=2.0)]
+    'torque'
+
+    Args:
+        consumer: noun with which the sentence of a refusal begins, such as "MuJoCo's builder".
+        group: the classes that it must know: `JOINTS`, `STOPS`, `FORCE_ELEMENTS` or `ELEMENTS`.
+        handlers: what it does, by class.
+        refused: why it does not, by class, as a part of a sentence.
+        others: the reason for which every further class of the group is refused; None: there is
+            none, and each class must be in one of the two tables.
+    """
+
+    def __init__(
+        self,
+        consumer: str,
+        group: tuple[type, ...],
+        handlers: Mapping[type, T],
+        refused: Mapping[type, str] | None = None,
+        *,
+        others: str | None = None,
+    ) -> None:
+        self.consumer = consumer
+        self.group = group
+        self.handlers = dict(handlers)
+        self.refused = dict(refused or {})
+        self.others = others
+        CONSUMERS.append(self)  # type: ignore[arg-type]
+
+    def missing(self) -> tuple[type, ...]:
+        """Classes of the group that are neither handled nor refused."""
+        if self.others is not None:
+            return ()
+        return tuple(c for c in self.group if c not in self.handlers and c not in self.refused)
+
+    def handles(self, element_class: type) -> bool:
+        """Whether elements of a class are handled."""
+        return element_class in self.handlers
+
+    def __getitem__(self, element: object) -> T:
+        """The handler of an element.
+
+        Raises:
+            UnsupportedProblemError: the consumer refuses elements of this class or does not know
+                them; the sentence names consumer, element and class.
+        """
+        handler = self.handlers.get(type(element))
+        if handler is None:
+            kind = getattr(element, "kind", type(element).__name__)
+            name = getattr(element, "name", "?")
+            reason = self.refused.get(type(element), self.others) or "it does not know this element"
+            raise UnsupportedProblemError(
+                f"{self.consumer} cannot use {name!r} ({kind}): {reason}."
+            )
+        return handler

@@ -72,11 +72,6 @@ class PointStop(BaseStop):
             features += (Basic.REBOUND,)
         return features
 
-    @property
-    def position(self) -> float:
-        """Its offset [m]."""
-        return self.offset
-
     def component(
         self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]
     ) -> float:
