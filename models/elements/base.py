@@ -63,30 +63,37 @@ class Geometry(Protocol):
 
     def point(self, body: str, point: Vector) -> PointCoefficients:
         """Coefficients of a body's point."""
+        ...
 
     def between(
         self, body: str, point: Vector, other: str, other_point: Vector
     ) -> PointCoefficients:
         """Coefficients of the vector from a point of another body to a body's point."""
+        ...
 
     def angle(self, body: str, other: str = GROUND) -> AngleFunction:
         """A body's angle less that of another one."""
+        ...
 
     def component(
         self, direction: complex, of: str, vector: PointCoefficients, constant: float = 0.0
     ) -> PointFunction | LineFunction:
         """A vector's component along a direction of a body's frame, plus a constant [m]."""
+        ...
 
     def vector(self, row: PointCoefficients, q: FloatArray) -> ComplexArray:
         """A point, or the vector between two, x + i y [m]."""
+        ...
 
     def rate(self, row: PointCoefficients, q: FloatArray, u: FloatArray) -> ComplexArray:
         """Its derivative with respect to time [m/s]."""
+        ...
 
     def gradient(
         self, coefficients: ComplexArray, q: FloatArray, rates: ComplexArray
     ) -> ComplexArray:
         """Its derivatives with respect to q, shape (..., n_q)."""
+        ...
 
 
 Direction = Any
@@ -406,8 +413,9 @@ class ElementTable(Generic[T]):
         if handler is None:
             kind = getattr(element, "kind", type(element).__name__)
             name = getattr(element, "name", "?")
-            reason = self.refused.get(type(element), self.others) or "it does not know this element"
+            reason = self.refused.get(type(element), self.others)
+            because = reason or "it does not know this element"
             raise UnsupportedProblemError(
-                f"{self.consumer} cannot use {name!r} ({kind}): {reason}."
+                f"{self.consumer} cannot use {name!r} ({kind}): {because}."
             )
         return handler
