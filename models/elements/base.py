@@ -169,17 +169,14 @@ class SlidingJoint(BaseJoint):
 
     @property
     def free_directions(self) -> tuple[complex, ...]:
-        """Along the line."""
         return (as_complex(self.axis),)
 
     @property
     def held_directions(self) -> tuple[complex, ...]:
-        """Across the line."""
         return (1j * as_complex(self.axis),)
 
     @property
     def slides(self) -> tuple[str, ...]:
-        """Its coordinate's name."""
         return () if self.coordinate is None else (self.coordinate,)
 
 
@@ -310,7 +307,6 @@ class TwoBodyForceElement(BaseForceElement):
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """The bodies it acts between; 'ground' may be one."""
         return (self.body, self.relative_to)
 
     @model_validator(mode="after")
@@ -328,7 +324,6 @@ class TorqueElement(TwoBodyForceElement):
     acts_along: ClassVar[Literal["vector", "angle", "point"]] = "angle"
 
     def direction(self, geometry: Geometry) -> AngleFunction:
-        """The body's angle less the other's."""
         return geometry.angle(self.body, self.relative_to)
 
     def torque_on_body(self, angle: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
@@ -343,7 +338,6 @@ class TorqueElement(TwoBodyForceElement):
         u: FloatArray,
         rates: ComplexArray,
     ) -> FloatArray:
-        """Its generalized forces [N m], shape (..., n_q)."""
         return self.torque_on_body(direction, q, u)[..., None] * direction.coefficients
 
 
