@@ -314,8 +314,9 @@ def figures_command(call: Call) -> None:
     trebucheck figures report --formats pdf,png --only fixed-distances,work-precision
     """
     from ..comparisons.compare.study import stored
-    from ..comparisons.report.figures import FORMATS, figures_of, picture, write_picture
+    from ..comparisons.report.document import figures_of
     from ..comparisons.report.pages.compare import document
+    from ..comparisons.report.plots import FORMATS, picture, write_picture
     from ..comparisons.report.terminal import console
     from ..models.files import refuse_unwritable
 

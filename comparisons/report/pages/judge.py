@@ -8,7 +8,7 @@ from ...judge.study import NOT_GIVEN, Judgement
 from ...runs.quantities import QUANTITIES
 from ...runs.results import Metric, Outcome
 from .. import document as doc
-from ..numbers import format_number
+from ..document import format_number
 from .tables import compared_time, why
 
 _HEADS = (
