@@ -88,7 +88,7 @@ def judge_command(call: Call) -> bool:
 
     trebucheck judge my.csv --model pendulum --tolerance angle=1e-6
     """
-    from ..comparisons.judge.study import judge
+    from ..comparisons.judge import judge
     from ..comparisons.report.pages.judge import document
     from ..comparisons.runs.results import Outcome
     from ..models.files import refuse_unwritable

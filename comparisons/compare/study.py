@@ -16,7 +16,7 @@ from ...engines.given import Engines, Names
 from ...engines.protocol import Engine
 from ...models.errors import InputError, SimulationError, UnwritableError
 from ...models.files import read_bytes
-from ...models.library.given import Models
+from ...models.library.registry import Models
 from ...models.mechanism import Mechanism
 from ...models.problem import StopLaw
 from ...models.shown import Reported

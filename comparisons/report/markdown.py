@@ -85,3 +85,29 @@ def _sign(of: doc.Text | doc.Cell, shown: bool) -> str:
 def _plain(text: str) -> str:
     """On one line, and without tags: what an engine says is no HTML."""
     return re.sub(r"<(?=[A-Za-z/!?])", "&lt;", " ".join(text.splitlines()))
+
+
+def block(text: str, name: str) -> str:
+    """The part of a page between `<!-- generated: name -->` and `<!-- end -->`.
+
+    Raises:
+        ValueError: the page has no such block.
+    """
+    found = re.search(_BLOCK.format(name=re.escape(name)), text, re.DOTALL)
+    if found is None:
+        raise ValueError(f"the page has no block {name!r}")
+    return found[2]
+
+
+def with_block(text: str, name: str, content: str) -> str:
+    """Replace the part of a page between `<!-- generated: name -->` and `<!-- end -->`.
+
+    Raises:
+        ValueError: the page has no such block.
+    """
+    block(text, name)
+    replaced = _BLOCK.format(name=re.escape(name))
+    return re.sub(replaced, lambda match: match[1] + content + match[3], text, flags=re.DOTALL)
+
+
+_BLOCK = r"(<!-- generated: {name} -->\n)(.*?)(<!-- end -->)"
