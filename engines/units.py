@@ -13,32 +13,20 @@ import math
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Protocol, Self, TypeVar
 
 import numpy as np
 
 from ..models.arrays import FloatArray
 from ..models.elements import (
-    ELEMENTS,
     AnyStop,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
-    FreeJoint,
-    PinJoint,
-    PointStop,
-    PrismaticJoint,
-    RotationalSpringDamper,
-    SlotJoint,
-    SpringDamper,
-    Stop,
-    WeldJoint,
+    refuse_unknown,
 )
 from ..models.errors import SimulationError, UnsupportedProblemError
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
-from ..models.spec import Spec
+from ..models.spec import Spec, number_units
 from ..models.trajectory import PointMotion
 from .inspection import Dynamics, Inspection, State
 from .protocol import Recording
@@ -46,38 +34,36 @@ from .protocol import Recording
 _Dimension = tuple[int, int, int]
 """Powers of length, mass and time."""
 _LENGTH_UNIT: _Dimension = (1, 0, 0)
-_MASS_UNIT: _Dimension = (0, 1, 0)
-_FORCE: _Dimension = (1, 1, -2)
-_MOMENT: _Dimension = (2, 1, -2)
-_BODY = {"mass": _MASS_UNIT, "centre": _LENGTH_UNIT, "inertia": (2, 1, 0)}
-_MARKER = {"mass": _MASS_UNIT, "point": _LENGTH_UNIT}
-_POINTS = {"parent_point": _LENGTH_UNIT, "child_point": _LENGTH_UNIT}
+_DIMENSIONS: Mapping[str, _Dimension] = {
+    "m": _LENGTH_UNIT,
+    "kg": (0, 1, 0),
+    "s": (0, 0, 1),
+    "N": (1, 1, -2),
+    "rad": (0, 0, 0),
+}
 
-DIMENSIONS: ElementTable[Mapping[str, _Dimension]] = ElementTable(
-    "units of engines",
-    ELEMENTS,
-    {
-        PinJoint: _POINTS,
-        WeldJoint: _POINTS,
-        SlotJoint: _POINTS,
-        PrismaticJoint: _POINTS,
-        FreeJoint: _POINTS,
-        Stop: {},
-        PointStop: {"point": _LENGTH_UNIT, "offset": _LENGTH_UNIT},
-        SpringDamper: {
-            "point": _LENGTH_UNIT,
-            "relative_point": _LENGTH_UNIT,
-            "rest_length": _LENGTH_UNIT,
-            "stiffness": (0, 1, -2),
-            "damping": (0, 1, -1),
-        },
-        RotationalSpringDamper: {"stiffness": _MOMENT, "damping": (2, 1, -1)},
-        CubicTorsionSpring: {"stiffness": _MOMENT, "cubic_stiffness": _MOMENT},
-        ConstantForce: {"point": _LENGTH_UNIT, "force": _FORCE},
-        ConstantTorque: {"torque": _MOMENT},
-    },
-)
-"""Dimensions of the fields of each class of elements; fields without one are left out."""
+
+def dimension(unit: str) -> _Dimension:
+    """Dimension of a unit such as "N m/rad^2": powers of length, mass and time.
+
+    Raises:
+        KeyError: the unit has a part that is not m, kg, s, N or rad.
+    """
+    total = np.zeros(3, dtype=int)
+    for sign, part in zip((1, -1), unit.partition("/")[::2], strict=True):
+        for factor in part.split():
+            name, _, power = factor.partition("^")
+            total += sign * int(power or 1) * np.array(_DIMENSIONS[name])
+    length, mass, time = total.tolist()
+    return length, mass, time
+
+
+@cache
+def dimensions_of(kind: type[Spec]) -> Mapping[str, _Dimension]:
+    """Dimensions of the numbers of a part of a mechanism by field; those without are left out."""
+    found = {name: dimension(unit) for name, unit in number_units(kind).items()}
+    return {name: powers for name, powers in found.items() if any(powers)}
+
 
 _LENGTHS, _MASSES = (0.25, 200.0), (0.05, 1e6)  # [m], [kg] mechanisms between these are built in SI
 _LENGTH, _MASS = 16.0, 1024.0  # [m], [kg] what others get: about Table I's
@@ -165,30 +151,29 @@ class Units:
 
         It is not validated: its numbers are the same but for their exponents.
         """
+        elements = (*mechanism.joints, *mechanism.stops, *mechanism.force_elements)
+        refuse_unknown("units of engines", elements)
         q = self.coordinates(mechanism)
         speeds = (
             np.array(mechanism.start_speeds) * self.time / q if mechanism.start_speeds else q[:0]
         )
         return mechanism.model_copy(
             update={
-                "bodies": tuple(self._scaled(body, _BODY) for body in mechanism.bodies),
-                "markers": tuple(self._scaled(marker, _MARKER) for marker in mechanism.markers),
-                "joints": tuple(map(self._element, mechanism.joints)),
-                "stops": tuple(map(self._element, mechanism.stops)),
-                "force_elements": tuple(map(self._element, mechanism.force_elements)),
+                "bodies": tuple(self._scaled(body) for body in mechanism.bodies),
+                "markers": tuple(self._scaled(marker) for marker in mechanism.markers),
+                "joints": tuple(map(self._scaled, mechanism.joints)),
+                "stops": tuple(map(self._scaled, mechanism.stops)),
+                "force_elements": tuple(map(self._scaled, mechanism.force_elements)),
                 "gravity": mechanism.gravity * self.time**2 / self.length,
                 "start": tuple((np.array(mechanism.start) / q).tolist()),
                 "start_speeds": tuple(speeds.tolist()),
             }
         )
 
-    def _element(self, element: _S) -> _S:
-        return self._scaled(element, DIMENSIONS[element])
-
-    def _scaled(self, part: _S, dimensions: Mapping[str, _Dimension]) -> _S:
+    def _scaled(self, part: _S) -> _S:
         """A part of a mechanism in these units."""
         changes = dict[str, object]()
-        for name, (length, mass, time) in dimensions.items():
+        for name, (length, mass, time) in dimensions_of(type(part)).items():
             unit = self.length**length * self.mass**mass * self.time**time
             value = getattr(part, name)
             if value is not None:
@@ -295,7 +280,7 @@ def _length(mechanism: Mechanism) -> float:
     """The farthest point from its body's origin, or the largest radius of gyration [m]."""
     length = max(math.hypot(*body.centre) for body in mechanism.bodies)
     for element in (*mechanism.joints, *mechanism.force_elements):
-        for name, dimension in DIMENSIONS[element].items():
+        for name, dimension in dimensions_of(type(element)).items():
             value = getattr(element, name)
             if dimension == _LENGTH_UNIT and isinstance(value, tuple):
                 length = max(length, math.hypot(*value))
@@ -309,7 +294,7 @@ def _rate(mechanism: Mechanism, length: float, mass: float) -> float:
         abs(u) if i < angles else abs(u) / length for i, u in enumerate(mechanism.start_speeds)
     ]
     for element in mechanism.force_elements:
-        for name, (lengths, masses, times) in DIMENSIONS[element].items():
+        for name, (lengths, masses, times) in dimensions_of(type(element)).items():
             if times != -2:
                 continue
             # Over mass and length, a force, a moment or a stiffness is the square of a rate.
