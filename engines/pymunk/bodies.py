@@ -32,25 +32,9 @@ import numpy as np
 import pymunk
 from pymunk import constraints
 
+from ...models import elements
 from ...models.arrays import FloatArray
-from ...models.elements import (
-    ELEMENTS,
-    GROUND,
-    AnyJoint,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
-    FreeJoint,
-    PinJoint,
-    PointStop,
-    PrismaticJoint,
-    RotationalSpringDamper,
-    SlotJoint,
-    SpringDamper,
-    Stop,
-    WeldJoint,
-)
+from ...models.elements import GROUND
 from ...models.errors import UnsupportedProblemError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Body, Mechanism
@@ -67,17 +51,17 @@ def same_point(a: complex, b: complex) -> bool:
     return abs(a - b) <= _SAME_POINT
 
 
-def is_weld(joint: AnyJoint) -> bool:
+def is_weld(joint: elements.AnyJoint) -> bool:
     """Whether a joint makes its two bodies one, if it is of the tree."""
     return joint.holds_angle and not joint.free_directions
 
 
-def is_pin(joint: AnyJoint) -> bool:
+def is_pin(joint: elements.AnyJoint) -> bool:
     """Whether a joint holds a point and leaves the angle free."""
     return not (joint.holds_angle or joint.free_directions)
 
 
-def is_brace(mechanism: Mechanism, stop: Stop, body: str) -> bool:
+def is_brace(mechanism: Mechanism, stop: elements.Stop, body: str) -> bool:
     """Whether a stop is between a body and the one that it is pinned to."""
     return set(stop.bodies) == {body, mechanism.joint_of(body).parent}
 
@@ -198,21 +182,25 @@ def _nothing_else(_: Any, __: _Placements) -> dict[str, object]:
     return {}
 
 
-def _held_angle(joint: WeldJoint | PrismaticJoint, placements: _Placements) -> dict[str, object]:
+def _held_angle(
+    joint: elements.WeldJoint | elements.PrismaticJoint, placements: _Placements
+) -> dict[str, object]:
     parent, child = placements[joint.parent], placements[joint.child]
     return {"angle": joint.angle + parent.angle - child.angle}
 
 
-def _axis(joint: SlotJoint | PrismaticJoint, placements: _Placements) -> dict[str, object]:
+def _axis(
+    joint: elements.SlotJoint | elements.PrismaticJoint, placements: _Placements
+) -> dict[str, object]:
     return {"axis": _pair(placements[joint.parent].direction(complex(*joint.axis)))}
 
 
-def _limit(stop: Stop, placements: _Placements) -> dict[str, object]:
+def _limit(stop: elements.Stop, placements: _Placements) -> dict[str, object]:
     turned = placements[stop.body].angle - placements[stop.relative_to].angle
     return {"limit": stop.limit - stop.sense * turned}
 
 
-def _wall(stop: PointStop, placements: _Placements) -> dict[str, object]:
+def _wall(stop: elements.PointStop, placements: _Placements) -> dict[str, object]:
     place = placements[stop.relative_to]
     normal = place.direction(complex(*stop.normal))
     offset = stop.offset + (normal.conjugate() * place.origin).real
@@ -220,29 +208,33 @@ def _wall(stop: PointStop, placements: _Placements) -> dict[str, object]:
 
 
 def _rest_angle(
-    element: RotationalSpringDamper | CubicTorsionSpring, placements: _Placements
+    element: elements.RotationalSpringDamper | elements.CubicTorsionSpring, placements: _Placements
 ) -> dict[str, object]:
     turned = placements[element.body].angle - placements[element.relative_to].angle
     return {"rest_angle": element.rest_angle - turned}
 
 
-_OTHER_FIELDS: ElementTable[Callable[[Any, _Placements], dict[str, object]]] = ElementTable(
-    "pymunk's welds",
-    ELEMENTS,
-    {
-        PinJoint: _nothing_else,
-        WeldJoint: _held_angle,
-        SlotJoint: _axis,
-        PrismaticJoint: lambda joint, places: _held_angle(joint, places) | _axis(joint, places),
-        FreeJoint: _nothing_else,
-        Stop: _limit,
-        PointStop: _wall,
-        SpringDamper: _nothing_else,
-        RotationalSpringDamper: _rest_angle,
-        CubicTorsionSpring: _rest_angle,
-        ConstantForce: _nothing_else,
-        ConstantTorque: _nothing_else,
-    },
+_OTHER_FIELDS: elements.ElementTable[Callable[[Any, _Placements], dict[str, object]]] = (
+    elements.ElementTable(
+        "pymunk's welds",
+        elements.ELEMENTS,
+        {
+            elements.PinJoint: _nothing_else,
+            elements.WeldJoint: _held_angle,
+            elements.SlotJoint: _axis,
+            elements.PrismaticJoint: lambda joint, places: (
+                _held_angle(joint, places) | _axis(joint, places)
+            ),
+            elements.FreeJoint: _nothing_else,
+            elements.Stop: _limit,
+            elements.PointStop: _wall,
+            elements.SpringDamper: _nothing_else,
+            elements.RotationalSpringDamper: _rest_angle,
+            elements.CubicTorsionSpring: _rest_angle,
+            elements.ConstantForce: _nothing_else,
+            elements.ConstantTorque: _nothing_else,
+        },
+    )
 )
 """New values of an element's fields besides its bodies and points."""
 
@@ -402,7 +394,7 @@ def _is_bob(mechanism: Mechanism, body: str, mass: LumpedMass) -> bool:
 
 
 def _with_inertia(
-    mass: LumpedMass, joint: AnyJoint, masses: dict[str, LumpedMass], pivot_mass: float
+    mass: LumpedMass, joint: elements.AnyJoint, masses: dict[str, LumpedMass], pivot_mass: float
 ) -> LumpedMass:
     """Mass of a turning body: a point mass gets an inertia by mass at its pin.
 
