@@ -165,6 +165,7 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "engines.pymunk.force_elements": ("engines.pymunk.build",),
     "engines.pymunk.impact": ("engines.pymunk.motion",),
     "engines.pymunk.parts": ("engines.pymunk.bodies",),
+    "engines.pymunk.reactions": ("engines.pymunk.read",),
     "engines.pymunk.rods": ("engines.pymunk.leapfrog",),
     "engines.pymunk.segment": ("engines.pymunk.motion",),
     "engines.pymunk.step": ("engines.pymunk.motion",),

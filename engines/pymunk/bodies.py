@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -88,9 +88,6 @@ class Placement:
         return _pair(self.origin + self.direction(complex(*local)))
 
 
-_Placements = Mapping[str, Placement]
-
-
 @dataclass(frozen=True)
 class LumpedMass:
     """Mass [kg], centre [m] and inertia about it [kg m^2] of a body, moved masses included."""
@@ -109,7 +106,7 @@ class LumpedMass:
         return LumpedMass(total, centre, inertia)
 
 
-def without_welds(mechanism: Mechanism) -> tuple[Mechanism, _Placements]:
+def without_welds(mechanism: Mechanism) -> tuple[Mechanism, Mapping[str, Placement]]:
     """The mechanism with welded bodies as one, and where each of its bodies is in that one.
 
     The coordinates are the same. What is welded to the ground is the ground. The mechanism is not
@@ -163,80 +160,56 @@ _ENDS = {
     "relative_to": "relative_point",
 }
 """Fields of elements that name a body, with those of the point in that body's frame."""
+_TURNED_FIELDS: elements.ElementTable[tuple[str, ...]] = elements.ElementTable(
+    "pymunk's welds",
+    elements.ELEMENTS,
+    {
+        elements.PinJoint: (),
+        elements.WeldJoint: ("angle",),
+        elements.SlotJoint: ("axis",),
+        elements.PrismaticJoint: ("angle", "axis"),
+        elements.FreeJoint: (),
+        elements.Stop: ("limit",),
+        elements.PointStop: ("normal", "offset"),
+        elements.SpringDamper: (),
+        elements.RotationalSpringDamper: ("rest_angle",),
+        elements.CubicTorsionSpring: ("rest_angle",),
+        elements.ConstantForce: (),
+        elements.ConstantTorque: (),
+    },
+)
+"""Fields of elements, besides their points, that depend on their bodies' frames."""
 
 
-def _moved(element: Any, placements: _Placements) -> Any:
+def _moved(element: Any, placements: Mapping[str, Placement]) -> Any:
     """An element in the frames of the bodies that carry those that it is attached to."""
-    changes = _OTHER_FIELDS[element](element, placements)
-    known = type(element).model_fields
+    turned_fields, known = _TURNED_FIELDS[element], type(element).model_fields
+    places: dict[str, Placement] = {}
+    changes: dict[str, object] = {}
     for end, point in _ENDS.items():
         if end in known:
-            place = placements[getattr(element, end)]
+            place = places[end] = placements[getattr(element, end)]
             changes[end] = place.carrier
             if point in known:
                 changes[point] = place.point(getattr(element, point))
+    for name in turned_fields:
+        value = getattr(element, name)
+        match name:
+            case "angle":
+                value = value + places["parent"].angle - places["child"].angle
+            case "axis":
+                value = _pair(places["parent"].direction(complex(*value)))
+            case "normal":
+                value = _pair(places["relative_to"].direction(complex(*value)))
+            case "offset":
+                wall = places["relative_to"]
+                normal = wall.direction(complex(*element.normal))
+                value = value + (normal.conjugate() * wall.origin).real
+            case _:  # the angle of a stop or of a spring at rest
+                turned = places["body"].angle - places["relative_to"].angle
+                value = value - (element.sense if name == "limit" else 1) * turned
+        changes[name] = value
     return element.model_copy(update=changes)
-
-
-def _nothing_else(_: Any, __: _Placements) -> dict[str, object]:
-    return {}
-
-
-def _held_angle(
-    joint: elements.WeldJoint | elements.PrismaticJoint, placements: _Placements
-) -> dict[str, object]:
-    parent, child = placements[joint.parent], placements[joint.child]
-    return {"angle": joint.angle + parent.angle - child.angle}
-
-
-def _axis(
-    joint: elements.SlotJoint | elements.PrismaticJoint, placements: _Placements
-) -> dict[str, object]:
-    return {"axis": _pair(placements[joint.parent].direction(complex(*joint.axis)))}
-
-
-def _limit(stop: elements.Stop, placements: _Placements) -> dict[str, object]:
-    turned = placements[stop.body].angle - placements[stop.relative_to].angle
-    return {"limit": stop.limit - stop.sense * turned}
-
-
-def _wall(stop: elements.PointStop, placements: _Placements) -> dict[str, object]:
-    place = placements[stop.relative_to]
-    normal = place.direction(complex(*stop.normal))
-    offset = stop.offset + (normal.conjugate() * place.origin).real
-    return {"normal": _pair(normal), "offset": offset}
-
-
-def _rest_angle(
-    element: elements.RotationalSpringDamper | elements.CubicTorsionSpring, placements: _Placements
-) -> dict[str, object]:
-    turned = placements[element.body].angle - placements[element.relative_to].angle
-    return {"rest_angle": element.rest_angle - turned}
-
-
-_OTHER_FIELDS: elements.ElementTable[Callable[[Any, _Placements], dict[str, object]]] = (
-    elements.ElementTable(
-        "pymunk's welds",
-        elements.ELEMENTS,
-        {
-            elements.PinJoint: _nothing_else,
-            elements.WeldJoint: _held_angle,
-            elements.SlotJoint: _axis,
-            elements.PrismaticJoint: lambda joint, places: (
-                _held_angle(joint, places) | _axis(joint, places)
-            ),
-            elements.FreeJoint: _nothing_else,
-            elements.Stop: _limit,
-            elements.PointStop: _wall,
-            elements.SpringDamper: _nothing_else,
-            elements.RotationalSpringDamper: _rest_angle,
-            elements.CubicTorsionSpring: _rest_angle,
-            elements.ConstantForce: _nothing_else,
-            elements.ConstantTorque: _nothing_else,
-        },
-    )
-)
-"""New values of an element's fields besides its bodies and points."""
 
 
 def _pair(z: complex) -> Vector:
@@ -279,7 +252,7 @@ class Assembly:
     mechanism: Mechanism
     rigid: Mechanism
     """The mechanism with each group of welded bodies as one body: what the space is made of."""
-    placements: _Placements
+    placements: Mapping[str, Placement]
     """Places of all bodies of the mechanism in those."""
     parts: dict[str, BodyPart] = field(default_factory=dict[str, BodyPart])
     """Bodies of the space, in the order of those of `rigid`."""

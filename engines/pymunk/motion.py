@@ -44,8 +44,7 @@ from .build import build
 from .leapfrog import STARTED, STEP, Stepper, settled_increment
 from .options import PymunkOptions
 from .passes import MOST_PASSES, TRACKED, Convergence, convergence, growth
-from .reactions import forces_of
-from .read import MotionReading, reading_of
+from .read import MotionReading, forces_of, reading_of
 
 _CHUNK = 64  # steps between checks of the gaps; at most these are repeated at an impact
 _SETTLING_SAMPLES = 3  # after which a contact that has opened must have a gap, or is met
@@ -129,21 +128,16 @@ def _active_at_start(mechanism: Mechanism, h: float, pivot_mass: float) -> Conta
 
 
 class SteppedSegment:
-    """Steps of an assembly from a start to a given time, and the releases in them."""
+    """Steps of a mechanism from its start state at one time to another [s], and the releases."""
 
     def __init__(
         self, mechanism: Mechanism, options: PymunkOptions, start: float, end: float
     ) -> None:
-        """Build the assembly and find which of its closed stops push.
-
-        Args:
-            mechanism: in its state at the start.
-            options: how to step.
-            start, end: times [s].
-        """
         self.options, self.begins, self.ends = options, start, end
         self.n = max(1, math.ceil((end - start) / options.timestep * (1 - 1e-12)))
         self.h = h = (end - start) / self.n
+        self.times = np.linspace(start, end, self.n + 1)
+        """Times of the samples [s]."""
         active = _active_at_start(mechanism, h, options.pivot_mass)
         self.assembly = assembly = build(mechanism, active, options.error_bias, options.pivot_mass)
         self.stepper = Stepper(assembly, h, options.hold_lengths)
@@ -156,11 +150,8 @@ class SteppedSegment:
         self._impulses: dict[str, float] = {}
         self._grown = 1.0
         """Growth of the slowest mode's error since passes were last enough to let it decay."""
-
-    def begin(self) -> None:
-        """The first sample, and without the leapfrog the first step."""
-        stepper, mechanism = self.stepper, self.assembly.mechanism
-        closed = self._checks_passes
+        # The first sample, and without the leapfrog the first step.
+        stepper, closed = self.stepper, self._checks_passes
         passes = self._passes(self._convergence(*initial_state(mechanism)) if closed else None)
         # Stops that meet the joints as well as a trebuchet's do start with the option's passes.
         settle = closed and (bool(mechanism.loop_joints) or passes > self.options.iterations)
@@ -193,7 +184,7 @@ class SteppedSegment:
         self, k: int, here: Convergence | None, passes: int, rate: float
     ) -> None:
         """Raise SimulationError at sample k if loops are open, or an unseen mode has grown."""
-        mechanism, time = self.assembly.mechanism, self.times()[k]
+        mechanism, time = self.assembly.mechanism, self.times[k]
         if passes >= MOST_PASSES:
             gaps = self.reading(k, k).gaps()
             for joint in mechanism.loop_joints:
@@ -270,10 +261,6 @@ class SteppedSegment:
             name: time for name, time in self.releases.items() if time is not None and time <= end
         }
 
-    def times(self) -> FloatArray:
-        """Times of the samples [s], shape (n + 1,)."""
-        return np.linspace(self.begins, self.ends, self.n + 1)
-
     def reading(self, first: int, last: int, near: FloatArray | None = None) -> MotionReading:
         """Samples from one to another, both included; `near` tells full turns of the first."""
         return MotionReading(self.assembly, self.stepper.samples(first, last), near)
@@ -285,7 +272,7 @@ class SteppedSegment:
             SimulationError: impulses that did not converge have separated the bodies although all
                 numbers are finite.
         """
-        t, reading = self.times()[: last + 1], self.reading(0, last)
+        t, reading = self.times[: last + 1], self.reading(0, last)
         mechanism, gaps = self.assembly.mechanism, reading.gaps()
         for name, gap in gaps.items():
             lost = np.flatnonzero(~(gap <= _reach(mechanism)))
@@ -389,7 +376,6 @@ class PymunkMotion:
     def proceed(self, start: float, end: float, watch: Watch) -> Halt:
         """Move through a segment, to the next impact or to the end."""
         segment = SteppedSegment(self._start, self.options, start, end)
-        segment.begin()
         if not self.unilateral:
             segment.advance(segment.n)
         event = self._step_to_event(segment, watch) if self.unilateral else None
@@ -410,7 +396,7 @@ class PymunkMotion:
             self._plastic |= set(event.touching) & set(self._touching)
             return Halt(event.time, again=(self._plastic, self._kept))
         last = event.sample
-        if event.time - segment.times()[last] < SAME_TIME:
+        if event.time - segment.times[last] < SAME_TIME:
             last -= 1  # at the time of an impact the state after it is recorded
         if last >= 0:
             self._recordings.append(segment.recording(last))
@@ -484,7 +470,7 @@ class PymunkMotion:
         after = segment.h if gap(0.0) > 0 else 0.0
         if gap(0.0) > 0 > gap(segment.h):
             after = float(brentq(gap, 0.0, segment.h, xtol=1e-16))
-        time, q_event = float(segment.times()[k]) + after, q + after * (u + after / 2 * a)
+        time, q_event = float(segment.times[k]) + after, q + after * (u + after / 2 * a)
         regime = next(active for first, active in reversed(segment.regimes) if first <= k)
         active = tuple(other for other in regime if (segment.releases[other] or np.inf) > time)
         touching = watch.touching(
@@ -546,17 +532,16 @@ def resolve_impact(
     """The impact of the contacts that touch.
 
     Args:
-        placed: the mechanism at its position there, with the speeds before; stops that touch are
-        closed in it.
+        placed: the mechanism there, with the speeds before; stops that touch are closed in it.
         restitution: e of each of them.
         pivot_mass: as the engine's option.
         held: those that come to rest even if they have to pull, which is not recorded: forces bring
-            them back to their walls at once. They are left to the others' impact where that
-            contradicts itself.
+            them back to their walls at once.
 
     Raises:
         SimulationError: the impulses do not converge, or no set of contacts takes part.
     """
+    # Held contacts are left to the others' impact where that contradicts itself.
     weightless = placed.model_copy(update={"gravity": 0.0, "force_elements": ()})
     attempts: list[tuple[Mapping[str, float], Collection[str]]] = [(restitution, ())]
     if held:
