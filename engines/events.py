@@ -50,42 +50,9 @@ from ..models.kinematics import Kinematics, initial_state
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
 from ..models.trajectory import PointMotion
-from .impact import (
-    AT_REST,
-    Contacts,
-    Impact,
-    Inertia,
-    Rebounds,
-    active_contacts,
-    resolve_impact,
-    resting,
-)
+from .impact import AT_REST, Contacts, Impact, Inertia, Rebounds, resolve_impact, resting
+from .impact import active_contacts as active_contacts
 from .protocol import Recording
-
-__all__ = [
-    "AT_REST",
-    "MOST_IMPACTS",
-    "ROUNDING",
-    "SAME_TIME",
-    "TOGETHER",
-    "ContactEvents",
-    "Contacts",
-    "EventDriver",
-    "EventMotion",
-    "Halt",
-    "RestitutionRule",
-    "State",
-    "SteppedMotion",
-    "Watch",
-    "active_contacts",
-    "impact_by_rule",
-    "joined",
-    "may_be_met",
-    "onto_zero_gap",
-    "refuse_moving_gaps",
-    "resting",
-    "root_in",
-]
 
 SAME_TIME = 1e-12  # [s] times closer than this are one instant
 TOGETHER = 1e-9  # [s] impacts closer than this are resolved at once
@@ -241,11 +208,9 @@ class EventMotion(Protocol):
     @property
     def held(self) -> Contacts:
         """Contacts that are held now."""
-        ...
 
     def gap(self, stop: str) -> tuple[float, float]:
         """Gap of a stop now [rad, m], and its speed [rad/s, m/s]."""
-        ...
 
     def proceed(self, start: float, end: float, watch: Watch) -> Halt:
         """Move from one time [s] to the next event, or to another time [s].
@@ -253,7 +218,6 @@ class EventMotion(Protocol):
         Records every sample on the way. At an impact the sample after it is recorded by
         :meth:`hold`, in place of one before it at the same time.
         """
-        ...
 
     def impact(
         self, touching: Contacts, rule: RestitutionRule, kept: frozenset[str]
@@ -268,7 +232,6 @@ class EventMotion(Protocol):
         Returns:
             The impulse of each [N m s, N s], and those that rest afterwards.
         """
-        ...
 
     def hold(self, rest: Contacts, time: float) -> Contacts:
         """Hold of all contacts those at rest that push, and record the sample at this time [s].
@@ -279,28 +242,25 @@ class EventMotion(Protocol):
             The contacts that are held. An engine may find later that one of the others opens now,
             and return it in the next :attr:`Halt.opened`.
         """
-        ...
 
     def recording(self, events: ContactEvents) -> Recording:
         """The samples, with the run's events."""
-        ...
 
 
 class EventDriver:
-    """One run of an engine through the releases and impacts of a problem."""
+    """One run of an engine through the releases and impacts of a problem.
+
+    Args:
+        problem: what is to be moved, for how long.
+        motion: the engine, at the start.
+        engine: its name, for messages.
+        impacts: whether stops may be met; otherwise none is watched, and closed gaps that move at
+            the start are refused.
+    """
 
     def __init__(
         self, problem: Problem, motion: EventMotion, engine: str, *, impacts: bool
     ) -> None:
-        """Prepare a run.
-
-        Args:
-            problem: what is to be moved, for how long.
-            motion: the engine, at the start.
-            engine: its name, for messages.
-            impacts: whether stops may be met; otherwise none is watched, and closed gaps that move
-                at the start are refused.
-        """
         self.problem, self.motion, self.engine, self.impacts = problem, motion, engine, impacts
         self.events = ContactEvents(problem.mechanism, engine)
         self._parted: frozenset[str] = frozenset()
@@ -386,6 +346,12 @@ class SteppedMotion(ABC, Generic[S]):
 
     Subclasses move, hold and record; this class locates events inside a step. Whole steps end at
     multiples of the time step; the last one may be shorter.
+
+    Args:
+        problem: what is to be moved.
+        timestep: [s].
+        locate: whether releases are located inside a step; otherwise a stop opens at the end of the
+            first step after which it would pull.
     """
 
     records_release_at_start: ClassVar[bool] = True
@@ -394,14 +360,6 @@ class SteppedMotion(ABC, Generic[S]):
     """Greatest number of whole steps that :meth:`ahead` takes; zero: each step is looked at."""
 
     def __init__(self, problem: Problem, timestep: float, *, locate: bool = True) -> None:
-        """Prepare to step.
-
-        Args:
-            problem: what is to be moved.
-            timestep: [s].
-            locate: whether releases are located inside a step; otherwise a stop opens at the end of
-                the first step after which it would pull.
-        """
         self.problem, self.timestep, self.locate = problem, timestep, locate
         self.kinematics = Kinematics(problem.mechanism)
         self.held: Contacts = ()

@@ -77,4 +77,3 @@ class Inspectable(Protocol):
         Raises:
             TrebucheckError: the mechanism cannot be built.
         """
-        ...

@@ -60,15 +60,12 @@ class EngineClass(Protocol):
 
     def presets(self) -> Mapping[str, Callable[..., Simulator]]:
         """Makers by preset name; 'stock' and 'tuned' at least."""
-        ...
 
     def is_installed(self) -> bool:
         """Whether it can run here."""
-        ...
 
     def version(self) -> str:
         """Version of the engine behind it."""
-        ...
 
 
 def engine_names() -> tuple[str, ...]:
@@ -443,7 +440,6 @@ class Viewable(Protocol):
 
     def view(self, mechanism: Mechanism) -> None:
         """Open a window on the mechanism, and return when it is closed."""
-        ...
 
 
 def has_viewer(name: str) -> bool:
