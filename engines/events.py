@@ -50,8 +50,16 @@ from ..models.kinematics import Kinematics, initial_state
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
 from ..models.trajectory import PointMotion
-from .impact import AT_REST, Contacts, Impact, Inertia, Rebounds, resolve_impact, resting
-from .impact import active_contacts as active_contacts
+from .impact import (
+    AT_REST,
+    Contacts,
+    Impact,
+    Inertia,
+    Rebounds,
+    active_contacts,  # noqa: F401 - adapters take it from here
+    resolve_impact,
+    resting,
+)
 from .protocol import Recording
 
 SAME_TIME = 1e-12  # [s] times closer than this are one instant
@@ -208,9 +216,11 @@ class EventMotion(Protocol):
     @property
     def held(self) -> Contacts:
         """Contacts that are held now."""
+        ...
 
     def gap(self, stop: str) -> tuple[float, float]:
         """Gap of a stop now [rad, m], and its speed [rad/s, m/s]."""
+        ...
 
     def proceed(self, start: float, end: float, watch: Watch) -> Halt:
         """Move from one time [s] to the next event, or to another time [s].
@@ -218,6 +228,7 @@ class EventMotion(Protocol):
         Records every sample on the way. At an impact the sample after it is recorded by
         :meth:`hold`, in place of one before it at the same time.
         """
+        ...
 
     def impact(
         self, touching: Contacts, rule: RestitutionRule, kept: frozenset[str]
@@ -232,6 +243,7 @@ class EventMotion(Protocol):
         Returns:
             The impulse of each [N m s, N s], and those that rest afterwards.
         """
+        ...
 
     def hold(self, rest: Contacts, time: float) -> Contacts:
         """Hold of all contacts those at rest that push, and record the sample at this time [s].
@@ -242,9 +254,11 @@ class EventMotion(Protocol):
             The contacts that are held. An engine may find later that one of the others opens now,
             and return it in the next :attr:`Halt.opened`.
         """
+        ...
 
     def recording(self, events: ContactEvents) -> Recording:
         """The samples, with the run's events."""
+        ...
 
 
 class EventDriver:

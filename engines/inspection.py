@@ -77,3 +77,4 @@ class Inspectable(Protocol):
         Raises:
             TrebucheckError: the mechanism cannot be built.
         """
+        ...

@@ -106,13 +106,16 @@ class Simulator(Protocol):
     @property
     def name(self) -> str:
         """The name it is asked for by."""
+        ...
 
     @property
     def capabilities(self) -> Capabilities:
         """Its capabilities."""
+        ...
 
     def simulate(self, problem: Problem) -> Trajectory:
         """Move the mechanism; raises TrebucheckError if it cannot."""
+        ...
 
 
 @runtime_checkable
@@ -126,14 +129,17 @@ class Engine(Simulator, Protocol):
     @property
     def preset(self) -> str:
         """The preset that the options were made from."""
+        ...
 
     @property
     def settings(self) -> dict[str, JsonValue]:
         """Every numerical option by name, as JSON values; without the preset's name."""
+        ...
 
     @property
     def timestep(self) -> float | None:
         """Step size [s]; None where the engine has none."""
+        ...
 
 
 @dataclass(frozen=True)

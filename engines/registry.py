@@ -60,12 +60,15 @@ class EngineClass(Protocol):
 
     def presets(self) -> Mapping[str, Callable[..., Simulator]]:
         """Makers by preset name; 'stock' and 'tuned' at least."""
+        ...
 
     def is_installed(self) -> bool:
         """Whether it can run here."""
+        ...
 
     def version(self) -> str:
         """Version of the engine behind it."""
+        ...
 
 
 def engine_names() -> tuple[str, ...]:
