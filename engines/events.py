@@ -56,7 +56,7 @@ from .impact import (
     Impact,
     Inertia,
     Rebounds,
-    active_contacts,  # noqa: F401 - adapters take it from here
+    active_contacts,  # noqa: F401 # pyright: ignore[reportUnusedImport] - for adapters
     resolve_impact,
     resting,
 )
