@@ -74,10 +74,8 @@ class Placement:
     """Where a body's frame is in that of the body (or of the ground) that carries it."""
 
     carrier: str
-    origin: complex = 0j
-    """[m]"""
-    angle: float = 0.0
-    """The body's angle less its carrier's [rad], clockwise."""
+    origin: complex = 0j  # [m]
+    angle: float = 0.0  # the body's angle less its carrier's [rad], clockwise
 
     def direction(self, local: complex) -> complex:
         """A direction of the body's frame in its carrier's."""
@@ -225,10 +223,8 @@ class BodyPart:
 
     name: str
     body: pymunk.Body
-    reference: complex
-    """The engine body's centre, in the mechanism's body frame [m]."""
-    pin: complex
-    """Where the body is pinned, in its own frame [m]."""
+    reference: complex  # the engine body's centre, in the mechanism's body frame [m]
+    pin: complex  # where the body is pinned, in its own frame [m]
     turns: bool
     """Whether the engine body's angle is that of the mechanism's; a bob has none of its own."""
 
@@ -238,8 +234,7 @@ class Rod:
     """A PinJoint with the distance that it is to keep."""
 
     joint: constraints.PinJoint
-    length: float
-    """[m]"""
+    length: float  # [m]
     axis: complex | None = None
     """Line, in the frame of a, along which the end on a follows the other; None: it is fixed."""
 
@@ -252,8 +247,7 @@ class Assembly:
     mechanism: Mechanism
     rigid: Mechanism
     """The mechanism with each group of welded bodies as one body: what the space is made of."""
-    placements: Mapping[str, Placement]
-    """Places of all bodies of the mechanism in those."""
+    placements: Mapping[str, Placement]  # places of all bodies of the mechanism in those
     parts: dict[str, BodyPart] = field(default_factory=dict[str, BodyPart])
     """Bodies of the space, in the order of those of `rigid`."""
     rods: list[Rod] = field(default_factory=list[Rod])
@@ -348,7 +342,7 @@ def _is_bob(mechanism: Mechanism, body: str, mass: LumpedMass) -> bool:
     guides |= any(wall.relative_to == body for wall in walls)
     if guides or not is_pin(joint) or same_point(mass.centre, complex(*joint.child_point)):
         return False
-    # Points of the body at which loop joints and stops act on it.
+    # points of the body at which loop joints and stops act on it.
     ends = [(loop.parent, loop.parent_point) for loop in loops]
     ends += [(loop.child, loop.child_point) for loop in loops]
     ends += [(wall.body, wall.point) for wall in walls]
@@ -384,7 +378,7 @@ def _with_inertia(
         mass = LumpedMass(mass.mass * factor, pin + arm / factor, inertia)
     elif is_pin(joint) and mass.inertia <= 0 and not same_point(mass.centre, pin):
         parent = masses[joint.parent]
-        # All that can be taken away from the parent there: then the inertia of the rest is 0.
+        # all that can be taken away from the parent there: then the inertia of the rest is 0.
         spare = parent.mass
         if not (same_point(at, parent.centre) or math.isinf(parent.inertia)):
             about = parent.inertia + parent.mass * abs(at - parent.centre) ** 2

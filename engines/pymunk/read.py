@@ -37,8 +37,7 @@ _Forces = dict[str, ComplexArray]
 class BodySamples:
     """Engine bodies at the samples: values, first and second rates, shape (3, n, n_bodies)."""
 
-    points: ComplexArray
-    """Position [m], velocity [m/s] and acceleration [m/s^2], complex."""
+    points: ComplexArray  # position [m], velocity [m/s] and acceleration [m/s^2], complex
     angles: FloatArray
     """Angle [rad], angular velocity [rad/s] and acceleration [rad/s^2], counter-clockwise."""
 
@@ -252,7 +251,7 @@ class ConstraintForces:
 def forces_of(reading: MotionReading, active: Contacts) -> ConstraintForces:
     """Forces of all joints and of the active stops."""
     mechanism = reading.mechanism
-    # The force that each body's momentum needs beyond gravity and force elements [N].
+    # the force that each body's momentum needs beyond gravity and force elements [N].
     needed: _Forces = {}
     weight = complex(*mechanism.gravity_vector)
     for body in mechanism.bodies:
