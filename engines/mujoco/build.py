@@ -172,6 +172,35 @@ UnilateralConstraint = Limit | PointContact
 """One constraint row that only pushes."""
 
 
+def _limit(model: Any, names: Mapping[str, str], stop: Stop) -> Limit:
+    types, sensor = mujoco.mjtConstraint, model.sensor(names[torque_sensor(stop.name)])
+    on_joint = int(sensor.type[0]) == mujoco.mjtSensor.mjSENS_JOINTLIMITFRC
+    element, index = "jnt" if on_joint else "tendon", int(sensor.objid[0])
+    low, high = getattr(model, f"{element}_range")[index]
+    return Limit(
+        element=element,
+        index=index,
+        end=0 if stop.sense > 0 else 1,
+        constraint=int(types.mjCNSTR_LIMIT_JOINT if on_joint else types.mjCNSTR_LIMIT_TENDON),
+        range=(float(low), float(high)),
+    )
+
+
+def _contact(model: Any, name: str) -> PointContact:
+    pair = model.pair(name)
+    first, second = sorted(
+        (int(pair.geom1[0]), int(pair.geom2[0])), key=lambda geom: model.geom_type[geom]
+    )
+    return PointContact(int(pair.id), (first, second), float(pair.margin[0]))
+
+
+_STOPS: ElementTable[Callable[[Any, Mapping[str, str], Any], UnilateralConstraint]] = ElementTable(
+    "MuJoCo's model",
+    STOPS,
+    {Stop: _limit, PointStop: lambda model, names, stop: _contact(model, names[stop.name])},
+)
+
+
 def stop_constraints(mechanism: Mechanism, model: Any) -> dict[str, UnilateralConstraint]:
     """Each stop's limit or contact, by the stop's name."""
     names = mjcf_names(mechanism)
@@ -194,36 +223,6 @@ def slot_contacts(mechanism: Mechanism, model: Any) -> list[PointContact]:
     ]
 
 
-def _contact(model: Any, name: str) -> PointContact:
-    pair = model.pair(name)
-    first, second = sorted(
-        (int(pair.geom1[0]), int(pair.geom2[0])), key=lambda geom: model.geom_type[geom]
-    )
-    return PointContact(int(pair.id), (first, second), float(pair.margin[0]))
-
-
-def _point_stop(model: Any, names: Mapping[str, str], stop: PointStop) -> PointContact:
-    return _contact(model, names[stop.name])
-
-
-def _limit(model: Any, names: Mapping[str, str], stop: Stop) -> Limit:
-    types, sensor = mujoco.mjtConstraint, model.sensor(names[torque_sensor(stop.name)])
-    on_joint = int(sensor.type[0]) == mujoco.mjtSensor.mjSENS_JOINTLIMITFRC
-    element, index = "jnt" if on_joint else "tendon", int(sensor.objid[0])
-    low, high = getattr(model, f"{element}_range")[index]
-    return Limit(
-        element=element,
-        index=index,
-        end=0 if stop.sense > 0 else 1,
-        constraint=int(types.mjCNSTR_LIMIT_JOINT if on_joint else types.mjCNSTR_LIMIT_TENDON),
-        range=(float(low), float(high)),
-    )
-
-
-_STOPS: ElementTable[Callable[[Any, Mapping[str, str], Any], UnilateralConstraint]] = ElementTable(
-    "MuJoCo's model", STOPS, {Stop: _limit, PointStop: _point_stop}
-)
-
 _PRELOAD_ITERATIONS = 6  # each gains the four digits of 1 - d, d the impedance
 _MOST_ITERATIONS = 3000  # where forces of redundant constraints drift
 # Of the largest eigenvalue: constraints more nearly dependent follow from each other.
@@ -240,7 +239,12 @@ def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
         UnsupportedProblemError: the mechanism cannot be written as MJCF.
     """
     text = mjcf(mechanism, options.timestep)
-    _refuse_missing_springs(mechanism)
+    for element in mechanism.force_elements:
+        if element.feature is Feature.CUBIC_SPRING and not has_polynomial_springs():
+            raise UnsupportedProblemError(
+                f"mujoco cannot build {element.name!r}: this version's springs are linear; "
+                f"a later one ({mujoco.__version__} is here) has cubic ones."
+            )
     try:
         with CALLBACK:  # MuJoCo's compiler calls it as well, with a model that Python does not know
             model = mujoco.MjModel.from_xml_string(text)
@@ -262,45 +266,27 @@ def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
     model.pair_solref[:], model.pair_solimp[:] = of_points, options.solimp
     model.eq_solref[:], model.eq_solimp[:] = of_points, options.solimp
     for contact in stop_contacts(mechanism, model):
-        if _corrects(options):
+        if options.moving_points or options.preload:  # the correction acts
             model.pair_margin[contact.index] = felt_from(mechanism, options.timestep)
         else:  # the MJCF's margin is the rounding error at the mechanism's size
             model.pair_margin[contact.index] *= options.margin / MARGIN
     return model
 
 
-def _refuse_missing_springs(mechanism: Mechanism) -> None:
-    cubic = [e.name for e in mechanism.force_elements if e.feature is Feature.CUBIC_SPRING]
-    if cubic and not has_polynomial_springs():
-        raise UnsupportedProblemError(
-            f"mujoco cannot build {cubic[0]!r}: this version's springs are linear; "
-            f"a later one ({mujoco.__version__} is here) has cubic ones."
-        )
-
-
 def correction_of(
     mechanism: Mechanism, model: Any, options: MujocoOptions
 ) -> ReferenceAccelerationCorrection:
     """The correction of contacts and equalities; with stock options it does nothing."""
-    if not _corrects(options) or not (model.npair or model.neq):
+    if not (options.moving_points or options.preload) or not (model.npair or model.neq):
         return ReferenceAccelerationCorrection(model, velocity_term=False)
     without_margin = {contact.geoms: 0.0 for contact in stop_contacts(mechanism, model)}
-    return ReferenceAccelerationCorrection(
-        model,
-        options.moving_points,
-        _solves_before_the_solver(mechanism, model, options),
-        without_margin,
-    )
-
-
-def _solves_before_the_solver(mechanism: Mechanism, model: Any, options: MujocoOptions) -> bool:
-    """Whether the solver would lose its last digits in the cost of two walls pressed in."""
+    # The solver may lose its last digits in the cost of two walls pressed in.
     to_the_last_digit = options.solver == "Newton" and options.tolerance < np.finfo(float).eps
-    return to_the_last_digit and bool(slot_contacts(mechanism, model)) and loses_small_gains()
-
-
-def _corrects(options: MujocoOptions) -> bool:
-    return options.moving_points or options.preload
+    between_walls = to_the_last_digit and bool(slot_contacts(mechanism, model))
+    starts_at_the_solution = between_walls and loses_small_gains()
+    return ReferenceAccelerationCorrection(
+        model, options.moving_points, starts_at_the_solution, without_margin
+    )
 
 
 def start_data(model: Any) -> Any:
@@ -331,27 +317,32 @@ def preload(
         settled: change of the constraints' forces in an iteration that is small, in parts of the
             largest.
     """
-    changes, active = Changes(data), tuple(closed)
-    given: FloatArray | None = None
-    for done in range(_MOST_ITERATIONS):
-        _forward(data, correction)
-        if not changes.go_on(settled, done, _PRELOAD_ITERATIONS):
+    active, accelerations = tuple(closed), None
+    # Generalized forces are unique where constraints are redundant and their multipliers are not.
+    before, least, since = np.full(len(data.qfrc_constraint), np.inf), np.inf, 0
+    for done in range(_MOST_ITERATIONS + 1):
+        with correction.applied():
+            correction.forward(data)
+        if done == _MOST_ITERATIONS:
+            return
+        forces = np.array(data.qfrc_constraint)
+        change, before = float(np.abs(forces - before).max(initial=0.0)), forces
+        least, since = (change, 0) if change < least else (least, since + 1)
+        unsettled = change > settled * float(np.abs(forces).max(initial=0.0))
+        if done >= _PRELOAD_ITERATIONS and not (unsettled and since < _PATIENCE):
             return
         rows = [row for constraint in active if (row := constraint.row(data)) is not None]
-        forces = _rigid_forces(model, data, rows, given)
-        given = data.efc_R * forces
+        rigid = _rigid_forces(model, data, rows, accelerations)
+        accelerations = data.efc_R * rigid
         for constraint in active:
-            constraint.preload(model, data, correction, forces)
-        correction.preload_equalities(data, forces)
-    _forward(data, correction)
+            constraint.preload(model, data, correction, rigid)
+        correction.preload_equalities(data, rigid)
 
 
 def _rigid_forces(
     model: Any, data: Any, unilateral: list[int], given: FloatArray | None
 ) -> FloatArray:
-    """Forces f of the rows if none was soft: A f = c instead of (A + R) f = c + e.
-
-    The accelerations e are those given.
+    """Forces f of the rows if none was soft: A f = c instead of (A + R) f = c + e, with e `given`.
 
     The forces as they are stand for those that would come out otherwise, and where a row without
     force is among the unilateral ones: as next e they converge as well, by R / (A + R) an
@@ -359,9 +350,8 @@ def _rigid_forces(
     are left out.
     """
     forces = np.array(data.efc_force)
-    equalities = np.flatnonzero(
-        data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
-    ).tolist()
+    is_equality = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+    equalities = np.flatnonzero(is_equality).tolist()
     pushing = [row for row in unilateral if forces[row] > 0]
     rows = np.array([*equalities, *pushing], dtype=np.intp)
     if not len(rows) or (given is not None and len(given) != len(forces)):
@@ -375,38 +365,6 @@ def _rigid_forces(
     if (rigid[len(equalities) :] > 0).all():
         forces[rows] = rigid
     return forces
-
-
-class Changes:
-    """Changes of the constraints' generalized forces from one iteration of a preload to the next.
-
-    These forces are unique where the constraints are redundant and their multipliers are not.
-    """
-
-    def __init__(self, data: Any) -> None:
-        self._data, self._forces = data, np.full(len(data.qfrc_constraint), np.inf)
-        self._least, self._since = np.inf, 0
-
-    def go_on(self, settled: float, done: int, least: int) -> bool:
-        """Whether to iterate again: at first always, then while changes fall and are not small.
-
-        Args:
-            settled: a small change, in parts of the largest force.
-            done: number of iterations so far.
-            least: number of iterations to be made.
-        """
-        forces = np.array(self._data.qfrc_constraint)
-        change, self._forces = float(np.abs(forces - self._forces).max(initial=0.0)), forces
-        self._least, self._since = (
-            (change, 0) if change < self._least else (self._least, self._since + 1)
-        )
-        unsettled = change > settled * float(np.abs(forces).max(initial=0.0))
-        return done < least or (unsettled and self._since < _PATIENCE)
-
-
-def _forward(data: Any, correction: ReferenceAccelerationCorrection) -> None:
-    with correction.applied():
-        correction.forward(data)
 
 
 def view(mechanism: Mechanism, timestep: float) -> None:
