@@ -101,7 +101,7 @@ class _Inspector:
         torques = self._torques_at_rest(state.closed)
         forces = data.qfrc_passive + data.qfrc_actuator + data.qfrc_applied - data.qfrc_bias
         names = {body.name: self.names[body.name] for body in self.mechanism.bodies}
-        gaps = {name: stop.gap(self.model, data) for name, stop in self.constraints.items()}
+        gaps = {name: stop.gap(data) for name, stop in self.constraints.items()}
         return Dynamics(
             accelerations=self.sums @ data.qacc,
             stop_torques=torques,
@@ -119,14 +119,14 @@ class _Inspector:
         """
         self.correction.clear()
         for constraint in self.constraints.values():
-            constraint.deactivate(self.model, self.correction)
+            constraint.deactivate(self.correction)
         with self.correction.applied():
             self.correction.forward(self.data)
             active = [self.constraints[name] for name in closed]
             for constraint in active:
-                constraint.activate(self.model, self.data, self.correction)
+                constraint.activate(self.data, self.correction)
             slots = slot_contacts(self.mechanism, self.model)
-            preload(self.model, self.data, [*active, *slots], self.correction, _SETTLED)
+            preload(self.data, [*active, *slots], self.correction, _SETTLED)
         torques = dict.fromkeys(closed, 0.0)
         for name, constraint in zip(closed, active, strict=True):
             row = constraint.row(self.data)

@@ -100,7 +100,7 @@ class MujocoMotion(SteppedMotion[FloatArray]):
         """Whether the closed stops are as the MJCF has them: none was taken out or put back."""
         if not options.keep_limits:
             for name in self.constraints.keys() - set(self._closed):
-                self.constraints[name].remove(self.model)
+                self.constraints[name].remove()
         if impacts:  # which need the mass matrix of the start
             with self.correction.applied():
                 self.correction.forward(self.data)
@@ -219,7 +219,7 @@ class MujocoMotion(SteppedMotion[FloatArray]):
         """Take stops out of the model, unless limits are to stay."""
         if not self.options.keep_limits:
             for name in names:
-                self.constraints[name].remove(self.model)
+                self.constraints[name].remove()
         self.correction.forward(self.data)
 
     def hold(self, rest: Contacts, time: float) -> Contacts:
@@ -227,10 +227,10 @@ class MujocoMotion(SteppedMotion[FloatArray]):
         if not (self._as_built and rest == self._closed):
             for name, constraint in self.constraints.items():
                 if name not in rest:
-                    constraint.remove(self.model)
+                    constraint.remove()
             for name in rest:
-                self.constraints[name].restore(self.model)
-                self.constraints[name].activate(self.model, self.data, self.correction)
+                self.constraints[name].restore()
+                self.constraints[name].activate(self.data, self.correction)
         self._as_built, self.held = False, rest
         with self.correction.applied():
             self.correction.forward(self.data)
@@ -240,7 +240,7 @@ class MujocoMotion(SteppedMotion[FloatArray]):
         if self.options.preload:
             held = [self.constraints[name] for name in self.held]
             slots = slot_contacts(self.mechanism, self.model)
-            preload(self.model, self.data, held + slots, self.correction)
+            preload(self.data, held + slots, self.correction)
         self.record(time)
         return self.held
 

@@ -114,7 +114,7 @@ def recording(
         )
     torques = dict[str, FloatArray]()
     for name, constraint in constraints.items():
-        torques[name] = constraint.torque(sensor(torque_sensor(name))[:, 0], positions, model)
+        torques[name] = constraint.torque(sensor(torque_sensor(name))[:, 0], positions)
     return Recording(
         t=np.concatenate(samples.times),
         q=q,
