@@ -20,12 +20,12 @@ from ..comparisons.report.document import (
     Text,
     Tile,
     Tiles,
+    format_number,
     page_only,
     row,
     table,
     words,
 )
-from ..comparisons.report.numbers import format_number
 from ..engines.inspection import Inspectable
 from ..engines.registry import capabilities_of, engine, engine_class
 from ..engines.supplied import sentence

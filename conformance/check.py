@@ -13,7 +13,7 @@ from ..comparisons.runs.study import Study
 from ..engines.protocol import Engine
 from ..engines.registry import engine_class
 from ..models.errors import EngineNotInstalledError, InputError
-from ..models.library.given import Model, model_of
+from ..models.library.registry import Model, model_of
 from ..models.problem import StopLaw
 from .suite import Target, absence
 

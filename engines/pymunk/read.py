@@ -1,16 +1,11 @@
-"""Reading the mechanism's motion and forces from Chipmunk's bodies.
-
-Angles, points and energies come from the engine bodies' positions and velocities.
-"""
+"""Reading the mechanism's motion and energies from Chipmunk's bodies."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.applied_forces import AppliedForces
 from ...models.arrays import ComplexArray, FloatArray, as_vectors
@@ -19,7 +14,7 @@ from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.spec import Vector
 from ...models.trajectory import PointMotion
-from .bodies import Assembly, BodyPart, Placement, is_pin
+from .bodies import Assembly, BodyPart, is_pin
 
 
 @dataclass(frozen=True)
@@ -59,11 +54,6 @@ class Frame:
     u: FloatArray
     a: FloatArray
 
-    def welded(self, place: Placement) -> Frame:
-        """The frame of a body that this one carries: the same point is its reference."""
-        reference = (self.reference - place.origin) * np.exp(1j * place.angle)
-        return Frame(reference, self.at, self.q + place.angle, self.u, self.a)
-
     def world(self, direction: complex) -> ComplexArray:
         """A direction given in the body's frame."""
         return direction * np.exp(-1j * self.q)
@@ -72,8 +62,7 @@ class Frame:
         self, direction: complex, vector: PointState
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Along a direction of this frame: a vector's component, and its first and second rate."""
-        along = self.world(direction).conjugate()
-        # conj(direction) turns with exp(+i q).
+        along = self.world(direction).conjugate()  # turns with exp(+i q)
         rate = vector.velocity + 1j * self.u * vector.position
         second = (
             vector.acceleration
@@ -105,13 +94,32 @@ class MotionReading:
     def __post_init__(self) -> None:
         rest = np.zeros(self.samples.points.shape[1])
         origin = np.zeros(rest.shape, dtype=np.complex128)
-        still = PointState(origin, origin, origin)
-        self.frames[GROUND] = Frame(0j, still, rest, rest, rest)
+        self.frames[GROUND] = Frame(0j, PointState(origin, origin, origin), rest, rest, rest)
         for i, (name, part) in enumerate(self.assembly.parts.items()):
-            self.frames[name] = self._turning(i, part) if part.turns else self._swinging(i, part)
+            self.frames[name] = self._frame(i, part)
         for name, place in self.assembly.placements.items():
-            if name not in self.frames:
-                self.frames[name] = self.frames[place.carrier].welded(place)
+            if name not in self.frames:  # welded to its carrier, whose reference it shares
+                frame = self.frames[place.carrier]
+                reference = (frame.reference - place.origin) * np.exp(1j * place.angle)
+                self.frames[name] = Frame(
+                    reference, frame.at, frame.q + place.angle, frame.u, frame.a
+                )
+
+    def _frame(self, i: int, part: BodyPart) -> Frame:
+        body = PointState(*self.samples.points[:, :, i])
+        if part.turns:
+            angle, spin, spin_rate = self.samples.angles[:, :, i]
+            return Frame(part.reference, body, 0.0 - angle, 0.0 - spin, -spin_rate)
+        # A bob's rod points from its pin to its mass: rod = arm exp(-i q).
+        rigid = self.assembly.rigid
+        joint, (index, _) = rigid.joint_of(part.name), rigid.attitudes[part.name]
+        assert index is not None
+        rod = body - self.point(joint.parent, joint.parent_point)
+        q = np.unwrap(-np.angle(rod.position / (part.reference - part.pin)))
+        near = rigid.start[index] if self.near is None else float(self.near[index])
+        turns = round((near - float(q[0])) / (2 * np.pi))
+        u, a = -(rod.velocity / rod.position).imag, -(rod.acceleration / rod.position).imag
+        return Frame(part.reference, body, q + 2 * np.pi * turns, u, a)
 
     @property
     def mechanism(self) -> Mechanism:
@@ -127,34 +135,9 @@ class MotionReading:
         parent = self.point(joint.parent, joint.parent_point)
         return self.point(joint.child, joint.child_point) - parent
 
-    def _body(self, i: int) -> PointState:
-        return PointState(*self.samples.points[:, :, i])
-
-    def _turning(self, i: int, part: BodyPart) -> Frame:
-        angle, spin, spin_rate = self.samples.angles[:, :, i]
-        return Frame(part.reference, self._body(i), 0.0 - angle, 0.0 - spin, -spin_rate)
-
-    def _swinging(self, i: int, part: BodyPart) -> Frame:
-        """A bob's rod points from its pin to its mass: rod = arm exp(-i q)."""
-        rigid = self.assembly.rigid
-        joint, (index, _) = rigid.joint_of(part.name), rigid.attitudes[part.name]
-        assert index is not None
-        pin, bob = self.point(joint.parent, joint.parent_point), self._body(i)
-        rod = bob.position - pin.position
-        q = np.unwrap(-np.angle(rod / (part.reference - part.pin)))
-        near = rigid.start[index] if self.near is None else float(self.near[index])
-        turns = round((near - float(q[0])) / (2 * np.pi))
-        u = -((bob.velocity - pin.velocity) / rod).imag
-        a = -((bob.acceleration - pin.acceleration) / rod).imag
-        return Frame(part.reference, bob, q + 2 * np.pi * turns, u, a)
-
-    def coordinates(self) -> tuple[FloatArray, FloatArray]:
-        """Coordinates q and speeds u, shape (n, n_q)."""
-        return self._motion[0], self._motion[1]
-
     @cached_property
-    def _motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """q, u and a, shape (n, n_q)."""
+    def motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Coordinates q, speeds u and accelerations, shape (n, n_q)."""
         columns: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         for body in self.mechanism.bodies:
             if body.angle is not None:
@@ -179,25 +162,22 @@ class MotionReading:
         kinetic, potential = np.zeros((2, self.samples.points.shape[1]))
         weight = complex(*self.mechanism.gravity_vector)
         for body in self.mechanism.bodies:
-            centre = self.point(body.name, body.centre)
-            kinetic += 0.5 * (
-                body.mass * np.abs(centre.velocity) ** 2
-                + body.inertia * self.frames[body.name].u ** 2
-            )
+            centre, u = self.point(body.name, body.centre), self.frames[body.name].u
+            kinetic += 0.5 * (body.mass * np.abs(centre.velocity) ** 2 + body.inertia * u**2)
             potential -= body.mass * (centre.position * weight.conjugate()).real
         if self.mechanism.force_elements:
-            potential += self.applied.potential_energy(self._motion[0])
+            potential += self._applied.potential_energy(self.motion[0])
         return kinetic, potential
 
     @cached_property
-    def applied(self) -> AppliedForces:
+    def _applied(self) -> AppliedForces:
         """The mechanism's force elements."""
         return AppliedForces(Kinematics(self.mechanism))
 
     @cached_property
     def applied_on_bodies(self) -> dict[str, ComplexArray]:
         """Resultant force of the force elements on each body that one acts on [N], shape (n,)."""
-        forces = self.applied.on_bodies(*self.coordinates())
+        forces = self._applied.on_bodies(*self.motion[:2])
         return {name: force[..., 0] + 1j * force[..., 1] for name, force in forces.items()}
 
     @cached_property
@@ -206,74 +186,29 @@ class MotionReading:
 
         Their generalized forces, less those of the same forces at the centres.
         """
-        kinematics, (q, u) = self.applied.kinematics, self.coordinates()
-        couples, rates = self.applied.generalized(q, u), kinematics.rates(q)
+        kinematics, (q, u, _) = self._applied.kinematics, self.motion
+        couples, rates = self._applied.generalized(q, u), kinematics.rates(q)
         for body, centre in zip(self.mechanism.bodies, kinematics.centres, strict=True):
             if body.name in self.applied_on_bodies:
                 force = self.applied_on_bodies[body.name].conj()[:, None]
                 couples -= (force * kinematics.gradient(centre, q, rates)).real
         return couples[:, : len(self.mechanism.angles)]
 
-    def accelerations(self) -> FloatArray:
-        """Second derivatives of the coordinates, shape (n, n_q) [rad/s^2 or m/s^2]."""
-        return self._motion[2]
-
     def gaps(self) -> dict[str, FloatArray]:
         """Constraint drift [m], shape (n,): distance of points, or error of a bob's rod."""
-        return {
-            joint.name: self._drift(joint)
-            for joint in self.mechanism.joints
-            if joint.held_directions
-        }
-
-    def _drift(self, joint: AnyJoint) -> FloatArray:
-        part, vector = self.assembly.parts.get(joint.child), self.between(joint)
-        if is_pin(joint) and part and not part.turns and joint in self.mechanism.tree_joints:
-            parent = self.point(joint.parent, joint.parent_point).position
-            length = np.abs(self.frames[joint.child].at.position - parent)
-            return np.abs(length - abs(part.reference - part.pin))
-        if not joint.free_directions:
-            return np.abs(vector.position)
-        (across,) = joint.held_directions
-        return np.abs(self.frames[joint.parent].component(across, vector)[0])
-
-
-def samples_of(
-    states: FloatArray, h: float, leapfrog: bool, start: FloatArray | None = None
-) -> BodySamples:
-    """Samples 0 ... n from rows -1 ... n.
-
-    In a leapfrog, the velocity at a sample is the mean of those half a step before and after it:
-    the energy of this state does not drift. Forces are those of the velocity increment at the
-    sample, of second order there.
-
-    Args:
-        states: shape (n + 2, n_bodies, 6).
-        h: the step [s].
-        leapfrog: velocities of row k are at (k + 1/2) h, not at k h.
-        start: the rows whose velocities belong to sample 0 instead of those of rows -1 and 0, shape
-            (2, n_bodies, 6).
-    """
-    share = 0.5 if leapfrog else 1.0
-
-    def with_rates(
-        values: NDArray[Any], rates: NDArray[Any], at_start: NDArray[Any] | None
-    ) -> NDArray[Any]:
-        before, after = rates[:-1].copy(), rates[1:].copy()
-        if at_start is not None:
-            before[0], after[0] = at_start
-        return np.stack([values[1:], share * after + (1 - share) * before, (after - before) / h])
-
-    points, first = _points(states), None if start is None else _points(start)
-    return BodySamples(
-        with_rates(points[..., 0], points[..., 1], None if first is None else first[..., 1]),
-        with_rates(states[..., 2], states[..., 5], None if start is None else start[..., 5]),
-    )
-
-
-def _points(states: FloatArray) -> ComplexArray:
-    """Positions and velocities, complex, shape (..., 2)."""
-    return states[..., 0:4:3] + 1j * states[..., 1:5:3]
+        gaps: dict[str, FloatArray] = {}
+        for joint in self.mechanism.joints:
+            part, vector = self.assembly.parts.get(joint.child), self.between(joint)
+            if is_pin(joint) and part and not part.turns and joint in self.mechanism.tree_joints:
+                parent = self.point(joint.parent, joint.parent_point).position
+                length = np.abs(self.frames[joint.child].at.position - parent)
+                gaps[joint.name] = np.abs(length - abs(part.reference - part.pin))
+            elif not joint.free_directions:
+                gaps[joint.name] = np.abs(vector.position)
+            elif joint.held_directions:
+                (across,) = joint.held_directions
+                gaps[joint.name] = np.abs(self.frames[joint.parent].component(across, vector)[0])
+        return gaps
 
 
 def reading_of(assembly: Assembly, accelerations: FloatArray | None = None) -> MotionReading:

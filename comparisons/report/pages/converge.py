@@ -18,7 +18,7 @@ from ...converge.results import (
     SweepStudy,
 )
 from .. import document as doc
-from ..numbers import format_number, format_settings
+from ..document import format_number, format_settings
 from ..plots import Axis, Label, Panels, Plot, Series, Style, run_style
 from .tables import capital, chapter, compared_time, is_tuned, provenance
 

@@ -9,7 +9,7 @@ from operator import attrgetter
 from ...diff import Difference, Fate, QuantityChange, RunChange
 from ...runs.results import Metric, Run
 from .. import document as doc
-from ..numbers import format_number, format_step
+from ..document import format_number, format_step
 from .tables import cause_text, diagnosis, verdict_blocks
 
 _QUESTION = "What moved from one comparison to the other, and what broke?"

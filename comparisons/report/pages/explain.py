@@ -20,7 +20,7 @@ from ...explain.results import (
     StockAgainstTuned,
 )
 from .. import document as doc
-from ..numbers import format_number, format_percent
+from ..document import format_number, format_percent
 from ..plots import Axis, Label, Panels, Plot, Series, Style
 from .tables import chapter, compared_time, provenance, verdict_blocks
 

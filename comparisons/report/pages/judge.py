@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ...judge.study import NOT_GIVEN, Judgement
+from ...judge import NOT_GIVEN, Judgement
 from ...runs.quantities import QUANTITIES
 from ...runs.results import Metric, Outcome
 from .. import document as doc
-from ..numbers import format_number
+from ..document import format_number
 from .tables import compared_time, why
 
 _HEADS = (

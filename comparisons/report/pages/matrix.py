@@ -23,7 +23,7 @@ from ...matrix import (
 )
 from ...runs.results import COMPARED, Outcome
 from .. import document as doc
-from ..numbers import format_number
+from ..document import format_number
 from .tables import MARKS
 
 READING = (

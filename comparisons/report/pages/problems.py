@@ -8,7 +8,7 @@ from ....models.library.benchmark import Benchmark
 from ....models.spec import Spec
 from ...problems import CheckedFigure, ProblemCheck
 from .. import document as doc
-from ..numbers import format_number
+from ..document import format_number
 
 _TITLES = "figure | unit | expected | reference | error | tolerance | basis"
 

@@ -8,7 +8,7 @@ from ....models.mechanism import Mechanism
 from ...recommend.results import Advice, Asked, Attempt, Choice, EngineAdvice, Errors
 from ...recommend.search import unit_of
 from .. import document as doc
-from ..numbers import format_number, format_step, sentence
+from ..document import format_number, format_step, sentence
 from .tables import compared_time, provenance
 
 

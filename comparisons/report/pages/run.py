@@ -13,8 +13,8 @@ from ....reference.certification.certificate import Certificate
 from ...runs.balance import sampled_balance
 from ...runs.runner import Farthest
 from .. import document as doc
+from ..document import format_number, format_settings, sentence
 from ..drawing.scene import scene
-from ..numbers import format_number, format_settings, sentence
 from ..plots import Axis, Panels, Plot, Series, Style
 from .tables import certified_figures
 

@@ -35,8 +35,8 @@ from ....reference.throw.throw import (
 )
 from ....version import __version__
 from .. import document as doc
+from ..document import sentence
 from ..drawing.scene import Scene, scene
-from ..numbers import sentence
 from ..plots import Axis, Band, Panels, Plot, Rule, Series, Style
 from .tables import mechanism_as_data
 
