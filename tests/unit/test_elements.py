@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.diagnosis.equivalence import check_model, random_states
-from trebucheck.comparisons.report.drawing.symbols import draw
+from trebucheck.comparisons.report.drawing.sketch import draw
 from trebucheck.models import kinematics
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.elements import (
