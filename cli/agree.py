@@ -134,7 +134,7 @@ def conform_command(call: Call) -> bool:
     trebucheck conform my_package:MyEngine --tier quick
     """
     from ..conformance.certificate import badge, certificate
-    from ..conformance.session import Session
+    from ..conformance.suite import Session
     from ..models.files import refuse_unwritable
 
     given = {
