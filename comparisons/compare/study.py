@@ -25,7 +25,7 @@ from ...models.trajectory import Trajectory, load
 from ...reference.solution import Solution
 from ..diagnosis.diagnose import check_and_diagnose, diagnose_motion, failed_diagnosis
 from ..diagnosis.rerun import Rerun
-from ..report.numbers import format_number
+from ..report.document import format_number
 from ..runs.process import OnDemand, Worker, in_order, simulate
 from ..runs.record import RunErrors, RunRecord, judged, machine_row, new_record, pair_of, run_row
 from ..runs.results import (

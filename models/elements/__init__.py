@@ -8,12 +8,22 @@ in each consumer's table (docs/extending.md).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated, cast
 
 from pydantic import Discriminator, Field, Tag
 
+from ..errors import UnsupportedProblemError
 from .angle_stop import Stop
-from .base import CONSUMERS, GROUND, Basic, ElementTable, Feature, TwoBodyForceElement
+from .base import (
+    CONSUMERS,
+    GROUND,
+    Basic,
+    ElementTable,
+    Feature,
+    TwoBodyForceElement,
+    refusal,
+)
 from .constant_force import ConstantForce
 from .constant_torque import ConstantTorque
 from .cubic_torsion_spring import CubicTorsionSpring
@@ -55,6 +65,7 @@ __all__ = [
     "Stop",
     "TwoBodyForceElement",
     "WeldJoint",
+    "refuse_unknown",
 ]
 
 JOINTS: tuple[type, ...] = (PinJoint, WeldJoint, SlotJoint, PrismaticJoint, FreeJoint)
@@ -67,6 +78,20 @@ FORCE_ELEMENTS: tuple[type, ...] = (
     ConstantTorque,
 )
 ELEMENTS: tuple[type, ...] = (*JOINTS, *STOPS, *FORCE_ELEMENTS)
+
+
+def refuse_unknown(consumer: str, elements: Iterable[object]) -> None:
+    """Refuse elements of classes that are in no group, by name.
+
+    For consumers that need nothing but what an element says of itself.
+
+    Raises:
+        UnsupportedProblemError: one is of such a class; `consumer` begins the sentence.
+    """
+    for element in elements:
+        if type(element) not in ELEMENTS:
+            raise UnsupportedProblemError(refusal(consumer, element, None))
+
 
 AnyJoint = PinJoint | WeldJoint | SlotJoint | PrismaticJoint | FreeJoint
 Joint = Annotated[AnyJoint, Field(discriminator="kind")]

@@ -24,6 +24,10 @@ class ConstantForce(BaseForceElement):
     point: Vector = Field(description="of the body, in its frame [m]")
     force: Vector = Field(description="in the world's directions [N]")
 
+    @property
+    def pushes_along_x(self) -> bool:
+        return self.force[0] != 0
+
     def direction(self, geometry: Geometry) -> PointCoefficients:
         return geometry.point(self.body, self.point)
 

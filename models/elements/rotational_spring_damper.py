@@ -30,6 +30,10 @@ class RotationalSpringDamper(TorqueElement):
     def dissipates(self) -> bool:
         return self.damping > 0
 
+    @property
+    def works(self) -> bool:
+        return self.dissipates
+
     def torque_on_body(self, angle: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
         """-(k (b - b0) + c w) [N m]."""
         spring = -self.stiffness * (angle.value(q) - self.rest_angle)

@@ -11,7 +11,7 @@ from pydantic import Field
 from ..arrays import ComplexArray, FloatArray
 from ..functions import PointCoefficients
 from ..spec import NonNegative, Vector
-from .base import Feature, Geometry, TwoBodyForceElement
+from .base import GROUND, Feature, Geometry, TwoBodyForceElement
 
 _COINCIDENT = 1e-12  # [m] points that are closer have no direction from one to the other
 
@@ -41,6 +41,15 @@ class SpringDamper(TwoBodyForceElement):
     @property
     def dissipates(self) -> bool:
         return self.damping > 0
+
+    @property
+    def works(self) -> bool:
+        return self.dissipates
+
+    @property
+    def pushes_along_x(self) -> bool:
+        """Whether it acts on the mechanism from outside: whether one end is on the ground."""
+        return GROUND in self.bodies
 
     def refuse_start(
         self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]

@@ -3,33 +3,18 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import Any
 
 import numpy as np
 
 from ...models.elements import (
-    ELEMENTS,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
-    FreeJoint,
-    PinJoint,
-    PointStop,
-    PrismaticJoint,
-    RotationalSpringDamper,
-    SlotJoint,
-    SpringDamper,
-    Stop,
-    WeldJoint,
+    refuse_unknown,
 )
-from ...models.errors import UnsupportedProblemError
 from ...models.kinematics import initial_state
-from ...models.mechanism import Mechanism
-from ...models.spec import Spec
+from ...models.mechanism import Marker, Mechanism
+from ...models.spec import Spec, number_units
 from ..equations import Equations, least_step
 from .dual import Dual
 from .variational import Direction, VariationalEquations, consistent_directions, movable
@@ -37,59 +22,13 @@ from .variational import Direction, VariationalEquations, consistent_directions,
 _HELD = 1e-9  # a coordinate of which less is free than this cannot be chosen
 
 
-# Names of the numbers of each class, field by field. A number that is not here is refused: its
-# derivative would be missing among the others without a word.
-_Names = Mapping[str, str]
-_BODY: _Names = {
-    "mass": "mass of {name}",
-    "centre": "centre of mass of {name}",
-    "inertia": "inertia of {name}",
+_PLACES = {
+    "point": "body",
+    "relative_point": "relative_to",
+    "parent_point": "parent",
+    "child_point": "child",
 }
-_MARKER: _Names = {"point": "place of {name} on {body}", "mass": ""}  # a part of its body's mass
-_ENDS: _Names = {
-    "parent_point": "place of {name} on {parent}",
-    "child_point": "place of {name} on {child}",
-}
-_ANGLE: _Names = {"angle": "angle of {name}"}
-_AXIS: _Names = {"axis": "direction of {name}"}
-_RESTITUTION: _Names = {"restitution": "restitution of {name}"}
-_POINT: _Names = {"point": "place of {name} on {body}"}
-_SPRING: _Names = {"stiffness": "stiffness of {spring}"}
-_DAMPER: _Names = {"damping": "damping of {spring}"}
-_REST_ANGLE: _Names = {"rest_angle": "rest angle of {spring}"}
-_NAMES: ElementTable[_Names] = ElementTable(
-    "The table of sensitivities",
-    ELEMENTS,
-    {
-        PinJoint: _ENDS,
-        WeldJoint: {**_ENDS, **_ANGLE},
-        SlotJoint: {**_ENDS, **_AXIS},
-        PrismaticJoint: {**_ENDS, **_AXIS, **_ANGLE},
-        FreeJoint: _ENDS,
-        Stop: {"limit": "limit of {name}", **_RESTITUTION},
-        PointStop: {
-            **_POINT,
-            "normal": "direction of {name}",
-            "offset": "offset of {name}",
-            **_RESTITUTION,
-        },
-        SpringDamper: {
-            "point": "place of {spring} on {body}",
-            "relative_point": "place of {spring} on {relative_to}",
-            **_SPRING,
-            **_DAMPER,
-            "rest_length": "rest length of {spring}",
-        },
-        RotationalSpringDamper: {**_SPRING, **_DAMPER, **_REST_ANGLE},
-        CubicTorsionSpring: {
-            **_SPRING,
-            "cubic_stiffness": "cubic stiffness of {spring}",
-            **_REST_ANGLE,
-        },
-        ConstantForce: {**_POINT, "force": "force of {name}"},
-        ConstantTorque: {"torque": "torque of {name}"},
-    },
-)
+"""The field with the body on which a point is."""
 _UNIT_VECTORS = ("axis", "normal")
 
 
@@ -131,64 +70,45 @@ def physical_numbers(
 
 
 def _of_elements(mechanism: Mechanism, thrown: str | None) -> Iterator[PhysicalNumber]:
-    markers = [marker for marker in mechanism.markers if thrown in (None, marker.name)]
-    for item in mechanism.bodies:
-        yield from _of_fields(item, f"bodies.{item.name}", _BODY)
-    for item in mechanism.joints:
-        yield from _of_fields(item, f"joints.{item.name}", _NAMES[item])
-    for item in mechanism.stops:
-        yield from _of_fields(item, f"stops.{item.name}", _NAMES[item])
-    for item in mechanism.force_elements:
-        yield from _of_fields(item, f"force_elements.{item.name}", _NAMES[item])
-    for item in markers:
-        yield from _of_fields(item, f"markers.{item.name}", _MARKER)
+    elements = (*mechanism.joints, *mechanism.stops, *mechanism.force_elements)
+    refuse_unknown("The table of sensitivities", elements)
+    for kind in ("bodies", "joints", "stops", "force_elements", "markers"):
+        for part in getattr(mechanism, kind):
+            if kind != "markers" or thrown in (None, part.name):
+                yield from _of_fields(part, f"{kind}.{part.name}")
 
 
-def _is_number(value: object) -> bool:
-    """Whether a field's value is a number or a vector of them."""
-    parts = cast("tuple[object, ...]", value) if isinstance(value, tuple) else (value,)
-    return any(isinstance(part, float) for part in parts)
-
-
-def _of_fields(item: Spec, path: str, names: _Names) -> Iterator[PhysicalNumber]:
-    """The numbers of a part of a mechanism, in the order of its fields.
-
-    Raises:
-        UnsupportedProblemError: it has a number that is not among these names.
-    """
-    for field, description in type(item).model_fields.items():
-        value = getattr(item, field)
-        if not _is_number(value):
-            continue
-        if field not in names:
-            raise UnsupportedProblemError(
-                f"The table of sensitivities does not know {field!r} of {path!r} "
-                f"({type(item).__name__}): a derivative by it would be missing."
-            )
-        if not names[field]:
-            continue
-        name = names[field].format(**_called(item))
-        unit = re.search(r"\[(.+)\]", description.description or "")
+def _of_fields(part: Spec, path: str) -> Iterator[PhysicalNumber]:
+    """The numbers of a part of a mechanism, in the order of its fields."""
+    for field, unit in number_units(type(part)).items():
+        value = getattr(part, field)
+        if value is None or (isinstance(part, Marker) and field == "mass"):
+            continue  # a marker's mass is a part of its body's
+        name = _name_of_number(part, field)
         if field in _UNIT_VECTORS:
             x, y = value
-            yield PhysicalNumber(
-                name, "rad", math.atan2(y, x), {f"{path}.{field}.0": -y, f"{path}.{field}.1": x}
-            )
+            turned = {f"{path}.{field}.0": -y, f"{path}.{field}.1": x}
+            yield PhysicalNumber(name, "rad", math.atan2(y, x), turned)
         elif isinstance(value, tuple):
             for i, component in enumerate("xy"):
                 direction = {f"{path}.{field}.{i}": 1.0}
-                yield PhysicalNumber(
-                    f"{name}, {component}", unit[1] if unit else "", value[i], direction
-                )
+                yield PhysicalNumber(f"{name}, {component}", unit, value[i], direction)
         else:
-            yield PhysicalNumber(name, unit[1] if unit else "", value, {f"{path}.{field}": 1.0})
+            yield PhysicalNumber(name, unit, value, {f"{path}.{field}": 1.0})
 
 
-def _called(item: Spec) -> dict[str, str]:
-    """Names that a field's phrase needs; a spring is called one."""
-    names = {name: value for name, value in item if isinstance(value, str)}
-    spring = "" if "spring" in names["name"].lower() else " spring"
-    return names | {"spring": names["name"] + spring}
+def _name_of_number(part: Any, field: str) -> str:
+    """Such as "stiffness of strut spring", "place of knee on thigh" or "direction of rail"."""
+    name = part.name
+    if "spring" in getattr(part, "kind", "") and "spring" not in name.lower():
+        name += " spring"
+    if field in _PLACES:
+        return f"place of {name} on {getattr(part, _PLACES[field])}"
+    if field in _UNIT_VECTORS:
+        return f"direction of {name}"
+    if field == "centre":
+        return f"centre of mass of {name}"
+    return f"{field.replace('_', ' ')} of {name}"
 
 
 def _starts(mechanism: Mechanism) -> Iterator[PhysicalNumber]:
