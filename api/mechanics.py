@@ -66,6 +66,7 @@ from ..reference.taylor.solve import solve_taylor
 from ..reference.throw.flight import (
     Air,
     Flight,
+    Projectile,
     Release,
     Surroundings,
     World,
@@ -73,9 +74,9 @@ from ..reference.throw.flight import (
     fall_time,
     fly,
     range_rate,
+    swing,
     world,
 )
-from ..reference.throw.release import Projectile, swing
 from ..reference.throw.throw import surroundings_of, throw
 
 __all__ = [

@@ -14,7 +14,7 @@ from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.reference.certification.redundant import solve_redundant
 from trebucheck.reference.reactions import joint_reactions
-from trebucheck.reference.sensitivity.numbers import physical_numbers
+from trebucheck.reference.sensitivity.release import physical_numbers
 from trebucheck.reference.sensitivity.tangent import state_tangent
 from trebucheck.reference.sensitivity.variational import VariationalEquations, moved
 from trebucheck.reference.solver import solve
@@ -178,9 +178,9 @@ def test_an_unknown_stop_is_refused_by_name() -> None:
 
 
 def test_an_unknown_number_is_refused_instead_of_vanishing(monkeypatch: pytest.MonkeyPatch) -> None:
-    from trebucheck.reference.sensitivity import numbers
+    from trebucheck.reference.sensitivity import release
 
-    handlers = numbers._NAMES.handlers
+    handlers = release._NAMES.handlers
     known = {k: v for k, v in handlers[CubicTorsionSpring].items() if k != "cubic_stiffness"}
     monkeypatch.setitem(handlers, CubicTorsionSpring, known)
     with pytest.raises(tb.UnsupportedProblemError, match=r"cubic_stiffness.*coil"):
