@@ -58,6 +58,8 @@ types: $(VENV)/satellites
 
 generated: $(VENV)/satellites
 	$(BIN)/python docs/generate.py
+	$(BIN)/python importers/generate.py
+	$(BIN)/python paper/generate.py
 
 docs: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt ".[docs]"
@@ -72,7 +74,7 @@ plugins:
 
 importers: $(VENV)/satellites
 	$(PYTHON) importers/run.py $(abspath $(BIN)/trebucheck) $(IMPORTERS); \
-		code=$$?; $(BIN)/python docs/generate.py importers && exit $$code
+		code=$$?; $(BIN)/python importers/generate.py importers && exit $$code
 
 LEAST_MUJOCO := 3.3.5
 mujoco3:

@@ -30,7 +30,7 @@ _PUBLIC = {
     "comparisons.converge.study": "converge",
     "comparisons.diff": "diff",
     "comparisons.explain.study": "explain",
-    "comparisons.judge.study": "judge",
+    "comparisons.judge": "judge",
     "comparisons.matrix": "matrix",
     "comparisons.mjcf": "mjcf",
     "comparisons.recommend.study": "recommend",
@@ -41,7 +41,7 @@ _PUBLIC = {
     "UnsupportedProblemError",
     "models.elements": "ConstantForce ConstantTorque CubicTorsionSpring FreeJoint PinJoint "
     "PointStop PrismaticJoint RotationalSpringDamper SlotJoint SpringDamper Stop WeldJoint",
-    "models.library.given": "model problem problems",
+    "models.library.registry": "model problem problems",
     "models.launch": "Launch",
     "models.library.trebuchet": """
         CatapultParameters FloatingArmParameters HingedParameters TrebuchetParameters catapult fixed

@@ -5,7 +5,7 @@ from .comparisons.compare.study import compare
 from .comparisons.converge.study import converge
 from .comparisons.diff import diff
 from .comparisons.explain.study import explain
-from .comparisons.judge.study import judge
+from .comparisons.judge import judge
 from .comparisons.matrix import matrix
 from .comparisons.mjcf import mjcf
 from .comparisons.recommend.study import recommend
@@ -34,7 +34,7 @@ from .models.errors import (
     UnsupportedProblemError,
 )
 from .models.launch import Launch
-from .models.library.given import model, problem, problems
+from .models.library.registry import model, problem, problems
 from .models.library.trebuchet import (
     CatapultParameters,
     FloatingArmParameters,

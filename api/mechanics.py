@@ -44,7 +44,7 @@ from ..models.library.trebuchet import (
 from ..models.mechanism import Body, Mechanism
 from ..models.problem import Problem, StopLaw
 from ..models.shown import Reported, report_with
-from ..models.spec import NonNegative, Positive, Real, Spec, Vector
+from ..models.spec import NonNegative, Positive, Real, Spec, Vector, schema_text
 from ..models.trajectory import Trajectory, write_dataset
 from ..reference.certification.certificate import load_certificate, reference_uncertainty
 from ..reference.certification.certify import (
@@ -153,6 +153,7 @@ __all__ = [
     "refuse_unwritable",
     "report_with",
     "rolling",
+    "schema_text",
     "shortened",
     "solve",
     "solve_scheduled",

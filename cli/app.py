@@ -165,9 +165,8 @@ _INTERRUPTED = 130
 @cache
 def _group() -> Any:
     """All commands and their options, made from the functions once a process."""
-    return typer.main.get_command(
-        app
-    )  # with the options that install completion, which a group alone lacks
+    # With the options that install completion, which a group alone lacks.
+    return typer.main.get_command(app)
 
 
 def _refused(sentence: str, code: int = 2) -> int:
@@ -190,19 +189,14 @@ def _sentence(error: TrebucheckError | MemoryError | OSError) -> str:
 
 
 def _interrupted() -> int:
-    kept = ", ".join(_resumable())
+    commands = sorted(
+        name
+        for name, command in _group().commands.items()
+        if any(parameter.name == "resume" for parameter in command.params)
+    )
     print(
         f"interrupted; these commands keep the runs they have finished, and go on from there "
-        f"with --resume: {kept}.",
+        f"with --resume: {', '.join(commands)}.",
         file=sys.stderr,
     )
     return _INTERRUPTED
-
-
-def _resumable() -> list[str]:
-    """Names of the commands that take --resume."""
-    return sorted(
-        name
-        for name, command in _group().commands.items()
-        if any(o.name == "resume" for o in command.params)
-    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -130,16 +131,19 @@ def command(
     """
     declared: dict[str, Declared] = {}
     for name in names.split():
-        mine = own.get(name, OPTIONS.get(name))
-        declared[name] = mine if isinstance(mine, Declared) else OPTIONS[name].by_default(mine)
+        choice = own.get(name, OPTIONS.get(name))
+        if not isinstance(choice, Declared):
+            choice = replace(OPTIONS[name], default=choice)
+        declared[name] = choice
     if out is not None:
         declared["out"] = out
     kind = inspect.Parameter.KEYWORD_ONLY
-    signature = [
-        inspect.Parameter(name, kind, default=each.default, annotation=each.annotation)
-        for name, each in declared.items()
-    ]
-    context = inspect.Parameter("context", kind, annotation=typer.Context)
+    parameters = [inspect.Parameter("context", kind, annotation=typer.Context)]
+    for name, option in declared.items():
+        parameters.append(
+            inspect.Parameter(name, kind, default=option.default, annotation=option.annotation)
+        )
+    signature = inspect.Signature(parameters)
 
     def register(function: Callable[[Call], Answer]) -> Callable[..., None]:
         def run(context: typer.Context, **values: Any) -> None:
@@ -148,8 +152,7 @@ def command(
 
         run.__doc__, run.__name__ = function.__doc__, function.__name__
         run.__module__ = function.__module__
-        parameters = [context, *signature]
-        run.__signature__ = inspect.Signature(parameters)  # pyright: ignore[reportFunctionMemberAccess]
+        run.__signature__ = signature  # pyright: ignore[reportFunctionMemberAccess]
         run.__annotations__ = {each.name: each.annotation for each in parameters}
         return run
 

@@ -18,11 +18,10 @@ from .options import argument, folder, option
 if TYPE_CHECKING:
     from ..comparisons.report.drawing.scene import Scene
     from ..comparisons.runs.process import Worker
-    from ..comparisons.runs.runner import Farthest, Runner
+    from ..comparisons.runs.runner import Farthest
     from ..comparisons.runs.study import Study
     from ..models.mechanism import Mechanism
     from ..models.trajectory import Trajectory
-    from ..reference.throw.throw import Performance, Throw
 
 
 @command(
@@ -70,6 +69,8 @@ def throw_command(call: Call) -> None:
     """
     from ..comparisons.report.pages.throw import document
     from ..models.files import refuse_unwritable
+    from ..models.library.trebuchet import TrebuchetParameters
+    from ..reference.sensitivity.release import sensitivities_of
     from ..reference.throw.throw import perform
 
     mechanism = call.only_mechanism()
@@ -89,26 +90,19 @@ def throw_command(call: Call) -> None:
         performance = worker.compute(partial(perform, mechanism, release, **more))
         throw = performance.throw
         if call.sensitivities:
-            throw = _with_sensitivities(performance, call.model.strip(), call.parameters(), worker)
+            # By Table I's parameters for the two whippers, else by every number of the machine.
+            name = call.model.strip()
+            whipper = name if name in ("fixed", "rolling") else None
+            chosen = call.parameters().whipper(whipper) if whipper else None
+            parameters = chosen or TrebuchetParameters()
+            parameters = parameters.model_copy(update={"g": throw.gravity})
+            derivatives, warnings = worker.compute(
+                partial(sensitivities_of, performance, whipper, parameters)
+            )
+            warnings = (*throw.warnings, *warnings)
+            throw = throw.model_copy(update={"sensitivities": derivatives, "warnings": warnings})
     page = document(performance, throw)
     call.publish("throw.json", throw.to_json(), page, "throw.html", "Page")
-
-
-def _with_sensitivities(
-    performance: Performance, model: str, chosen: options.Chosen, worker: Worker
-) -> Throw:
-    """Add derivatives: by Table I's parameters for the two whippers, else by physical numbers."""
-    from ..models.library.trebuchet import TrebuchetParameters
-    from ..reference.sensitivity.release import sensitivities_of
-
-    throw = performance.throw
-    whipper = model if model in ("fixed", "rolling") else None
-    parameters = (whipper and chosen.whipper(whipper)) or TrebuchetParameters()
-    parameters = parameters.model_copy(update={"g": throw.gravity})
-    found, sentences = worker.compute(partial(sensitivities_of, performance, whipper, parameters))
-    return throw.model_copy(
-        update={"sensitivities": found, "warnings": (*throw.warnings, *sentences)}
-    )
 
 
 @command(
@@ -140,7 +134,7 @@ def run_command(call: Call) -> None:
     """
     from ..comparisons.report.pages.run import run_report
     from ..comparisons.runs.process import simulate
-    from ..comparisons.runs.runner import Runner
+    from ..comparisons.runs.runner import Runner, farthest
     from ..comparisons.runs.study import Study, one_end
     from ..models.files import refuse_unwritable
     from ..models.problem import Problem
@@ -166,31 +160,22 @@ def run_command(call: Call) -> None:
         runner = Runner(mechanism, worker, end, law)
         trajectory = worker.call(simulate, made, asked or runner.problem(made))
         save(trajectory, path)
-        found = _distance(trajectory, runner) if call.reference else None
-    output.show(run_report(trajectory, found), call.told, Trajectory=path)
-
-
-def _distance(trajectory: Trajectory, runner: Runner) -> Farthest | str:
-    """From the reference; or why that is not known: a run is not lost with its reference."""
-    from ..comparisons.runs.runner import farthest
-    from ..models.errors import TrebucheckError
-
-    try:
-        return farthest(trajectory, runner)
-    except TrebucheckError as error:
-        return str(error)
-
-
-_MODEL = argument(
-    f"Machine; several for a page: {options.MACHINES}.", str | None, None, metavar="[MODEL]"
-)
+        distance: Farthest | str | None = None
+        if call.reference:
+            try:
+                distance = farthest(trajectory, runner)
+            except TrebucheckError as error:  # a run is not lost with its reference
+                distance = str(error)
+    output.show(run_report(trajectory, distance), call.told, Trajectory=path)
 
 
 @command(
     "model engines preset trajectories magnify width at timestep duration until set beam stop_law "
     "timeout",
     folder("motion.html", "File to write: .gif, .mp4, .svg or .html."),
-    model=_MODEL,
+    model=argument(
+        f"Machine; several for a page: {options.MACHINES}.", str | None, None, metavar="[MODEL]"
+    ),
     engines=option(
         "--engines --engine", "Engines drawn over the reference, comma-separated; none by default."
     ),
@@ -247,26 +232,17 @@ def animate_command(call: Call) -> None:
                 until=end,
                 timeout=call.timeout,
             )
-            _refuse_several(study, call.out)
+            if len(study.mechanisms) > 1 and call.out.suffix.lower() != ".html":
+                raise InputError(
+                    f"{call.out} can show one machine, not {len(study.mechanisms)}; a page (.html) "
+                    "shows several."
+                )
             scenes = [
                 _from_runs(study, mechanism, worker, call.magnify) for mechanism in study.mechanisms
             ]
     title = ", ".join(scene.mechanism_title for scene in scenes)
     Animation(scenes, f"{title}: the motion").save(call.out, call.width, instants)
     typer.echo(f"Wrote {output.printable(str(call.out))}")
-
-
-def _refuse_several(study: Study, out: Path) -> None:
-    """Before anything runs.
-
-    Raises:
-        InputError: there are several machines, and the file is no page.
-    """
-    if len(study.mechanisms) > 1 and out.suffix.lower() != ".html":
-        raise InputError(
-            f"{out} can show one machine, not {len(study.mechanisms)}; a page (.html) shows "
-            "several."
-        )
 
 
 def _from_runs(study: Study, mechanism: Mechanism, worker: Worker, magnify: float | None) -> Scene:
@@ -323,15 +299,16 @@ def _from_files(
             raise InputError(
                 f"{path} holds no trajectory of {name!r}; it holds those of: {', '.join(groups)}."
             )
-    return [_of_one(groups[name], end, worker, magnify) for name in chosen]
+    return [_of_one_machine(groups[name], end, worker, magnify) for name in chosen]
 
 
-def _of_one(
+def _of_one_machine(
     trajectories: Sequence[Trajectory],
     until: str | float | None,
     worker: Worker,
     magnify: float | None,
 ) -> Scene:
+    """The reference's motion and the trajectories of one machine, to the shortest one's end."""
     from ..comparisons.report.plots import motion_scene
     from ..comparisons.runs.runner import Runner
     from ..comparisons.runs.study import Until
@@ -348,12 +325,13 @@ def _of_one(
     runs: dict[str, Trajectory] = {}
     for run in trajectories:
         label = f"{run.provenance.engine} {run.provenance.preset}"
-        runs[f"{label}, {run.provenance.steps} steps" if label in runs else label] = run
-    launch = runner.launch_time
-    # What engines ran on after the launch for is not part of the comparison.
-    end = (
-        min(runner.end, shortest) if until is not None or launch is None else min(launch, shortest)
-    )
+        if label in runs:
+            label += f", {run.provenance.steps} steps"
+        runs[label] = run
+    launch, end = runner.launch_time, min(runner.end, shortest)
+    if until is None and launch is not None:
+        # Engines ran on after the launch; that is not part of the comparison.
+        end = min(launch, shortest)
     return motion_scene(runner.solution.trajectory, runs, end=end, launch=launch, magnify=magnify)
 
 

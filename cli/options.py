@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -89,10 +89,6 @@ class Declared:
     annotation: Any
     default: Any
 
-    def by_default(self, default: object) -> Declared:
-        """The same with another default."""
-        return replace(self, default=default)
-
 
 def option(
     flags: str,
@@ -135,14 +131,14 @@ def folder(default: str | None, text: str) -> Declared:
 
 
 def out(text: str) -> Any:
-    """The option --out of a command; `text` is its help."""
-    return typer.Option("--out", parser=_path, metavar="PATH", help=text)
+    """Make the option --out of a command; `text` is its help."""
 
+    def path(value: str | Path) -> Path:
+        if not str(value).strip():
+            raise typer.BadParameter("it is empty; a name is needed (the folder one is in is '.').")
+        return Path(value)
 
-def _path(text: str | Path) -> Path:
-    if not str(text).strip():
-        raise typer.BadParameter("it is empty; a name is needed (the folder one is in is '.').")
-    return Path(text)
+    return typer.Option("--out", parser=path, metavar="PATH", help=text)
 
 
 # For commands of other distributions, which are annotated functions.
@@ -302,18 +298,30 @@ class Chosen:
             InputError: the machine, or one of the names, is unknown, or a value is not valid.
         """
         from ..models.library.registry import parameters_type
+        from ..models.library.trebuchet import short_end
 
         kind = parameters_type(name)
-        known = list(kind.model_fields)
-        for given in self.numbers:
-            if given not in known:
+        fields = kind.model_fields
+        for parameter in self.numbers:
+            if parameter not in fields:
                 raise InputError(
-                    f"--set {given}: there is no such parameter; there are: {', '.join(known)} "
-                    f"(of {name})."
+                    f"--set {parameter}: there is no such parameter; there are: "
+                    f"{', '.join(fields)} (of {name})."
                 )
         if not self:
             return None
-        return kind(**(self.numbers | self._short_end(kind)))
+        values = dict(self.numbers)
+        if self.beam is not None:
+            if not {"l1", "l2"} <= fields.keys():
+                raise InputError(
+                    f"--beam {self.beam!r} keeps l1 + l2 of a trebuchet; these parameters have no "
+                    f"l1 and l2."
+                )
+            if "l2" in values:
+                raise InputError("--beam chooses l2 itself; leave out --set l2, or --beam.")
+            l1 = values["l1"] if "l1" in values else float(fields["l1"].default)
+            values["l2"] = short_end(l1, self.beam)
+        return kind(**values)
 
     def whipper(self, name: str) -> TrebuchetParameters | None:
         """The same for a machine of the paper; None, too, for any other."""
@@ -323,35 +331,17 @@ class Chosen:
         parameters = self.of(name) if name in models() else None
         return parameters if isinstance(parameters, TrebuchetParameters) else None
 
-    def _short_end(self, kind: type[Spec]) -> dict[str, float]:
-        from ..models.library.trebuchet import short_end
-
-        if self.beam is None:
-            return {}
-        if "l1" not in kind.model_fields or "l2" not in kind.model_fields:
-            raise InputError(
-                f"--beam {self.beam!r} keeps l1 + l2 of a trebuchet; these parameters have no "
-                f"l1 and l2."
-            )
-        l1 = self.numbers["l1"] if "l1" in self.numbers else float(kind.model_fields["l1"].default)
-        if "l2" in self.numbers:
-            raise InputError("--beam chooses l2 itself; leave out --set l2, or --beam.")
-        return {"l2": short_end(l1, self.beam)}
-
 
 def parameters(texts: list[str] | None, beam: float | None) -> Chosen:
-    """Parameters from --set and --beam.
+    """Read parameters from --set and --beam.
 
     Raises:
         InputError: a value is not a number.
     """
-    return Chosen(
-        {
-            name: number(value, f"--set {name} =")
-            for name, value in assignments(texts, "--set").items()
-        },
-        beam,
-    )
+    numbers: dict[str, float] = {}
+    for name, value in assignments(texts, "--set").items():
+        numbers[name] = number(value, f"--set {name} =")
+    return Chosen(numbers, beam)
 
 
 def number(text: str, what: str) -> float:

@@ -59,17 +59,13 @@ def progress(what: str = "reference", width: int = 40, told: Told = ALL) -> Gene
     from ..comparisons.report.terminal import progress_console
 
     to = progress_console()
-    name, left = (
-        TextColumn(f"{{task.description:<{min(width, to.width // 2)}}}"),
-        TextColumn("left"),
-    )
     columns = (
-        name,
+        TextColumn(f"{{task.description:<{min(width, to.width // 2)}}}"),
         BarColumn(20),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
-        left,
+        TextColumn("left"),
     )
     if not (told.quiet or to.is_terminal):
         yield _lines(what)
@@ -122,33 +118,29 @@ def publish(
     Raises:
         InputError: the folder cannot be written to.
     """
+    from ..comparisons.report import html
+    from ..comparisons.report.document import Text
     from ..models.files import write_text
 
     path, text = data
     others = {} if beside is None else dict(beside)
-    report = _with_tally(report, store)
+    if store is not None and store.tally is not None:
+        report = replace(report, blocks=(*report.blocks, Text(store.tally)))
     files = [*([] if page is None else [page]), *(other for other, _ in others.values()), path]
     written = all(file.is_file() for file in files) and path.read_bytes() == text.encode()
     if not (current and written):
         if page is not None:  # before the data: data on disk say that their page was written
-            from ..comparisons.report import html
-
             write_text(page, html.page(report))
         for other, content in others.values():
             write_text(other, content)
         write_text(path, text)
-    named = {name: other for name, (other, _) in others.items()}
     if told.json:
         typer.echo(text)
-    else:
-        show(report, told, **({} if page is None else {called: page}), **named, Data=path)
-
-
-def _with_tally(report: Document, store: Store | None) -> Document:
-    from ..comparisons.report.document import Text
-
-    tally = store.tally if store else None
-    return report if tally is None else replace(report, blocks=(*report.blocks, Text(tally)))
+        return
+    named = {} if page is None else {called: page}
+    for name, (other, _) in others.items():
+        named[name] = other
+    show(report, told, **named, Data=path)
 
 
 def show(report: Document, told: Told = ALL, **files: Path) -> None:
@@ -165,13 +157,11 @@ def show(report: Document, told: Told = ALL, **files: Path) -> None:
 
 
 def command_line(context: typer.Context) -> str | None:
-    """The command line that makes the same again; None where there was none."""
+    """Restore the command line that makes the same again; None where there was none."""
     line = context.find_root().obj
-    return (
-        None
-        if line is None
-        else shlex.join(word for word in shlex.split(line) if word not in _NOT_OF_RESULTS)
-    )
+    if line is None:
+        return None
+    return shlex.join(word for word in shlex.split(line) if word not in _NOT_OF_RESULTS)
 
 
 _NOT_OF_RESULTS = ("--resume", "--quiet", "-q", "--json")

@@ -10,9 +10,9 @@ from datetime import UTC, datetime
 from itertools import combinations
 from pathlib import Path
 from statistics import median
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from ..engines.supplied import Own, own
 from ..models.errors import InputError
@@ -24,7 +24,7 @@ from .converge.results import FORMAT as CONVERGE
 from .converge.results import Studies
 from .runs.quantities import QUANTITIES
 from .runs.results import FORMAT as COMPARE
-from .runs.results import Machine, Metric, Outcome, ResultFile, Results, Run
+from .runs.results import Machine, Metric, Outcome, ResultFile, Results, Run, with_time_limit
 from .runs.study import REFERENCE
 
 __path__: list[str] = []  # names of earlier releases below this module: see renamed.py
@@ -103,6 +103,11 @@ class MatrixRun(Spec):
     )
     date: str = Field(description="of the file of runs, YYYY-MM-DD")
     made_by: str = Field(description="version of trebucheck")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_old_outcome(cls, given: Any) -> Any:
+        return with_time_limit(given)
 
     @property
     def label(self) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..models.errors import InputError, SimulationError
-from ..models.library.given import Model, model_of, named_parameters
+from ..models.library.registry import Model, model_of, named_parameters
 from ..models.mechanism import Mechanism
 from ..models.mjcf import writer
 from ..models.mjcf.paths import as_spec as spec_of

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
@@ -188,6 +191,25 @@ class Spec(BaseModel):
         content = self.model_dump(mode="json", exclude_none=True)
         canonical = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+@cache
+def number_units(kind: type[BaseModel]) -> Mapping[str, str]:
+    """Units of the fields of a description that are numbers or vectors, by name of the field.
+
+    The unit stands in brackets in the field's description, such as "k [N m/rad]"; it is '' where
+    there is none.
+    """
+    units: dict[str, str] = {}
+    for name, field in kind.model_fields.items():
+        if _holds_floats(field.annotation):
+            unit = re.search(r"\[(.+)\]", field.description or "")
+            units[name] = unit[1] if unit else ""
+    return units
+
+
+def _holds_floats(annotation: object) -> bool:
+    return annotation is float or any(_holds_floats(part) for part in get_args(annotation))
 
 
 def schema_text(model: type[BaseModel]) -> str:

@@ -28,11 +28,11 @@ ROOT = Path(__file__).parents[1]
 LONGEST = 900.0  # [s] of the tests of one mutant
 
 GROUPS: dict[str, tuple[str, ...]] = {
-    "judging": ("comparisons/runs", "comparisons/diagnosis", "comparisons/judge", "conformance"),
+    "judging": ("comparisons/runs", "comparisons/diagnosis", "comparisons/judge.py", "conformance"),
     "adapters": ("engines/mujoco", "engines/pymunk", "engines/exudyn", "engines"),
     "reference": ("reference", "models"),
 }
-"""Folders of each group; mutants are drawn by lines of code from all of them."""
+"""Folders and files of each group; mutants are drawn by lines of code from all of them."""
 
 TESTS: dict[str, tuple[str, ...]] = {
     "judging": ("tests/unit", "tests/meta", "tests/agreement/test_agreement.py"),
@@ -132,7 +132,8 @@ def _within_functions(tree: ast.Module) -> Iterator[ast.expr]:
 
 def drawn(group: str, number: int, seed: int) -> list[Mutant]:
     """Mutants of a group, drawn from all of its mutants; the seed repeats them."""
-    paths = {path for folder in GROUPS[group] for path in (ROOT / folder).rglob("*.py")}
+    paths = {path for part in GROUPS[group] for path in [*(ROOT / part).rglob("*.py"), ROOT / part]}
+    paths = {path for path in paths if path.suffix == ".py"}
     every = [mutant for path in sorted(paths) for mutant in mutants(path)]
     return random.Random(seed).sample(every, min(number, len(every)))
 

@@ -19,6 +19,19 @@ FORMAT = "trebucheck-results-2"
 _OLD_TIME_LIMIT = re.compile(r"did not finish within ([0-9.e+-]+) s and was stopped\.$")
 
 
+def with_time_limit(given: Any) -> Any:
+    """Fields of a stored run, with its time limit as a type.
+
+    Results of earlier releases tell a time-out by the words of the message alone.
+    """
+    if isinstance(given, dict):
+        fields = cast("dict[str, Any]", given)
+        limit = _OLD_TIME_LIMIT.search(str(fields.get("message")))
+        if fields.get("outcome") == Outcome.FAILED and limit is not None:
+            return {**fields, "outcome": Outcome.TIMED_OUT, "time_limit": float(limit.group(1))}
+    return given
+
+
 class ResultFile(Spec):
     """A command's results: its format, where they were made, and then what the command adds."""
 
@@ -295,15 +308,8 @@ class Run(Measured, Spec):
 
     @model_validator(mode="before")
     @classmethod
-    def _with_time_limit(cls, given: Any) -> Any:
-        """Results of earlier releases tell a time limit by the words of the message alone."""
-        if isinstance(given, dict):
-            fields = cast("dict[str, Any]", given)
-            limit = _OLD_TIME_LIMIT.search(str(fields.get("message")))
-            if fields.get("outcome") == Outcome.FAILED and limit is not None:
-                seconds = float(limit.group(1))
-                return {**fields, "outcome": Outcome.TIMED_OUT, "time_limit": seconds}
-        return given
+    def _read_old_outcome(cls, given: Any) -> Any:
+        return with_time_limit(given)
 
     @property
     def label(self) -> str:

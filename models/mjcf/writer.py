@@ -24,7 +24,7 @@ from ..elements import GROUND, STOPS, AnyJoint, ElementTable, PointStop, Stop
 from ..errors import InputError, UnsupportedProblemError
 from ..files import write_text
 from ..kinematics import initial_state
-from ..library.given import Model, model
+from ..library.registry import Model, model
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
 from .appearance import STONE, Appearance

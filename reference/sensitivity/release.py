@@ -12,28 +12,12 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.elements import (
-    ELEMENTS,
-    AnyJoint,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
-    FreeJoint,
-    PinJoint,
-    PointStop,
-    PrismaticJoint,
-    RotationalSpringDamper,
-    SlotJoint,
-    SpringDamper,
-    Stop,
-    WeldJoint,
-)
+from ...models.elements import AnyJoint, refuse_unknown
 from ...models.errors import InputError, UnsupportedProblemError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.launch import LAUNCH_ANGLE, lead
@@ -41,7 +25,7 @@ from ...models.library.registry import model
 from ...models.library.trebuchet import TrebuchetParameters
 from ...models.mechanism import Marker, Mechanism
 from ...models.problem import Problem
-from ...models.spec import Spec
+from ...models.spec import Spec, number_units
 from ..equations import Equations, least_step
 from ..solution import Solution
 from ..solver import solve, solve_to_launch
@@ -63,56 +47,13 @@ _SAME = 1e-14  # relative: the two formulas may round differently, by a few unit
 _ORIGIN = "where ranges are measured from"
 _GRAZES = 1e-9  # relative: the time of a release whose condition changes more slowly is lost
 _HELD = 1e-9  # a coordinate of which less is free than this cannot be chosen
-
-
-# Names of the numbers of each class, field by field. A number that is not here is refused: its
-# derivative would be missing among the others without a word.
-_Names = Mapping[str, str]
-_POINT: _Names = {"point": "place of {name} on {body}"}
-_BODY: _Names = {
-    "mass": "mass of {name}",
-    "centre": "centre of mass of {name}",
-    "inertia": "inertia of {name}",
+_PLACES = {
+    "point": "body",
+    "relative_point": "relative_to",
+    "parent_point": "parent",
+    "child_point": "child",
 }
-_MARKER: _Names = {**_POINT, "mass": ""}  # a part of its body's mass
-_ENDS: _Names = {
-    "parent_point": "place of {name} on {parent}",
-    "child_point": "place of {name} on {child}",
-}
-_ANGLE: _Names = {"angle": "angle of {name}"}
-_AXIS: _Names = {"axis": "direction of {name}"}
-_RESTITUTION: _Names = {"restitution": "restitution of {name}"}
-_SPRING: _Names = {"stiffness": "stiffness of {spring}", "rest_angle": "rest angle of {spring}"}
-_DAMPER: _Names = {"damping": "damping of {spring}"}
-_NAMES: ElementTable[_Names] = ElementTable(
-    "The table of sensitivities",
-    ELEMENTS,
-    {
-        PinJoint: _ENDS,
-        WeldJoint: {**_ENDS, **_ANGLE},
-        SlotJoint: {**_ENDS, **_AXIS},
-        PrismaticJoint: {**_ENDS, **_AXIS, **_ANGLE},
-        FreeJoint: _ENDS,
-        Stop: {"limit": "limit of {name}", **_RESTITUTION},
-        PointStop: {
-            **_POINT,
-            "normal": "direction of {name}",
-            "offset": "offset of {name}",
-            **_RESTITUTION,
-        },
-        SpringDamper: {
-            "point": "place of {spring} on {body}",
-            "relative_point": "place of {spring} on {relative_to}",
-            "stiffness": "stiffness of {spring}",
-            **_DAMPER,
-            "rest_length": "rest length of {spring}",
-        },
-        RotationalSpringDamper: {**_SPRING, **_DAMPER},
-        CubicTorsionSpring: {**_SPRING, "cubic_stiffness": "cubic stiffness of {spring}"},
-        ConstantForce: {**_POINT, "force": "force of {name}"},
-        ConstantTorque: {"torque": "torque of {name}"},
-    },
-)
+"""The field with the body on which a point is."""
 _UNIT_VECTORS = ("axis", "normal")
 
 
@@ -140,15 +81,7 @@ def physical_numbers(
         mechanism: whose motion it is.
         thrown: the marker whose motion counts; all markers if left out.
     """
-    described: list[PhysicalNumber] = []
-    for body in mechanism.bodies:
-        described += _of_fields(body, f"bodies.{body.name}", _BODY)
-    for group in ("joints", "stops", "force_elements"):
-        for item in getattr(mechanism, group):
-            described += _of_fields(item, f"{group}.{item.name}", _NAMES[item])
-    for marker in mechanism.markers:
-        if thrown in (None, marker.name):
-            described += _of_fields(marker, f"markers.{marker.name}", _MARKER)
+    described = [*_of_elements(mechanism, thrown)]
     described.append(PhysicalNumber("gravity", "m/s^2", mechanism.gravity, {"gravity": 1.0}))
     directions = consistent_directions(mechanism, [number.direction for number in described])
     known: list[PhysicalNumber] = []
@@ -174,39 +107,46 @@ def physical_numbers(
     return [number for j, number in enumerate(known) if j not in torn], sentences
 
 
-def _of_fields(item: Spec, path: str, names: _Names) -> Iterator[PhysicalNumber]:
-    """The numbers of a part of a mechanism, in the order of its fields.
+def _of_elements(mechanism: Mechanism, thrown: str | None) -> Iterator[PhysicalNumber]:
+    elements = (*mechanism.joints, *mechanism.stops, *mechanism.force_elements)
+    refuse_unknown("The table of sensitivities", elements)
+    for kind in ("bodies", "joints", "stops", "force_elements", "markers"):
+        for part in getattr(mechanism, kind):
+            if kind != "markers" or thrown in (None, part.name):
+                yield from _of_fields(part, f"{kind}.{part.name}")
 
-    Raises:
-        UnsupportedProblemError: it has a number that is not among these names.
-    """
-    texts = {name: value for name, value in item if isinstance(value, str)}
-    spring = "" if "spring" in texts["name"].lower() else " spring"
-    texts["spring"] = texts["name"] + spring  # a spring is called one
-    for field, description in type(item).model_fields.items():
-        value = getattr(item, field)
-        parts = cast("tuple[object, ...]", value) if isinstance(value, tuple) else (value,)
-        if not any(isinstance(part, float) for part in parts):
-            continue
-        if field not in names:
-            raise UnsupportedProblemError(
-                f"The table of sensitivities does not know {field!r} of {path!r} "
-                f"({type(item).__name__}): a derivative by it would be missing."
-            )
-        if not names[field]:
-            continue
-        name, place = names[field].format(**texts), f"{path}.{field}"
-        bracketed = re.search(r"\[(.+)\]", description.description or "")
-        unit = bracketed[1] if bracketed else ""
+
+def _of_fields(part: Spec, path: str) -> Iterator[PhysicalNumber]:
+    """The numbers of a part of a mechanism, in the order of its fields."""
+    for field, unit in number_units(type(part)).items():
+        value = getattr(part, field)
+        if value is None or (isinstance(part, Marker) and field == "mass"):
+            continue  # a marker's mass is a part of its body's
+        name = _name_of_number(part, field)
         if field in _UNIT_VECTORS:
             x, y = value
-            yield PhysicalNumber(name, "rad", math.atan2(y, x), {f"{place}.0": -y, f"{place}.1": x})
+            turned = {f"{path}.{field}.0": -y, f"{path}.{field}.1": x}
+            yield PhysicalNumber(name, "rad", math.atan2(y, x), turned)
         elif isinstance(value, tuple):
             for i, component in enumerate("xy"):
-                direction = {f"{place}.{i}": 1.0}
+                direction = {f"{path}.{field}.{i}": 1.0}
                 yield PhysicalNumber(f"{name}, {component}", unit, value[i], direction)
         else:
-            yield PhysicalNumber(name, unit, value, {place: 1.0})
+            yield PhysicalNumber(name, unit, value, {f"{path}.{field}": 1.0})
+
+
+def _name_of_number(part: Any, field: str) -> str:
+    """Such as "stiffness of strut spring", "place of knee on thigh" or "direction of rail"."""
+    name = part.name
+    if "spring" in getattr(part, "kind", "") and "spring" not in name.lower():
+        name += " spring"
+    if field in _PLACES:
+        return f"place of {name} on {getattr(part, _PLACES[field])}"
+    if field in _UNIT_VECTORS:
+        return f"direction of {name}"
+    if field == "centre":
+        return f"centre of mass of {name}"
+    return f"{field.replace('_', ' ')} of {name}"
 
 
 def _starts(mechanism: Mechanism) -> Iterator[PhysicalNumber]:

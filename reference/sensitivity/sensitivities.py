@@ -10,7 +10,7 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
-from ...models.library.given import Model
+from ...models.library.registry import Model
 from ...models.mechanism import Mechanism
 from ...models.problem import StopLaw
 from ...models.shown import Shown

@@ -14,7 +14,7 @@ from pydantic import Field
 from ...models.elements import AnyJoint
 from ...models.errors import InputError
 from ...models.launch import LAUNCH_ANGLE
-from ...models.library.given import Model, model
+from ...models.library.registry import Model, model
 from ...models.mechanism import Mechanism
 from ...models.shown import Reported
 from ...models.spec import NonNegative, Positive, Real, Spec

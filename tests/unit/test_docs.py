@@ -10,6 +10,7 @@ import pytest
 import trebucheck as tb
 import typer
 from trebucheck.cli.app import app
+from trebucheck.comparisons.report import markdown
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -41,3 +42,14 @@ def test_every_page_is_on_the_site() -> None:
     assert not [
         page.name for page in (ROOT / "docs").glob("*.md") if f": {page.name}\n" not in navigation
     ]
+
+
+def test_a_block_of_a_page_is_replaced_and_a_page_without_it_refused() -> None:
+    page = (
+        "a\n<!-- generated: x -->\nold\n<!-- end -->\nb <!-- generated: y -->\nkept\n<!-- end -->"
+    )
+    replaced = markdown.with_block(page, "x", "new \\1\n")
+    assert replaced == page.replace("old\n", "new \\1\n")
+    assert markdown.block(replaced, "y") == "kept\n"
+    with pytest.raises(ValueError, match="'z'"):
+        markdown.with_block(page, "z", "new")

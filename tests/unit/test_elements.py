@@ -10,8 +10,9 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import pytest
 import trebucheck as tb
+from pydantic import Field
 from trebucheck.comparisons.diagnosis.equivalence import check_model, random_states
-from trebucheck.comparisons.report.drawing.symbols import draw
+from trebucheck.comparisons.report.drawing.sketch import draw
 from trebucheck.models import kinematics
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.elements import (
@@ -39,7 +40,7 @@ class Rocket(TorqueElement):
 
     feature: ClassVar[Feature] = Feature.TORQUE
     kind: Literal["rocket"] = "rocket"
-    torque: float = 1.0
+    torque: float = Field(default=1.0, description="[N m]")
 
     def torque_on_body(self, angle: Any, q: Any, u: Any) -> Any:
         return self.torque + np.zeros(q.shape[:-1])

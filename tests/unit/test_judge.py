@@ -19,10 +19,9 @@ import pytest
 import trebucheck as tb
 from pydantic import BaseModel
 from trebucheck.cli.app import main
+from trebucheck.comparisons import judge as judge_study
 from trebucheck.comparisons.data.certified import content
-from trebucheck.comparisons.judge import study as judge_study
-from trebucheck.comparisons.judge.read import read
-from trebucheck.comparisons.judge.study import NOT_GIVEN, Judgement, judge_file
+from trebucheck.comparisons.judge import NOT_GIVEN, Judgement, judge_file, read
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.pages.judge import document, headline
 from trebucheck.comparisons.runs.results import Metric, Outcome

@@ -10,14 +10,14 @@ import base64
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 
 from ....models.arrays import FloatArray
@@ -25,8 +25,8 @@ from ....models.errors import InputError
 from ....models.files import refuse_unwritable, write_text
 from ....models.trajectory import Trajectory
 from .files import WRITERS, refuse_missing, save
-from .scene import RunLook, RunMotion, Scene, SceneEvent, scene
-from .sketch import MOVING, Drawing, Shape
+from .scene import RunLook, Scene, scene
+from .sketch import MOVING
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe and Ito's
 _NARROWEST, _WIDEST = 100, 4000  # [px]
@@ -65,15 +65,18 @@ class Animation:
 
     def fragment(self, identity: str = "animation") -> Markup:
         """HTML to be placed into a page that has :func:`assets`; `identity` is unique there."""
-        return Markup(
-            _template("fragment.html.j2").render(animation=self, identity=identity, data=self._data)
-        )
+        if "data" not in self._cache:
+            data = [scene_data(shown) for shown in self.scenes]
+            text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+            self._cache["data"] = text.replace("<", "\\u003c")  # safe inside a script element
+        data = Markup(self._cache["data"])
+        fragment = template(__package__ or "", "assets/fragment.html.j2")
+        return Markup(fragment.render(animation=self, identity=identity, data=data))
 
     def to_html(self) -> str:
         """A page of its own."""
-        return _template("page.html.j2").render(
-            animation=self, fragment=self.fragment(), assets=assets()
-        )
+        page = template(__package__ or "", "assets/page.html.j2")
+        return page.render(animation=self, fragment=self.fragment(), assets=assets())
 
     def save(self, path: str | Path, width: int = 640, at: float | Sequence[float] = ()) -> None:
         """Write it: by its ending as GIF, MP4, SVG (all of which play by themselves) or HTML.
@@ -97,9 +100,9 @@ class Animation:
             write_text(path, self.to_html())
             return
         if len(self.scenes) != 1:
+            count = len(self.scenes)
             raise InputError(
-                f"{path} can show one mechanism, not {len(self.scenes)}; a page (.html) shows "
-                "several."
+                f"{path} can show one mechanism, not {count}; a page (.html) shows several."
             )
         end = float(self.scenes[0].t[-1])
         for time in instants:
@@ -108,23 +111,13 @@ class Animation:
         save(self.scenes[0], path, width, instants)
 
     def __repr__(self) -> str:
-        names = ", ".join(f"{each.name} ({len(each.runs)} runs)" for each in self.scenes)
+        names = ", ".join(f"{shown.name} ({len(shown.runs)} runs)" for shown in self.scenes)
         return f"Animation of {names}"
 
     def _repr_html_(self) -> str:
         """The page in a frame of its own, for a notebook."""
-        page = _template("frame.html.j2").render(page=self.to_html(), title=self.title)
-        return str(page)
-
-    @property
-    def _data(self) -> Markup:
-        """The scenes as JSON that may stand in a script element."""
-        if "data" not in self._cache:
-            text = json.dumps(
-                [scene_data(each) for each in self.scenes], separators=(",", ":"), allow_nan=False
-            )
-            self._cache["data"] = text.replace("<", "\\u003c")
-        return Markup(self._cache["data"])
+        frame = template(__package__ or "", "assets/frame.html.j2")
+        return frame.render(page=self.to_html(), title=self.title)
 
 
 def animation_of(reference: Trajectory, others: Sequence[Trajectory] = ()) -> Animation:
@@ -135,11 +128,10 @@ def animation_of(reference: Trajectory, others: Sequence[Trajectory] = ()) -> An
     """
     looks: dict[str, RunLook] = {}
     for k, other in enumerate(others):
-        label = f"{other.provenance.engine} {other.provenance.preset}"
+        run = other.provenance
+        label = f"{run.engine} {run.preset}"
         label = f"{label} ({k + 1})" if label in looks else label
-        looks[label] = RunLook(
-            other, _COLOURS[k % len(_COLOURS)], other.provenance.preset != "tuned"
-        )
+        looks[label] = RunLook(other, _COLOURS[k % len(_COLOURS)], run.preset != "tuned")
     shown = scene(reference, looks)
     return Animation((shown,), f"{shown.mechanism_title}: the motion")
 
@@ -148,141 +140,98 @@ def animation_of(reference: Trajectory, others: Sequence[Trajectory] = ()) -> An
 def assets() -> Markup:
     """Style and script of all animations of a page."""
     folder = files(__package__ or "").joinpath("assets")
-    style, script = (
-        folder.joinpath(f"animation.{kind}").read_text(encoding="utf-8") for kind in ("css", "js")
-    )
+    style = folder.joinpath("animation.css").read_text(encoding="utf-8")
+    script = folder.joinpath("animation.js").read_text(encoding="utf-8")
     return Markup(f"<style>\n{style}</style>\n<script>\n{script}</script>")
 
 
 @cache
-def _template(name: str) -> Any:
+def template(package: str, path: str) -> Template:
+    """A template of HTML among the files of a package."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    return environment.from_string(
-        files(__package__ or "").joinpath("assets", name).read_text(encoding="utf-8")
-    )
+    text = files(package).joinpath(path).read_text(encoding="utf-8")
+    return environment.from_string(text)
 
 
 def scene_data(shown: Scene) -> dict[str, Any]:
     """Data from which the script draws a scene; arrays in base64, little-endian, by frame."""
     drawing, reference = shown.drawing, shown.reference
-    kinematics = drawing.kinematics
+    mechanism = drawing.mechanism
     stops = [name for name in drawing.stops if name in reference.stop_torques]
-    joints = [
-        j.name
-        for j in drawing.mechanism.joints
-        if j.held_directions and _shows_force(shown, j.name)
-    ]
+    stop_rows: list[list[Any]] = []
+    for name in stops:
+        stop = mechanism.stop(name)
+        sense = getattr(stop, "sense", 0)
+        stop_rows.append([name, *drawing.stops[name], stop.force_unit, sense])
     torques = [reference.stop_torque(name)[:, None] for name in stops]
+    joints: list[str] = []
+    for joint in mechanism.joints:
+        force = reference.joint_reactions.get(joint.name)
+        told = force is not None and np.isfinite(force).all() and np.any(force)
+        if joint.held_directions and told:
+            joints.append(joint.name)
+    forces = [reference.joint_reaction(name) for name in joints]
+    # Offset x, y of each point, then triples of coordinate and coefficient.
+    points: list[list[float]] = []
+    for row in drawing.rows:
+        offset = complex(row.offset)
+        numbers = [_short(offset.real), _short(offset.imag)]
+        for k, coefficient in enumerate(row.coefficients.tolist()):
+            if coefficient:
+                numbers += [k, _short(coefficient.real), _short(coefficient.imag)]
+        points.append(numbers)
+    shapes: list[list[Any]] = []
+    for shape in drawing.shapes:
+        path = [[_short(s), _short(aside)] for s, aside in shape.path]
+        kind, size, moves = shape.kind, _short(shape.size), int(shape.role in MOVING)
+        shapes.append([kind, shape.role, shape.points, size, path, shape.stop, moves])
+    runs: list[dict[str, Any]] = []
+    for run in shown.runs:
+        aside = {name: _packed(values) for name, values in run.aside.items()}
+        runs.append({
+            "name": run.name, "colour": run.colour, "dashed": run.dashed, "d": _packed(run.d),
+            "aside": aside, "torques": _forces(stops, run.torques, (len(shown.t), 1)),
+            "forces": _forces(joints, run.forces, (len(shown.t), 2)),
+        })  # fmt: skip
     return {
         "name": shown.name,
         "notes": shown.notes,
         "t": _packed(shown.t, "<f8"),
         "q": _packed(reference.q),
         "u": _packed(reference.u),
-        "width": len(drawing.mechanism.coordinates),
-        "angles": int(kinematics.is_angle.sum()),
-        "carried": kinematics.carried,
-        "points": _points(drawing),
-        "shapes": [_shape(shape) for shape in drawing.shapes],
+        "width": len(mechanism.coordinates),
+        "angles": int(drawing.kinematics.is_angle.sum()),
+        "carried": drawing.kinematics.carried,
+        "points": points,
+        "shapes": shapes,
         "markers": drawing.markers,
         "compared": drawing.compared,
         "box": [_short(edge) for edge in shown.box],
         "size": _short(drawing.size),
-        "stops": [_stop(drawing, name) for name in stops],
+        "stops": stop_rows,
         "torques": _packed(np.hstack(torques)) if torques else "",
         "joints": [[name, drawing.joints[name]] for name in joints],
-        "forces": _packed(np.hstack([reference.joint_reaction(name) for name in joints]))
-        if joints
-        else "",
-        "runs": [_run(run, stops, joints, len(shown.t)) for run in shown.runs],
-        "events": [_event(event) for event in shown.events],
+        "forces": _packed(np.hstack(forces)) if forces else "",
+        "runs": runs,
+        "events": [asdict(event) for event in shown.events],
         "magnification": math.log10(shown.magnification),
-        "down": drawing.mechanism.gravity_direction,
+        "down": mechanism.gravity_direction,
     }
 
 
-def _shows_force(shown: Scene, joint: str) -> bool:
-    forces = shown.reference.joint_reactions.get(joint)
-    return forces is not None and bool(np.isfinite(forces).all()) and bool(np.any(forces))
-
-
-def _stop(drawing: Drawing, name: str) -> list[Any]:
-    stop = drawing.mechanism.stop(name)
-    return [name, *drawing.stops[name], stop.force_unit, getattr(stop, "sense", 0)]
-
-
-def _points(drawing: Drawing) -> list[list[Any]]:
-    """Offset x, y of each point, and triples of coordinate and coefficient."""
-    rows: list[list[Any]] = []
-    for row in drawing.rows:
-        terms = [
-            (k, _short(c.real), _short(c.imag))
-            for k, c in enumerate(row.coefficients.tolist())
-            if c
-        ]
-        offset = complex(row.offset)
-        rows.append(
-            [
-                _short(offset.real),
-                _short(offset.imag),
-                *(number for term in terms for number in term),
-            ]
-        )
-    return rows
-
-
-def _shape(shape: Shape) -> list[Any]:
-    path = [[_short(s), _short(aside)] for s, aside in shape.path]
-    return [
-        shape.kind,
-        shape.role,
-        shape.points,
-        _short(shape.size),
-        path,
-        shape.stop,
-        int(shape.role in MOVING),
-    ]
-
-
-def _run(
-    run: RunMotion, stops: Sequence[str], joints: Sequence[str], frames: int
-) -> dict[str, Any]:
-    return {
-        "name": run.name,
-        "colour": run.colour,
-        "dashed": run.dashed,
-        "d": _packed(run.d),
-        "aside": {name: _packed(values) for name, values in run.aside.items()},
-        "torques": _told(stops, run.torques, np.full((frames, 1), np.nan)),
-        "forces": _told(joints, run.forces, np.full((frames, 2), np.nan)),
-    }
-
-
-def _told(
-    names: Sequence[str], told: Mapping[str, FloatArray], nothing: FloatArray
+def _forces(
+    names: Sequence[str], recorded: Mapping[str, FloatArray], shape: tuple[int, int]
 ) -> list[Any] | None:
     """Forces in half precision, beside their unit; None if the run tells none of them."""
-    if not any(name in told for name in names):
+    if not any(name in recorded for name in names):
         return None
-    values = np.hstack(
-        [told[name].reshape(nothing.shape) if name in told else nothing for name in names]
-    )
+    nothing = np.full(shape, np.nan)
+    values = np.hstack([recorded.get(name, nothing).reshape(shape) for name in names])
     sizes = np.abs(values[np.isfinite(values) & (values != 0)])
     unit = _short(float(np.median(sizes))) if len(sizes) else 1.0
     return [unit, _packed(np.clip(values / unit, -_MOST_HALF, _MOST_HALF), "<f2")]
-
-
-def _event(event: SceneEvent) -> dict[str, Any]:
-    return {
-        "kind": event.kind,
-        "name": event.name,
-        "time": event.time,
-        "reference": event.reference,
-        "runs": event.runs,
-        "stop": event.stop,
-    }
 
 
 def _packed(values: FloatArray, kind: str = "<f4") -> str:

@@ -7,7 +7,8 @@ import math
 import re
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,37 +24,19 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
 
 PALETTE = {
-    "ink": "#1d2733",
-    "soft": "#5d6b7a",
-    "line": "#dde3ea",
-    "surface": "#ffffff",
-    "body": "#c9a46a",
-    "edge": "#7b5c2e",
-    "mass": "#4b5967",
-    "rope": "#7b6a4c",
-    "ground": "#8593a1",
-    "stop": "#a3542c",
-    "force": "#b3261e",
-}
+    "ink": "#1d2733", "soft": "#5d6b7a", "line": "#dde3ea", "surface": "#ffffff",
+    "body": "#c9a46a", "edge": "#7b5c2e", "mass": "#4b5967", "rope": "#7b6a4c",
+    "ground": "#8593a1", "stop": "#a3542c", "force": "#b3261e",
+}  # fmt: skip
 """The colours in which the script of pages prints."""
 _FILLS: dict[Role, str] = {
-    "mass": "mass",
-    "body": "body",
-    "joint": "surface",
-    "ground": "line",
-    "stop": "stop",
+    "mass": "mass", "body": "body", "joint": "surface", "ground": "line", "stop": "stop",
     "marker": "ink",
-}
+}  # fmt: skip
 _LINES: dict[Role, str] = {
-    "rope": "rope",
-    "mass": "surface",
-    "body": "edge",
-    "joint": "edge",
-    "ground": "ground",
-    "guide": "ground",
-    "stop": "stop",
-    "centre": "edge",
-}
+    "rope": "rope", "mass": "surface", "body": "edge", "joint": "edge", "ground": "ground",
+    "guide": "ground", "stop": "stop", "centre": "edge",
+}  # fmt: skip
 _DPI = 96  # pixels of CSS in an inch, so that an SVG is as wide as asked for
 _FONT = 9.0  # points
 _HALO = {"facecolor": PALETTE["surface"], "alpha": 0.7, "linewidth": 0, "pad": 0.5}
@@ -87,6 +70,23 @@ def save(scene: Scene, path: Path, width: int, at: Sequence[float] = ()) -> None
     write_bytes(path, still(stage, at) if at else WRITERS[path.suffix.lower()](stage))
 
 
+@dataclass(frozen=True)
+class Pen:
+    """A line's colour ("" draws none), width [px] and look; opacity is that of fills, too."""
+
+    colour: str
+    width: float
+    opacity: float = 1.0
+    dashed: bool = False
+
+    @property
+    def style(self) -> dict[str, Any]:
+        """Matplotlib's options; dashes of 7 pixels have 5 between them."""
+        dashes = (0.0, (7 / self.width, 5 / self.width)) if self.dashed else "-"
+        return {"edgecolor": self.colour or "none", "linewidth": self.width * _POINT,
+                "linestyle": dashes, "alpha": self.opacity}  # fmt: skip
+
+
 class Stage:
     """A scene on a Matplotlib figure: axes in metres, and a band below them with the legend."""
 
@@ -98,8 +98,16 @@ class Stage:
         x0, y0, x1, y1 = scene.box
         share = min(max((y1 - y0) / (x1 - x0), _LOWEST), _HIGHEST)
         self.stage_height = 2 * round(self.width * share / 2)
-        entries = [*_legend_places(scene, self.width)]
-        rows = 1 + max((row for *_, row in entries), default=0) + (scene.magnification != 1)
+        # Where each entry of the legend begins: x [px] and row; rows are as wide as the picture.
+        entries: list[tuple[RunMotion | None, float, int]] = []
+        x, row = float(_LEFT), 0
+        for run in (None, *scene.runs) if scene.runs else ():
+            room = 52 + 7.2 * len(run.name if run else "reference")
+            if x + room > self.width and x > _LEFT:
+                x, row = float(_LEFT), row + 1
+            entries.append((run, x, row))
+            x += room
+        rows = 1 + row + (scene.magnification != 1)
         band = 2 * math.ceil((rows * _ROW + 12) / 2)
         self.height = self.stage_height + band
         self.scale = min(self.width / (x1 - x0), self.stage_height / (y1 - y0))
@@ -108,10 +116,9 @@ class Stage:
         self.figure = Figure(size, dpi=_DPI, facecolor=PALETTE["surface"])
         place = (0, band / self.height, 1, self.stage_height / self.height)
         self.traces, self.stage = (self._axes(place, name) for name in ("traces", "stage"))
+        half_width = self.width / 2 / self.scale
+        half_height = self.stage_height / 2 / self.scale
         for axes in (self.traces, self.stage):
-            half_width, half_height = (
-                side / 2 / self.scale for side in (self.width, self.stage_height)
-            )
             axes.set_xlim((x0 + x1) / 2 - half_width, (x0 + x1) / 2 + half_width)
             axes.set_ylim((y0 + y1) / 2 - half_height, (y0 + y1) / 2 + half_height)
         self.legend = self._axes((0, 0, 1, band / self.height), "legend")
@@ -119,7 +126,11 @@ class Stage:
         self.legend.set_ylim(band, 0)
         self._draw_legend(entries, rows)
         self._marked = list(scene.drawing.compared)
-        self._paths = {name: self._path(run) for name, run in self._runs()}
+        # Positions of the compared points of the reference and each run at the fine instants [m].
+        self._paths: list[tuple[RunMotion | None, ComplexArray]] = []
+        for run in (None, *scene.runs):
+            xy = scene.at(scene.fine, run, scene.magnification)[:, self._marked]
+            self._paths.append((run, xy[..., 0] + 1j * xy[..., 1]))
         self._zorder = 0
 
     def _axes(self, place: tuple[float, float, float, float], name: str) -> Any:
@@ -128,11 +139,23 @@ class Stage:
         axes.set_gid(name)
         return axes
 
-    def _runs(self) -> Iterator[tuple[str, RunMotion | None]]:
-        """The reference, then the runs."""
-        yield "reference", None
-        for run in self.scene.runs:
-            yield run.name, run
+    def _draw_legend(
+        self, entries: Sequence[tuple[RunMotion | None, float, int]], rows: int
+    ) -> None:
+        """Draw the runs' lines and names, and by what deviations are magnified."""
+        for run, x, row in entries:
+            y = 20 + _ROW * row
+            colour, width = (run.colour, 2.5) if run else (PALETTE["body"], 7.0)
+            style = (0, (2.8, 2)) if run and run.dashed else "-"
+            self.legend.plot([x, x + 28], [y - 4, y - 4], color=colour, linestyle=style,
+                             linewidth=width * _POINT, solid_capstyle="butt")  # fmt: skip
+            name = run.name if run else "reference"
+            self.legend.text(x + 34, y, name, color=PALETTE["soft"], fontsize=_FONT)
+        factor = self.scene.magnification
+        if factor != 1:
+            times = f"{factor:,.0f}" if factor < 1e6 else f"{factor:.0e}"
+            text = f"deviations from the reference magnified {times} times"
+            self.legend.text(_LEFT, _ROW * rows, text, color=PALETTE["soft"], fontsize=_FONT)
 
     # --- Frames
 
@@ -142,7 +165,8 @@ class Stage:
         self.draw_reference(time)
         self.draw_runs(time)
         self.draw_names(time)
-        self.set_clock(self.clock(time))
+        places = min(max(3 - math.floor(math.log10(self.scene.t[-1])), 0), 6)
+        self.set_clock(f"t = {time:.{places}f} s")
         if traces:
             self.draw_traces(0.0, time)
 
@@ -152,11 +176,6 @@ class Stage:
             for artist in (*axes.patches, *axes.texts):
                 artist.remove()
         self._zorder = 0
-
-    def clock(self, time: float) -> str:
-        """An instant [s], in words."""
-        places = min(max(3 - math.floor(math.log10(self.scene.t[-1])), 0), 6)
-        return f"t = {time:.{places}f} s"
 
     def set_clock(self, text: str) -> None:
         """Write the time on the stage, at its lower edge."""
@@ -193,21 +212,18 @@ class Stage:
                 continue
             # Lines of later runs are thinner, so that of lines that coincide each is seen.
             width = 1.6 + 1.1 * min(len(self.scene.runs) - 1 - k, 7)
+            pen = Pen(run.colour, width, dashed=run.dashed)
+            thin = Pen(run.colour, 0.6 * width, dashed=run.dashed)
             for shape in self.scene.drawing.shapes:
-                if shape.role in MOVING:
-                    self._draw_shape_of_run(shape, z[list(shape.points)], run, width)
-
-    def _draw_shape_of_run(
-        self, shape: Shape, z: ComplexArray, run: RunMotion, width: float
-    ) -> None:
-        fine = 0.6 * width if shape.kind in ("between", "spiral") else width
-        self._lines(polylines(shape, z), run.colour, fine, dashed=run.dashed, name=run.name)
-        if shape.kind != "disc":
-            return
-        if shape.role == "marker":
-            self._disc(z[0], shape.size, fill=run.colour, name=run.name)
-        else:
-            self._disc(z[0], shape.size, run.colour, width, dashed=run.dashed, name=run.name)
+                if shape.role not in MOVING:
+                    continue
+                at = z[list(shape.points)]
+                fine = shape.kind in ("between", "spiral")
+                self._lines(polylines(shape, at), thin if fine else pen, run.name)
+                if shape.kind == "disc" and shape.role == "marker":
+                    self._disc(at[0], shape.size, _NO_LINE, run.colour, run.name)
+                elif shape.kind == "disc":
+                    self._disc(at[0], shape.size, pen, "", run.name)
 
     def draw_names(self, time: float) -> None:
         """Write the markers' names beside them; below each other where they would overlap."""
@@ -216,101 +232,71 @@ class Stage:
         for name, index in self.scene.drawing.markers.items():
             pixel = complex(pixels[index])
             at = complex(min(pixel.real + 9, self.width - 7.0 * len(name)), pixel.imag - 8)
-            while any(
-                abs((at - other).real) < 90 and abs((at - other).imag) < 13 for other in taken
-            ):
+            while any(abs((at - t).real) < 90 and abs((at - t).imag) < 13 for t in taken):
                 at += 14j
             taken.append(at)
             place = (at.real / self.width, 1 - at.imag / self.stage_height)
             self.stage.text(*place, name, color=PALETTE["soft"], fontsize=_FONT, zorder=10_000,
                             bbox=_HALO, transform=self.stage.transAxes)  # fmt: skip
 
-    def _path(self, run: RunMotion | None) -> ComplexArray:
-        """Positions of the compared points at the scene's fine instants [m]."""
-        xy = self.scene.at(self.scene.fine, run, self.scene.magnification)[:, self._marked]
-        return xy[..., 0] + 1j * xy[..., 1]
-
     def draw_traces(self, start: float, end: float) -> None:
         """Draw the paths of the compared points between two instants [s]."""
         inner = (self.scene.fine > start) & (self.scene.fine < end)
-        for name, run in self._runs():
-            ends = (self.points(time, run)[self._marked][None] for time in (start, end))
-            first, last = ends
-            for path in np.concatenate([first, self._paths[name][inner], last]).T:
+        for run, fine in self._paths:
+            first, last = (self.points(time, run)[self._marked][None] for time in (start, end))
+            pen = Pen(PALETTE["soft"], 1.6, 0.8)
+            if run is not None:
+                pen = Pen(run.colour, 1.2, 0.8, run.dashed)
+            for path in np.concatenate([first, fine[inner], last]).T:
                 known = path[np.isfinite(path)]
                 if len(known) > 1 and np.ptp(known.real) + np.ptp(known.imag) > 0:
-                    colour, width = (run.colour, 1.2) if run else (PALETTE["soft"], 1.6)
-                    dashed = bool(run and run.dashed)
-                    self._lines([known], colour, width, 0.8, dashed=dashed, on=self.traces)
-
-    # --- Legend
-
-    def _draw_legend(
-        self, entries: Sequence[tuple[RunMotion | None, float, int]], rows: int
-    ) -> None:
-        """Draw the runs' lines and names, and by what deviations are magnified."""
-        for run, x, row in entries:
-            y = 20 + _ROW * row
-            colour, width = (run.colour, 2.5) if run else (PALETTE["body"], 7.0)
-            style = (0, (2.8, 2)) if run and run.dashed else "-"
-            self.legend.plot([x, x + 28], [y - 4, y - 4], color=colour, linestyle=style,
-                             linewidth=width * _POINT, solid_capstyle="butt")  # fmt: skip
-            name = run.name if run else "reference"
-            self.legend.text(x + 34, y, name, color=PALETTE["soft"], fontsize=_FONT)
-        factor = self.scene.magnification
-        if factor != 1:
-            times = f"{factor:,.0f}" if factor < 1e6 else f"{factor:.0e}"
-            text = f"deviations from the reference magnified {times} times"
-            self.legend.text(_LEFT, _ROW * rows, text, color=PALETTE["soft"], fontsize=_FONT)
+                    self.traces.add_artist(_path_of([known], pen))
 
     # --- Shapes
 
     def _draw_shape(self, shape: Shape, z: ComplexArray, opacity: float) -> None:
         """Draw a shape of the reference, from the positions of its points [m]."""
-        size = shape.size * self.scale
-        if shape.kind == "arrow":
+        size, kind, role = shape.size * self.scale, shape.kind, shape.role
+        if kind == "arrow":
             self._arrow(z[0], z[1], max(size, 7) / self.scale, opacity)
-        elif shape.kind == "turn":
+        elif kind == "turn":
             self._turn(z[0], shape.path[0][0], max(size, 10) / self.scale, opacity)
-        elif shape.role == "body" and shape.kind != "disc":
+        elif role == "body" and kind != "disc":
             lines, width = polylines(shape, z), max(size, 2)
-            self._lines(lines, PALETTE["edge"], width + 2, opacity)
-            if shape.kind == "area":
+            self._lines(lines, Pen(PALETTE["edge"], width + 2, opacity))
+            if kind == "area":
                 self._area(lines[0], PALETTE["body"], opacity)
-            self._lines(lines, PALETTE["body"], width, opacity)
-        elif shape.role == "centre" and shape.kind == "disc":
-            self._centre(z[0], max(size, 3) / self.scale, opacity)
+            self._lines(lines, Pen(PALETTE["body"], width, opacity))
+        elif role == "centre" and kind == "disc":
+            # The sign of a centre of mass: a disc of which two quarters are filled.
+            radius = max(size, 3) / self.scale
+            self._disc(z[0], radius, Pen("", 0.0, opacity), PALETTE["surface"])
+            for start in (0.0, math.pi):
+                arc = radius * np.exp(1j * np.linspace(start, start + math.pi / 2, 9))
+                self._area(z[0] + np.append(arc, 0.0), PALETTE["ink"], opacity)
+            self._disc(z[0], radius, Pen(PALETTE["ink"], 1.0, opacity))
         else:
-            self._draw_plain(shape, z, size, opacity)
-
-    def _draw_plain(self, shape: Shape, z: ComplexArray, size: float, opacity: float) -> None:
-        filled = shape.kind in ("disc", "area")
-        fill = PALETTE[_FILLS[shape.role]] if filled and shape.role in _FILLS else ""
-        colour = "" if shape.role == "marker" else PALETTE[_LINES.get(shape.role, "soft")]
-        width = 1.2 if shape.kind in ("hatch", "wheel") else max(size, 1.5)
-        if filled:
-            width = 1.3
-        if shape.kind == "area":
-            self._area(z, fill, opacity, colour, width)
-        else:
-            self._lines(polylines(shape, z), colour, width, opacity)
-        if shape.kind in ("disc", "wheel"):
-            rim = 2.2 if shape.kind == "wheel" else width
-            self._disc(z[0], shape.size, colour, rim, fill, opacity, name=shape.role)
-
-    def _centre(self, at: complex, radius: float, opacity: float) -> None:
-        """Draw the sign of a centre of mass: a disc of which two quarters are filled."""
-        self._disc(at, radius, fill=PALETTE["surface"], opacity=opacity)
-        for start in (0.0, math.pi):
-            arc = radius * np.exp(1j * np.linspace(start, start + math.pi / 2, 9))
-            self._area(at + np.append(arc, 0.0), PALETTE["ink"], opacity)
-        self._disc(at, radius, PALETTE["ink"], 1.0, opacity=opacity)
+            colour = "" if role == "marker" else PALETTE[_LINES.get(role, "soft")]
+            fill, width = "", max(size, 1.5)
+            if kind in ("hatch", "wheel"):
+                width = 1.2
+            elif kind in ("disc", "area"):
+                width, fill = 1.3, PALETTE[_FILLS[role]] if role in _FILLS else ""
+            pen = Pen(colour, width, opacity)
+            if kind == "area":
+                self._area(z, fill, opacity, pen)
+            else:
+                self._lines(polylines(shape, z), pen)
+            if kind in ("disc", "wheel"):
+                rim = Pen(colour, 2.2, opacity) if kind == "wheel" else pen
+                self._disc(z[0], shape.size, rim, fill, role)
 
     def _arrow(self, tail: complex, tip: complex, head: float, opacity: float) -> None:
         length = abs(tip - tail)
         if length * self.scale > 1:
             back = (tip - tail) / length * min(head, 0.6 * length)
-            self._lines([np.array([tail, tip - 0.8 * back])], PALETTE["force"], 2.0, opacity)
+            pen = Pen(PALETTE["force"], 2.0, opacity)
+            self._lines([np.array([tail, tip - 0.8 * back])], pen)
             corners = np.array([tip, tip - back * (1 + 0.4j), tip - back * (1 - 0.4j)])
             self._area(corners, PALETTE["force"], opacity)
 
@@ -320,14 +306,15 @@ class Stage:
         end = math.pi / 2 - sweep
         back = end + sign * min(9.0 * pixel, 0.6 * radius) / radius
         arc = centre + radius * np.exp(1j * np.linspace(math.pi / 2, back, 33))
-        self._lines([np.asarray(arc, dtype=np.complex128)], PALETTE["force"], 2.0, opacity)
+        pen = Pen(PALETTE["force"], 2.0, opacity)
+        self._lines([np.asarray(arc, dtype=np.complex128)], pen)
         corners = [(radius, end), (radius - 4 * pixel, back), (radius + 4 * pixel, back)]
         head = np.array([centre + r * np.exp(1j * angle) for r, angle in corners])
         self._area(head, PALETTE["force"], opacity)
 
     # --- Artists
 
-    def _add(self, artist: Artist, name: str) -> None:
+    def _add(self, artist: Artist, name: str = "") -> None:
         """Put an artist on the stage, above those before it."""
         self._zorder += 1
         artist.set_zorder(self._zorder)
@@ -335,87 +322,43 @@ class Stage:
             artist.set_gid(name)
         self.stage.add_artist(artist)
 
-    def _lines(
-        self,
-        lines: Sequence[ComplexArray],
-        colour: str,
-        width: float,
-        opacity: float = 1.0,
-        *,
-        dashed: bool = False,
-        name: str = "",
-        on: Any = None,
-    ) -> None:
-        """Draw polylines [m] of one look as one path, `width` in pixels."""
-        from matplotlib.patches import PathPatch
-        from matplotlib.path import Path as Curve
-
-        if not lines or not colour:
-            return
-        curves = [Curve(np.column_stack([line.real, line.imag])) for line in lines]
-        artist = PathPatch(
-            Curve.make_compound_path(*curves), fill=False, edgecolor=colour,
-            linewidth=width * _POINT, linestyle=_dashes(width) if dashed else "-", alpha=opacity,
-            capstyle="butt" if dashed else "round", joinstyle="round",
-        )  # fmt: skip
-        if on is not None:
-            on.add_artist(artist)
-        else:
-            self._add(artist, name)
+    def _lines(self, lines: Sequence[ComplexArray], pen: Pen, name: str = "") -> None:
+        """Draw polylines [m] of one look as one path."""
+        if lines and pen.colour:
+            self._add(_path_of(lines, pen), name)
 
     def _area(
-        self,
-        corners: ComplexArray,
-        fill: str,
-        opacity: float,
-        line: str = "none",
-        width: float = 0.0,
+        self, corners: ComplexArray, fill: str, opacity: float, pen: Pen | None = None
     ) -> None:
         from matplotlib.patches import Polygon
 
         xy = np.column_stack([corners.real, corners.imag])
-        self._add(
-            Polygon(xy, facecolor=fill or "none", edgecolor=line, linewidth=width * _POINT,
-                    alpha=opacity, joinstyle="round"), "",
-        )  # fmt: skip
+        style = (pen or Pen("", 0.0, opacity)).style
+        self._add(Polygon(xy, facecolor=fill or "none", joinstyle="round", **style))
 
     def _disc(
-        self,
-        centre: complex,
-        radius: float,
-        line: str = "",
-        width: float = 0.0,
-        fill: str = "",
-        opacity: float = 1.0,
-        *,
-        dashed: bool = False,
-        name: str = "",
+        self, centre: complex, radius: float, pen: Pen, fill: str = "", name: str = ""
     ) -> None:
         """Draw a circle, of a radius [m] of 1.5 pixels at least."""
         from matplotlib.patches import Circle
 
-        artist = Circle(
-            (centre.real, centre.imag), max(radius, 1.5 / self.scale), facecolor=fill or "none",
-            edgecolor=line or "none", linewidth=width * _POINT,
-            linestyle=_dashes(width) if dashed else "-", alpha=opacity,
-        )  # fmt: skip
-        self._add(artist, name)
+        at, radius = (centre.real, centre.imag), max(radius, 1.5 / self.scale)
+        self._add(Circle(at, radius, facecolor=fill or "none", **pen.style), name)
 
 
-def _dashes(width: float) -> tuple[float, tuple[float, float]]:
-    """Dashes of 7 pixels with 5 between them, in multiples of a line's width [px]."""
-    return (0.0, (7 / width, 5 / width))
+_NO_LINE = Pen("", 0.0)
 
 
-def _legend_places(scene: Scene, width: int) -> Iterator[tuple[RunMotion | None, float, int]]:
-    """Where each entry of the legend begins: x [px] and row; rows are as wide as the picture."""
-    x, row = float(_LEFT), 0
-    for run in (None, *scene.runs) if scene.runs else ():
-        room = 52 + 7.2 * len(run.name if run else "reference")
-        if x + room > width and x > _LEFT:
-            x, row = float(_LEFT), row + 1
-        yield run, x, row
-        x += room
+def _path_of(lines: Sequence[ComplexArray], pen: Pen) -> Artist:
+    """Polylines [m] as one path."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path as Curve
+
+    curves = [Curve(np.column_stack([line.real, line.imag])) for line in lines]
+    return PathPatch(
+        Curve.make_compound_path(*curves), fill=False, joinstyle="round",
+        capstyle="butt" if pen.dashed else "round", **pen.style,
+    )  # fmt: skip
 
 
 # --- Files
@@ -438,19 +381,13 @@ def still(stage: Stage, times: Sequence[float]) -> bytes:
     return _svg_of(stage)
 
 
-_SVG_STYLE: Any = {
-    "svg.hashsalt": "trebucheck",
-    "svg.fonttype": "none",
-    "font.sans-serif": ["DejaVu Sans"],
-}
-
-
 def _svg_of(stage: Stage) -> bytes:
     """The figure as SVG; the same scene gives the same bytes."""
     import matplotlib as mpl
 
+    style: Any = {"svg.hashsalt": "trebucheck", "svg.fonttype": "none"}
     out = io.BytesIO()
-    with mpl.rc_context(_SVG_STYLE):
+    with mpl.rc_context(style | {"font.sans-serif": ["DejaVu Sans"]}):
         stage.figure.savefig(out, format="svg", dpi=_DPI, metadata={"Date": None})
     return out.getvalue()
 
@@ -462,45 +399,40 @@ def _svg(stage: Stage) -> bytes:
     """
     ET.register_namespace("", _SVG_NAMESPACE)
     ET.register_namespace("xlink", "http://www.w3.org/1999/xlink")
-    scene, times = stage.scene, play_times(stage.scene, _SVG_RATE)
+    times = play_times(stage.scene, _SVG_RATE)
     end = times[-1]
-    late = [event.time for event in scene.events if event.time > 0.4 * end]
-    shown_still = min(
-        range(len(times)), key=lambda k: abs(times[k] - max(late, default=0.75 * end))
-    )
+    late = [event.time for event in stage.scene.events if event.time > 0.4 * end]
+    instant = max(late, default=0.75 * end)
+    shown_still = min(range(len(times)), key=lambda k: abs(times[k] - instant))
     duration = len(times) / _SVG_RATE + HOLD
     root: ET.Element | None = None
-    frames: list[ET.Element] = []
+    layers: dict[str, list[ET.Element]] = {"traces": [], "stage": []}
     for k, time in enumerate(times):
         stage.show(time, traces=False)
         if k:
             stage.draw_traces(times[k - 1], time)
         tree = ET.fromstring(_svg_of(stage))
-        parents = {child: parent for parent in tree.iter() for child in parent}
-        layers = {name: _layer(tree, name) for name in ("traces", "stage")}
         begin, finish = k / _SVG_RATE / duration, (k + 1) / _SVG_RATE / duration
-        last = 1.0 if k == len(times) - 1 else finish
-        _play(layers["traces"], f"path-{k}", k <= shown_still, begin, 1.0, duration)
-        _play(layers["stage"], f"frame-{k}", k == shown_still, begin, last, duration)
-        for layer in layers.values():
-            parents[layer].remove(layer)
-            frames.append(layer)
+        for parent in [*tree.iter()]:
+            for layer in [*parent]:
+                if layer.get("id") == "traces":
+                    _play(layer, f"path-{k}", k <= shown_still, begin, 1.0, duration)
+                    layers["traces"].append(layer)
+                    parent.remove(layer)
+                elif layer.get("id") == "stage":
+                    last = 1.0 if k == len(times) - 1 else finish
+                    _play(layer, f"frame-{k}", k == shown_still, begin, last, duration)
+                    layers["stage"].append(layer)
+                    parent.remove(layer)
         root = tree if root is None else root
     assert root is not None
     # Of what does not change (background, legend, clip paths) the first frame's is kept.
-    group = next(each for each in root.iter() if each.get("id") == "figure_1")
-    group.extend(sorted(frames, key=lambda each: (each.get("id") or "").startswith("frame")))
-    text = ET.tostring(root, encoding="unicode")
+    group = next(element for element in root.iter() if element.get("id") == "figure_1")
+    group.extend([*layers["traces"], *layers["stage"]])
     # Layout between elements says nothing, and hundredths of a point are enough of a path.
-    text = re.sub(r">\s+<", "><", text)
-    return re.sub(r' d="[^"]+"', lambda d: _DIGITS.sub(r"\1", d.group()), text).encode()
-
-
-_DIGITS = re.compile(r"(\.\d\d)\d+")
-
-
-def _layer(tree: ET.Element, name: str) -> ET.Element:
-    return next(each for each in tree.iter() if each.get("id") == name)
+    text = re.sub(r">\s+<", "><", ET.tostring(root, encoding="unicode"))
+    digits = re.compile(r"(\.\d\d)\d+")
+    return re.sub(r' d="[^"]+"', lambda d: digits.sub(r"\1", d.group()), text).encode()
 
 
 def _play(

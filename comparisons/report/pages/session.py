@@ -18,8 +18,8 @@ from ....models.files import write_text
 from ....models.shown import Reported
 from ....models.trajectory import Trajectory
 from .. import html
-from ..document import Document
-from ..figures import figures_of, picture
+from ..document import Document, figures_of
+from ..plots import picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,1 +1,0 @@
-"""Motions from files by others: every quantity that a file gives, against the reference."""
