@@ -56,36 +56,11 @@ from .impact import (
     Impact,
     Inertia,
     Rebounds,
-    active_contacts,
+    active_contacts,  # noqa: F401 # pyright: ignore[reportUnusedImport] - for adapters
     resolve_impact,
     resting,
 )
 from .protocol import Recording
-
-__all__ = [
-    "AT_REST",
-    "MOST_IMPACTS",
-    "ROUNDING",
-    "SAME_TIME",
-    "TOGETHER",
-    "ContactEvents",
-    "Contacts",
-    "EventDriver",
-    "EventMotion",
-    "Halt",
-    "RestitutionRule",
-    "State",
-    "SteppedMotion",
-    "Watch",
-    "active_contacts",
-    "impact_by_rule",
-    "joined",
-    "may_be_met",
-    "onto_zero_gap",
-    "refuse_moving_gaps",
-    "resting",
-    "root_in",
-]
 
 SAME_TIME = 1e-12  # [s] times closer than this are one instant
 TOGETHER = 1e-9  # [s] impacts closer than this are resolved at once
@@ -287,20 +262,19 @@ class EventMotion(Protocol):
 
 
 class EventDriver:
-    """One run of an engine through the releases and impacts of a problem."""
+    """One run of an engine through the releases and impacts of a problem.
+
+    Args:
+        problem: what is to be moved, for how long.
+        motion: the engine, at the start.
+        engine: its name, for messages.
+        impacts: whether stops may be met; otherwise none is watched, and closed gaps that move at
+            the start are refused.
+    """
 
     def __init__(
         self, problem: Problem, motion: EventMotion, engine: str, *, impacts: bool
     ) -> None:
-        """Prepare a run.
-
-        Args:
-            problem: what is to be moved, for how long.
-            motion: the engine, at the start.
-            engine: its name, for messages.
-            impacts: whether stops may be met; otherwise none is watched, and closed gaps that move
-                at the start are refused.
-        """
         self.problem, self.motion, self.engine, self.impacts = problem, motion, engine, impacts
         self.events = ContactEvents(problem.mechanism, engine)
         self._parted: frozenset[str] = frozenset()
@@ -386,6 +360,12 @@ class SteppedMotion(ABC, Generic[S]):
 
     Subclasses move, hold and record; this class locates events inside a step. Whole steps end at
     multiples of the time step; the last one may be shorter.
+
+    Args:
+        problem: what is to be moved.
+        timestep: [s].
+        locate: whether releases are located inside a step; otherwise a stop opens at the end of the
+            first step after which it would pull.
     """
 
     records_release_at_start: ClassVar[bool] = True
@@ -394,14 +374,6 @@ class SteppedMotion(ABC, Generic[S]):
     """Greatest number of whole steps that :meth:`ahead` takes; zero: each step is looked at."""
 
     def __init__(self, problem: Problem, timestep: float, *, locate: bool = True) -> None:
-        """Prepare to step.
-
-        Args:
-            problem: what is to be moved.
-            timestep: [s].
-            locate: whether releases are located inside a step; otherwise a stop opens at the end of
-                the first step after which it would pull.
-        """
         self.problem, self.timestep, self.locate = problem, timestep, locate
         self.kinematics = Kinematics(problem.mechanism)
         self.held: Contacts = ()

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
@@ -38,21 +41,9 @@ Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z][A-Z
 """A name for MJCF, NetCDF and files too: a letter, then letters, digits, space, _ or -."""
 
 
-# Tags of unions, which pydantic puts into the path of a complaint.
-_TAGS = (
-    "pin",
-    "weld",
-    "pin-in-slot",
-    "prismatic",
-    "free",
-    "stop",
-    "point stop",
-    "spring-damper",
-    "rotational-spring-damper",
-    "cubic-torsion-spring",
-    "constant-force",
-    "constant-torque",
-)
+# Tags of unions, which pydantic puts into the path of a complaint: of stops, which have no kind,
+# and of each class whose `kind` has one value.
+_TAGS = {"stop", "point stop"}
 
 
 def _refuse_twice(pairs: list[tuple[str, object]]) -> None:
@@ -139,6 +130,13 @@ class Spec(BaseModel):
     largest_file: ClassVar[int] = 200_000_000
     """Size of a file that is read [B]."""
 
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        super().__pydantic_init_subclass__(**kwargs)
+        kind = cls.model_fields.get("kind")
+        if kind is not None and get_args(kind.annotation) == (kind.default,):
+            _TAGS.add(kind.default)
+
     def __init__(self, /, **fields: Any) -> None:
         try:
             super().__init__(**fields)
@@ -188,6 +186,25 @@ class Spec(BaseModel):
         content = self.model_dump(mode="json", exclude_none=True)
         canonical = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+@cache
+def number_units(kind: type[BaseModel]) -> Mapping[str, str]:
+    """Units of the fields of a description that are numbers or vectors, by name of the field.
+
+    The unit stands in brackets in the field's description, such as "k [N m/rad]"; it is '' where
+    there is none.
+    """
+    units: dict[str, str] = {}
+    for name, field in kind.model_fields.items():
+        if _holds_floats(field.annotation):
+            unit = re.search(r"\[(.+)\]", field.description or "")
+            units[name] = unit[1] if unit else ""
+    return units
+
+
+def _holds_floats(annotation: object) -> bool:
+    return annotation is float or any(_holds_floats(part) for part in get_args(annotation))
 
 
 def schema_text(model: type[BaseModel]) -> str:

@@ -44,8 +44,7 @@ from .build import build
 from .leapfrog import STARTED, STEP, Stepper, settled_increment
 from .options import PymunkOptions
 from .passes import MOST_PASSES, TRACKED, Convergence, convergence, growth
-from .reactions import forces_of
-from .read import MotionReading, reading_of
+from .read import MotionReading, forces_of, reading_of
 
 _CHUNK = 64  # steps between checks of the gaps; at most these are repeated at an impact
 _SETTLING_SAMPLES = 3  # after which a contact that has opened must have a gap, or is met
@@ -70,7 +69,7 @@ def run(problem: Problem, options: PymunkOptions) -> Recording:
 
 
 def _placed(mechanism: Mechanism, q: FloatArray, u: FloatArray) -> Mechanism:
-    # Not validated: gaps are zero to rounding only, and stops keep the word on whether they are
+    # not validated: gaps are zero to rounding only, and stops keep the word on whether they are
     # closed at the start, which decides on the bodies.
     return mechanism.model_copy(
         update={"start": tuple(q.tolist()), "start_speeds": tuple(u.tolist())}
@@ -110,7 +109,7 @@ def _active_at_start(mechanism: Mechanism, h: float, pivot_mass: float) -> Conta
         forces = forces_of(reading, tuple(assembly.stops)).torques
         torques = {name: float(torque[0]) for name, torque in forces.items()}
         least = -_ROUNDING * max(map(abs, torques.values()), default=0.0)
-        # Largest acceleration of a gap by the unit torque or force of its own stop, in the tree.
+        # largest acceleration of a gap by the unit torque or force of its own stop, in the tree.
         rows = np.array([kinematics.gap_jacobian(name, q) for name in touching])
         moved = np.linalg.pinv(mass_matrix(kinematics, q[None])[0]) @ rows.T
         rounding = least * float(np.max(np.sum(rows.T * moved, axis=0), initial=0.0))
@@ -129,21 +128,15 @@ def _active_at_start(mechanism: Mechanism, h: float, pivot_mass: float) -> Conta
 
 
 class SteppedSegment:
-    """Steps of an assembly from a start to a given time, and the releases in them."""
+    """Steps of a mechanism from its start state at one time to another [s], and the releases."""
 
     def __init__(
         self, mechanism: Mechanism, options: PymunkOptions, start: float, end: float
     ) -> None:
-        """Build the assembly and find which of its closed stops push.
-
-        Args:
-            mechanism: in its state at the start.
-            options: how to step.
-            start, end: times [s].
-        """
         self.options, self.begins, self.ends = options, start, end
         self.n = max(1, math.ceil((end - start) / options.timestep * (1 - 1e-12)))
         self.h = h = (end - start) / self.n
+        self.times = np.linspace(start, end, self.n + 1)  # times of the samples [s]
         active = _active_at_start(mechanism, h, options.pivot_mass)
         self.assembly = assembly = build(mechanism, active, options.error_bias, options.pivot_mass)
         self.stepper = Stepper(assembly, h, options.hold_lengths)
@@ -156,17 +149,14 @@ class SteppedSegment:
         self._impulses: dict[str, float] = {}
         self._grown = 1.0
         """Growth of the slowest mode's error since passes were last enough to let it decay."""
-
-    def begin(self) -> None:
-        """The first sample, and without the leapfrog the first step."""
-        stepper, mechanism = self.stepper, self.assembly.mechanism
-        closed = self._checks_passes
+        # the first sample, and without the leapfrog the first step.
+        stepper, closed = self.stepper, self._checks_passes
         passes = self._passes(self._convergence(*initial_state(mechanism)) if closed else None)
-        # Stops that meet the joints as well as a trebuchet's do start with the option's passes.
+        # stops that meet the joints as well as a trebuchet's do start with the option's passes.
         settle = closed and (bool(mechanism.loop_joints) or passes > self.options.iterations)
         stepper.start(max(self.options.start_iterations, passes), self.options.leapfrog, settle)
         if not self.options.leapfrog:
-            # The first step has no impulses to start from; a leapfrog has found them at the start.
+            # the first step has no impulses to start from; a leapfrog has found them at the start.
             stepper.run(1, self.options.start_iterations)
             self._release_before_next(1)
 
@@ -183,7 +173,7 @@ class SteppedSegment:
             here = self._convergence(q[0], u[0])
             passes = self._passes(here)
             rate = 0.0 if here is None else growth(here.left_after(passes))
-            # Singular positions are passed in a few steps, during which impulses need not converge.
+            # singular positions are passed in a few steps, during which impulses need not converge.
             end = min(last, first + (_CHECKED if rate < 1.0 else 1))
             self._take_steps(end, passes)
             self._refuse_divergence(end, here, passes, rate)
@@ -193,7 +183,7 @@ class SteppedSegment:
         self, k: int, here: Convergence | None, passes: int, rate: float
     ) -> None:
         """Raise SimulationError at sample k if loops are open, or an unseen mode has grown."""
-        mechanism, time = self.assembly.mechanism, self.times()[k]
+        mechanism, time = self.assembly.mechanism, self.times[k]
         if passes >= MOST_PASSES:
             gaps = self.reading(k, k).gaps()
             for joint in mechanism.loop_joints:
@@ -219,7 +209,7 @@ class SteppedSegment:
     @property
     def _checks_passes(self) -> bool:
         """Whether a step has as many passes as its loops need: if joints keep their lengths."""
-        # An active stop closes a loop as a joint does.
+        # an active stop closes a loop as a joint does.
         closed = bool(self.assembly.mechanism.loop_joints or self.assembly.stops)
         return self.options.hold_lengths and closed
 
@@ -243,7 +233,7 @@ class SteppedSegment:
 
     def _release_before_next(self, k: int) -> None:
         """Release the stop whose torque vanishes next, if that is before sample k + 1."""
-        # Impulses tell at no cost, but by their size only, whether one may soon be zero.
+        # impulses tell at no cost, but by their size only, whether one may soon be zero.
         before = self._impulses
         self._impulses = now = {name: joint.impulse for name, joint in self.assembly.stops.items()}
         settled = k >= self.regimes[-1][0] + 3
@@ -270,10 +260,6 @@ class SteppedSegment:
             name: time for name, time in self.releases.items() if time is not None and time <= end
         }
 
-    def times(self) -> FloatArray:
-        """Times of the samples [s], shape (n + 1,)."""
-        return np.linspace(self.begins, self.ends, self.n + 1)
-
     def reading(self, first: int, last: int, near: FloatArray | None = None) -> MotionReading:
         """Samples from one to another, both included; `near` tells full turns of the first."""
         return MotionReading(self.assembly, self.stepper.samples(first, last), near)
@@ -285,7 +271,7 @@ class SteppedSegment:
             SimulationError: impulses that did not converge have separated the bodies although all
                 numbers are finite.
         """
-        t, reading = self.times()[: last + 1], self.reading(0, last)
+        t, reading = self.times[: last + 1], self.reading(0, last)
         mechanism, gaps = self.assembly.mechanism, reading.gaps()
         for name, gap in gaps.items():
             lost = np.flatnonzero(~(gap <= _reach(mechanism)))
@@ -341,16 +327,13 @@ def _foreseen(torque: FloatArray) -> float | None:
 class _ContactEvent:
     """The first open contact that is met in a segment."""
 
-    time: float
-    """[s]"""
+    time: float  # [s]
     q: FloatArray
-    u: FloatArray
-    """State there, before the impact, each of shape (n_q,)."""
+    u: FloatArray  # state there, before the impact, each of shape (n_q,)
     active: Contacts
     touching: Contacts
     met: str
-    sample: int
-    """The one before it, in its segment."""
+    sample: int  # the one before it, in its segment
 
 
 class PymunkMotion:
@@ -373,7 +356,7 @@ class PymunkMotion:
         too low; those that came to rest because they came back at once all the same."""
         self._recordings: list[Recording] = []
         if self.unilateral:
-            # Raises UnsupportedProblemError at once if a stop cannot be enforced, instead of at the
+            # raises UnsupportedProblemError at once if a stop cannot be enforced, instead of at the
             # first impact.
             placed = _with_closed(self.mechanism, [stop.name for stop in self.mechanism.stops])
             build(placed, (), options.error_bias, options.pivot_mass)
@@ -389,7 +372,6 @@ class PymunkMotion:
     def proceed(self, start: float, end: float, watch: Watch) -> Halt:
         """Move through a segment, to the next impact or to the end."""
         segment = SteppedSegment(self._start, self.options, start, end)
-        segment.begin()
         if not self.unilateral:
             segment.advance(segment.n)
         event = self._step_to_event(segment, watch) if self.unilateral else None
@@ -401,7 +383,7 @@ class PymunkMotion:
         parted = not self._start.stop(event.met).closed
         too_low = event.met not in self._kept and event.sample < _SETTLING_SAMPLES
         if again and parted and too_low:
-            # Back before the last impact, for it to be resolved without such a low rebound. Its
+            # back before the last impact, for it to be resolved without such a low rebound. Its
             # contacts that touch again become plastic; one that was plastic comes to rest.
             assert self._before_impact is not None
             self._state = self._before_impact
@@ -410,7 +392,7 @@ class PymunkMotion:
             self._plastic |= set(event.touching) & set(self._touching)
             return Halt(event.time, again=(self._plastic, self._kept))
         last = event.sample
-        if event.time - segment.times()[last] < SAME_TIME:
+        if event.time - segment.times[last] < SAME_TIME:
             last -= 1  # at the time of an impact the state after it is recorded
         if last >= 0:
             self._recordings.append(segment.recording(last))
@@ -484,7 +466,7 @@ class PymunkMotion:
         after = segment.h if gap(0.0) > 0 else 0.0
         if gap(0.0) > 0 > gap(segment.h):
             after = float(brentq(gap, 0.0, segment.h, xtol=1e-16))
-        time, q_event = float(segment.times()[k]) + after, q + after * (u + after / 2 * a)
+        time, q_event = float(segment.times[k]) + after, q + after * (u + after / 2 * a)
         regime = next(active for first, active in reversed(segment.regimes) if first <= k)
         active = tuple(other for other in regime if (segment.releases[other] or np.inf) > time)
         touching = watch.touching(
@@ -527,12 +509,10 @@ class PymunkMotion:
 class TrialImpact:
     """Result of an impact in which a set of contacts takes part."""
 
-    u: FloatArray
-    """Generalized speeds after it, shape (n_q,)."""
+    u: FloatArray  # generalized speeds after it, shape (n_q,)
     impulses: Mapping[str, float]
     """Impulse of each contact that touches [N m s, or N s for one on a point]."""
-    resting: Contacts
-    """Those of them whose gap does not move after it."""
+    resting: Contacts  # those of them whose gap does not move after it
     violated: str | None
     """A contact that would have to pull or goes on closing: other contacts take part."""
 
@@ -546,17 +526,16 @@ def resolve_impact(
     """The impact of the contacts that touch.
 
     Args:
-        placed: the mechanism at its position there, with the speeds before; stops that touch are
-        closed in it.
+        placed: the mechanism there, with the speeds before; stops that touch are closed in it.
         restitution: e of each of them.
         pivot_mass: as the engine's option.
         held: those that come to rest even if they have to pull, which is not recorded: forces bring
-            them back to their walls at once. They are left to the others' impact where that
-            contradicts itself.
+            them back to their walls at once.
 
     Raises:
         SimulationError: the impulses do not converge, or no set of contacts takes part.
     """
+    # held contacts are left to the others' impact where that contradicts itself.
     weightless = placed.model_copy(update={"gravity": 0.0, "force_elements": ()})
     attempts: list[tuple[Mapping[str, float], Collection[str]]] = [(restitution, ())]
     if held:
@@ -601,7 +580,7 @@ def _impact_of(
     for name in active:
         _set_target(assembly.stops[name], restitution[name])
     increment = settled_increment(assembly)
-    # Impulses by the bodies' change of momentum, and speeds after by their change of velocity.
+    # impulses by the bodies' change of momentum, and speeds after by their change of velocity.
     assembly.rates = np.zeros_like(increment)
     torques = forces_of(reading_of(assembly, increment), active).torques
     impulses = dict.fromkeys(restitution, 0.0)
@@ -626,7 +605,7 @@ def _impact_of(
             continue
         if impulses[name] < least:
             wrong.append(name)
-        # Stops whose targets contradict each other meet one of them at most. A gap that is left is
+        # stops whose targets contradict each other meet one of them at most. A gap that is left is
         # closed in the step, unless the stop's joint was built where its bodies are.
         closed = beyond + float(kinematics.gap(name, q)) / STEP
         if min(abs(beyond), abs(closed)) > rounding:

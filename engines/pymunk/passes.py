@@ -44,8 +44,7 @@ _DRIFT = 1e-7  # of the largest singular value: drift (1e-8 m) of redundant join
 class Convergence:
     """Share of a velocity error that passes of the impulse solver leave in one position."""
 
-    one_pass: FloatArray
-    """Q in an orthonormal basis of what impulses can change, shape (r, r)."""
+    one_pass: FloatArray  # Q in an orthonormal basis of what impulses can change, shape (r, r)
     basis: FloatArray
     """Columns of that basis: (x, y, angle) speeds times roots of mass, (3 n_bodies, r)."""
     bodies: tuple[str, ...]
@@ -63,7 +62,7 @@ class Convergence:
             power = power @ power
             before, left = left, _norm(power)
             if left <= share:
-                # Between two powers the logarithm of what is left is nearly linear in the passes.
+                # between two powers the logarithm of what is left is nearly linear in the passes.
                 fraction = math.log(share / before) / math.log(max(left, share**2) / before)
                 return math.ceil(passes * (1 + min(fraction, 1.0)))
             passes *= 2
@@ -81,7 +80,7 @@ def convergence(assembly: Assembly) -> Convergence:
     first = {body: 3 * k for k, body in enumerate(assembly.bodies)}
     inverse = [[1 / body.mass, 1 / body.mass, 1 / body.moment] for body in assembly.bodies]
     roots = np.sqrt(np.array(inverse).ravel())
-    # Orthonormal columns that span W^(1/2) J^T of each constraint that anything can move against.
+    # orthonormal columns that span W^(1/2) J^T of each constraint that anything can move against.
     blocks: list[FloatArray] = []
     for joint in assembly.space.constraints:
         rows: list[FloatArray] = []

@@ -8,10 +8,12 @@ in each consumer's table (docs/extending.md).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated, cast
 
 from pydantic import Discriminator, Field, Tag
 
+from ..errors import UnsupportedProblemError
 from .angle_stop import Stop
 from .base import GROUND, Basic, Feature, TwoBodyForceElement
 from .constant_force import ConstantForce
@@ -24,7 +26,7 @@ from .prismatic import PrismaticJoint
 from .rotational_spring_damper import RotationalSpringDamper
 from .slot import SlotJoint
 from .spring_damper import SpringDamper
-from .table import CONSUMERS, ElementTable
+from .table import CONSUMERS, ElementTable, refusal
 from .weld import WeldJoint
 
 __all__ = [
@@ -56,6 +58,7 @@ __all__ = [
     "Stop",
     "TwoBodyForceElement",
     "WeldJoint",
+    "refuse_unknown",
 ]
 
 JOINTS: tuple[type, ...] = (PinJoint, WeldJoint, SlotJoint, PrismaticJoint, FreeJoint)
@@ -68,6 +71,20 @@ FORCE_ELEMENTS: tuple[type, ...] = (
     ConstantTorque,
 )
 ELEMENTS: tuple[type, ...] = (*JOINTS, *STOPS, *FORCE_ELEMENTS)
+
+
+def refuse_unknown(consumer: str, elements: Iterable[object]) -> None:
+    """Refuse elements of classes that are in no group, by name.
+
+    For consumers that need nothing but what an element says of itself.
+
+    Raises:
+        UnsupportedProblemError: one is of such a class; `consumer` begins the sentence.
+    """
+    for element in elements:
+        if type(element) not in ELEMENTS:
+            raise UnsupportedProblemError(refusal(consumer, element, None))
+
 
 AnyJoint = PinJoint | WeldJoint | SlotJoint | PrismaticJoint | FreeJoint
 Joint = Annotated[AnyJoint, Field(discriminator="kind")]

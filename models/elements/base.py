@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self
 
 from pydantic import Field, model_validator
 
-from ..spec import Name, Spec, Vector, as_complex
+from ..spec import Name, Spec, Vector, as_complex, number_units
 
 if TYPE_CHECKING:
     from ..arrays import ComplexArray, FloatArray
@@ -217,7 +217,8 @@ class BaseForceElement(Spec):
     derivatives, so the formulas use array operations only.
 
     Raises:
-        TypeError: a class with a `kind` states no `feature` that solvers need for it.
+        TypeError: a class with a `kind` states no `feature` that solvers need for it, or a number
+            without a unit, which engines in other units could not convert.
     """
 
     feature: ClassVar[Feature]
@@ -232,6 +233,9 @@ class BaseForceElement(Spec):
         super().__pydantic_init_subclass__(**kwargs)
         if "kind" in cls.model_fields and not hasattr(cls, "feature"):
             raise TypeError(f"{cls.__name__} states no feature: solvers could not refuse it")
+        for number, unit in number_units(cls).items():
+            if not unit:
+                raise TypeError(f"{cls.__name__}.{number} states no unit in its description")
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -248,10 +252,30 @@ class BaseForceElement(Spec):
         """Bodies and points at the two ends of a spring; none of other elements."""
         return ()
 
+    @classmethod
+    def points(cls) -> tuple[str, ...]:
+        """Names of the fields that are points of its bodies, in the order of the bodies."""
+        return tuple(name for name in number_units(cls) if name.endswith("point"))
+
+    @classmethod
+    def numbers(cls) -> tuple[str, ...]:
+        """Names of the numbers of its law, in the order of the fields: all but its points."""
+        return tuple(name for name in number_units(cls) if not name.endswith("point"))
+
     @property
     def dissipates(self) -> bool:
         """Whether it takes energy out of the motion."""
         return False
+
+    @property
+    def works(self) -> bool:
+        """Whether it may change the sum of kinetic and potential energy."""
+        return type(self).power is not BaseForceElement.power
+
+    @property
+    def pushes_along_x(self) -> bool:
+        """Whether it acts on the mechanism from outside along x."""
+        raise NotImplementedError(type(self).__name__)
 
     def refuse_start(
         self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]
@@ -315,6 +339,11 @@ class TorqueElement(TwoBodyForceElement):
     """Base of elements with a torque between two bodies; clockwise positive, as angles are."""
 
     acts_along: ClassVar[Literal["vector", "angle", "point"]] = "angle"
+
+    @property
+    def pushes_along_x(self) -> bool:
+        """Whether it acts on the mechanism from outside along x: a pure torque does not."""
+        return False
 
     def direction(self, geometry: Geometry) -> AngleFunction:
         """The body's angle less the other's."""

@@ -27,6 +27,11 @@ class ConstantForce(BaseForceElement):
     point: Vector = Field(description="of the body, in its frame [m]")
     force: Vector = Field(description="in the world's directions [N]")
 
+    @property
+    def pushes_along_x(self) -> bool:
+        """Whether it acts on the mechanism from outside along x."""
+        return self.force[0] != 0
+
     def direction(self, geometry: Geometry) -> PointCoefficients:
         """The point that it acts on."""
         return geometry.point(self.body, self.point)

@@ -34,6 +34,11 @@ class RotationalSpringDamper(TorqueElement):
         """Whether it has damping."""
         return self.damping > 0
 
+    @property
+    def works(self) -> bool:
+        """Whether it may change the sum of kinetic and potential energy."""
+        return self.dissipates
+
     def torque_on_body(self, angle: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
         """-(k (b - b0) + c w) [N m]."""
         spring = -self.stiffness * (angle.value(q) - self.rest_angle)

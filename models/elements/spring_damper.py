@@ -10,7 +10,7 @@ from pydantic import Field
 
 from ..arrays import ComplexArray, FloatArray
 from ..spec import NonNegative, Vector
-from .base import Feature, TwoBodyForceElement
+from .base import GROUND, Feature, TwoBodyForceElement
 
 if TYPE_CHECKING:
     from ..functions import PointCoefficients
@@ -45,6 +45,16 @@ class SpringDamper(TwoBodyForceElement):
     def dissipates(self) -> bool:
         """Whether it has damping."""
         return self.damping > 0
+
+    @property
+    def works(self) -> bool:
+        """Whether it may change the sum of kinetic and potential energy."""
+        return self.dissipates
+
+    @property
+    def pushes_along_x(self) -> bool:
+        """Whether it acts on the mechanism from outside: whether one end is on the ground."""
+        return GROUND in self.bodies
 
     def refuse_start(
         self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]

@@ -68,12 +68,14 @@ class ElementTable(Generic[T]):
         """
         handler = self.handlers.get(type(element))
         if handler is None:
-            raise UnsupportedProblemError(self._refusal(element))
+            reason = self.refused.get(type(element), self.others)
+            raise UnsupportedProblemError(refusal(self.consumer, element, reason))
         return handler
 
-    def _refusal(self, element: object) -> str:
-        kind = getattr(element, "kind", type(element).__name__)
-        name = getattr(element, "name", "?")
-        reason = self.refused.get(type(element), self.others)
-        because = "it does not know this element" if reason is None else reason
-        return f"{self.consumer} cannot use {name!r} ({kind}): {because}."
+
+def refusal(consumer: str, element: object, reason: str | None) -> str:
+    """Sentence that a consumer refuses an element; without a reason it does not know the class."""
+    kind = getattr(element, "kind", type(element).__name__)
+    name = getattr(element, "name", "?")
+    because = "it does not know this element" if reason is None else reason
+    return f"{consumer} cannot use {name!r} ({kind}): {because}."
