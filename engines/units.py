@@ -19,7 +19,7 @@ from typing import Protocol, Self, TypeVar
 import numpy as np
 
 from ..models.arrays import FloatArray
-from ..models.elements import refuse_unknown
+from ..models.elements import AnyStop, refuse_unknown
 from ..models.errors import SimulationError, UnsupportedProblemError
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
@@ -100,7 +100,7 @@ class Units:
         """Unit of energy [J] and moment [N m]."""
         return self.force * self.length
 
-    def effort(self, stop: elements.AnyStop) -> float:
+    def effort(self, stop: AnyStop) -> float:
         """Unit of a stop's torque or force [N m or N]."""
         return self.force if stop.effort == "force" else self.energy
 

@@ -41,11 +41,9 @@ Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z][A-Z
 """A name for MJCF, NetCDF and files too: a letter, then letters, digits, space, _ or -."""
 
 
-# Tags of unions, which pydantic puts into the path of a complaint.
-_TAGS = (
-    "pin", "weld", "pin-in-slot", "prismatic", "free", "stop", "point stop", "spring-damper",
-    "rotational-spring-damper", "cubic-torsion-spring", "constant-force", "constant-torque",
-)  # fmt: skip
+# Tags of unions, which pydantic puts into the path of a complaint: of stops, which have no kind,
+# and of each class whose `kind` has one value.
+_TAGS = {"stop", "point stop"}
 
 
 class SpecError(InputError):
@@ -123,6 +121,13 @@ class Spec(BaseModel):
     )
     largest_file: ClassVar[int] = 200_000_000
     """Size of a file that is read [B]."""
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        super().__pydantic_init_subclass__(**kwargs)
+        kind = cls.model_fields.get("kind")
+        if kind is not None and get_args(kind.annotation) == (kind.default,):
+            _TAGS.add(kind.default)
 
     def __init__(self, /, **fields: Any) -> None:
         try:

@@ -15,7 +15,7 @@ from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.reference.certification.redundant import solve_redundant
 from trebucheck.reference.reactions import joint_reactions
-from trebucheck.reference.sensitivity.numbers import (
+from trebucheck.reference.sensitivity.release import (
     _of_elements,  # pyright: ignore[reportPrivateUsage]
     physical_numbers,
 )

@@ -99,13 +99,12 @@ def document(comparison: Comparison) -> doc.Document:
         for label, parts in sorted(stated.items())
     ]
     settings = ((run.model, run.label, run.engine_version, run.settings) for run in results.runs)
-    mechanisms = [(machine.model, machine.mechanism) for machine in machines]
     blocks += [
         doc.Heading("How the comparison is made", 2),
         doc.Note(_INTRODUCTION),
         doc.Note(_EQUIVALENCE),
         doc.Listing(tuple(assistance), medium="page"),
-        *provenance(results, settings, mechanisms),
+        *provenance(results, settings, machines),
         findings,
         last_verdict,
     ]
@@ -221,8 +220,7 @@ class Line:
     """A run as drawn: up to the end of the compared motion."""
 
     trajectory: Trajectory
-    reference: Trajectory
-    """At the run's own times up to that end."""
+    reference: Trajectory  # at the run's own times up to that end
 
     @property
     def label(self) -> str:
@@ -463,15 +461,11 @@ class ErrorColumn:
     unit: str
     metric: str
     subject: str | None = None
-    judged: str = ""
-    """Metric that has the verdict, if that is another one."""
-    otherwise: str = ""
-    """Metric in the place of one that the run has not."""
-    short: str = ""
-    """Title in a terminal; '' leaves the column out there."""
+    judged: str = ""  # metric that has the verdict, if that is another one
+    otherwise: str = ""  # metric in the place of one that the run has not
+    short: str = ""  # title in a terminal; '' leaves the column out there
     rank: int = 1
-    plot: str = ""
-    """Name of the figure that shows it over time."""
+    plot: str = ""  # name of the figure that shows it over time
 
     @property
     def column(self) -> doc.Column:
@@ -703,8 +697,7 @@ def _evidence(results: Results, machine: Machine) -> Iterator[doc.Block]:
         if run.metrics:
             held = f"{len(run.judged) - len(run.broken)} of {len(run.judged)} hold"
             title = f"{model}, {run.label}: every quantity, tolerance and reason ({held})"
-            metrics = doc.table(_METRIC_COLUMNS, run.metrics, run.label)
-            yield doc.Fold(title, (metrics,), anchor=_metrics_anchor(run))
+            yield doc.Fold(title, (_metrics(run),), anchor=_metrics_anchor(run))
 
 
 def _uncertainty(machine: Machine) -> doc.Block:
@@ -773,24 +766,16 @@ def _pairs(pairs: Sequence[Pair]) -> tuple[doc.Block, ...]:
     return doc.Fold("Engine against engine", blocks), doc.without_empty_columns(short)
 
 
-def _metric_value(metric: Metric) -> doc.Cell:
-    text = (metric.note or "–") if metric.value is None else f"{metric.value:.6e}"
-    return doc.Cell(text, doc.mark_of(metric.holds))
-
-
-def _reason(metric: Metric) -> str:
-    unjudged = f"follows from {metric.follows}" if metric.follows else metric.note or ""
-    return metric.reason or unjudged
-
-
-_METRIC_COLUMNS = (
-    doc.Column("metric", of=attrgetter("label")),
-    doc.Column("value", of=_metric_value),
-    doc.Column("unit", of=attrgetter("unit")),
-    doc.Column("tolerance", of=lambda metric: format_number(metric.tolerance)),
-    doc.Column("stated by", of=lambda m: m.source or ("" if m.observed else "not observed")),
-    doc.Column("reason", of=_reason),
-)
+def _metrics(run: Run) -> doc.Table:
+    """Every metric of a run, its tolerance and the reason of that."""
+    rows: list[tuple[object, ...]] = []
+    for m in run.metrics:
+        text = (m.note or "–") if m.value is None else f"{m.value:.6e}"
+        source = m.source or ("" if m.observed else "not observed")
+        reason = m.reason or (f"follows from {m.follows}" if m.follows else m.note or "")
+        value, tolerance = doc.Cell(text, doc.mark_of(m.holds)), format_number(m.tolerance)
+        rows.append((m.label, value, m.unit, tolerance, source, reason))
+    return doc.table("metric | value | unit | tolerance | stated by | reason", rows, run.label)
 
 
 # --- The summary, in some thirty lines of Markdown for a pull request

@@ -55,11 +55,10 @@ def document(studies: Studies) -> doc.Document:
         for machine in studies.machines
         for study in machine.studies
     ]
-    mechanisms = [(machine.model, machine.mechanism) for machine in studies.machines]
     blocks += [
         doc.Heading("How it is measured", 2),
         doc.Note(_INTRODUCTION),
-        *provenance(studies, runs, mechanisms),
+        *provenance(studies, runs, studies.machines),
         doc.Listing(failures, medium="terminal"),
     ]
     models = ", ".join(machine.model for machine in studies.machines) or "no machine"
