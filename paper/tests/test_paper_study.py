@@ -15,8 +15,7 @@ import pytest
 import trebucheck as tb
 from trebucheck.models.library.registry import model, parameters_type
 from trebucheck.reference.solver import solve, solve_to_launch
-from trebucheck.reference.throw.flight import Surroundings, fly
-from trebucheck.reference.throw.release import Projectile
+from trebucheck.reference.throw.flight import Projectile, Surroundings, fly
 from trebucheck_paper.design.efficiency import (
     BOUNDS,
     SLINGS,
