@@ -33,7 +33,7 @@ _PUBLIC = {
     "comparisons.judge": "judge",
     "comparisons.matrix": "matrix",
     "comparisons.mjcf": "mjcf",
-    "comparisons.recommend.study": "recommend",
+    "comparisons.recommend": "recommend",
     "conformance.check": "check",
     "engines.protocol": "Capabilities Engine",
     "engines.registry": "engine engines",

@@ -8,7 +8,7 @@ from .comparisons.explain.study import explain
 from .comparisons.judge import judge
 from .comparisons.matrix import matrix
 from .comparisons.mjcf import mjcf
-from .comparisons.recommend.study import recommend
+from .comparisons.recommend import recommend
 from .conformance.check import check
 from .engines.protocol import Capabilities, Engine
 from .engines.registry import engine, engines

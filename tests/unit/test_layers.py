@@ -36,7 +36,6 @@ RANKS: tuple[tuple[str, ...], ...] = (
         "comparisons/converge",
         "comparisons/data",
         "comparisons/explain",
-        "comparisons/recommend",
     ),
     ("comparisons",),  # the studies of one module: diff, matrix, ...
     ("comparisons/report/pages",),

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ....models.mechanism import Mechanism
-from ...recommend.results import Advice, Asked, Attempt, Choice, EngineAdvice, Errors
-from ...recommend.search import unit_of
+from ...recommend import Advice, Asked, Attempt, Choice, EngineAdvice, Errors, unit_of
 from .. import document as doc
 from ..numbers import format_number, format_step, sentence
 from .tables import compared_time, provenance

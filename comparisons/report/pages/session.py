@@ -38,7 +38,7 @@ def _pages() -> dict[type, Callable[[Any], Document]]:
     from ...converge.results import Studies
     from ...diff import Difference
     from ...explain.results import Explanation
-    from ...recommend.results import Advice
+    from ...recommend import Advice
     from . import compare, converge, diff, explain, recommend, run, throw
 
     return {
