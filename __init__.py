@@ -26,7 +26,7 @@ from .version import __version__ as __version__
 # two equal.
 _PUBLIC = {
     "comparisons.certify": "certify",
-    "comparisons.compare.study": "compare",
+    "comparisons.compare": "compare",
     "comparisons.converge.study": "converge",
     "comparisons.diff": "diff",
     "comparisons.explain.study": "explain",

@@ -1,7 +1,7 @@
 """The public names for type checkers; `__init__.py` loads them when they are first asked for."""
 
 from .comparisons.certify import certify
-from .comparisons.compare.study import compare
+from .comparisons.compare import compare
 from .comparisons.converge.study import converge
 from .comparisons.diff import diff
 from .comparisons.explain.study import explain

@@ -23,7 +23,7 @@ import trebucheck as tb
 import typer
 from mjcf_readme import readme
 from trebucheck.cli.app import app
-from trebucheck.comparisons.compare.study import Comparison
+from trebucheck.comparisons.compare import Comparison
 from trebucheck.comparisons.converge.results import Studies
 from trebucheck.comparisons.data.certified import names, publish
 from trebucheck.comparisons.diff import DifferenceData

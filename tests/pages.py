@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import cache
 
 import trebucheck as tb
-from trebucheck.comparisons.compare.study import Comparison
+from trebucheck.comparisons.compare import Comparison
 from trebucheck.comparisons.converge.study import converge_study
 from trebucheck.comparisons.diff import diff
 from trebucheck.comparisons.explain.study import explain_study

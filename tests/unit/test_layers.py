@@ -32,7 +32,6 @@ RANKS: tuple[tuple[str, ...], ...] = (
     ("comparisons/report",),
     ("comparisons/diagnosis",),
     (
-        "comparisons/compare",
         "comparisons/converge",
         "comparisons/data",
         "comparisons/explain",

@@ -34,7 +34,7 @@ def _pages() -> dict[type, Callable[[Any], Document]]:
     """Maker of the report of each class of results; imported when the first report is made."""
     from ....reference.certification.certificate import Certificate
     from ....reference.throw.throw import Throw
-    from ...compare.study import Comparison
+    from ...compare import Comparison
     from ...converge.results import Studies
     from ...diff import Difference
     from ...explain.results import Explanation
