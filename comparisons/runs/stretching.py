@@ -178,13 +178,7 @@ class _Changed:
         # Smaller for motions slower than the natural one
         slow = min(1.0, scales.speed / _natural_speed(mechanism, scales))
         self.tolerance = max(TOLERANCE, _TOLERANCE * slow)
-        # Near an impact its shift would be a jump.
-        t = np.linspace(0.0, end, _SAMPLES)
-        near = np.zeros(len(t), dtype=bool)
-        for impact, _ in solution.impacts:
-            near |= np.abs(t - impact) < _NEAR * (t[1] - t[0])
-        near[[0, -1]] = False
-        self.t: FloatArray = t[~near]
+        self.t = _away_from_impacts(solution, np.linspace(0.0, end, _SAMPLES))
         self.poles = ~away_from_poles(solution, self.t, scales.time)
         try:
             self.unchanged = self._solved(mechanism, end)
@@ -215,6 +209,15 @@ class _Changed:
     def _solved(self, mechanism: Mechanism, end: float) -> Solution:
         problem = Problem(mechanism, duration=end, stop_law=self.problem.stop_law)
         return solve(problem, self.tolerance, self.tolerance)
+
+
+def _away_from_impacts(solution: Solution, t: FloatArray) -> FloatArray:
+    """The times that are not near an impact, whose shift would be a jump; the ends stay."""
+    near = np.zeros(len(t), dtype=bool)
+    for impact, _ in solution.impacts:
+        near |= np.abs(t - impact) < _NEAR * (t[1] - t[0])
+    near[[0, -1]] = False
+    return t[~near]
 
 
 def _with_other_inertias(mechanism: Mechanism) -> Iterator[Mechanism]:
