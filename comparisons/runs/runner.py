@@ -484,3 +484,14 @@ class Runner:
     def reference(self, t: FloatArray) -> Trajectory:
         """The reference at these times [s], shape (n,); kept for the last few time grids."""
         return self.solution.trajectory(t) if len(t) > _LONGEST_GRID else self._on_grid(t.tobytes())
+
+
+def motion_of(given: Mechanism | Problem) -> Runner:
+    """Reference run of a problem, or of a mechanism to its launch or some characteristic times.
+
+    Raises:
+        InputError: the reference cannot begin.
+    """
+    if isinstance(given, Problem):
+        return Runner(given.mechanism, until=Until.of(given.duration), law=given.stop_law)
+    return Runner(given, until=Until.of(None))
