@@ -1,4 +1,4 @@
-"""Which impact of a run is which of the reference's.
+"""Impacts of a run, aligned with those of the reference.
 
 An engine with a step does not resolve a rebound that is shorter: a stop that bounces to rest has
 fewer impacts than in the reference, or at other instants, and later ones have other numbers. So

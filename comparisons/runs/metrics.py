@@ -95,7 +95,7 @@ class AlignedRun:
 
     @cached_property
     def smooth(self) -> BoolArray:
-        """Which compared samples are not at an impact of either, nor between two of a pair."""
+        """Compared samples that are not at an impact of either, nor between two of a pair."""
         windows: list[tuple[float, float]] = []
         for stop in self.trajectory.mechanism.stops:
             for motion in (self.trajectory, self.solution):
@@ -110,7 +110,7 @@ class AlignedRun:
 
     @cached_property
     def away(self) -> BoolArray:
-        """Which compared samples are not beside a singular position, where forces have a pole."""
+        """Compared samples that are not beside a singular position, where forces have a pole."""
         return away_from_poles(self.solution, self.t, self.scales.time)
 
     def impact_pairs(self, stop: str) -> list[Pair]:

@@ -185,8 +185,7 @@ class Worker:
         pool = self._idle.get()
         try:
             if pool not in self._started:
-                pool = ProcessPoolExecutor(max_workers=1)
-                self._started.append(pool)
+                pool = self._start()
                 _submitted(pool, _import_this_module).result(_START)
             if self.fresh and FORKS:
                 return self._forked(pool, function, runner, given)
@@ -217,6 +216,11 @@ class Worker:
         if ended is None:
             raise self._too_long(runner)
         return cast("_Result", unpacked(runner.name, answer, ended))
+
+    def _start(self) -> Any:
+        pool = ProcessPoolExecutor(max_workers=1)
+        self._started.append(pool)
+        return pool
 
     def _too_long(self, runner: _Named) -> TimeLimitError:
         message = f"{runner.name} did not finish within {self.timeout:g} s and was stopped."

@@ -72,7 +72,7 @@ def refuse_invalid(
 def _faults(
     trajectory: Trajectory, mechanism: Mechanism, capabilities: Capabilities
 ) -> Iterator[str]:
-    """What is wrong with a trajectory, the times first: the other arrays are held against them."""
+    """Faults of a trajectory, the times first: the other arrays are held against them."""
     if trajectory.mechanism != mechanism:
         yield f"it is of another mechanism, {trajectory.mechanism.name!r}"
     yield from _time_faults(trajectory.t)
@@ -129,7 +129,7 @@ def _name_faults(
 
 
 def _array_faults(trajectory: Trajectory, n_q: int) -> Iterator[str]:
-    """What is wrong with anything sampled: its type, shape, numbers or size."""
+    """Faults of anything sampled: its type, shape, numbers or size."""
     t: Any = trajectory.t
     n = len(t)
     arrays: list[tuple[str, Any, tuple[int, ...]]] = [

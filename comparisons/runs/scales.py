@@ -156,7 +156,7 @@ def _independence(solution: Solution, end: float, length: float) -> float:
 
 
 def away_from_poles(solution: Solution, t: FloatArray, time: float) -> BoolArray:
-    """Which times are not beside a singular position, where forces grow beyond all bounds.
+    """Times that are not beside a singular position, where forces grow beyond all bounds.
 
     Args:
         t: times [s], shape (n,).
