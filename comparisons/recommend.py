@@ -32,9 +32,8 @@ from ..engines.protocol import Engine
 from ..engines.registry import engine, engine_class, engine_study
 from ..engines.study import OptionSet
 from ..models.errors import InputError, TrebucheckError
-from ..models.library.given import Model
+from ..models.library.registry import Model, models, parameters_type
 from ..models.library.registry import model as named_model
-from ..models.library.registry import models, parameters_type
 from ..models.mechanism import Body, Mechanism
 from ..models.problem import Problem, mechanism_of
 from ..models.shown import Reported

@@ -13,32 +13,27 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import groupby
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
 from pydantic import TypeAdapter
 
 from ...models.arrays import FloatArray
 from ...models.elements import (
-    FORCE_ELEMENTS,
     GROUND,
     JOINTS,
     AnyForceElement,
     AnyJoint,
     AnyStop,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
     ElementTable,
     FreeJoint,
     PinJoint,
     PointStop,
     PrismaticJoint,
-    RotationalSpringDamper,
     SlotJoint,
-    SpringDamper,
     Stop,
     WeldJoint,
+    refuse_unknown,
 )
 from ...models.errors import InputError, SimulationError
 from ...models.kinematics import Kinematics, initial_state
@@ -446,47 +441,24 @@ def wall_suspects(mechanism: Mechanism) -> Iterator[Suspect]:
             )
 
 
-@dataclass(frozen=True)
-class _Fields:
-    """Fields of a force element that may be wrong."""
-
-    numbers: tuple[str, ...] = ()
-    vector: str = ""
-    points: tuple[str, ...] = ()
-    """On its first and its last body."""
-
-
-_FORCE_FIELDS: ElementTable[_Fields] = ElementTable(
-    "The diagnosis",
-    FORCE_ELEMENTS,
-    {
-        SpringDamper: _Fields(
-            ("stiffness", "damping", "rest_length"), points=("point", "relative_point")
-        ),
-        RotationalSpringDamper: _Fields(("stiffness", "damping", "rest_angle")),
-        CubicTorsionSpring: _Fields(("stiffness", "cubic_stiffness", "rest_angle")),
-        ConstantForce: _Fields(vector="force", points=("point",)),
-        ConstantTorque: _Fields(("torque",)),
-    },
-)
-
-
 def _force_elements(mechanism: Mechanism) -> Iterator[Suspect]:
     """Springs, dampers, forces and torques: a wrong number, a wrong point, a missing element."""
+    refuse_unknown("The diagnosis", mechanism.force_elements)
     for element in mechanism.force_elements:
-        name, fields = element.name, _FORCE_FIELDS[element]
+        name = element.name
 
         def changed(field: str, value: Any, name: str = name) -> Mechanism | None:
             return _with_part(mechanism, "force_elements", name, {field: value})
 
-        for field in fields.numbers:
-            if value := getattr(element, field):
+        for field in element.numbers():
+            value = getattr(element, field)
+            if isinstance(value, tuple):
+                wrong = changed(field, _longer(cast("Vector", value)))
+                yield from _suspect(f"size of the {name}", "machine", wrong)
+            elif value:
                 wrong = changed(field, value * (1 + _SMALL))
                 yield from _suspect(f"{field.replace('_', ' ')} of the {name}", "machine", wrong)
-        if fields.vector:
-            wrong = changed(fields.vector, _longer(getattr(element, fields.vector)))
-            yield from _suspect(f"size of the {name}", "machine", wrong)
-        for field, body in zip(fields.points, (element.body, element.bodies[-1]), strict=False):
+        for field, body in zip(element.points(), (element.body, element.bodies[-1]), strict=False):
             for moved in _moves(mechanism, getattr(element, field)):
                 wrong = changed(field, moved.point)
                 yield from moved.suspect(f"place of the {name} on the {body}", wrong)

@@ -33,16 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.arrays import BoolArray, FloatArray
-from ...models.elements import (
-    FORCE_ELEMENTS,
-    AnyForceElement,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
-    RotationalSpringDamper,
-    SpringDamper,
-)
+from ...models.elements import AnyForceElement, refuse_unknown
 from ...models.errors import TrebucheckError
 from ...models.kinematics import initial_state
 from ...models.mechanism import Body, Mechanism
@@ -75,18 +66,6 @@ _SAMPLES = 400
 _NEAR = 0.1  # of the interval of the samples
 # Most bodies whose inertias are changed one by one; random combinations of more
 _EACH, _COMBINATIONS = (6, 3)
-_NUMBERS: ElementTable[tuple[str, ...]] = ElementTable(
-    "The growth of errors",
-    FORCE_ELEMENTS,
-    {
-        SpringDamper: ("stiffness", "damping", "rest_length"),
-        RotationalSpringDamper: ("stiffness", "damping", "rest_angle"),
-        CubicTorsionSpring: ("stiffness", "cubic_stiffness", "rest_angle"),
-        ConstantForce: ("force",),
-        ConstantTorque: ("torque",),
-    },
-)
-"""Numbers of a force element that are changed, in the order of the random signs."""
 _ROWS = 4  # of each body before those of forces: place, velocity, angle and its speed
 # Of the end: how far a changed mechanism is moved that cannot be moved to the end
 _SHORTER = (1.0, 0.75, 0.5, 0.25)
@@ -237,6 +216,8 @@ def _with_other_inertias(mechanism: Mechanism) -> Iterator[Mechanism]:
 
 def _with_other_forces(mechanism: Mechanism) -> Iterator[Mechanism]:
     """All numbers of all force elements changed by a part of themselves, up or down at random."""
+    refuse_unknown("The growth of errors", mechanism.force_elements)
+    # One sign a number, in the order of the elements and of their fields.
     signs = np.random.default_rng(len(mechanism.force_elements))
 
     def changed(value: Any) -> Any:
@@ -246,7 +227,7 @@ def _with_other_forces(mechanism: Mechanism) -> Iterator[Mechanism]:
 
     elements: list[AnyForceElement] = []
     for element in mechanism.force_elements:
-        update = {name: changed(getattr(element, name)) for name in _NUMBERS[element]}
+        update = {name: changed(getattr(element, name)) for name in element.numbers()}
         elements.append(element.model_copy(update=update))
     if elements:
         yield mechanism.model_copy(update={"force_elements": tuple(elements)})
