@@ -1,6 +1,7 @@
 """Renderer of results in a session: reports, pages in a frame or a file, figures, animations.
 
-`import trebucheck` installs this module as the renderer of `models/shown.py`.
+`import trebucheck` installs this module as the renderer of `models/shown.py`, which says what its
+functions raise.
 """
 
 from __future__ import annotations
@@ -66,11 +67,7 @@ def document(result: object) -> Document:
 
 
 def animation(reference: Trajectory, others: Sequence[Trajectory]) -> Animation:
-    """Make an animation of a trajectory, with others of the same mechanism over it.
-
-    Raises:
-        InputError: another one is of another mechanism.
-    """
+    """Make an animation of a trajectory, with others of the same mechanism over it."""
     from ..drawing.animation import animation_of
 
     return animation_of(reference, others)
@@ -85,20 +82,12 @@ def frame(result: Reported) -> str:
 
 
 def write(result: Reported, path: str | Path) -> None:
-    """Write the report's page.
-
-    Raises:
-        UnwritableError: the folder cannot be written to, or has no room.
-    """
+    """Write the report's page."""
     write_text(Path(path), html.page(result.document()))
 
 
 def figure(result: Reported, name: str | None = None) -> Figure:
-    """Draw a figure of the report, the first one if no name is given.
-
-    Raises:
-        InputError: there is none of that name.
-    """
+    """Draw a figure of the report, the first one if no name is given."""
     figures = figures_of(result.document())
     if not figures:
         raise InputError(f"the report of {result} has no figure.")
