@@ -86,9 +86,9 @@ def _of_satellite(name: str) -> Any:
 
 
 def _renderer() -> Renderer:
-    from .comparisons.report.pages import session  # when something is shown, not before
+    from .comparisons.report import pages  # when something is shown, not before
 
-    return session
+    return pages
 
 
 def __dir__() -> list[str]:

@@ -111,8 +111,9 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "comparisons.report.figures": ("comparisons.report.plots", "comparisons.report.document"),
     "comparisons.report.layout": ("comparisons.report.terminal",),
     "comparisons.report.motion": ("comparisons.report.plots",),
-    "comparisons.report.notebook": ("comparisons.report.pages.session",),
+    "comparisons.report.notebook": ("comparisons.report.pages",),
     "comparisons.report.numbers": ("comparisons.report.document",),
+    "comparisons.report.pages.session": ("comparisons.report.pages",),
     "comparisons.report.run": ("comparisons.report.pages.run",),
     "comparisons.report.sections": (
         "comparisons.report.pages.tables",
