@@ -27,9 +27,9 @@ from .version import __version__ as __version__
 _PUBLIC = {
     "comparisons.certify": "certify",
     "comparisons.compare.study": "compare",
-    "comparisons.converge.study": "converge",
+    "comparisons.converge": "converge",
     "comparisons.diff": "diff",
-    "comparisons.explain.study": "explain",
+    "comparisons.explain": "explain",
     "comparisons.judge": "judge",
     "comparisons.matrix": "matrix",
     "comparisons.mjcf": "mjcf",

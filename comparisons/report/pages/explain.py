@@ -9,7 +9,7 @@ from itertools import chain
 
 import numpy as np
 
-from ...explain.results import (
+from ...explain import (
     Budget,
     ExplainedMachine,
     Explanation,
