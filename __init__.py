@@ -41,14 +41,14 @@ _PUBLIC = {
     "UnsupportedProblemError",
     "models.elements": "ConstantForce ConstantTorque CubicTorsionSpring FreeJoint PinJoint "
     "PointStop PrismaticJoint RotationalSpringDamper SlotJoint SpringDamper Stop WeldJoint",
-    "models.library.given": "model problem problems",
+    "models.library.registry": "model problem problems",
     "models.launch": "Launch",
     "models.library.trebuchet": """
         CatapultParameters FloatingArmParameters HingedParameters TrebuchetParameters catapult fixed
         floating_arm hinged rolling
     """,
     "models.mechanism": "Body Marker Mechanism",
-    "models.mjcf.paths": "mjcf_path",
+    "models.mjcf": "mjcf_path",
     "models.mjcf.writer": "mjcf_names",
     "models.problem": "Problem StopLaw",
     "models.trajectory": "Trajectory",

@@ -34,7 +34,7 @@ from .models.errors import (
     UnsupportedProblemError,
 )
 from .models.launch import Launch
-from .models.library.given import model, problem, problems
+from .models.library.registry import model, problem, problems
 from .models.library.trebuchet import (
     CatapultParameters,
     FloatingArmParameters,
@@ -47,7 +47,7 @@ from .models.library.trebuchet import (
     rolling,
 )
 from .models.mechanism import Body, Marker, Mechanism
-from .models.mjcf.paths import mjcf_path
+from .models.mjcf import mjcf_path
 from .models.mjcf.writer import mjcf_names
 from .models.problem import Problem, StopLaw
 from .models.trajectory import Trajectory

@@ -15,11 +15,12 @@ from ..comparisons.report.document import (
     Mark,
     Note,
     Text,
+    format_number,
     row,
+    sentence,
     table,
     words,
 )
-from ..comparisons.report.numbers import format_number, sentence
 from ..comparisons.report.pages.tables import mechanism_as_data
 from ..comparisons.report.plots import (
     Axis,

@@ -134,7 +134,7 @@ def conform_command(call: Call) -> bool:
     trebucheck conform my_package:MyEngine --tier quick
     """
     from ..conformance.certificate import badge, certificate
-    from ..conformance.session import Session
+    from ..conformance.suite import Session
     from ..models.files import refuse_unwritable
 
     given = {
@@ -314,8 +314,9 @@ def figures_command(call: Call) -> None:
     trebucheck figures report --formats pdf,png --only fixed-distances,work-precision
     """
     from ..comparisons.compare.study import stored
-    from ..comparisons.report.figures import FORMATS, figures_of, picture, write_picture
+    from ..comparisons.report.document import figures_of
     from ..comparisons.report.pages.compare import document
+    from ..comparisons.report.plots import FORMATS, picture, write_picture
     from ..comparisons.report.terminal import console
     from ..models.files import refuse_unwritable
 

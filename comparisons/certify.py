@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from ..models.library.given import Model, model_of
+from ..models.library.registry import Model, model_of
 from ..models.library.trebuchet import TrebuchetParameters
 from ..models.problem import Problem, StopLaw
 from ..reference.certification import certify as certification

@@ -26,12 +26,12 @@ from ..engines.registry import engine, engine_class, engine_names, engine_study,
 from ..engines.study import ConstraintKinds, Options, Refinement, StepOrder, SweptParameter
 from ..models.arrays import FloatArray
 from ..models.errors import InputError, SimulationError
-from ..models.library.given import Models
+from ..models.library.registry import Models
 from ..models.mechanism import Mechanism
 from ..models.shown import Reported
 from ..models.spec import NonNegative, Positive, Real, Spec
 from ..reference.certification.certificate import REFUSED_BELOW
-from .report.numbers import format_number
+from .report.document import format_number
 from .runs.process import all_in_order
 from .runs.record import Curves, EngineRuns, RunRecord, runs_of
 from .runs.results import ResultFile

@@ -36,7 +36,7 @@ from ..engines.study import Cause, Intervention
 from ..models.arrays import FloatArray
 from ..models.errors import InputError
 from ..models.kinematics import Kinematics
-from ..models.library.given import Models
+from ..models.library.registry import Models
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
 from ..models.shown import Reported

@@ -27,7 +27,7 @@ from ..models.arrays import BoolArray, FloatArray
 from ..models.errors import InputError
 from ..models.files import read_bytes
 from ..models.kinematics import Kinematics
-from ..models.library.given import Model, model_of
+from ..models.library.registry import Model, model_of
 from ..models.mechanism import AnyStop, Mechanism
 from ..models.problem import StopLaw
 from ..models.spec import Spec

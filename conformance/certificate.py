@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from html import escape
 from itertools import groupby
 
@@ -20,14 +20,13 @@ from ..comparisons.report.document import (
     Text,
     Tile,
     Tiles,
+    format_number,
     page_only,
     row,
     table,
     words,
 )
-from ..comparisons.report.numbers import format_number
 from ..engines.inspection import Inspectable
-from ..engines.protocol import Capabilities
 from ..engines.registry import capabilities_of, engine, engine_class
 from ..engines.supplied import sentence
 from ..models.errors import TrebucheckError
@@ -42,7 +41,6 @@ MARKS: dict[CheckState, Mark] = {
     CheckState.SKIPPED: "muted",
 }
 _LISTED = 12
-_COMPARE = "`trebucheck compare --engines {} --models {}`"
 
 
 def headline(results: Conformance) -> str:
@@ -73,23 +71,25 @@ def certificate(results: Conformance) -> Document:
         Tile(str(known), "known deviations", "warning" if known else "plain"),
         Tile(str(skipped), "skipped"),
     )
-    blocks: list[Block] = [Text(line, mark), Tiles(tiles), *_own(results)]
-    blocks += [*_next(results), *_tables(results)]
-    title = f"Conformance of {', '.join(results.engines)}"
-    return Document(title, tuple(blocks), window=title, command=results.command or "", verdict=line)
-
-
-def _own(results: Conformance) -> Iterator[Text]:
-    """Sentences on the parts of a run that each engine does itself."""
-    for label in results.engines:
+    blocks: list[Block] = [Text(line, mark), Tiles(tiles)]
+    for label in results.engines:  # the parts of a run that each does itself
         supplied = results.supplied.get(label)
         text = "The engine does not say what of a run is its own."
         if supplied is not None:
             text = sentence(supplied)
-        yield Text(text, lead=f"{label}:" if len(results.engines) > 1 else "")
+        blocks.append(Text(text, lead=f"{label}:" if len(results.engines) > 1 else ""))
+    checks = Table(_CHECK_COLUMNS, tuple(_check_row(verdict) for verdict in results.verdicts))
+    blocks += [
+        *_advice(results),
+        Heading("Problems", 2),
+        table(_PROBLEM_COLUMNS, list(_problem_rows(results.verdicts)), "From the simplest on"),
+        Fold(f"All {len(results.verdicts)} checks", (page_only(checks),)),
+    ]
+    title = f"Conformance of {', '.join(results.engines)}"
+    return Document(title, tuple(blocks), window=title, command=results.command or "", verdict=line)
 
 
-def _next(results: Conformance) -> Iterator[Block]:
+def _advice(results: Conformance) -> Iterator[Block]:
     steps = list(next_steps(results))
     if steps:
         yield Heading("What to do next", 2, medium="any")
@@ -98,8 +98,8 @@ def _next(results: Conformance) -> Iterator[Block]:
     if unexplained:
         where, name = unexplained[0].problem, unexplained[0].id.split("/", 1)[0]
         yield Text(
-            f"No cause was looked for where none is named, to save time: "
-            f"{_COMPARE.format(name, where)} does so."
+            "No cause was looked for where none is named, to save time: "
+            f"`trebucheck compare --engines {name} --models {where}` does so."
         )
     more = [text for label in results.engines for text in optional_steps(label)]
     if more:
@@ -109,23 +109,19 @@ def _next(results: Conformance) -> Iterator[Block]:
 
 def next_steps(results: Conformance) -> Iterator[str]:
     """One sentence for each failing part: the interface first, then problems, simplest first."""
-    failing = [verdict for verdict in results.verdicts if verdict.failed]
     if not _judged(results):  # as where the engine is not installed
-        yield from sorted(
-            {f"{verdict.text.removesuffix('.')}." for verdict in results.verdicts if verdict.text}
-        )
-    for (where, problem), own in groupby(
-        failing, key=lambda v: (v.id.rsplit("/", 2)[0], v.problem)
-    ):
-        found = list(own)
-        if problem in (INTERFACE, "row"):
-            yield from (f"{verdict.check}: {verdict.text}" for verdict in found)
+        reasons = {verdict.text.removesuffix(".") for verdict in results.verdicts if verdict.text}
+        yield from (f"{reason}." for reason in sorted(reasons))
+    failing = [verdict for verdict in results.verdicts if verdict.failed]
+    for _, group in groupby(failing, key=lambda v: v.id.rsplit("/", 1)[0]):
+        first, *others = group
+        if first.problem in (INTERFACE, "row"):
+            yield from (f"{verdict.check}: {verdict.text}" for verdict in (first, *others))
             continue
-        first, others = found[0], [verdict.check for verdict in found[1:]]
-        also = f" (also {', '.join(others)})" if others else ""
-        engine, text = where.split("/", 1)[0], first.text.removesuffix(".")
-        said = f"{engine}, {problem}, {first.check}{also}: {text}."
-        yield f"{said} It {first.cause}" if first.cause else said
+        also = f" (also {', '.join(verdict.check for verdict in others)})" if others else ""
+        engine, text = first.id.split("/", 1)[0], first.text.removesuffix(".")
+        step = f"{engine}, {first.problem}, {first.check}{also}: {text}."
+        yield f"{step} It {first.cause}" if first.cause else step
 
 
 def optional_steps(label: str) -> Iterator[str]:
@@ -142,10 +138,6 @@ def optional_steps(label: str) -> Iterator[str]:
             needed.setdefault(feature, []).append(problem)
     for feature, problems in sorted(needed.items(), key=lambda item: -len(item[1])):
         yield f"no {feature}: needed by {', '.join(problems)}"
-    yield from _not_offered(name, preset, capabilities)
-
-
-def _not_offered(name: str, preset: str, capabilities: Capabilities) -> Iterator[str]:
     try:
         inspectable = isinstance(engine(name, preset), Inspectable)
     except (TrebucheckError, TypeError, ValueError):
@@ -163,13 +155,6 @@ def _not_offered(name: str, preset: str, capabilities: Capabilities) -> Iterator
             "no `study`: its tolerances are the default's, and `explain` and `converge` know its "
             "time step only"
         )
-
-
-def _tables(results: Conformance) -> Iterator[Block]:
-    yield Heading("Problems", 2)
-    yield table(_PROBLEM_COLUMNS, list(_problem_rows(results.verdicts)), "From the simplest on")
-    checks = Table(_CHECK_COLUMNS, tuple(_check_row(verdict) for verdict in results.verdicts))
-    yield Fold(f"All {len(results.verdicts)} checks", (page_only(checks),))
 
 
 _PROBLEM_COLUMNS = (
@@ -192,29 +177,25 @@ _CHECK_COLUMNS = (
 
 
 def _problem_rows(verdicts: Sequence[CheckVerdict]) -> Iterator[Row]:
-    for where, own in groupby(verdicts, key=lambda verdict: verdict.id.rsplit("/", 1)[0]):
-        found = list(own)
+    order = (CheckState.BROKEN, CheckState.NOT_JUDGED, CheckState.DEVIATES, CheckState.KEPT)
+    for where, group in groupby(verdicts, key=lambda verdict: verdict.id.rsplit("/", 1)[0]):
+        checks = list(group)
         if where.startswith("deviations/"):
             continue
         engine, _, problem = where.rpartition("/")
-        kept = sum(verdict.state is CheckState.KEPT for verdict in found)
-        judged = sum(verdict.state is not CheckState.SKIPPED for verdict in found)
-        shared = [verdict for verdict in found if verdict.share is not None]
-        worst = max(shared, key=lambda verdict: verdict.share or 0.0, default=None)
+        states = [verdict.state for verdict in checks]
+        judged = len(states) - states.count(CheckState.SKIPPED)
+        counts = f"{states.count(CheckState.KEPT)}/{judged}" if judged else ""
+        shares = [verdict for verdict in checks if verdict.share is not None]
+        worst = max(shares, key=lambda verdict: verdict.share or 0.0, default=None)
         worst_cells = ("", "") if worst is None else (worst.check, f"{worst.share:.2g}")
-        wall = next((f"{v.wall_time:.2f}" for v in found if v.wall_time is not None), "")
-        counts = f"{kept}/{judged}" if judged else ""
-        yield row(engine, problem, counts, *worst_cells, wall, _said(found))
-
-
-def _said(found: Iterable[CheckVerdict]) -> Cell:
-    """On one problem: the worst of its verdicts, and why nothing was judged."""
-    states = [verdict.state for verdict in found]
-    order = (CheckState.BROKEN, CheckState.NOT_JUDGED, CheckState.DEVIATES, CheckState.KEPT)
-    state = next((each for each in order if each in states), CheckState.SKIPPED)
-    texts = [verdict.text for verdict in found if verdict.state is CheckState.SKIPPED]
-    text = f"skipped: {texts[0]}" if state is CheckState.SKIPPED and texts else state.value
-    return Cell(text, MARKS[state])
+        wall = next((f"{v.wall_time:.2f}" for v in checks if v.wall_time is not None), "")
+        # The worst of the verdicts, and why nothing was judged.
+        state = next((state for state in order if state in states), CheckState.SKIPPED)
+        text = state.value
+        if state is CheckState.SKIPPED:  # so all of them are
+            text = f"skipped: {checks[0].text}"
+        yield row(engine, problem, counts, *worst_cells, wall, Cell(text, MARKS[state]))
 
 
 def _check_row(v: CheckVerdict) -> Row:
@@ -224,21 +205,19 @@ def _check_row(v: CheckVerdict) -> Row:
     return row(v.id, Cell(v.state.value, MARKS[v.state]), error, tolerance, v.unit, why)
 
 
-_COLOURS = {True: "#2e7d32", False: "#b3261e"}
-
-
 def badge(results: Conformance) -> str:
     """An SVG for a README: how many checks are kept."""
     left, right = "trebucheck", f"{results.counts[CheckState.KEPT]}/{_judged(results)} kept"
     widths = [7 * len(text) + 12 for text in (left, right)]
     label = escape(f"{left}: {right}; {headline(results)}")
+    colour = "#2e7d32" if results.passed else "#b3261e"
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{sum(widths)}" height="20" role="img" '
         f'aria-label="{label}">'
         f'<title>{label}</title><rect width="{sum(widths)}" height="20" rx="3" fill="#555"/>'
         f'<path d="M{widths[0]} 0h{widths[1] - 3}a3 3 0 0 1 3 3v14a3 3 0 0 1 -3 3h'
         f'-{widths[1] - 3}z" '
-        f'fill="{_COLOURS[results.passed]}"/>'
+        f'fill="{colour}"/>'
         '<g fill="#fff" font-family="Verdana,DejaVu Sans,sans-serif" font-size="11" '
         'text-anchor="middle">'
         f'<text x="{widths[0] / 2:g}" y="14">{left}</text>'

@@ -13,7 +13,7 @@ from ..comparisons.runs.study import Study
 from ..engines.protocol import Engine
 from ..engines.registry import engine_class
 from ..models.errors import EngineNotInstalledError, InputError
-from ..models.library.given import Model, model_of
+from ..models.library.registry import Model, model_of
 from ..models.problem import StopLaw
 from .suite import Target, absence
 
@@ -79,14 +79,16 @@ def check(
         timeout=timeout,
         isolate=isolate,
     )
-    run = _run(study, target)
-    wanted = frozenset(study.needs.by_quantity)
-    faults = list(_faults(run, wanted))
+    with study.worker() as worker:
+        runs = MachineRuns(study, study.mechanisms[0], worker)
+        made = study.engine(target.engine, target.preset)
+        name = runs.runner.mechanism.name
+        runner = study.engine_for(name, runs.machine.scales.time, made)
+        run = runs.run(RunKey(name, target.engine, target.preset), runner).run
+    faults = _faults(run, frozenset(study.needs.by_quantity))
     if faults:
-        name = study.mechanisms[0].name
-        raise AssertionError(
-            "\n".join([f"{target.label} on {name!r}: {faults[0]}", *faults[1:], *diagnosis(run)])
-        )
+        faults[0] = f"{target.label} on {name!r}: {faults[0]}"
+        raise AssertionError("\n".join([*faults, *diagnosis(run)]))
     return run
 
 
@@ -103,26 +105,20 @@ def _title(name: str) -> str:
     return f"{plain}{colon}{subject}"
 
 
-def _run(study: Study, target: Target) -> Run:
-    with study.worker() as worker:
-        runs = MachineRuns(study, study.mechanisms[0], worker)
-        made = study.engine(target.engine, target.preset)
-        own = study.engine_for(runs.runner.mechanism.name, runs.machine.scales.time, made)
-        case = RunKey(runs.runner.mechanism.name, target.engine, target.preset)
-        return runs.run(case, own).run
-
-
 def _faults(run: Run, wanted: frozenset[tuple[str, str | None]]) -> list[str]:
     """Sentences; none where the check holds."""
     if run.outcome not in COMPARED:
         return [f"{run.outcome.value}: {run.message}"]
-    asked = [m for m in run.metrics if not wanted or {(m.name, m.subject), (m.name, None)} & wanted]
-    chosen = run.model_copy(update={"metrics": tuple(asked)})
-    found = {m.name for m in asked}
-    absent = sorted({name for name, _ in wanted} - found)
-    return [
+    metrics = [
+        m for m in run.metrics if not wanted or {(m.name, m.subject), (m.name, None)} & wanted
+    ]
+    absent = sorted({name for name, _ in wanted} - {m.name for m in metrics})
+    chosen = run.model_copy(update={"metrics": tuple(metrics)})
+    faults = [
         *complaints(chosen),
         *(f"{m.label}: not judged: {m.note or 'it has no tolerance'}" for m in chosen.unjudged),
         *(f"{QUANTITIES[name].title}: not judged: this motion has none" for name in absent),
-        *([] if chosen.judged or absent or chosen.unjudged else ["nothing was judged"]),
     ]
+    if not (chosen.judged or absent or chosen.unjudged):
+        faults.append("nothing was judged")
+    return faults

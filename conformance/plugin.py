@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from .session import Session
+    from .suite import Session
     from .verdicts import CheckVerdict
 
 
@@ -29,49 +29,34 @@ _REQUIRED: pytest.StashKey[tuple[str, ...]] = pytest.StashKey()
 def pytest_addoption(parser: pytest.Parser) -> None:
     """The options."""
     group = parser.getgroup("trebucheck", "conformance of multibody engines")
+    repeatable: dict[str, Any] = {"action": "append", "default": []}
     group.addoption(
-        "--trebucheck",
-        action="append",
-        default=[],
-        metavar="ENGINE",
-        help="run trebucheck's suite on this engine and collect nothing else: NAME, "
-        "NAME/PRESET, or "
-        "package.module:Class; repeatable. Tests are collected as well only from paths that are "
-        "named.",
-    )
+        "--trebucheck", metavar="ENGINE", **repeatable,
+        help="run trebucheck's suite on this engine and collect nothing else: NAME, NAME/PRESET, "
+             "or package.module:Class; repeatable. Tests are collected as well only from paths "
+             "that are named.",
+    )  # fmt: skip
     group.addoption(
-        "--trebucheck-problem",
-        action="append",
-        default=[],
-        metavar="NAME",
+        "--trebucheck-problem", metavar="NAME", **repeatable,
         help="only these problems, comma-separated; repeatable",
-    )
+    )  # fmt: skip
     group.addoption(
-        "--trebucheck-tier",
-        choices=("quick", "standard", "full"),
-        default="standard",
+        "--trebucheck-tier", choices=("quick", "standard", "full"), default="standard",
         help="how many problems",
-    )
+    )  # fmt: skip
     group.addoption(
-        "--trebucheck-timeout",
-        type=float,
-        default=120.0,
-        metavar="S",
+        "--trebucheck-timeout", type=float, default=120.0, metavar="S",
         help="longest wait for one run (default: 120 s)",
-    )
+    )  # fmt: skip
     group.addoption(
-        "--trebucheck-deviations",
-        metavar="FILE",
+        "--trebucheck-deviations", metavar="FILE",
         help="TOML or JSON: known failures, each with id, reason and owner",
-    )
+    )  # fmt: skip
     group.addoption("--trebucheck-json", metavar="FILE", help="write the verdicts as JSON")
     group.addoption(
-        "--require-engine",
-        action="append",
-        default=[],
-        metavar="NAME",
+        "--require-engine", metavar="NAME", **repeatable,
         help="fail if this engine is absent, or if every test of it is skipped; repeatable",
-    )
+    )  # fmt: skip
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -80,14 +65,16 @@ def pytest_configure(config: pytest.Config) -> None:
     engines: list[str] = config.getoption("--trebucheck") or []
     config.stash[_REQUIRED] = tuple(dict.fromkeys(name.partition("/")[0] for name in required))
     _HEARD.clear()
-    if not engines:
-        _refuse_alone(config)
-        return
-    from ..models.errors import TrebucheckError
-    from .session import Session
-
     names = ("tier", "problem", "timeout", "deviations", "json")
     options: dict[str, Any] = {name: config.getoption(f"--trebucheck-{name}") for name in names}
+    if not engines:
+        for name in ("problem", "deviations", "json"):
+            if options[name]:
+                raise pytest.UsageError(f"--trebucheck-{name} needs --trebucheck ENGINE")
+        return
+    from ..models.errors import TrebucheckError
+    from .suite import Session
+
     folder = config.invocation_params.dir
     try:
         session = Session.of(engines, options, folder, config.stash[_REQUIRED])
@@ -108,18 +95,15 @@ def _reports(config: pytest.Config) -> bool:
 
 @pytest.hookimpl(tryfirst=True, optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """The checks of one problem go to one process: it is run once for all of them."""
-    if _KEY not in config.stash or config.getoption("dist") == "each":
+    """The checks of one problem go to one process: it is run once for all of them.
+
+    Other tests are distributed as `--dist` says.
+    """
+    dist = str(config.getoption("dist"))
+    if _KEY not in config.stash or dist == "each":
         return None
-
-    return _scheduler(config, log)
-
-
-def _scheduler(config: pytest.Config, log: Any) -> Any:
-    """Scheduler that keeps the checks of a problem in one process; other tests as `--dist`."""
     from xdist.scheduler import LoadFileScheduling, LoadGroupScheduling, LoadScopeScheduling
 
-    dist = str(config.getoption("dist"))
     by_dist: dict[str, type[LoadScopeScheduling]] = {
         "loadfile": LoadFileScheduling,
         "loadgroup": LoadGroupScheduling,
@@ -133,12 +117,6 @@ def _scheduler(config: pytest.Config, log: Any) -> Any:
             return nodeid if dist in ("load", "worksteal") else str(super()._split_scope(nodeid))
 
     return ByProblem(config, log)
-
-
-def _refuse_alone(config: pytest.Config) -> None:
-    for name in ("problem", "deviations", "json"):
-        if config.getoption(f"--trebucheck-{name}"):
-            raise pytest.UsageError(f"--trebucheck-{name} needs --trebucheck ENGINE")
 
 
 class ConformanceItem(pytest.Item):
@@ -172,15 +150,6 @@ class CheckFailedError(Exception):
     """A check's sentence."""
 
 
-class ConformanceSuite(pytest.Collector):
-    """The checks of all engines asked for."""
-
-    def collect(self) -> Iterator[ConformanceItem]:
-        """One item a check."""
-        for name in self.config.stash[_KEY].ids:
-            yield ConformanceItem.from_parent(self, name=name, nodeid=name)
-
-
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_collection_modifyitems(
     session: pytest.Session, config: pytest.Config, items: list[pytest.Item]
@@ -197,14 +166,20 @@ def pytest_collection_modifyitems(
     session.testscollected = len(items)
     yield
     if not _reports(config):
-        rows = [
-            item
-            for item in items
-            if item.name in config.stash[_KEY].rows and isinstance(item, ConformanceItem)
-        ]
+        ids = config.stash[_KEY].rows
+        rows = [item for item in items if item.name in ids and isinstance(item, ConformanceItem)]
         items[:] = [item for item in items if item not in rows]
         config.workeroutput[ROWS] = [item.name for item in rows]  # type: ignore
     return None
+
+
+class ConformanceSuite(pytest.Collector):
+    """The checks of all engines asked for."""
+
+    def collect(self) -> Iterator[ConformanceItem]:
+        """One item a check."""
+        for name in self.config.stash[_KEY].ids:
+            yield ConformanceItem.from_parent(self, name=name, nodeid=name)
 
 
 @pytest.hookimpl(hookwrapper=True)
@@ -239,18 +214,18 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
-def _silent(config: pytest.Config) -> list[str]:
-    if config.getoption("collectonly", False):
-        return []
-    return [name for name in config.stash[_REQUIRED] if name not in _HEARD]
-
-
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
     """Say which required engines said nothing."""
     for name in _silent(config):
         terminalreporter.write_line(
             f"--require-engine {name}: no test of it has run: absent, or all skipped", red=True
         )
+
+
+def _silent(config: pytest.Config) -> list[str]:
+    if config.getoption("collectonly", False):
+        return []
+    return [name for name in config.stash[_REQUIRED] if name not in _HEARD]
 
 
 class _Checker:
@@ -319,30 +294,22 @@ class Reports:
         session.testscollected += len(self._rows)
         for id in self._session.rows:
             if id in self._rows:
-                self._config.hook.pytest_runtest_logreport(report=_report(self._session.judged(id)))
+                verdict = self._session.judged(id)
+                outcome, text = "passed", None
+                if verdict.failed:
+                    outcome, text = "failed", verdict.complaint
+                elif verdict.state.value == "skipped":
+                    outcome, text = "skipped", (str(Path.cwd()), 0, f"Skipped: {verdict.text}")
+                where, properties = (id, None, id), verdict.properties
+                report: Any = pytest.TestReport(
+                    id,
+                    where,
+                    {},
+                    outcome,
+                    text,
+                    "call",
+                    user_properties=properties,  # type: ignore
+                )
+                report.trebucheck_verdict = verdict.to_json()
+                self._config.hook.pytest_runtest_logreport(report=report)
         return done
-
-
-def _report(verdict: CheckVerdict) -> pytest.TestReport:
-    from .verdicts import CheckState
-
-    skipped = str(Path.cwd()), 0, f"Skipped: {verdict.text}"
-    outcome: Any = (
-        "failed"
-        if verdict.failed
-        else "skipped"
-        if verdict.state is CheckState.SKIPPED
-        else "passed"
-    )
-    said: Any = {"failed": verdict.complaint, "skipped": skipped, "passed": None}[outcome]
-    report = pytest.TestReport(
-        verdict.id,
-        (verdict.id, None, verdict.id),
-        {},
-        outcome,
-        said,
-        "call",
-        user_properties=verdict.properties,
-    )
-    report.trebucheck_verdict = verdict.to_json()  # type: ignore[attr-defined]
-    return report

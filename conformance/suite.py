@@ -1,22 +1,23 @@
-"""The checks of one engine: its description, how it answers, and its runs of problems.
+"""The checks of engines: how they describe themselves and answer, and their runs of problems.
 
-Each problem is run once, when the first of its checks is asked for. Whatever the engine does, it
+Each problem is run once, when the first of its checks is asked for. Whatever an engine does, it
 does in processes of their own: no problem's verdict depends on what another one did.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
-from types import TracebackType
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..comparisons.compare.study import MachineRuns, RunKey
-from ..comparisons.report.numbers import format_number
+from ..comparisons.report.document import format_number
 from ..comparisons.report.pages.compare import diagnosis
 from ..comparisons.runs.balance import keeps_horizontal_momentum
 from ..comparisons.runs.metrics import THROWN
@@ -36,11 +37,12 @@ from ..engines.registry import (
 )
 from ..models.errors import InputError, SimulationError, TrebucheckError, UnsupportedProblemError
 from ..models.features import missing_elements
+from ..models.files import refuse_unwritable, write_text
 from ..models.library.registry import benchmarks, library_problem, model, models
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem, StopLaw
 from ..models.trajectory import Trajectory
-from .verdicts import CheckState, CheckVerdict
+from .verdicts import CheckState, CheckVerdict, Conformance, Deviations
 
 QUICK = ("catapult", "double-pendulum", "fixed", "stopped-pendulum")
 STANDARD = (
@@ -50,6 +52,14 @@ STANDARD = (
 )  # fmt: skip
 """From the simplest on, so that errors are found early; every feature is in one."""
 TIERS = ("quick", "standard", "full")
+INTERFACE = "interface"
+"""In the place of a problem's name: checks of the engine's description and of how it answers."""
+_DIAGNOSED = 2  # broken problems whose cause is looked for: that may take as long as ten runs
+_SHORT = 200  # steps of a run that is only made to see whether it is made
+_SPAN = 0.1  # [s] of an engine that has no step
+
+
+# --- Problems, and what an engine needs for them
 
 
 def problems_of(tier: str) -> tuple[str, ...]:
@@ -61,8 +71,8 @@ def problems_of(tier: str) -> tuple[str, ...]:
     if tier not in TIERS:
         raise InputError(f"tier = {tier!r} is unknown; there are: {', '.join(TIERS)}.")
     if tier == "full":
-        every = (*models(), *(benchmark.name for benchmark in benchmarks()))
-        return (*STANDARD, *(name for name in every if name not in STANDARD))
+        names = (*STANDARD, *models(), *(benchmark.name for benchmark in benchmarks()))
+        return tuple(dict.fromkeys(names))
     return QUICK if tier == "quick" else STANDARD
 
 
@@ -83,8 +93,9 @@ def missing(mechanism: Mechanism, law: StopLaw, capabilities: Capabilities) -> t
     names = missing_elements(
         mechanism, capabilities.features, capabilities.lacking, law, capabilities.elements
     )
-    followed = not mechanism.stops or law in capabilities.stop_laws
-    return (*names, *([] if followed else [f"{law.value} law of the stops"]))
+    if mechanism.stops and law not in capabilities.stop_laws:
+        return (*names, f"{law.value} law of the stops")
+    return tuple(names)
 
 
 def check_name(metric: str) -> str:
@@ -110,232 +121,13 @@ def quantities(mechanism: Mechanism, law: StopLaw, capabilities: Capabilities) -
     return tuple(name for name in names if not left_out.get(name, False))
 
 
-Found = tuple[CheckState, str]
-_SHORT = 200  # steps of a run that is only made to see whether it is made
-_SPAN = 0.1  # [s] of an engine that has no step
-
-
-class _BrokenError(TrebucheckError):
-    """A check's sentence."""
-
-
-@dataclass(frozen=True)
-class _Subject:
-    """An engine with the problems on which its interface is checked."""
-
-    name: str
-    preset: str
-    problems: Sequence[str]
-    worker: Worker
-
-    @property
-    def cls(self) -> EngineClass:
-        return engine_class(self.name)
-
-    @property
-    def fitting(self) -> list[str]:
-        """Problems that it declares to be able to build."""
-        capabilities = capabilities_of(self.name, self.preset)
-        return [p for p in self.problems if not missing(*given(p), capabilities)]
-
-    def made(self) -> Engine:
-        return engine(self.name, self.preset)
-
-    def short(self, problem: str, made: Engine) -> Trajectory:
-        """A short run of a problem."""
-        asked = _shortened(problem, made)
-        return self.valid(self.worker.call(simulate, made, asked), asked)
-
-    def valid(self, found: Trajectory, asked: Problem) -> Trajectory:
-        """The trajectory, unless it is not whole."""
-        return refuse_invalid(self.name, found, asked.mechanism, self.cls.capabilities)
-
-
-def _shortened(problem: str, made: Engine) -> Problem:
-    mechanism, law = given(problem)
-    duration = _SPAN if made.timestep is None else _SHORT * made.timestep
-    return Problem(mechanism, duration=duration, stop_law=law)
-
-
-def _first_and_last(made: Engine, problems: Sequence[Problem]) -> tuple[Trajectory, Trajectory]:
-    """First and last of several runs in one process; the others have checks of their own."""
-    first = made.simulate(problems[0])
-    for problem in problems[1:-1]:
-        with suppress(Exception):
-            made.simulate(problem)
-    return first, made.simulate(problems[-1])
-
-
-def presets_of(name: str, cls: EngineClass) -> Mapping[str, Callable[..., object]]:
-    """The makers of an engine's class.
-
-    Raises:
-        InputError: it has none.
-    """
-    try:
-        makers = cls.presets()
-    except Exception as error:
-        raise InputError(
-            f"engine {name!r}: presets() failed: {type(error).__name__}: {error}."
-        ) from error
-    if not makers:
-        raise InputError(
-            f"engine {name!r}: presets() gives no maker; one called 'tuned' is needed at least."
-        )
-    return makers
-
-
-def is_installed(cls: EngineClass) -> bool:
-    """Whether its library is here; an engine whose method fails is not."""
-    try:
-        return bool(cls.is_installed())
-    except Exception:
-        return False
+# --- The engine
 
 
 def absence(cls: EngineClass) -> str:
     """A sentence for an engine that is not installed, in its own words where it has any."""
-    own = getattr(cls, "absence", None)
-    return str(own() if own is not None else f"engine {cls.name!r} is not installed here.")
-
-
-def check_interface(
-    name: str, preset: str, problems: Sequence[str], worker: Worker
-) -> dict[str, Found]:
-    """Make every check of how an engine describes itself and answers."""
-    subject = _Subject(name, preset, problems, worker)
-    return {check: _found(_CHECKS[check], subject) for check in INTERFACE_CHECKS}
-
-
-def _found(check: Callable[[_Subject], str], subject: _Subject) -> Found:
-    """Result of a check; the text that it returns is the reason for which it is skipped."""
-    try:
-        skipped = check(subject)
-    except TrebucheckError as error:
-        return CheckState.BROKEN, str(error)
-    except Exception as error:
-        return CheckState.BROKEN, f"{type(error).__name__}: {error}"
-    return (CheckState.SKIPPED, skipped) if skipped else (CheckState.KEPT, "")
-
-
-def _describes_itself(s: _Subject) -> str:
-    capabilities: Any = s.cls.capabilities
-    if not isinstance(capabilities, Capabilities):
-        raise _BrokenError(
-            f"capabilities is a {type(capabilities).__name__}; a trebucheck.Capabilities is needed"
-        )
-    if s.cls.name != s.name:
-        raise _BrokenError(
-            f"the class is called {s.cls.name!r} and announced as {s.name!r}; both must be the same"
-        )
-    version: Any = s.cls.version()
-    if not isinstance(version, str) or not version:
-        raise _BrokenError(f"version() gives {version!r}; a text is needed")
-    lacking = {"tuned", "stock"} - set(s.cls.presets())
-    if lacking:
-        raise _BrokenError(
-            f"presets() lacks {sorted(lacking)[0]!r}; two names may lead to the same maker"
-        )
-    return ""
-
-
-def _is_made_again(s: _Subject) -> str:
-    first = s.made()
-    again = engine(first.name, first.preset, **first.settings)
-    if again.settings != first.settings:
-        changed = next(k for k in first.settings if again.settings.get(k) != first.settings[k])
-        raise _BrokenError(
-            f"made again from its settings, its {changed} is {again.settings.get(changed)!r} "
-            f"instead of {first.settings[changed]!r}"
-        )
-    if (first.name, first.preset) != (s.name, s.preset):
-        raise _BrokenError(
-            f"the engine made says that it is {first.name}/{first.preset}, not {s.name}/{s.preset}"
-        )
-    return ""
-
-
-_NONE_FITS = "none of the problems is one that it can build"
-
-
-def _moves_a_little(s: _Subject) -> str:
-    """The trajectory of a short run is a valid one."""
-    if not s.fitting:
-        return _NONE_FITS
-    s.short(s.fitting[0], s.made())
-    return ""
-
-
-def _is_the_same_again(s: _Subject) -> str:
-    """Compare with a second run after one of another problem: state must not be kept."""
-    fit, made = s.fitting, s.made()
-    if not fit:
-        return _NONE_FITS
-    asked = [_shortened(problem, made) for problem in (*fit[:2], fit[0])]
-    try:
-        runs = s.worker.call(_first_and_last, made, asked)
-    except SimulationError:  # perhaps of the problem between them
-        runs = s.worker.call(_first_and_last, made, [asked[0], asked[-1]])
-    for label, one, other in _sampled(*(s.valid(run, asked[0]) for run in runs)):
-        if one.shape != other.shape:
-            raise _BrokenError(
-                f"{fit[0]}: {label} has the shape {other.shape} in a second run, {one.shape} in "
-                "the first"
-            )
-        if not np.array_equal(one, other):
-            apart = float(np.abs(one - other).max())
-            raise _BrokenError(
-                f"{fit[0]}: {label} differs by up to {apart:.3g} between two runs of the same "
-                "problem"
-            )
-    return ""
-
-
-def _sampled(one: Trajectory, other: Trajectory) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-    for label in ("t", "q", "u", "kinetic_energy", "potential_energy"):
-        yield label, getattr(one, label), getattr(other, label)
-    for name, motion in one.markers.items():
-        yield f"the position of {name!r}", motion.position, other.marker(name).position
-    for forces in ("joint_reactions", "stop_torques"):
-        for name, values in getattr(one, forces).items():
-            yield f"{forces} of {name!r}", values, getattr(other, forces)[name]
-
-
-def _refuses_the_rest(s: _Subject) -> str:
-    """Require UnsupportedProblemError for what it does not declare."""
-    capabilities, made, seen = capabilities_of(s.name, s.preset), s.made(), set[str]()
-    for problem in STANDARD:
-        lacking = missing(*given(problem), capabilities)
-        if not lacking or seen.issuperset(lacking):
-            continue
-        seen.update(lacking)
-        try:
-            s.short(problem, made)
-        except UnsupportedProblemError:
-            continue
-        except (SimulationError, InputError) as error:
-            raise _BrokenError(
-                f"{problem}: it fails instead of refusing {lacking[0]}: {error}"
-            ) from None
-        raise _BrokenError(
-            f"it moves {problem!r}, which has {lacking[0]}, and does not declare that it can"
-        )
-    return "" if seen else "it declares everything"
-
-
-_CHECKS: dict[str, Callable[[_Subject], str]] = {
-    "description": _describes_itself,
-    "made-again": _is_made_again,
-    "short-run": _moves_a_little,
-    "same-again": _is_the_same_again,
-    "refuses": _refuses_the_rest,
-}
-INTERFACE_CHECKS = tuple(_CHECKS)
-"""In the order in which they are made."""
-INTERFACE = "interface"
-"""In the place of a problem's name: checks of the engine's description and of how it answers."""
-_DIAGNOSED = 2
-"""Broken problems whose cause is looked for: a diagnosis may take as long as ten runs."""
+    in_own_words = getattr(cls, "absence", None)
+    return str(in_own_words() if in_own_words else f"engine {cls.name!r} is not installed here.")
 
 
 @dataclass(frozen=True)
@@ -356,7 +148,17 @@ class Target:
         """
         name, _, preset = text.strip().partition("/")
         name = announce(name) if ":" in name else name
-        presets = tuple(presets_of(name, engine_class(name)))
+        engine_type = engine_class(name)
+        try:
+            presets = tuple(engine_type.presets())
+        except Exception as error:
+            raise InputError(
+                f"engine {name!r}: presets() failed: {type(error).__name__}: {error}."
+            ) from error
+        if not presets:
+            raise InputError(
+                f"engine {name!r}: presets() gives no maker; one called 'tuned' is needed at least."
+            )
         chosen = preset or ("tuned" if "tuned" in presets else presets[0])
         if chosen not in presets:
             raise InputError(f"{name} has no preset {chosen!r}; there are: {', '.join(presets)}.")
@@ -366,6 +168,182 @@ class Target:
     def label(self) -> str:
         """Both, as ids begin."""
         return f"{self.engine}/{self.preset}"
+
+    @property
+    def engine_type(self) -> EngineClass:
+        """The engine's class."""
+        return engine_class(self.engine)
+
+    @cached_property
+    def capabilities(self) -> Capabilities:
+        """Capabilities with the options of its preset."""
+        return capabilities_of(self.engine, self.preset)
+
+    def lacks(self, problem: str) -> tuple[str, ...]:
+        """Names of what a problem needs and the engine does not declare."""
+        return missing(*given(problem), self.capabilities)
+
+
+# --- Checks of the interface
+
+
+class _Interface:
+    """How an engine describes itself and answers.
+
+    Each check raises an error where something is wrong; a text that it returns is the reason for
+    which it is skipped.
+    """
+
+    def __init__(self, target: Target, problems: Sequence[str], worker: Worker) -> None:
+        self.target, self.problems, self.worker = target, problems, worker
+
+    @property
+    def fitting(self) -> list[str]:
+        """Problems that it declares to be able to build."""
+        return [problem for problem in self.problems if not self.target.lacks(problem)]
+
+    def _make(self) -> Engine:
+        return engine(self.target.engine, self.target.preset)
+
+    def _shortened(self, problem: str, made: Engine) -> Problem:
+        mechanism, law = given(problem)
+        duration = _SPAN if made.timestep is None else _SHORT * made.timestep
+        return Problem(mechanism, duration=duration, stop_law=law)
+
+    def _valid(self, trajectory: Trajectory, problem: Problem) -> Trajectory:
+        """The trajectory, unless it is not whole."""
+        capabilities = self.target.engine_type.capabilities
+        return refuse_invalid(self.target.engine, trajectory, problem.mechanism, capabilities)
+
+    def _run_briefly(self, problem: str, made: Engine) -> None:
+        short = self._shortened(problem, made)
+        self._valid(self.worker.call(simulate, made, short), short)
+
+    def description(self) -> str:
+        cls, name = self.target.engine_type, self.target.engine
+        capabilities: Any = cls.capabilities
+        if not isinstance(capabilities, Capabilities):
+            raise TrebucheckError(
+                f"capabilities is a {type(capabilities).__name__}; a trebucheck.Capabilities is "
+                "needed"
+            )
+        if cls.name != name:
+            raise TrebucheckError(
+                f"the class is called {cls.name!r} and announced as {name!r}; both must be the same"
+            )
+        version: Any = cls.version()
+        if not isinstance(version, str) or not version:
+            raise TrebucheckError(f"version() gives {version!r}; a text is needed")
+        lacking = {"tuned", "stock"} - set(cls.presets())
+        if lacking:
+            raise TrebucheckError(
+                f"presets() lacks {sorted(lacking)[0]!r}; two names may lead to the same maker"
+            )
+        return ""
+
+    def made_again(self) -> str:
+        first = self._make()
+        again = engine(first.name, first.preset, **first.settings)
+        for name in (*first.settings, *again.settings):
+            value, changed = first.settings.get(name), again.settings.get(name)
+            if changed != value:
+                raise TrebucheckError(
+                    f"made again from its settings, its {name} is {changed!r} instead of {value!r}"
+                )
+        label = f"{first.name}/{first.preset}"
+        if label != self.target.label:
+            raise TrebucheckError(
+                f"the engine made says that it is {label}, not {self.target.label}"
+            )
+        return ""
+
+    def short_run(self) -> str:
+        fitting = self.fitting
+        if not fitting:
+            return _NONE_FITS
+        self._run_briefly(fitting[0], self._make())
+        return ""
+
+    def same_again(self) -> str:
+        """Compare with a second run after one of another problem: state must not be kept."""
+        made, names = self._make(), self.fitting[:2]
+        if not names:
+            return _NONE_FITS
+        problems = [self._shortened(problem, made) for problem in (*names, names[0])]
+        try:
+            runs = self.worker.call(_first_and_last, made, problems)
+        except SimulationError:  # perhaps of the problem between them
+            runs = self.worker.call(_first_and_last, made, [problems[0], problems[-1]])
+        first, second = (_samples(self._valid(run, problems[0])) for run in runs)
+        for label, values in first.items():
+            other = second[label]
+            if values.shape != other.shape:
+                raise TrebucheckError(
+                    f"{names[0]}: {label} has the shape {other.shape} in a second run, "
+                    f"{values.shape} in the first"
+                )
+            if not np.array_equal(values, other):
+                difference = float(np.abs(values - other).max())
+                raise TrebucheckError(
+                    f"{names[0]}: {label} differs by up to {difference:.3g} between two runs of "
+                    "the same problem"
+                )
+        return ""
+
+    def refuses(self) -> str:
+        """Require UnsupportedProblemError for what it does not declare."""
+        made, seen = self._make(), set[str]()
+        for problem in STANDARD:
+            lacking = self.target.lacks(problem)
+            if not lacking or seen.issuperset(lacking):
+                continue
+            seen.update(lacking)
+            try:
+                self._run_briefly(problem, made)
+            except UnsupportedProblemError:
+                continue
+            except (SimulationError, InputError) as error:
+                raise TrebucheckError(
+                    f"{problem}: it fails instead of refusing {lacking[0]}: {error}"
+                ) from None
+            raise TrebucheckError(
+                f"it moves {problem!r}, which has {lacking[0]}, and does not declare that it can"
+            )
+        return "" if seen else "it declares everything"
+
+
+_NONE_FITS = "none of the problems is one that it can build"
+_INTERFACE_CHECKS: dict[str, Callable[[_Interface], str]] = {
+    "description": _Interface.description,
+    "made-again": _Interface.made_again,
+    "short-run": _Interface.short_run,
+    "same-again": _Interface.same_again,
+    "refuses": _Interface.refuses,
+}
+
+
+def _first_and_last(made: Engine, problems: Sequence[Problem]) -> tuple[Trajectory, Trajectory]:
+    """First and last of several runs in one process; the others have checks of their own."""
+    first = made.simulate(problems[0])
+    for problem in problems[1:-1]:
+        with suppress(Exception):
+            made.simulate(problem)
+    return first, made.simulate(problems[-1])
+
+
+def _samples(run: Trajectory) -> dict[str, np.ndarray]:
+    """Arrays of a motion that a second run must repeat, by what they are."""
+    names = ("t", "q", "u", "kinetic_energy", "potential_energy")
+    samples: dict[str, np.ndarray] = {name: getattr(run, name) for name in names}
+    for name, motion in run.markers.items():
+        samples[f"the position of {name!r}"] = motion.position
+    for forces in ("joint_reactions", "stop_torques"):
+        for name, values in getattr(run, forces).items():
+            samples[f"{forces} of {name!r}"] = values
+    return samples
+
+
+# --- The suite of one engine
 
 
 @dataclass
@@ -405,32 +383,18 @@ class Suite:
         self.target, self.problems, self.required = target, tuple(problems), required
         self._references = references or References()
         self._worker = Worker(timeout, isolate, fresh=True)
-        self._known: dict[str, dict[str, CheckVerdict]] = {}
+        self._verdicts: dict[str, dict[str, CheckVerdict]] = {}
         self._diagnosed = 0
-        self.ids = tuple(
-            self._id(name, check) for name, own in self._checks.items() for check in own
-        )
-        """Ids of all checks, in their order."""
 
     def __enter__(self) -> Suite:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        at: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
         """End the engine's process."""
         self._worker.close()
-
-    @cached_property
-    def capabilities(self) -> Capabilities:
-        """Capabilities with the options of its preset."""
-        return capabilities_of(self.target.engine, self.target.preset)
 
     @cached_property
     def supplied(self) -> dict[str, str] | None:
@@ -440,17 +404,25 @@ class Suite:
     @cached_property
     def version(self) -> str:
         """Version of the engine."""
-        return str(engine_class(self.target.engine).version())
+        return str(self.target.engine_type.version())
 
     @cached_property
     def _checks(self) -> dict[str, tuple[str, ...]]:
         """Names of the checks by problem."""
-        checks = {INTERFACE: INTERFACE_CHECKS}
+        checks, capabilities = {INTERFACE: tuple(_INTERFACE_CHECKS)}, self.target.capabilities
         for problem in self.problems:
-            metrics = quantities(*given(problem), self.capabilities)
-            beyond = missing(*given(problem), self.capabilities)
-            checks[problem] = ("runs",) if beyond else ("runs", "model", *map(check_name, metrics))
+            checks[problem] = ("runs",)
+            if not missing(*given(problem), capabilities):
+                metrics = quantities(*given(problem), capabilities)
+                checks[problem] = ("runs", "model", *map(check_name, metrics))
         return checks
+
+    @cached_property
+    def ids(self) -> tuple[str, ...]:
+        """Ids of all checks, in their order."""
+        return tuple(
+            self._id(problem, check) for problem in self._checks for check in self._checks[problem]
+        )
 
     def _id(self, problem: str, check: str) -> str:
         return f"{self.target.label}/{problem}/{check}"
@@ -458,27 +430,13 @@ class Suite:
     def verdict(self, id: str) -> CheckVerdict:
         """Verdict on a check; its problem is run now if this is its first one."""
         _, problem, check = id.rsplit("/", 2)
-        if problem not in self._known:
-            self._known[problem] = self._judged(problem)
-        return self._known[problem][check]
+        if problem not in self._verdicts:
+            self._verdicts[problem] = self._judge(problem)
+        return self._verdicts[problem][check]
 
     def verdicts(self) -> Iterable[CheckVerdict]:
         """Verdicts on all checks, each when it is asked for."""
         return map(self.verdict, self.ids)
-
-    def _judged(self, problem: str) -> dict[str, CheckVerdict]:
-        cls = engine_class(self.target.engine)
-        if not is_installed(cls):
-            state = CheckState.BROKEN if self.required else CheckState.SKIPPED
-            return self._all(problem, state, absence(cls).removesuffix("."))
-        if problem == INTERFACE:
-            target = self.target
-            found = check_interface(target.engine, target.preset, self.problems, self._worker)
-            return {name: self._verdict(problem, name, *result) for name, result in found.items()}
-        lacking = missing(*given(problem), self.capabilities)
-        if lacking:
-            return self._all(problem, CheckState.SKIPPED, f"it has no {', no '.join(lacking)}")
-        return self._run(problem)
 
     def _verdict(self, problem: str, check: str, state: CheckState, text: str = "") -> CheckVerdict:
         return CheckVerdict(id=self._id(problem, check), state=state, text=text)
@@ -493,6 +451,36 @@ class Suite:
         others = self._all(problem, CheckState.SKIPPED, nothing)
         return others | {check: self._verdict(problem, check, CheckState.BROKEN, text)}
 
+    def _judge(self, problem: str) -> dict[str, CheckVerdict]:
+        cls = self.target.engine_type
+        try:
+            is_installed = bool(cls.is_installed())
+        except Exception:
+            is_installed = False
+        if not is_installed:
+            state = CheckState.BROKEN if self.required else CheckState.SKIPPED
+            return self._all(problem, state, absence(cls).removesuffix("."))
+        if problem == INTERFACE:
+            return self._judge_interface()
+        lacking = self.target.lacks(problem)
+        if lacking:
+            return self._all(problem, CheckState.SKIPPED, f"it has no {', no '.join(lacking)}")
+        return self._run(problem)
+
+    def _judge_interface(self) -> dict[str, CheckVerdict]:
+        verdicts: dict[str, CheckVerdict] = {}
+        for name, check in _INTERFACE_CHECKS.items():
+            state = CheckState.BROKEN
+            try:
+                text = check(_Interface(self.target, self.problems, self._worker))
+                state = CheckState.SKIPPED if text else CheckState.KEPT
+            except TrebucheckError as error:
+                text = str(error)
+            except Exception as error:
+                text = f"{type(error).__name__}: {error}"
+            verdicts[name] = self._verdict(INTERFACE, name, state, text)
+        return verdicts
+
     def _run(self, problem: str) -> dict[str, CheckVerdict]:
         target = self.target
         study = Study([problem], [target.engine], [target.preset])
@@ -501,10 +489,10 @@ class Suite:
         runs.runner.worker = self._worker
         try:
             made = study.engine(target.engine, target.preset)
-            engine = study.engine_for(problem, runs.machine.scales.time, made)
+            runner = study.engine_for(problem, runs.machine.scales.time, made)
         except (TrebucheckError, TypeError, ValueError) as error:
             return self._failed(problem, f"the engine cannot be made: {error}")
-        run = runs.run(RunKey(problem, target.engine, target.preset), engine).run
+        run = runs.run(RunKey(problem, target.engine, target.preset), runner).run
         message = f"{run.message}"
         if run.outcome is Outcome.TIMED_OUT:
             longer = "a longer --timeout [s] (of pytest: --trebucheck-timeout) may let it"
@@ -516,55 +504,58 @@ class Suite:
         if run.outcome is Outcome.NOT_EQUIVALENT:
             return self._failed(problem, " ".join([message, *diagnosis(run)]), "model")
         self._diagnosed += bool(run.broken)
-        verdicts = self._of_run(problem, run)
-        if engine.timestep != made.timestep:  # then failures say at which steps
-            steps = f" at steps of {engine.timestep:g} s"
+        verdicts = self._judge_run(problem, run)
+        if runner.timestep != made.timestep:  # then failures say at which steps
+            steps = f" at steps of {runner.timestep:g} s"
             for check, verdict in verdicts.items():
                 if verdict.failed:
                     verdicts[check] = verdict.model_copy(update={"text": verdict.text + steps})
         return verdicts
 
-    def _of_run(self, problem: str, run: Run) -> dict[str, CheckVerdict]:
+    def _judge_run(self, problem: str, run: Run) -> dict[str, CheckVerdict]:
         """Verdicts on a run, its built model, and each quantity."""
-        runs, model, *checks = self._checks[problem]
-        verdicts = {runs: self._of_rest(problem, run), model: self._of_model(problem, run)}
-        for check in checks:
-            verdict = judgement([m for m in run.metrics if check_name(m.name) == check], run)
-            verdicts[check] = verdict.model_copy(update={"id": self._id(problem, check)})
-        return verdicts
-
-    def _of_rest(self, problem: str, run: Run) -> CheckVerdict:
-        """Verdict on the run itself, and on metrics that have no check of their own."""
-        rest = [m for m in run.metrics if check_name(m.name) not in self._checks[problem]]
-        verdict = judgement(rest, run)
-        changes: dict[str, object] = {"id": self._id(problem, "runs"), "wall_time": run.wall_time}
-        if verdict.state is CheckState.SKIPPED:  # nothing else was judged: it ran
-            changes |= {"state": CheckState.KEPT, "text": ""}
-        return verdict.model_copy(update=changes)
-
-    def _of_model(self, problem: str, run: Run) -> CheckVerdict:
-        if run.equality is not None and run.equality.exposed:
-            return self._verdict(problem, "model", CheckState.KEPT)
-        text = "it does not show its built model (`inspect`): only its motion tells"
-        return self._verdict(problem, "model", CheckState.SKIPPED, text)
+        runs, model_check, *checks = self._checks[problem]
+        # The run itself is judged by the metrics that have no check of their own.
+        metrics: dict[str, list[Metric]] = {check: [] for check in (runs, *checks)}
+        for metric in run.metrics:
+            check = check_name(metric.name)
+            metrics[check if check in metrics else runs].append(metric)
+        verdicts: dict[str, CheckVerdict] = {}
+        for check, judged in metrics.items():
+            changes: dict[str, object] = {"id": self._id(problem, check)}
+            verdict = judgement(judged, run)
+            if check == runs:
+                changes["wall_time"] = run.wall_time
+                if verdict.state is CheckState.SKIPPED:  # nothing else was judged: it ran
+                    changes |= {"state": CheckState.KEPT, "text": ""}
+            verdicts[check] = verdict.model_copy(update=changes)
+        state, text = CheckState.KEPT, ""
+        if run.equality is None or not run.equality.exposed:
+            state = CheckState.SKIPPED
+            text = "it does not show its built model (`inspect`): only its motion tells"
+        return verdicts | {model_check: self._verdict(problem, model_check, state, text)}
 
 
 def judgement(metrics: Iterable[Metric], run: Run) -> CheckVerdict:
     """Verdict on the metrics of one quantity, by the worst of them."""
-    own = [m for m in metrics if m.follows is None]
-    judged = sorted((m for m in own if m.share is not None), key=lambda m: m.share or 0.0)
+    metrics = [m for m in metrics if m.follows is None]
+    unjudged = [m for m in metrics if m.unjudged]
+    judged = sorted((m for m in metrics if m.share is not None), key=lambda m: m.share or 0.0)
     if not judged:
-        notes = [m.note for m in own if m.note]
+        notes = [m.note for m in metrics if m.note]
         # What was compared and has no tolerance is no success, and not merely absent.
-        unjudged = any(m.unjudged for m in own)
         absent = "it has no tolerance" if unjudged else "there is no such event in this motion"
         state = CheckState.NOT_JUDGED if unjudged else CheckState.SKIPPED
         return CheckVerdict(id="", state=state, text=notes[0] if notes else absent)
-    worst = judged[-1]
-    broken = [m for m in judged if m.holds is False]
-    unjudged = [m for m in own if m.unjudged]
-    state = CheckState.BROKEN if broken else CheckState.NOT_JUDGED if unjudged else CheckState.KEPT
-    complaints = [_complaint(metric) for metric in reversed(broken)]
+    worst, complaints = judged[-1], list[str]()
+    for m in reversed(judged):
+        if m.holds is False:
+            unit = "" if m.unit == "1" else f" {m.unit}"
+            error = m.note or f"{format_number(m.value)}{unit}"
+            complaints.append(f"{m.label}: {error}, tolerance {format_number(m.tolerance)}{unit}")
+    state, cause = CheckState.NOT_JUDGED if unjudged else CheckState.KEPT, ""
+    if complaints:
+        state, cause = CheckState.BROKEN, " ".join(diagnosis(run))
     complaints += [f"{metric.label}: not judged: {metric.note}" for metric in unjudged]
     return CheckVerdict(
         id="",
@@ -575,11 +566,116 @@ def judgement(metrics: Iterable[Metric], run: Run) -> CheckVerdict:
         unit=worst.unit,
         tolerance=worst.tolerance,
         source=f"{worst.source}: {worst.reason}",
-        cause=" ".join(diagnosis(run)) if broken else "",
+        cause=cause,
     )
 
 
-def _complaint(m: Metric) -> str:
-    unit = "" if m.unit == "1" else f" {m.unit}"
-    measured = m.note or f"{format_number(m.value)}{unit}"
-    return f"{m.label}: {measured}, tolerance {format_number(m.tolerance)}{unit}"
+# --- A session of several engines
+
+
+class Session:
+    """Suites of one or several engines on the same problems.
+
+    Args:
+        suites: one an engine.
+        tier: of the problems.
+        deviations: known ones.
+        path: where the verdicts are written; None: nowhere.
+    """
+
+    def __init__(
+        self, suites: Sequence[Suite], tier: str, deviations: Deviations, path: Path | None = None
+    ) -> None:
+        self._suites, self._tier = tuple(suites), tier
+        self._deviations, self._path = deviations, path
+        self._by_id = {id: suite for suite in self._suites for id in suite.ids}
+        self._found: dict[str, CheckVerdict] = {}
+        self._rows = {row.row_id: row for row in deviations.deviation}
+        self.rows = tuple(row.row_id for row in deviations.deviation)
+        """Ids of the rows of the file of deviations."""
+        self.ids = (*self._by_id, *self.rows)
+        """Ids of all checks; the rows come last."""
+
+    @classmethod
+    def of(
+        cls,
+        engines: Sequence[str],
+        options: Mapping[str, Any],
+        folder: Path,
+        required: Sequence[str] = (),
+    ) -> Session:
+        """From the texts of a command line.
+
+        Args:
+            engines: as :meth:`Target.of` reads them.
+            options: 'tier', 'problem' (names, comma-separated; those of the tier where empty),
+                'timeout' [s], 'deviations' and 'json' (paths, or None).
+            folder: in which packages of engines that are not installed, and files, are looked for.
+            required: engines that fail if they are not installed.
+
+        Raises:
+            InputError: a name, a value or a file is not valid.
+        """
+        if str(folder) not in sys.path:
+            # Behind all that is installed: a file `rich.py` there is not meant for us
+            sys.path.append(str(folder))
+        if not options["timeout"] > 0:
+            raise InputError(f"timeout = {options['timeout']!r} s must be positive.")
+        chosen = [name.strip() for text in options["problem"] for name in text.split(",")]
+        names = tuple(dict.fromkeys(chosen or problems_of(options["tier"])))
+        for name in names:
+            given(name)
+        targets = dict.fromkeys(map(Target.of, engines))
+        known = options["deviations"]
+        deviations = Deviations.read(folder / known) if known else Deviations()
+        path = folder / options["json"] if options["json"] else None
+        if path:
+            refuse_unwritable(path.parent, path.name)
+        references = References()
+        suites = [
+            Suite(t, names, references, options["timeout"], t.engine in required) for t in targets
+        ]
+        return cls(suites, "chosen" if options["problem"] else options["tier"], deviations, path)
+
+    def judged(self, id: str) -> CheckVerdict:
+        """The verdict on a check, or on a row of the file of deviations."""
+        if id not in self._found:
+            if id in self._rows:
+                self._found[id] = self._rows[id].row_verdict(
+                    self._known_ids(),
+                    tuple(self._found.values()),
+                    [suite.target.label for suite in self._suites],
+                )
+            else:
+                self._found[id] = self._deviations.applied(self._by_id[id].verdict(id))
+        return self._found[id]
+
+    def _known_ids(self) -> Iterator[str]:
+        """Ids of the checks of these engines on all problems that there are."""
+        yield from self._by_id
+        for suite in self._suites:
+            yield from Suite(suite.target, problems_of("full")).ids
+
+    def take(self, verdict: CheckVerdict) -> None:
+        """Take over what another process has judged."""
+        self._found.setdefault(verdict.id, verdict)
+
+    @property
+    def results(self) -> Conformance:
+        """The verdicts so far."""
+        return Conformance.made_here(
+            engines={suite.target.label: suite.version for suite in self._suites},
+            supplied={suite.target.label: suite.supplied for suite in self._suites},
+            tier=self._tier,
+            verdicts=tuple(self._found[id] for id in self.ids if id in self._found),
+        )
+
+    def write(self) -> None:
+        """Write the verdicts, if a file was named and there are any; may raise InputError."""
+        if self._path is not None and self._found:
+            write_text(self._path, self.results.to_json())
+
+    def close(self) -> None:
+        """End the engines' processes."""
+        for suite in self._suites:
+            suite.close()

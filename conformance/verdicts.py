@@ -1,17 +1,27 @@
-"""Results of a conformance run: a verdict for each check, and the file that holds them."""
+"""Results of a conformance run: a verdict for each check, the file of them, known deviations."""
 
 from __future__ import annotations
 
+import json
+import tomllib
 from collections import Counter
+from collections.abc import Collection, Iterable
 from enum import StrEnum
-from typing import Literal
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, StringConstraints
 
 from ..comparisons.runs.results import ResultFile, share_of
+from ..engines.registry import engine_class, engine_names
+from ..models.errors import InputError
+from ..models.files import read_bytes
 from ..models.spec import Real, Spec
 
 FORMAT = "trebucheck-conformance-1"
+_LARGEST = 1_000_000  # bytes of a file of deviations
+_Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 
 
 class CheckState(StrEnum):
@@ -24,9 +34,6 @@ class CheckState(StrEnum):
     DEVIATES = "known deviation"
     """It is broken, and the file of deviations says so, with a reason and an owner."""
     SKIPPED = "skipped"
-
-
-_PROPERTIES = ("subject", "error", "unit", "tolerance", "source", "cause", "wall_time")
 
 
 class CheckVerdict(Spec):
@@ -54,12 +61,12 @@ class CheckVerdict(Spec):
 
     @property
     def problem(self) -> str:
-        """Its problem, from the id."""
+        """Name of its problem."""
         return self.id.rsplit("/", 2)[1]
 
     @property
     def check(self) -> str:
-        """Its check, from the id."""
+        """Name of its check."""
         return self.id.rsplit("/", 1)[1]
 
     @property
@@ -76,8 +83,9 @@ class CheckVerdict(Spec):
     @property
     def properties(self) -> list[tuple[str, object]]:
         """Properties for a JUnit file."""
-        given = {name: getattr(self, name) for name in _PROPERTIES}
-        return [(name, value) for name, value in given.items() if value not in (None, "")]
+        names = ("subject", "error", "unit", "tolerance", "source", "cause", "wall_time")
+        values = ((name, getattr(self, name)) for name in names)
+        return [(name, value) for name, value in values if value not in (None, "")]
 
 
 class Conformance(ResultFile):
@@ -103,3 +111,96 @@ class Conformance(ResultFile):
         """Nothing fails, and something was kept on a problem."""
         kept = any(v.state is CheckState.KEPT and v.problem != "interface" for v in self.verdicts)
         return kept and not any(verdict.failed for verdict in self.verdicts)
+
+
+# --- Known deviations
+
+
+class Deviation(Spec):
+    """A row of the file of deviations: checks that are known to fail."""
+
+    id: _Text
+    """Of a check, or a pattern of several: `*`, `?` and `[...]` stand for parts of it."""
+    reason: _Text
+    owner: _Text
+
+    def covers(self, id: str) -> bool:
+        """Whether it is about a check."""
+        return id == self.id or fnmatchcase(id, self.id)
+
+    @property
+    def row_id(self) -> str:
+        """Id of the check of this row itself."""
+        return f"deviations/file/row/{self.id}"
+
+    def row_verdict(
+        self, ids: Iterable[str], verdicts: Iterable[CheckVerdict], labels: Collection[str]
+    ) -> CheckVerdict:
+        """Verdict on the row: broken if it is about no check, or about none that fails.
+
+        Args:
+            ids: of all checks there are of these engines, run or not.
+            verdicts: of those that were run, deviations applied.
+            labels: engine/preset of these engines; a row of another one says nothing here.
+        """
+        covered = [verdict for verdict in verdicts if self.covers(verdict.id)]
+        state, text = CheckState.KEPT, ""
+        if self._is_about_another_engine(labels):
+            state, text = CheckState.SKIPPED, ": of an engine that is not run"
+        elif not any(map(self.covers, ids)):
+            state, text = CheckState.BROKEN, " is about no check that there is"
+        elif not covered:
+            state, text = CheckState.SKIPPED, ": none of its checks was run"
+        elif all(verdict.state is not CheckState.DEVIATES for verdict in covered):
+            state, text = CheckState.BROKEN, " is stale: none of its checks fails; take it out"
+        text = f"row {self.id!r}{text}" if text else ""
+        return CheckVerdict(id=self.row_id, state=state, text=text)
+
+    def _is_about_another_engine(self, labels: Collection[str]) -> bool:
+        engine, _, rest = self.id.partition("/")
+        preset = rest.partition("/")[0]
+        is_run = any(fnmatchcase(label, f"{engine}/{preset}") for label in labels)
+        if is_run or engine not in engine_names():
+            return False
+        try:
+            presets = engine_class(engine).presets()
+        except Exception:  # of a plug-in that cannot be loaded
+            return True
+        return any(fnmatchcase(name, preset) for name in presets)
+
+
+class Deviations(Spec):
+    """The whole of a file."""
+
+    deviation: tuple[Deviation, ...] = ()
+
+    @classmethod
+    def read(cls, path: Path) -> Deviations:
+        """From TOML (tables [[deviation]]) or JSON ({"deviation": [...]}), by the file's name.
+
+        Raises:
+            InputError: it cannot be read, or a row lacks its id, reason or owner.
+        """
+        content = read_bytes(path, _LARGEST).decode(errors="replace")
+        try:
+            parsed: Any = json.loads(content) if path.suffix == ".json" else tomllib.loads(content)
+        except (ValueError, RecursionError) as error:
+            raise InputError(f"{path} cannot be read: {error}.") from None
+        if not isinstance(parsed, dict):
+            raise InputError(f"{path} must hold rows 'deviation', each with id, reason and owner.")
+        if isinstance(parsed.get("deviation"), dict):
+            raise InputError(
+                f"{path}: deviation is one table; a list of them is needed: [[deviation]] in TOML."
+            )
+        try:
+            return cls(**parsed)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+
+    def applied(self, verdict: CheckVerdict) -> CheckVerdict:
+        """The verdict; a failure that a row covers becomes a known deviation."""
+        row = next((row for row in self.deviation if row.covers(verdict.id)), None)
+        if row is None or not verdict.failed:
+            return verdict
+        text = f"{row.reason} (owner: {row.owner}): {verdict.text}"
+        return verdict.model_copy(update={"state": CheckState.DEVIATES, "text": text})

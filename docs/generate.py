@@ -36,12 +36,11 @@ from trebucheck.comparisons.mjcf import record_motion
 from trebucheck.comparisons.recommend import Advice
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.document import Document, table, without_empty_columns
-from trebucheck.comparisons.report.figures import picture, write_picture
 from trebucheck.comparisons.report.pages import compare as figures
 from trebucheck.comparisons.report.pages.compare import differences
 from trebucheck.comparisons.report.pages.matrix import document as matrix_document
 from trebucheck.comparisons.report.pages.problems import library
-from trebucheck.comparisons.report.plots import Axis, Panels, Plot
+from trebucheck.comparisons.report.plots import Axis, Panels, Plot, picture, write_picture
 from trebucheck.comparisons.runs.process import Worker, simulate
 from trebucheck.comparisons.runs.results import Results
 from trebucheck.comparisons.runs.scales import scales_until
@@ -50,7 +49,7 @@ from trebucheck.conformance.verdicts import Conformance
 from trebucheck.models.library.benchmark import Benchmark
 from trebucheck.models.library.registry import benchmarks, models
 from trebucheck.models.mechanism import mechanism_schema
-from trebucheck.models.mjcf.recorded import RECORDED_FILE
+from trebucheck.models.mjcf.scene import RECORDED_FILE
 from trebucheck.models.mjcf.writer import write_model_folder
 from trebucheck.models.spec import schema_text
 from trebucheck.reference.solver import solve

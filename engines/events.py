@@ -56,36 +56,11 @@ from .impact import (
     Impact,
     Inertia,
     Rebounds,
-    active_contacts,
+    active_contacts,  # noqa: F401 # pyright: ignore[reportUnusedImport] - for adapters
     resolve_impact,
     resting,
 )
 from .protocol import Recording
-
-__all__ = [
-    "AT_REST",
-    "MOST_IMPACTS",
-    "ROUNDING",
-    "SAME_TIME",
-    "TOGETHER",
-    "ContactEvents",
-    "Contacts",
-    "EventDriver",
-    "EventMotion",
-    "Halt",
-    "RestitutionRule",
-    "State",
-    "SteppedMotion",
-    "Watch",
-    "active_contacts",
-    "impact_by_rule",
-    "joined",
-    "may_be_met",
-    "onto_zero_gap",
-    "refuse_moving_gaps",
-    "resting",
-    "root_in",
-]
 
 SAME_TIME = 1e-12  # [s] times closer than this are one instant
 TOGETHER = 1e-9  # [s] impacts closer than this are resolved at once
@@ -136,14 +111,10 @@ class ContactEvents:
             active: contacts that are active there.
             gap: gap of an inactive contact there [rad, m], by its name.
         """
-        recent = {
-            name
-            for before, impulses in self.impacts[-_RECENT:]
-            if time - before <= TOGETHER
-            for name, impulse in impulses.items()
-            if impulse > 0
-        }
-        certain = {met, *active, *recent}
+        certain = {met, *active}
+        for before, impulses in self.impacts[-_RECENT:]:
+            if time - before <= TOGETHER:
+                certain.update(name for name, impulse in impulses.items() if impulse > 0)
         return tuple(
             name for name in self.releases if name in certain or abs(gap(name)) <= _TOUCHING
         )
@@ -163,11 +134,11 @@ class ContactEvents:
             plastic: contacts whose rebounds are too low for the adapter's steps to follow.
         """
         self.rebounds.note_impact(q, u)
-        rebounding = (name for name in speeds if name not in plastic)
-        fast = {name for name in rebounding if speeds[name] < -self.rebounds.least_speed(name, q)}
-        return {
-            name: self.mechanism.stop(name).restitution if name in fast else 0.0 for name in speeds
-        }
+        restitution = dict.fromkeys(speeds, 0.0)
+        for name, speed in speeds.items():
+            if name not in plastic and speed < -self.rebounds.least_speed(name, q):
+                restitution[name] = self.mechanism.stop(name).restitution
+        return restitution
 
     def note_impact(self, time: float, impulses: Mapping[str, float]) -> None:
         """Record an impact.
@@ -291,20 +262,19 @@ class EventMotion(Protocol):
 
 
 class EventDriver:
-    """One run of an engine through the releases and impacts of a problem."""
+    """One run of an engine through the releases and impacts of a problem.
+
+    Args:
+        problem: what is to be moved, for how long.
+        motion: the engine, at the start.
+        engine: its name, for messages.
+        impacts: whether stops may be met; otherwise none is watched, and closed gaps that move at
+            the start are refused.
+    """
 
     def __init__(
         self, problem: Problem, motion: EventMotion, engine: str, *, impacts: bool
     ) -> None:
-        """Prepare a run.
-
-        Args:
-            problem: what is to be moved, for how long.
-            motion: the engine, at the start.
-            engine: its name, for messages.
-            impacts: whether stops may be met; otherwise none is watched, and closed gaps that move
-                at the start are refused.
-        """
         self.problem, self.motion, self.engine, self.impacts = problem, motion, engine, impacts
         self.events = ContactEvents(problem.mechanism, engine)
         self._parted: frozenset[str] = frozenset()
@@ -323,7 +293,10 @@ class EventDriver:
         self._begin()
         time, duration = 0.0, self.problem.duration
         while time < duration:
-            halt = self.motion.proceed(time, duration, self._watch())
+            open_stops = (name for name in self.events.releases if name not in self.motion.held)
+            watched = tuple(open_stops) if self.impacts else ()
+            watch = Watch(watched, self._parted, self.events.rebounds, self.events.touching)
+            halt = self.motion.proceed(time, duration, watch)
             time = halt.time
             if halt.again is not None:
                 self.events.retract_impact()
@@ -334,11 +307,15 @@ class EventDriver:
             self._note_openings(halt.opened)
             self._opened = {}
             if halt.met is not None:
-                self._resolve_impact(self._touching(halt.met, time), time)
+                touching = self.events.touching(
+                    time, halt.met, self.motion.held, lambda name: self.motion.gap(name)[0]
+                )
+                self._resolve_impact(touching, time)
         self._note_openings(self._opened)
         return self.motion.recording(self.events)
 
     def _begin(self) -> None:
+        """Hold the closed stops, after an impact where the start's speeds drive into one."""
         closed = tuple(stop.name for stop in self.problem.mechanism.stops if stop.closed)
         if not self.impacts:
             refuse_moving_gaps(self.problem.mechanism, self.engine)
@@ -349,16 +326,6 @@ class EventDriver:
             self._resolve_impact(closed, 0.0)
         else:
             self._hold(closed, resting(speeds), 0.0)
-
-    def _watch(self) -> Watch:
-        held = self.motion.held
-        names = tuple(name for name in self.events.releases if name not in held)
-        names = names if self.impacts else ()
-        return Watch(names, self._parted, self.events.rebounds, self.events.touching)
-
-    def _touching(self, met: str, time: float) -> Contacts:
-        motion = self.motion
-        return self.events.touching(time, met, motion.held, lambda name: motion.gap(name)[0])
 
     def _resolve_impact(
         self,
@@ -393,6 +360,12 @@ class SteppedMotion(ABC, Generic[S]):
 
     Subclasses move, hold and record; this class locates events inside a step. Whole steps end at
     multiples of the time step; the last one may be shorter.
+
+    Args:
+        problem: what is to be moved.
+        timestep: [s].
+        locate: whether releases are located inside a step; otherwise a stop opens at the end of the
+            first step after which it would pull.
     """
 
     records_release_at_start: ClassVar[bool] = True
@@ -401,14 +374,6 @@ class SteppedMotion(ABC, Generic[S]):
     """Greatest number of whole steps that :meth:`ahead` takes; zero: each step is looked at."""
 
     def __init__(self, problem: Problem, timestep: float, *, locate: bool = True) -> None:
-        """Prepare to step.
-
-        Args:
-            problem: what is to be moved.
-            timestep: [s].
-            locate: whether releases are located inside a step; otherwise a stop opens at the end of
-                the first step after which it would pull.
-        """
         self.problem, self.timestep, self.locate = problem, timestep, locate
         self.kinematics = Kinematics(problem.mechanism)
         self.held: Contacts = ()
@@ -552,30 +517,24 @@ class SteppedMotion(ABC, Generic[S]):
         """
         if not watch.open:
             return {}
-        ends = self.coordinates([before, self.save()])
-        near = dict[str, tuple[FloatArray, FloatArray, float]]()
-        for name in watch.open:
-            (gap, speed), least = self.gaps(name, ends), watch.least_speed(name, *state)
-            if may_be_met(gap, speed, least, step).any():
-                near[name] = gap, speed, least
-        parts = dict[str, float]()
-        for name, (gap, (first, last), least) in near.items():
-            motion = self._gap_after(before, name)
-            part = onto_zero_gap(motion, float(gap[0]), (float(first), float(last)), step, least)
-            if part is not None:
-                parts[name] = part
-        if near:  # probes have moved the engine
-            self.step(before, min(parts.values(), default=step))
-        return parts
 
-    def _gap_after(self, before: S, stop: str) -> Callable[[float], tuple[float, float]]:
-        """Gap and gap speed of a stop after a part of a step [s] from a state."""
-
-        def motion(part: float) -> tuple[float, float]:
+        def gap_after(part: float, stop: str) -> tuple[float, float]:
             self.step(before, part)
             return self.gap(stop)
 
-        return motion
+        parts, probed = dict[str, float](), False
+        ends = self.coordinates([before, self.save()])
+        for name in watch.open:
+            (gap, speed), least = self.gaps(name, ends), watch.least_speed(name, *state)
+            if may_be_met(gap, speed, least, step).any():
+                motion = functools.partial(gap_after, stop=name)
+                speeds, probed = (float(speed[0]), float(speed[1])), True
+                part = onto_zero_gap(motion, float(gap[0]), speeds, step, least)
+                if part is not None:
+                    parts[name] = part
+        if probed:
+            self.step(before, min(parts.values(), default=step))
+        return parts
 
     def _release(self, before: S, start: float, end: float, pulling: Contacts) -> Halt:
         """Go to the first release between two times [s], and let go what opens there."""
@@ -698,22 +657,22 @@ def root_in(function: Callable[[float], float], low: float, high: float) -> floa
 
 def joined(segments: Sequence[Recording], events: ContactEvents) -> Recording:
     """The recordings of one run's segments, one after the other, with the run's events."""
-    merged = {
-        field.name: _merged([getattr(segment, field.name) for segment in segments])
-        for field in fields(Recording)
-        if field.name not in ("release_times", "impacts", "steps")
-    }
-    steps = sum(segment.steps for segment in segments)
+
+    def merged(parts: Sequence[Any]) -> Any:
+        if isinstance(parts[0], Mapping):
+            return {name: merged([part[name] for part in parts]) for name in parts[0]}
+        if isinstance(parts[0], PointMotion):
+            columns = ([getattr(p, key) for p in parts] for key in ("position", "velocity"))
+            return PointMotion(*map(np.concatenate, columns))
+        return np.concatenate(parts)
+
     return Recording(
-        **merged, release_times=events.releases, impacts=tuple(events.impacts), steps=steps
+        **{
+            field.name: merged([getattr(segment, field.name) for segment in segments])
+            for field in fields(Recording)
+            if field.name not in ("release_times", "impacts", "steps")
+        },
+        release_times=events.releases,
+        impacts=tuple(events.impacts),
+        steps=sum(segment.steps for segment in segments),
     )
-
-
-def _merged(parts: Sequence[Any]) -> Any:
-    if isinstance(parts[0], Mapping):
-        return {name: _merged([part[name] for part in parts]) for name in parts[0]}
-    if isinstance(parts[0], PointMotion):
-        return PointMotion(
-            *(np.concatenate([getattr(p, key) for p in parts]) for key in ("position", "velocity"))
-        )
-    return np.concatenate(parts)

@@ -17,7 +17,7 @@ Jacobian, A is G W G^T (:class:`Inertia`, :func:`resolve_impact`), in any coordi
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,14 +79,12 @@ def pushing(touching: Contacts, violated: Callable[[Contacts], str | None]) -> C
     if violated(active) is None:
         return active
     # Pivoting has no end where redundant contacts ask for different speeds: the sets are tried one
-    # by one.
-    return next((chosen for chosen in _subsets(touching) if violated(chosen) is None), None)
-
-
-def _subsets(touching: Contacts) -> Iterator[Contacts]:
-    """All of them, the largest first."""
-    sizes = range(len(touching), -1, -1)
-    return itertools.chain.from_iterable(itertools.combinations(touching, size) for size in sizes)
+    # by one, the largest first.
+    for size in range(len(touching), -1, -1):
+        for chosen in itertools.combinations(touching, size):
+            if violated(chosen) is None:
+                return chosen
+    return None
 
 
 # --- Impulses
@@ -99,8 +97,7 @@ def impulses(matrix: FloatArray, speeds: FloatArray, restitution: FloatArray) ->
 
     Args:
         matrix: A, symmetric and positive semidefinite, shape (n, n).
-        speeds: v [rad/s, m/s], shape (n,).
-        restitution: e, shape (n,).
+        speeds, restitution: v [rad/s, m/s] and e, each of shape (n,).
     """
     rebounding = _complementary(matrix, (1.0 + restitution) * speeds)
     return _complementary(matrix, speeds) if rebounding is None else rebounding
@@ -154,6 +151,15 @@ def inverse(mass: FloatArray) -> FloatArray:
     """
     scale = 1.0 / np.sqrt(np.diag(mass))
     return scale[:, None] * np.linalg.inv(scale[:, None] * mass * scale) * scale
+
+
+def mass_matrix(kinematics: Kinematics, q: FloatArray) -> FloatArray:
+    """Mass matrix of a mechanism in positions q, shape (..., n_q) -> (..., n_q, n_q)."""
+    jacobian = kinematics.gradient(
+        kinematics.centres, q[..., None, :], kinematics.rates(q)[..., None, :]
+    )
+    products = (np.swapaxes(jacobian.conj(), -1, -2) * kinematics.masses) @ jacobian
+    return products.real + np.diag(kinematics.inertias)
 
 
 @dataclass(frozen=True)
@@ -256,20 +262,12 @@ class Rebounds:
             u: speeds there, to be taken into account without an impact.
         """
         now = 0.0 if u is None else float(self._kinematics.kinetic_energy(q, u))
-        return SETTLED * speed_scale(max(self._energy, now), self._inverse_inertia(stop, q))
-
-    def _inverse_inertia(self, stop: str, q: FloatArray) -> float:
-        """Speed of a gap by a unit impulse of its stop, loops kept closed [1/(kg m^2), 1/kg]."""
+        # Speed of the gap by a unit impulse of its stop, loops kept closed [1/(kg m^2), 1/kg].
         row, loops = self._kinematics.gap_jacobian(stop, q), self._kinematics.loop_jacobian(q)
         n, m = len(row), len(loops)
-        mass, system = self._mass_matrix(q), np.zeros((n + m, n + m))
+        mass, system = mass_matrix(self._kinematics, q), np.zeros((n + m, n + m))
         size = float(np.abs(mass).max())
         system[:n, :n], system[n:, :n], system[:n, n:] = mass / size, loops, loops.T
         # Loops may be redundant: the motion is unique all the same.
         response = np.linalg.lstsq(system, np.append(row / size, np.zeros(m)))[0][:n]
-        return float(row @ response)
-
-    def _mass_matrix(self, q: FloatArray) -> FloatArray:
-        k = self._kinematics
-        jacobian = k.gradient(k.centres, q, k.rates(q))
-        return ((jacobian.conj().T * k.masses) @ jacobian).real + np.diag(k.inertias)
+        return SETTLED * speed_scale(max(self._energy, now), float(row @ response))

@@ -7,7 +7,7 @@ import importlib.util
 import os
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -44,12 +44,12 @@ from .study import EngineStudy
 from .supplied import Supplied
 
 _MOST_STEPS = 20_000_000
-
-
 # Of a run's samples while it is read, sent from its process, compared and written: seven were
 # measured for an engine while it is read (pymunk, Exudyn), and about as many for what follows.
 _COPIES = 16
 _ABSENT = "not installed"
+_MEMINFO = Path("/proc/meminfo")
+_GROUP = Path("/sys/fs/cgroup")
 
 
 @dataclass(frozen=True)
@@ -170,11 +170,7 @@ def _version_of(package: str) -> str:
 
 
 class EngineOptions(Spec):
-    """Numerical options of an engine: frozen, validated, recorded with every trajectory.
-
-    Raises:
-        InputError: an option is unknown or outside its range.
-    """
+    """Numerical options of an engine: frozen, validated, recorded with every trajectory."""
 
     preset: str = Field(default="tuned", description="the preset these options were made from")
     timestep: Positive = Field(default=1e-3, le=1.0, description="step size [s]")
@@ -261,47 +257,46 @@ class BuiltinEngine(EngineOptions, ABC):
             SimulationError: the engine gave up, crashed or left the finite numbers.
         """
         self._refuse_what_cannot_run(problem)
+        # Stops whose gap nothing can change have no unique force: the engine runs without them.
+        mechanism, idle = problem.mechanism, immovable_stops(problem.mechanism)
+        movable = problem
+        if idle:
+            movable = problem.model_copy(update={"mechanism": without_stops(mechanism, idle)})
         started = time.perf_counter()
         try:
             # Overflow on the way to a divergence is reported once, by the check of the result.
             with np.errstate(all="ignore"):
-                recording = self._run_with_movable_stops(problem)
+                recording = self._run(movable)
         except TrebucheckError:
             raise
         except Exception as error:
             raise SimulationError(f"{self.name} failed: {type(error).__name__}: {error}") from error
         wall = time.perf_counter() - started
-        self._refuse_wrong_shapes(problem, recording)
-        self._refuse_divergence(recording)
-        return Trajectory(
-            mechanism=problem.mechanism,
-            provenance=self._provenance(problem, recording, wall),
-            **{key: value for key, value in vars(recording).items() if key != "steps"},
-        )
-
-    def _run_with_movable_stops(self, problem: Problem) -> Recording:
-        """Run without stops whose gap nothing can change: they have no unique force."""
-        idle = immovable_stops(problem.mechanism)
-        if not idle:
-            return self._recorded(problem)
-        recording = self._recorded(
-            problem.model_copy(update={"mechanism": without_stops(problem.mechanism, idle)})
-        )
-        return replace(
-            recording,
-            stop_torques={**recording.stop_torques}
-            | dict.fromkeys(idle, np.zeros(len(recording.t))),
-            release_times={**recording.release_times} | dict.fromkeys(idle),
-        )
-
-    def _recorded(self, problem: Problem) -> Recording:
-        """The result of `_run`, which must be a recording."""
-        recording = cast("object", self._run(problem))
-        if not isinstance(recording, Recording):
+        if not isinstance(recording, Recording):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise SimulationError(
                 f"{self.name}: _run returned {type(recording).__name__}; a Recording is needed."
             )
-        return recording
+        if idle:
+            no_torques = dict.fromkeys(idle, np.zeros(len(recording.t)))
+            recording = replace(
+                recording,
+                stop_torques={**recording.stop_torques, **no_torques},
+                release_times={**recording.release_times, **dict.fromkeys(idle)},
+            )
+        self._refuse_wrong_result(problem, recording)
+        provenance = Provenance(
+            engine=self.name,
+            engine_version=self.version(),
+            preset=self.preset,
+            settings=self.settings,
+            mechanism_hash=mechanism.content_hash,
+            duration=problem.duration,
+            stop_law=problem.stop_law.value,
+            steps=recording.steps,
+            wall_time=wall,
+        )
+        fields = {key: value for key, value in vars(recording).items() if key != "steps"}
+        return Trajectory(mechanism=mechanism, provenance=provenance, **fields)
 
     @property
     def lacking(self) -> frozenset[Basic | Feature]:
@@ -363,7 +358,7 @@ class BuiltinEngine(EngineOptions, ABC):
                 f"{self.timestep * need / available:.3g} s is needed."
             )
 
-    def _refuse_wrong_shapes(self, problem: Problem, recording: Recording) -> None:
+    def _refuse_wrong_result(self, problem: Problem, recording: Recording) -> None:
         """Check coordinates and speeds; everything else is judged with the trajectory."""
         needed = (*np.shape(recording.t), len(problem.mechanism.coordinates))
         for name in ("q", "u"):
@@ -372,27 +367,12 @@ class BuiltinEngine(EngineOptions, ABC):
                     f"{self.name}: {name} has shape {shape}; {needed}, (samples, coordinates), "
                     f"is needed."
                 )
-
-    def _refuse_divergence(self, recording: Recording) -> None:
         finite = np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.u).all(axis=1)
         if not finite.all():
             first = float(recording.t[int(np.argmin(finite))])
             raise SimulationError(
                 f"{self.name} diverged: its state is not finite at t = {first:.6g} s."
             )
-
-    def _provenance(self, problem: Problem, recording: Recording, wall: float) -> Provenance:
-        return Provenance(
-            engine=self.name,
-            engine_version=self.version(),
-            preset=self.preset,
-            settings=self.settings,
-            mechanism_hash=problem.mechanism.content_hash,
-            duration=problem.duration,
-            stop_law=problem.stop_law.value,
-            steps=recording.steps,
-            wall_time=wall,
-        )
 
 
 def refuse_no_problem(given: object) -> None:
@@ -417,25 +397,17 @@ def _sample_size(mechanism: Mechanism) -> int:
     return 8 * columns * _COPIES
 
 
-# --- Available memory, so that a run that would not fit is refused before it starts
-
-_MEMINFO = Path("/proc/meminfo")
-_GROUP = Path("/sys/fs/cgroup")
-
-
 def available_memory() -> float:
     """Memory that can be taken without swapping [B]; infinite if unknown."""
-    return min(_memory_limits(), default=float("inf"))
-
-
-def _memory_limits() -> Iterator[float]:
+    limits = [float("inf")]
     with suppress(OSError, ValueError):  # Linux; counts what is only cached as available
         for line in _MEMINFO.read_text().splitlines():
             if line.startswith("MemAvailable:"):
-                yield 1024.0 * int(line.split()[1])
+                limits.append(1024.0 * int(line.split()[1]))
     with suppress(OSError, ValueError):  # a container's limit; "max" where it has none
         limit, used = (int((_GROUP / f"memory.{name}").read_text()) for name in ("max", "current"))
-        yield float(limit - used)
+        limits.append(float(limit - used))
     if not _MEMINFO.exists():
         with suppress(OSError, ValueError, AttributeError):
-            yield float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+            limits.append(float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")))
+    return min(limits)

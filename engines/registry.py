@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 import importlib
 import importlib.metadata
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import Any, Protocol, cast, runtime_checkable
 
@@ -78,30 +79,25 @@ def engine_names() -> tuple[str, ...]:
 
 def _installed() -> tuple[importlib.metadata.EntryPoint, ...]:
     """Engines of installed distributions; read again when a folder of `sys.path` has changed."""
-    return _points_in(
-        tuple((path, _changed(path)) for path in (Path(name).absolute() for name in sys.path))
-    )
-
-
-def _changed(path: Path) -> int | None:
-    """When a folder (or an archive) was changed [ns]; None if there is none."""
-    try:
-        return path.stat().st_mtime_ns
-    except OSError:
-        return None
+    changed: list[tuple[Path, int]] = []
+    for path in map(Path, sys.path):
+        with suppress(OSError):  # there is no such folder or archive
+            changed.append((path.absolute(), path.stat().st_mtime_ns))
+    return _points_in(tuple(changed))
 
 
 @lru_cache(maxsize=1)
-def _points_in(_: tuple[tuple[Path, int | None], ...]) -> tuple[importlib.metadata.EntryPoint, ...]:
+def _points_in(_: tuple[tuple[Path, int], ...]) -> tuple[importlib.metadata.EntryPoint, ...]:
     return tuple(importlib.metadata.entry_points(group=PLUGIN_GROUP))
 
 
 def _announced() -> dict[str, importlib.metadata.EntryPoint]:
     """Entry points that the environment variable announces, by name."""
-    pairs = (part.partition("=") for part in os.environ.get(ANNOUNCED, "").split())
-    return {
-        name: importlib.metadata.EntryPoint(name, path, PLUGIN_GROUP) for name, _, path in pairs
-    }
+    points: dict[str, importlib.metadata.EntryPoint] = {}
+    for pair in os.environ.get(ANNOUNCED, "").split():
+        name, _, path = pair.partition("=")
+        points[name] = importlib.metadata.EntryPoint(name, path, PLUGIN_GROUP)
+    return points
 
 
 def announce(path: str) -> str:
@@ -134,46 +130,31 @@ def announce(path: str) -> str:
 
 
 def _loaded(point: importlib.metadata.EntryPoint) -> EngineClass:
+    """A plug-in's class; one that lacks a part is refused before that is missed somewhere else."""
+    name = f"engine {point.name!r}"
     try:
-        cls = point.load()
+        cls: object = point.load()
     except Exception as error:
-        raise InputError(
-            f"engine {point.name!r} comes from a plug-in that cannot be loaded: {error}."
-        ) from error
-    _refuse_incomplete(point.name, cls)
-    return cast("EngineClass", cls)
-
-
-def _refuse_incomplete(name: str, cls: object) -> None:
-    """Refuse a plug-in's class that lacks a part, before it is missed somewhere else."""
+        raise InputError(f"{name} comes from a plug-in that cannot be loaded: {error}.") from error
     declared = getattr(cls, "capabilities", None)
     if not isinstance(declared, Capabilities):
+        has = f"has capabilities of type {type(declared).__name__}"
         if declared is None:
-            given = "has no `capabilities`"
-        else:
-            given = f"has capabilities of type {type(declared).__name__}"
-        raise InputError(
-            f"engine {name!r}: its class {given}; a trebucheck.Capabilities is needed."
-        )
+            has = "has no `capabilities`"
+        raise InputError(f"{name}: its class {has}; a trebucheck.Capabilities is needed.")
     if not callable(getattr(cls, "presets", None)):
         raise InputError(
-            f"engine {name!r}: its class has no `presets()`; makers by name, 'tuned' and "
-            f"'stock', are needed."
+            f"{name}: its class has no `presets()`; makers by name, 'tuned' and 'stock', are "
+            "needed."
         )
-    own_version = (
-        getattr(getattr(cls, "version", None), "__func__", None)
-        is not BuiltinEngine.version.__func__
-    )
-    if (
-        isinstance(cls, type)
-        and issubclass(cls, BuiltinEngine)
-        and not own_version
-        and not hasattr(cls, "package")
-    ):
-        raise InputError(
-            f"engine {name!r}: its class has no `package`, the distribution whose version is "
-            "reported; an engine that is none has is_installed() and version() of its own."
-        )
+    if isinstance(cls, type) and issubclass(cls, BuiltinEngine) and not hasattr(cls, "package"):
+        version = getattr(cls.version, "__func__", None)
+        if version is BuiltinEngine.version.__func__:
+            raise InputError(
+                f"{name}: its class has no `package`, the distribution whose version is reported; "
+                "an engine that is none has is_installed() and version() of its own."
+            )
+    return cast("EngineClass", cls)
 
 
 def engine_class(name: str) -> EngineClass:
@@ -186,11 +167,9 @@ def engine_class(name: str) -> EngineClass:
     if name in _BUILTIN:
         module, cls = _BUILTIN[name]
         return cast("EngineClass", getattr(importlib.import_module(f".{module}", __package__), cls))
-    for point in (
-        *filter(None, [_announced().get(name)]),
-        *(point for point in _installed() if point.name == name),
-    ):
-        return _loaded(point)
+    for point in (*_announced().values(), *_installed()):
+        if point.name == name:
+            return _loaded(point)
     known = engine_names()
     close = get_close_matches(name, known, n=1)
     hint = f" (did you mean {close[0]!r}?)" if close else ""
@@ -222,16 +201,14 @@ def causes_of(engine: Engine, mechanism: Mechanism | None = None) -> tuple[Cause
             loops of joints.
     """
     settings = engine.settings
-    every = engine_study(engine.name).causes(settings, ConstraintKinds.of(mechanism))
-    ways = ((cause, (cause.removal, cause.scaling)) for cause in every)
-    causes = [
-        cause
-        for cause, both in ways
-        if any(way is not None and way.changes(settings) for way in both)
-    ]
+    causes: list[Cause] = []
+    for cause in engine_study(engine.name).causes(settings, ConstraintKinds.of(mechanism)):
+        ways = (cause.removal, cause.scaling)
+        if any(way is not None and way.changes(settings) for way in ways):
+            causes.append(cause)
     names = {cause.name for cause in causes}
     return tuple(
-        dataclasses.replace(cause, after=tuple(n for n in cause.after if n in names))
+        replace(cause, after=tuple(name for name in cause.after if name in names))
         for cause in causes
     )
 
@@ -249,14 +226,14 @@ class EngineStatus:
 
 def engines() -> dict[str, EngineStatus]:
     """Every known engine by name, installed or not, without importing any engine's library."""
-    return {name: _status(name) for name in engine_names()}
-
-
-def _status(name: str) -> EngineStatus:
-    cls = engine_class(name)
-    return EngineStatus(
-        name, cls.is_installed(), cls.version(), tuple(cls.presets()), cls.capabilities
-    )
+    status: dict[str, EngineStatus] = {}
+    for name in engine_names():
+        cls = engine_class(name)
+        presets = tuple(cls.presets())
+        status[name] = EngineStatus(
+            name, cls.is_installed(), cls.version(), presets, cls.capabilities
+        )
+    return status
 
 
 def engine(name: str, preset: str = "tuned", **options: Any) -> Engine:
@@ -302,17 +279,16 @@ def option_table(name: str) -> tuple[OptionRow, ...]:
     settings = {preset: engine(name, preset).settings for preset in cls.presets()}
     fields = option_fields(cls)
     if fields is None:
-        names = dict.fromkeys(option for own in settings.values() for option in own)
-        fields = tuple(map(OptionField, names))
-    return tuple(
-        OptionRow(
-            field.name,
-            {preset: own[field.name] for preset, own in settings.items() if field.name in own},
-            field.values,
-            field.meaning,
-        )
-        for field in fields
-    )
+        fields = tuple(map(OptionField, dict.fromkeys(chain.from_iterable(settings.values()))))
+    rows: list[OptionRow] = []
+    for field in fields:
+        defaults = {
+            preset: values[field.name]
+            for preset, values in settings.items()
+            if field.name in values
+        }
+        rows.append(OptionRow(field.name, defaults, field.values, field.meaning))
+    return tuple(rows)
 
 
 def options_for(name: str, options: Mapping[str, Any]) -> dict[str, Any]:
@@ -430,15 +406,8 @@ class CompletedEngine:
     def simulate(self, problem: Problem) -> Trajectory:
         """Move the mechanism by the plug-in's engine."""
         refuse_no_problem(problem)
-        left = able(self)
-        refuse_features(
-            problem.mechanism,
-            left.features,
-            self.name,
-            left.lacking,
-            problem.stop_law,
-            left.elements,
-        )
+        mechanism, law, can = problem.mechanism, problem.stop_law, able(self)
+        refuse_features(mechanism, can.features, self.name, can.lacking, law, can.elements)
         return self.simulator.simulate(problem)
 
 
@@ -474,7 +443,6 @@ class Viewable(Protocol):
 
     def view(self, mechanism: Mechanism) -> None:
         """Open a window on the mechanism, and return when it is closed."""
-        ...
 
 
 def has_viewer(name: str) -> bool:

@@ -53,24 +53,25 @@ class Intervention:
     own_kinematics: bool = False
     """Whether positions, speeds and energies are computed from the engine's coordinates."""
     filtered_torques: bool = False
-    """Torques are rid of what changes sign with every step."""
+    """Whether torques are rid of what changes sign with every step."""
     leaves: float = 0.0
     """What is left of the cause's error: 0 if it is taken out, 2 if it is doubled."""
 
     def changes(self, settings: Options) -> bool:
         """Whether it does anything to a run with these settings."""
         reads = self.own_kinematics or self.filtered_torques or self.point_inertia is not None
-        return reads or any(
-            not same_value(settings.get(name), value) for name, value in self.options.items()
-        )
+        return reads or bool(self._changed_options(settings))
+
+    def _changed_options(self, settings: Options) -> list[str]:
+        changed = self.options.items()
+        return [name for name, value in changed if not same_value(settings.get(name), value)]
 
     def described(self, settings: Options) -> str:
         """The change of a run with these settings, in one line."""
-        parts = [
-            f"{name} {_format_option(settings.get(name))} → {_format_option(value)}"
-            for name, value in self.options.items()
-            if not same_value(settings.get(name), value)
-        ]
+        parts: list[str] = []
+        for name in self._changed_options(settings):
+            old, new = settings.get(name), self.options[name]
+            parts.append(f"{name} {_format_option(old)} → {_format_option(new)}")
         if self.point_inertia is not None:
             parts.append(f"point masses given an inertia of {self.point_inertia:g} kg m²")
         if self.own_kinematics:
@@ -125,11 +126,8 @@ def with_readout(*causes: Cause) -> tuple[Cause, ...]:
         "the engine's markers and energies, against its own coordinates through the machine's "
         "kinematics"
     )
-    removed_before = tuple(cause.name for cause in causes if cause.removal is not None)
-    return (
-        *causes,
-        Cause("readout", text, Intervention(own_kinematics=True), after=removed_before),
-    )
+    before = tuple(cause.name for cause in causes if cause.removal is not None)
+    return *causes, Cause("readout", text, Intervention(own_kinematics=True), after=before)
 
 
 def time_step_only(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
@@ -148,7 +146,7 @@ class SweptParameter:
     """
 
     name: str
-    """Of the option: what `--knobs` asks for."""
+    """The option's, which `--knobs` asks for."""
     title: str
     unit: str
     values: tuple[float, ...]
@@ -204,19 +202,20 @@ class StepOrder:
     """Name of the scheme, common to all engines with it: of :data:`SCHEME_NAMES` where one fits."""
 
 
+_Change = Callable[[Options, ConstraintKinds], dict[str, Any] | None]
+
+
 @dataclass(frozen=True)
 class Refinement:
     """One option set a little finer, to see whether an error falls with it."""
 
     cause: str
     description: str
-    change: Callable[[Options, ConstraintKinds], dict[str, Any] | None]
+    change: _Change
     """The changed options at an engine's settings; None where nothing can be refined."""
 
 
-def multiplied(
-    option: str, factor: float
-) -> Callable[[Options, ConstraintKinds], dict[str, Any] | None]:
+def multiplied(option: str, factor: float) -> _Change:
     """A :class:`Refinement`'s change that multiplies an option which is set and not zero."""
 
     def change(settings: Options, _: ConstraintKinds) -> dict[str, Any] | None:
@@ -229,10 +228,6 @@ def multiplied(
 HALF_THE_STEP = Refinement("time step", "half the time step", multiplied("timestep", 0.5))
 
 
-def _nothing(_: float) -> dict[str, Any]:
-    return {}
-
-
 @dataclass(frozen=True)
 class OptionSet:
     """Options of an engine, all but the time step, that may be recommended."""
@@ -243,7 +238,7 @@ class OptionSet:
     preset: str
     options: Options = field(default_factory=dict[str, Any])
     """Where they differ from the preset's."""
-    scaled: Callable[[float], Options] = _nothing
+    scaled: Callable[[float], Options] = lambda _: {}
     """Options that follow from the step [s]."""
 
     def all_options(self, step: float) -> dict[str, Any]:
@@ -338,18 +333,15 @@ def filled_template(module: str, name: str, **values: Any) -> str:
     """
     from jinja2 import Environment, StrictUndefined  # only `recommend` needs it
 
+    def number(value: float) -> str:
+        return repr(float(value)).removesuffix(".0")
+
+    def numbers(values: Sequence[float]) -> str:
+        return " ".join(map(number, values))
+
     environment = Environment(  # nothing here is HTML
         undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, autoescape=False
     )
     text = (files(module.rpartition(".")[0]) / "templates" / name).read_text(encoding="utf-8")
-    return (
-        environment.from_string(text).render(number=_number, numbers=_numbers, **values).strip("\n")
-    )
-
-
-def _number(value: float) -> str:
-    return repr(float(value)).removesuffix(".0")
-
-
-def _numbers(values: Sequence[float]) -> str:
-    return " ".join(map(_number, values))
+    template = environment.from_string(text)
+    return template.render(number=number, numbers=numbers, **values).strip("\n")

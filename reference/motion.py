@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..models.arrays import FloatArray
 from ..models.errors import InputError
 from ..models.launch import Launch
-from ..models.library.given import Model, model_of
+from ..models.library.registry import Model, model_of
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem, StopLaw
 from ..models.shown import Shown

@@ -16,7 +16,7 @@ from ...engines.given import Engines, Names
 from ...engines.protocol import Engine
 from ...models.errors import InputError, SimulationError, UnwritableError
 from ...models.files import read_bytes
-from ...models.library.given import Models
+from ...models.library.registry import Models
 from ...models.mechanism import Mechanism
 from ...models.problem import StopLaw
 from ...models.shown import Reported
@@ -25,7 +25,7 @@ from ...models.trajectory import Trajectory, load
 from ...reference.solution import Solution
 from ..diagnosis.diagnose import check_and_diagnose, diagnose_motion, failed_diagnosis
 from ..diagnosis.rerun import Rerun
-from ..report.numbers import format_number
+from ..report.document import format_number
 from ..runs.process import OnDemand, Worker, in_order, simulate
 from ..runs.record import RunErrors, RunRecord, judged, machine_row, new_record, pair_of, run_row
 from ..runs.results import (

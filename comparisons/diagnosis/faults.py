@@ -13,30 +13,25 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import groupby
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
 from pydantic import TypeAdapter
 
 from ...models.arrays import FloatArray
 from ...models.elements import (
-    FORCE_ELEMENTS,
     GROUND,
     JOINTS,
     AnyStop,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
     ElementTable,
     FreeJoint,
     PinJoint,
     PointStop,
     PrismaticJoint,
-    RotationalSpringDamper,
     SlotJoint,
-    SpringDamper,
     Stop,
     WeldJoint,
+    refuse_unknown,
 )
 from ...models.errors import InputError, SimulationError
 from ...models.kinematics import Kinematics, initial_state
@@ -296,31 +291,6 @@ _TURNS: ElementTable[bool] = ElementTable(
 """Whether two bodies turn against each other in a joint: a free body turns against none."""
 
 
-@dataclass(frozen=True)
-class _Fields:
-    """Fields of a force element that may be wrong."""
-
-    numbers: tuple[str, ...] = ()
-    vector: str = ""
-    points: tuple[str, ...] = ()
-    """On its first and its last body."""
-
-
-_FORCE_FIELDS: ElementTable[_Fields] = ElementTable(
-    "The diagnosis",
-    FORCE_ELEMENTS,
-    {
-        SpringDamper: _Fields(
-            ("stiffness", "damping", "rest_length"), points=("point", "relative_point")
-        ),
-        RotationalSpringDamper: _Fields(("stiffness", "damping", "rest_angle")),
-        CubicTorsionSpring: _Fields(("stiffness", "cubic_stiffness", "rest_angle")),
-        ConstantForce: _Fields(vector="force", points=("point",)),
-        ConstantTorque: _Fields(("torque",)),
-    },
-)
-
-
 class _Suspects:
     """The table of a mechanism's suspects as it is made; mechanisms that are none are left out."""
 
@@ -483,18 +453,21 @@ def _suspect_joints_and_walls(table: _Suspects) -> None:
 
 def _suspect_force_elements(table: _Suspects) -> None:
     """Springs, dampers, forces and torques: a wrong number, a wrong point, a missing element."""
+    refuse_unknown("The diagnosis", table.mechanism.force_elements)
     for element in table.mechanism.force_elements:
-        name, fields = element.name, _FORCE_FIELDS[element]
-        for field in fields.numbers:
-            if value := getattr(element, field):
-                wrong = {field: value * (1 + _SMALL)}
-                what = f"{field.replace('_', ' ')} of the {name}"
-                table.part(what, "force_elements", name, wrong)
-        if fields.vector:
-            x, y = getattr(element, fields.vector)
-            wrong = {fields.vector: (x * (1 + _SMALL), y * (1 + _SMALL))}
-            table.part(f"size of the {name}", "force_elements", name, wrong)
-        for field, body in zip(fields.points, (element.body, element.bodies[-1]), strict=False):
+        name = element.name
+        for field in element.numbers():
+            value = getattr(element, field)
+            what = f"{field.replace('_', ' ')} of the {name}"
+            if isinstance(value, tuple):
+                x, y = cast("Vector", value)
+                value, what = (x * (1 + _SMALL), y * (1 + _SMALL)), f"size of the {name}"
+            elif value:
+                value = value * (1 + _SMALL)
+            else:
+                continue
+            table.part(what, "force_elements", name, {field: value})
+        for field, body in zip(element.points(), (element.body, element.bodies[-1]), strict=False):
             table.point(f"place of the {name} on the {body}", "force_elements", name, field)
         table.without(name, "force_elements")
 

@@ -16,8 +16,7 @@ from ...engines.given import Engines
 from ...engines.registry import engine, engine_class, engine_study
 from ...engines.study import OptionSet
 from ...models.errors import InputError, TrebucheckError
-from ...models.library.given import Model
-from ...models.library.registry import models, parameters_type
+from ...models.library.registry import Model, models, parameters_type
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, mechanism_of
 from ...models.spec import Spec

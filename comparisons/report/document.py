@@ -1,4 +1,4 @@
-"""A report as a list of blocks; `html`, `terminal` and `markdown` show it.
+"""A report as a list of blocks; `html`, `terminal` and `markdown` show it. How its numbers read.
 
 A mark is a named state of a value or a text ("good": it holds its tolerance). The page shows it by
 a class and a sign, the terminal by a style; no renderer relies on colour alone. A medium says where
@@ -9,12 +9,10 @@ tiles are for pages unless they say otherwise; figures and folds always are.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
-
-from .numbers import format_value
 
 if TYPE_CHECKING:
     from .drawing.scene import Scene
@@ -32,6 +30,64 @@ def mark_of(holds: bool | None) -> Mark:
     return "plain" if holds is None else "good" if holds else "bad"
 
 
+# --- Numbers
+
+
+def format_number(value: float | None) -> str:
+    """Two significant digits; a dash for none."""
+    if value is None:
+        return "–"
+    return "0" if value == 0 else _scientific(value, digits=1)
+
+
+def format_value(value: object) -> str:
+    """Any value of a table: a number to six digits, a dash for none."""
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def format_step(value: object) -> str:
+    """A time step with as many digits as it needs, four at most; a dash for what is no number."""
+    if not isinstance(value, float):
+        return "–"
+    digits = next(n for n in range(17) if float(_scientific(value, n)) == value or n == 3)
+    return _scientific(value, digits)
+
+
+def _scientific(value: float, digits: int) -> str:
+    mantissa, exponent = f"{value:.{digits}e}".split("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def format_percent(fraction: float | None) -> str:
+    """A signed share in per cent, a dash for none."""
+    if fraction is None:
+        return "–"
+    value = 100.0 * fraction
+    if abs(value) >= 10:
+        return f"{value:.0f} %"
+    return f"{value:.1f} %" if abs(value) >= 0.1 else ("0 %" if value == 0 else "< 0.1 %")
+
+
+def format_settings(settings: Mapping[str, object]) -> str:
+    """Options and their values in a line."""
+    return ", ".join(f"{name} = {value}" for name, value in settings.items())
+
+
+def sentence(text: str) -> str:
+    """A sentence with a capital and a full stop; a symbol at its beginning, such as l1, is kept."""
+    first = re.match(r"\w*", text)
+    word = first.group() if first else ""
+    capital = text[:1].upper() + text[1:] if len(word) > 1 and word.isalpha() else text
+    return capital if text.endswith(".") else f"{capital}."
+
+
+# --- Blocks
+
+
 @dataclass(frozen=True)
 class Placed:
     """A part of a report, and which medium shows it."""
@@ -45,7 +101,14 @@ class Placed:
 
 
 @dataclass(frozen=True)
-class Heading(Placed):
+class PagePart(Placed):
+    """A part that only pages show, unless it says otherwise."""
+
+    medium: Medium = field(default="page", kw_only=True)
+
+
+@dataclass(frozen=True)
+class Heading(PagePart):
     """A heading; level 2 opens a chapter, 3 a section, 4 a part of one; the title is level 1.
 
     Without an anchor it has one from its text.
@@ -54,7 +117,6 @@ class Heading(Placed):
     text: str
     level: Literal[2, 3, 4] = 3
     anchor: str = ""
-    medium: Medium = field(default="page", kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -93,11 +155,66 @@ class Tile:
 
 
 @dataclass(frozen=True)
-class Tiles(Placed):
+class Tiles(PagePart):
     """Numbers that come before all else."""
 
     tiles: tuple[Tile, ...]
-    medium: Medium = field(default="page", kw_only=True)
+
+
+@dataclass(frozen=True)
+class Code(Placed):
+    """A text to copy, or data, as it is."""
+
+    title: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Fold(PagePart):
+    """Blocks behind a title that opens them."""
+
+    title: str
+    blocks: tuple[Block, ...]
+    opened: bool = False
+    anchor: str = ""
+
+
+@dataclass(frozen=True)
+class Figure(PagePart):
+    """Plots with their title and the sentence that says how to read them."""
+
+    plot: Panels | Callable[[], Panels]  # or what draws it, for a page only
+    title: str = ""
+    caption: str = ""
+    anchor: str = ""
+    group: str = ""  # figures of one group zoom together
+    columns: int = 0  # plots in a row where there is room; 0: up to three
+
+    def panels(self) -> Panels:
+        """The plots."""
+        return self.plot() if callable(self.plot) else self.plot
+
+
+@dataclass(frozen=True)
+class Grid(PagePart):
+    """Figures beside each other, as many as there is room for."""
+
+    blocks: tuple[Figure, ...]
+
+
+@dataclass(frozen=True)
+class AnimationBlock(PagePart):
+    """Mechanisms in motion, with their runs over the reference; one is shown at a time."""
+
+    scenes: tuple[Scene, ...] | Callable[[], tuple[Scene, ...]]
+    """Or what makes them, for a page only."""
+    title: str = "Motion"
+    anchor: str = "motion"
+
+
+# --- Tables
+
+_NUMBER = re.compile(r"(over )?[-+÷×<]?\s?\d")
 
 
 @dataclass(frozen=True)
@@ -123,7 +240,7 @@ class Column(Placed):
     @property
     def heading(self) -> str:
         """Title and unit; a pure number has none."""
-        return f"{self.title} [{self.unit}]".lstrip() if self.unit not in ("", "1") else self.title
+        return self.title if self.unit in ("", "1") else f"{self.title} [{self.unit}]".lstrip()
 
     @property
     def heading_words(self) -> str:
@@ -133,22 +250,23 @@ class Column(Placed):
     def laid_out(self, number: int, cells: Sequence[str]) -> Column:
         """The column with alignment and wrapping by its cells; the first one to the left."""
         values = [_NUMBER.match(cell) is not None for cell in cells if cell not in ("", "–")]
-        align = "left" if number == 0 or 2 * sum(values) < len(values) else "right"
-        wrap = number > 0 and any(" " in cell for cell in cells)
-        return replace(
-            self, align=self.align or align, wrap=wrap if self.wrap is None else self.wrap
-        )
-
-
-_NUMBER = re.compile(r"(over )?[-+÷×<]?\s?\d")
+        align, wrap = self.align, self.wrap
+        if align is None:
+            align = "left" if number == 0 or 2 * sum(values) < len(values) else "right"
+        if wrap is None:
+            wrap = number > 0 and any(" " in cell for cell in cells)
+        return replace(self, align=align, wrap=wrap)
 
 
 def columns(titles: str) -> tuple[Column, ...]:
     """Columns from a line like "engine | step [s] | (steps)"; in round brackets: for pages only."""
-    parts = map(str.strip, titles.split("|"))
-    return tuple(
-        page_only(_column(part[1:-1])) if part.startswith("(") else _column(part) for part in parts
-    )
+    parsed: list[Column] = []
+    for title in map(str.strip, titles.split("|")):
+        if title.startswith("("):
+            parsed.append(page_only(_column(title[1:-1])))
+        else:
+            parsed.append(_column(title))
+    return tuple(parsed)
 
 
 def _column(title: str) -> Column:
@@ -177,8 +295,7 @@ class Cell:
     mark: Mark = "plain"
     detail: str = ""
     hint: str = ""
-    link: str = ""
-    """Anchor of what the page shows of it elsewhere."""
+    link: str = ""  # anchor of what the page shows of it elsewhere
     heat: float | None = None
     """From -1, far within its tolerance, to 1, far beyond it; the page colours it."""
 
@@ -189,6 +306,12 @@ class Row(Placed):
 
     cells: tuple[Cell, ...]
     anchor: str = ""
+
+
+def row(*values: object, anchor: str = "", medium: Medium = "any") -> Row:
+    """A row from plain values."""
+    cells = (value if isinstance(value, Cell) else Cell(format_value(value)) for value in values)
+    return Row(tuple(cells), anchor, medium=medium)
 
 
 @dataclass(frozen=True)
@@ -213,18 +336,16 @@ class Table(Placed):
         visible = [column.medium in ("any", medium) for column in self.columns]
         rows: list[tuple[Row, list[tuple[Cell, int]]]] = []
         for row in in_medium(self.rows, medium):
-            spans = [*map(int, visible[: len(row.cells) - 1]), sum(visible[len(row.cells) - 1 :])]
-            rows.append(
-                (row, [(cell, span) for cell, span in zip(row.cells, spans, strict=True) if span])
-            )
+            last = len(row.cells) - 1
+            spans = [*map(int, visible[:last]), sum(visible[last:])]
+            cells = zip(row.cells, spans, strict=True)
+            rows.append((row, [(cell, span) for cell, span in cells if span]))
         return rows
 
     def groups(self) -> list[tuple[str, int]]:
         """Headings over several of the page's columns, with their numbers of columns."""
-        groups = [
-            (group, len(list(of_it)))
-            for group, of_it in groupby(self.columns_in("page"), lambda c: c.group)
-        ]
+        by_group = groupby(self.columns_in("page"), lambda column: column.group)
+        groups = [(group, len([*members])) for group, members in by_group]
         return groups if any(group for group, _ in groups) else []
 
 
@@ -242,109 +363,41 @@ def table(
     if isinstance(heads, str):
         heads = columns(heads)
     parsed = [head if isinstance(head, Column) else _column(head) for head in heads]
-    body = tuple(_row(each, parsed) for each in rows)
-    cells = [
-        [r.cells[i].text for r in body if len(r.cells) == len(parsed)] for i in range(len(parsed))
-    ]
-    return Table(
-        tuple(column.laid_out(i, cells[i]) for i, column in enumerate(parsed)),
-        body,
-        caption,
-        medium=medium,
+    body: list[Row] = []
+    for item in rows:
+        if isinstance(item, Row):
+            body.append(item)
+        elif isinstance(item, tuple):
+            body.append(row(*item))
+        else:
+            body.append(row(*(column.of(item) for column in parsed)))
+    whole = [each.cells for each in body if len(each.cells) == len(parsed)]
+    laid_out = (
+        column.laid_out(i, [cells[i].text for cells in whole]) for i, column in enumerate(parsed)
     )
+    return Table(tuple(laid_out), tuple(body), caption, medium=medium)
 
 
 def without_empty_columns(shown: Table) -> Table:
     """The table without columns in which no row has a value or a verdict; the first one stays."""
     count = len(shown.columns)
-    whole = [each.cells for each in shown.rows if len(each.cells) == count]
-    kept = {0, *(i for i in range(count) if any(_says_something(cells[i]) for cells in whole))}
-
-    def without(row: Row) -> Row:
-        last = len(row.cells) - 1  # spans the rest, where the row has fewer cells
-        spans = last < count - 1
-        return replace(
-            row,
-            cells=tuple(c for i, c in enumerate(row.cells) if i in kept or (spans and i == last)),
-        )
-
+    kept = {0}
+    for each in shown.rows:
+        for i, cell in enumerate(each.cells if len(each.cells) == count else ()):
+            if cell.text not in ("", "–") or cell.mark in ("good", "bad", "warning"):
+                kept.add(i)
+    rows: list[Row] = []
+    for each in shown.rows:
+        stays = set(kept)
+        if len(each.cells) < count:
+            stays.add(len(each.cells) - 1)  # spans the rest
+        cells = tuple(cell for i, cell in enumerate(each.cells) if i in stays)
+        rows.append(replace(each, cells=cells))
     columns = tuple(column for i, column in enumerate(shown.columns) if i in kept)
-    return replace(shown, columns=columns, rows=tuple(map(without, shown.rows)))
+    return replace(shown, columns=columns, rows=tuple(rows))
 
 
-def _says_something(cell: Cell) -> bool:
-    return cell.text not in ("", "–") or cell.mark in ("good", "bad", "warning")
-
-
-def _row(each: object, heads: Iterable[Column]) -> Row:
-    if isinstance(each, Row):
-        return each
-    return row(*each) if isinstance(each, tuple) else row(*(column.of(each) for column in heads))
-
-
-def row(*values: object, anchor: str = "", medium: Medium = "any") -> Row:
-    """A row from plain values."""
-    cells = (value if isinstance(value, Cell) else Cell(format_value(value)) for value in values)
-    return Row(tuple(cells), anchor, medium=medium)
-
-
-@dataclass(frozen=True)
-class Figure(Placed):
-    """Plots with their title and the sentence that says how to read them."""
-
-    plot: Panels | Callable[[], Panels]
-    """Or what draws it, for a page only."""
-    title: str = ""
-    caption: str = ""
-    anchor: str = ""
-    group: str = ""
-    """Figures of one group zoom together."""
-    columns: int = 0
-    """Plots in a row where there is room; 0: up to three."""
-    medium: Medium = field(default="page", kw_only=True)
-
-    def panels(self) -> Panels:
-        """The plots."""
-        return self.plot() if callable(self.plot) else self.plot
-
-
-@dataclass(frozen=True)
-class Grid(Placed):
-    """Figures beside each other, as many as there is room for."""
-
-    blocks: tuple[Figure, ...]
-    medium: Medium = field(default="page", kw_only=True)
-
-
-@dataclass(frozen=True)
-class AnimationBlock(Placed):
-    """Mechanisms in motion, with their runs over the reference; one is shown at a time."""
-
-    scenes: tuple[Scene, ...] | Callable[[], tuple[Scene, ...]]
-    """Or what makes them, for a page only."""
-    title: str = "Motion"
-    anchor: str = "motion"
-    medium: Medium = field(default="page", kw_only=True)
-
-
-@dataclass(frozen=True)
-class Code(Placed):
-    """A text to copy, or data, as it is."""
-
-    title: str
-    text: str
-
-
-@dataclass(frozen=True)
-class Fold(Placed):
-    """Blocks behind a title that opens them."""
-
-    title: str
-    blocks: tuple[Block, ...]
-    opened: bool = False
-    anchor: str = ""
-    medium: Medium = field(default="page", kw_only=True)
-
+# --- Documents
 
 Block = Heading | Text | Listing | Tiles | Table | Figure | Grid | AnimationBlock | Code | Fold
 
@@ -356,10 +409,23 @@ class Document:
     title: str
     blocks: tuple[Block, ...]
     window: str = "trebucheck"
-    command: str = ""
-    """Command line that makes this report again."""
-    verdict: str = ""
-    """The whole in a line, for who asks for no more; the title where it is empty."""
+    command: str = ""  # command line that makes this report again
+    verdict: str = ""  # the whole in a line, for who asks for no more; the title where it is empty
+
+
+def figures_of(document: Document) -> dict[str, Figure]:
+    """All figures of a report, those of folds too, by their anchors or else titles."""
+    named: dict[str, Figure] = {}
+    pending: list[Block] = [*document.blocks]
+    while pending:
+        block = pending.pop(0)
+        if isinstance(block, Figure):
+            title = re.sub(r"\W+", "-", block.title.lower()).strip("-")
+            name = block.anchor or title or "figure"
+            named[name if name not in named else f"{name}-{len(named) + 1}"] = block
+        elif isinstance(block, Grid | Fold):
+            pending[:0] = block.blocks
+    return named
 
 
 _P = TypeVar("_P", bound=Placed)

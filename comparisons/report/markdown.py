@@ -5,101 +5,81 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from .document import (
-    SIGNS,
-    AnimationBlock,
-    Block,
-    Cell,
-    Code,
-    Document,
-    Figure,
-    Fold,
-    Grid,
-    Heading,
-    Listing,
-    Table,
-    Text,
-    Tiles,
-    in_medium,
-)
+from . import document as doc
 
 
-def text(document: Document, *, signs: bool = False) -> str:
+def text(document: doc.Document, *, signs: bool = False) -> str:
     """The document; its title is a heading where it has one.
 
     Args:
         signs: put the sign of its mark before each text and cell that has one, and strong cells in
             bold.
     """
-    title = [f"# {document.title}"] if document.title else []
-    return "\n\n".join([*title, *_parts(document.blocks, signs)]) + "\n"
+    title = f"# {document.title}" if document.title else ""
+    return "\n\n".join(filter(None, (title, _blocks(document.blocks, signs)))) + "\n"
 
 
-def _parts(blocks: Iterable[Block], signs: bool) -> list[str]:
-    return [part for block in in_medium(blocks, "page") if (part := _part(block, signs))]
+def _blocks(blocks: Iterable[doc.Block], signs: bool) -> str:
+    parts = (_block(block, signs) for block in doc.in_medium(blocks, "page"))
+    return "\n\n".join(filter(None, parts))
 
 
-def _part(block: Block, signs: bool) -> str:
+def _block(block: doc.Block, signs: bool) -> str:
+    """One block; nothing of an animation, which only a page can show."""
+    part = ""
     match block:
-        case Heading():
+        case doc.Heading():
             part = f"{'#' * block.level} {block.text}"
-        case Text():
+        case doc.Text():
             part = _paragraph(block, signs)
-        case Listing():
-            part = "\n".join(
-                f"{'1.' if block.ordered else '-'} {_paragraph(item, signs)}"
-                for item in block.items
-            )
-        case Tiles():
+        case doc.Listing():
+            bullet = "1." if block.ordered else "-"
+            part = "\n".join(f"{bullet} {_paragraph(item, signs)}" for item in block.items)
+        case doc.Tiles():
             part = ", ".join(f"**{tile.value}** {tile.label}" for tile in block.tiles)
-        case Table():
+        case doc.Table():
             part = _table(block, signs)
-        case Code():
+        case doc.Code():
             part = f"{block.title}\n\n```\n{block.text.rstrip()}\n```"
-        case Figure():
+        case doc.Figure():
             part = f"**{block.title}** {block.caption}".rstrip()
-        case AnimationBlock():
-            part = ""
-        case Grid():
-            part = "\n\n".join(_parts(block.blocks, signs))
-        case Fold():
-            inner = "\n\n".join(_parts(block.blocks, signs))
+        case doc.Grid():
+            part = _blocks(block.blocks, signs)
+        case doc.Fold():
+            inner = _blocks(block.blocks, signs)
             part = f"<details><summary>{_plain(block.title)}</summary>\n\n{inner}\n\n</details>"
-        case _:  # an animation, which only a page can show
-            part = ""
+        case _:
+            pass
     return part
 
 
-def _paragraph(block: Text, signs: bool) -> str:
-    sign = _sign(block, signs and block.kind == "text")
-    return (
-        f"{sign}**{_plain(block.lead)}** {_plain(block.text)}"
-        if block.lead
-        else f"{sign}{_plain(block.text)}"
-    )
+def _paragraph(block: doc.Text, signs: bool) -> str:
+    sign = _sign(block, signs and not isinstance(block, doc.Note))
+    lead = f"**{_plain(block.lead)}** " if block.lead else ""
+    return f"{sign}{lead}{_plain(block.text)}"
 
 
-def _table(block: Table, signs: bool) -> str:
+def _table(block: doc.Table, signs: bool) -> str:
     titles = [column.heading for column in block.columns_in("page")]
-    rows = [
-        [text for cell, span in cells for text in (_signed(cell, signs), *[""] * (span - 1))]
-        for _, cells in block.rows_in("page")
-    ]
-    caption = [f"**{_plain(block.caption)}**", ""] if block.caption else []
-    return "\n".join([*caption, _line(titles), "|---" * len(titles) + "|", *map(_line, rows)])
+    lines = [_line(titles), "|---" * len(titles) + "|"]
+    if block.caption:
+        lines = [f"**{_plain(block.caption)}**", "", *lines]
+    for _, cells in block.rows_in("page"):
+        texts: list[str] = []
+        for cell, span in cells:
+            strong = signs and cell.mark == "strong"
+            value = f"**{cell.text}**" if strong else cell.text
+            texts += [_sign(cell, signs and bool(cell.text)) + value, *[""] * (span - 1)]
+        lines.append(_line(texts))
+    return "\n".join(lines)
 
 
 def _line(cells: Iterable[str]) -> str:
     return "| " + " | ".join(_plain(cell).replace("|", "\\|") for cell in cells) + " |"
 
 
-def _signed(cell: Cell, signs: bool) -> str:
-    text = f"**{cell.text}**" if signs and cell.mark == "strong" else cell.text
-    return _sign(cell, signs and bool(cell.text)) + text
-
-
-def _sign(of: Text | Cell, shown: bool) -> str:
-    return f"{SIGNS[of.mark]} " if shown and of.mark in SIGNS else ""
+def _sign(of: doc.Text | doc.Cell, shown: bool) -> str:
+    return f"{doc.SIGNS[of.mark]} " if shown and of.mark in doc.SIGNS else ""
 
 
 def _plain(text: str) -> str:

@@ -1,24 +1,34 @@
-"""A plot as data: series over axes, with labels, rules and bands; pages and `figures` draw it.
+"""A plot as data: series over axes, with labels, rules and bands; pictures of it by Matplotlib.
 
-Colours are engines' own; dashes tell the preset and symbols repeat it, so that no line is told by
-its colour alone.
+Pages draw the same data by a script. Colours are engines' own; dashes tell the preset and symbols
+repeat it, so that no line is told by its colour alone.
 """
 
 from __future__ import annotations
 
+import io
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
 
 from ...engines.registry import engine_study
 from ...models.arrays import FloatArray
+from ...models.errors import InputError
+from ...models.files import write_bytes
 from ...models.trajectory import Trajectory
 from .drawing.scene import RunLook, Scene, States, scene
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 # Of engines that bring none: further ones of Okabe and Ito
 _COLOURS = ("#CC79A7", "#56B4E9", "#E69F00", "#8C6BB1")
-INK = "currentColor"
-"""The colour of the text around a plot, for what belongs to no engine."""
+INK = "currentColor"  # the colour of the text around a plot, for what belongs to no engine
 
 
 def engine_colour(name: str) -> str:
@@ -35,13 +45,11 @@ class Style:
 
     colour: str = INK
     dashed: bool = False
-    width: float = 1.6
-    """Width of a line [px]."""
+    width: float = 1.6  # width of a line [px]
     symbol: Symbol = "circle"
 
 
-REFERENCE = Style(INK, width=4.0)
-"""Below the lines of the engines, which hide it where they agree."""
+REFERENCE = Style(INK, width=4.0)  # below the lines of the engines, which hide it where they agree
 
 
 def run_style(engine: str, preset: str) -> Style:
@@ -56,10 +64,14 @@ class Axis:
 
     title: str
     unit: str = ""
-    logarithmic: bool = False
-    """Values that are not positive are then left out."""
+    logarithmic: bool = False  # values that are not positive are then left out
     categories: tuple[str, ...] = ()
     """Names of the positions 0, 1, ...; empty for an axis of numbers."""
+
+    @property
+    def heading(self) -> str:
+        """Title and unit."""
+        return self.title if self.unit in ("", "1") else f"{self.title} [{self.unit}]".strip()
 
 
 @dataclass(frozen=True)
@@ -72,12 +84,10 @@ class Series:
     style: Style = Style()
     mark: Literal["line", "points", "both", "bar"] = "line"
     """Bars stand on the categories of one axis, and begin at zero of the other."""
-    hints: tuple[str, ...] = ()
-    """Texts that show where a point is pointed at, besides its numbers."""
+    hints: tuple[str, ...] = ()  # texts that show where a point is pointed at, besides its numbers
     spread: tuple[FloatArray, FloatArray] | None = None
     """Least and largest x of each point; of a bar along x, too."""
-    listed: bool = True
-    """Whether the legend lists it."""
+    listed: bool = True  # whether the legend lists it
 
 
 @dataclass(frozen=True)
@@ -88,8 +98,7 @@ class Label:
     y: float
     text: str
     colour: str = INK
-    beside: bool = False
-    """Whether the text stands to the right of the point, not above it."""
+    beside: bool = False  # whether the text stands to the right of the point, not above it
 
 
 @dataclass(frozen=True)
@@ -98,8 +107,7 @@ class Rule:
 
     at: float
     text: str = ""
-    colour: str = ""
-    """Empty: that of grids."""
+    colour: str = ""  # empty: that of grids
     across: Literal["x", "y"] = "x"
 
 
@@ -123,18 +131,12 @@ class Plot:
     labels: tuple[Label, ...] = ()
     rules: tuple[Rule, ...] = ()
     bands: tuple[Band, ...] = ()
-    equal: bool = False
-    """One scale for both axes."""
-    height: int = 280
-    """[px]; follows from the width where the scales are equal."""
+    equal: bool = False  # one scale for both axes
+    height: int = 280  # [px]; follows from the width where the scales are equal
 
 
-Panels = tuple[Plot, ...]
-"""Plots beside each other under one legend."""
-
-
-REFERENCE_RUN = "reference tuned"
-"""Label of the run that is the reference itself."""
+Panels = tuple[Plot, ...]  # plots beside each other under one legend
+REFERENCE_RUN = "reference tuned"  # label of the run that is the reference itself
 
 
 def motion_scene(states: States, runs: Mapping[str, Trajectory], **how: Any) -> Scene:
@@ -153,3 +155,134 @@ def motion_scene(states: States, runs: Mapping[str, Trajectory], **how: Any) -> 
             style = run_style(run.provenance.engine, run.provenance.preset)
             looks[label] = RunLook(run, style.colour, style.dashed)
     return scene(states, looks, **how)
+
+
+# --- Pictures by Matplotlib, for papers, notebooks and the README
+
+FORMATS = ("svg", "png", "pdf")
+_MARKERS: dict[Symbol, str] = {
+    "circle": "o", "square": "s", "diamond": "D", "triangle": "^", "star": "*", "times": "x",
+}  # fmt: skip
+_WIDTH, _HEIGHT = 4.2, 3.2  # of one plot [inches]
+
+
+def picture(panels: Panels, columns: int = 3, title: str = "") -> Figure:
+    """Plots beside each other under one legend.
+
+    Args:
+        panels: the plots.
+        columns: plots in a row, at most.
+        title: above all of them.
+    """
+    from matplotlib.figure import Figure  # without pyplot: no window, no global state
+
+    columns = min(columns, len(panels))
+    rows = math.ceil(len(panels) / columns)
+    figure = Figure((columns * _WIDTH, rows * _HEIGHT + 0.6), layout="constrained")
+    axes: list[Axes] = np.atleast_1d(figure.subplots(rows, columns)).ravel().tolist()
+    handles: dict[str, Any] = {}
+    for plot, on in zip(panels, axes, strict=False):
+        _draw(plot, on)
+        lines, names = on.get_legend_handles_labels()
+        handles.update(zip(names, lines, strict=True))
+    for empty in axes[len(panels) :]:
+        empty.set_visible(False)
+    if len(handles) > 1:
+        place = "outside lower center"
+        figure.legend(handles.values(), handles.keys(), loc=place, ncols=4, frameon=False,
+                      fontsize=8)  # fmt: skip
+    if title:
+        figure.suptitle(title)
+    return figure
+
+
+def write_picture(figure: Figure, path: str | Path) -> None:
+    """Write a picture in the format that its name ends with; the same data give the same bytes.
+
+    Raises:
+        InputError: the format is not one of `FORMATS`, or the folder cannot be written to.
+    """
+    import matplotlib as mpl
+
+    kind = Path(path).suffix.removeprefix(".").lower()
+    if kind not in FORMATS:
+        endings = ", ".join(f".{ending}" for ending in FORMATS)
+        raise InputError(f"picture {str(path)!r} must end with one of {endings}.")
+    out = io.BytesIO()
+    dates: dict[str, Any] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}
+    with mpl.rc_context({"svg.hashsalt": "trebucheck", "svg.fonttype": "none"}):
+        figure.savefig(out, format=kind, dpi=200, metadata=dates[kind])
+    write_bytes(Path(path), out.getvalue())
+
+
+def _draw(plot: Plot, on: Axes) -> None:
+    bars = [series for series in plot.series if series.mark == "bar"]
+    for series in plot.series:
+        if series.mark == "bar":
+            width = 0.8 / len(bars)
+            shift = -0.4 + (bars.index(series) + 0.5) * width
+            _bar(series, on, width, shift, along_x=bool(plot.y.categories))
+        else:
+            _line(series, on)
+    for rule in plot.rules:
+        line = on.axvline if rule.across == "x" else on.axhline
+        line(rule.at, color=rule.colour or "#8a97a5", linewidth=0.8, linestyle=":")
+    for band in plot.bands:
+        on.axvspan(band.start, band.end, color=band.colour, alpha=0.15, linewidth=0)
+    for label in plot.labels:
+        side: dict[str, Any] = {"ha": "center", "va": "bottom"}
+        if label.beside:
+            side = {"ha": "left", "va": "center"}
+        on.annotate(label.text, (label.x, label.y), (4, 2), fontsize=7, color=_ink(label.colour),
+                    textcoords="offset points", **side)  # fmt: skip
+    on.set_title(plot.title, fontsize=9)
+    setters: tuple[tuple[Axis, Any, Any, Any], ...] = (
+        (plot.x, on.set_xscale, on.set_xticks, on.set_xlabel),
+        (plot.y, on.set_yscale, on.set_yticks, on.set_ylabel),
+    )
+    for axis, set_scale, set_ticks, set_label in setters:
+        if axis.logarithmic:
+            set_scale("log", nonpositive="mask")
+        if axis.categories:
+            set_ticks(range(len(axis.categories)), axis.categories)
+        set_label(axis.heading, fontsize=8)
+    on.tick_params(labelsize=8)
+    on.grid(visible=True, alpha=0.25, linewidth=0.5)
+    if plot.equal:
+        on.set_aspect("equal", adjustable="datalim")
+    if plot.y.categories:
+        on.invert_yaxis()
+
+
+def _line(series: Series, on: Axes) -> None:
+    style, colour = series.style, _ink(series.style.colour)
+    line = "--" if style.dashed else "-"
+    look: dict[str, Any] = {
+        "color": colour, "label": series.name if series.listed else None,
+        "linestyle": "none" if series.mark == "points" else line,
+        "linewidth": style.width * 0.75,
+        "alpha": 0.4 if style.colour == INK and not style.dashed else 1.0,
+        "marker": "" if series.mark == "line" else _MARKERS[style.symbol], "markersize": 4.5,
+        "markerfacecolor": "white" if style.dashed else colour,
+    }  # fmt: skip
+    if series.spread is None:
+        on.plot(series.x, series.y, **look)
+        return
+    low, high = series.spread
+    spread = (series.x - low, high - series.x)
+    on.errorbar(series.x, series.y, xerr=spread, elinewidth=0.8, **look)
+
+
+def _bar(series: Series, on: Axes, width: float, shift: float, *, along_x: bool) -> None:
+    name = series.name if series.listed else None
+    look: dict[str, Any] = {"color": _ink(series.style.colour), "label": name}
+    if not along_x:
+        on.bar(series.x + shift, series.y, width, **look)
+        return
+    if series.spread is not None:
+        look["xerr"] = (series.x - series.spread[0], series.spread[1] - series.x)
+    on.barh(series.y + shift, series.x, width, **look)
+
+
+def _ink(colour: str) -> str:
+    return "#1d2733" if colour == INK else colour

@@ -20,20 +20,8 @@ from rich.cells import cell_len
 from rich.console import Console
 from rich.text import Text as Styled
 
-from .document import (
-    Block,
-    Cell,
-    Code,
-    Column,
-    Document,
-    Heading,
-    Listing,
-    Mark,
-    Table,
-    Text,
-    Tiles,
-    in_medium,
-)
+from . import document as doc
+from .document import Cell, Column
 
 _GAP = 2
 _LIST_BELOW = 40  # characters: there is no room for two columns of names and verdicts
@@ -46,10 +34,8 @@ class Fitted:
     """A column that is shown."""
 
     column: Column
-    cells: tuple[Cell, ...]
-    """One a row of the table."""
-    least: int
-    """Width in which its texts can be read."""
+    cells: tuple[Cell, ...]  # one a row of the table
+    least: int  # width in which its texts can be read
     width: int
     """Width of its texts on one line; or, where the table was made to fit, the one it has."""
 
@@ -67,123 +53,103 @@ class Layout:
         """Width of the gaps."""
         return self.gap * (len(self.columns) - 1)
 
-    def within(self, width: int) -> Layout | None:
-        """The columns narrowed, the widest first, until they fit; None if that is unreadable."""
-        over = sum(column.width for column in self.columns) + self.room - width
+    def within(self, width: int, gap: int, least: Sequence[int]) -> Layout | None:
+        """The columns narrowed, the widest first, until they fit; None if they get too narrow."""
         widths = [column.width for column in self.columns]
-        for _ in range(over):
-            wide = [i for i, column in enumerate(self.columns) if widths[i] > column.least]
+        for _ in range(sum(widths) + gap * (len(widths) - 1) - width):
+            wide = [i for i, narrowest in enumerate(least) if widths[i] > narrowest]
             if not wide:
                 return None
             widths[max(wide, key=widths.__getitem__)] -= 1
-        narrowed = (
-            replace(column, width=width) for column, width in zip(self.columns, widths, strict=True)
-        )
-        return replace(self, columns=tuple(narrowed))
-
-    def without_last(self) -> Layout | None:
-        """Without the column that is left out next; None if all must stay."""
-        ranks = [0, *(fitted.column.rank for fitted in self.columns[1:])]
-        if not max(ranks):
-            return None
-        last = max(range(len(ranks)), key=lambda i: (ranks[i], i))
-        kept = (*self.columns[:last], *self.columns[last + 1 :])
-        return Layout(kept, _GAP, (self.columns[last].column, *self.left_out))
+        pairs = zip(self.columns, widths, strict=True)
+        return replace(self, columns=tuple(replace(c, width=w) for c, w in pairs), gap=gap)
 
 
-def fitted(table: Table, width: int) -> Layout:
+def fitted(table: doc.Table, width: int) -> Layout:
     """A table in a terminal of this many characters a line."""
     if width < _LIST_BELOW:
         return _as_lists(table, width)
-    layout = Layout(tuple(_columns(table)), _GAP)
+    columns, left_out = _columns(table), list[Column]()
     while True:
-        if found := _as_it_is(layout, width):
-            return found
-        fewer = layout.without_last()
-        if fewer is None:
+        layout = Layout(tuple(columns), _GAP, tuple(left_out))
+        on_one_line = [column.width for column in columns]
+        for least in (on_one_line, [column.least for column in columns]):
+            for gap in (_GAP, 1):
+                narrowed = layout.within(width, gap, least)
+                if narrowed is not None:
+                    return narrowed
+        ranks = [0, *(column.column.rank for column in columns[1:])]
+        if not max(ranks):  # all these columns must stay
             whole = _with_whole_words(layout, width)
-            return whole or (_as_lists(table, width) if table.has_head else _broken(layout, width))
-        layout = fewer
-
-
-def _as_it_is(layout: Layout, width: int) -> Layout | None:
-    """The layout with all its columns; texts stay on one line if they can."""
-    whole = replace(
-        layout, columns=tuple(replace(column, least=column.width) for column in layout.columns)
-    )
-    ways = (replace(each, gap=gap).within(width) for each in (whole, layout) for gap in (_GAP, 1))
-    return next((way for way in ways if way is not None), None)
+            if whole is None and table.has_head:
+                return _as_lists(table, width)
+            return whole or _broken(layout, width)
+        last = max(range(len(ranks)), key=lambda i: (ranks[i], i))
+        left_out.insert(0, columns.pop(last).column)
 
 
 def _with_whole_words(layout: Layout, width: int) -> Layout | None:
     """All texts broken at spaces; None where that is not enough."""
-    columns = tuple(
-        replace(each, least=_longest_word(_texts(each.column, each.cells)))
-        for each in layout.columns
-    )
-    return replace(layout, columns=columns, gap=1).within(width)
+    least = [_longest_word(_texts(column.column, column.cells)) for column in layout.columns]
+    return layout.within(width, 1, least)
 
 
 def _broken(layout: Layout, width: int) -> Layout:
     """All texts broken at spaces; words only where there is no other way."""
-    torn = tuple(replace(each, least=1) for each in layout.columns)
-    return (
-        _with_whole_words(layout, width)
-        or replace(layout, columns=torn, gap=1).within(width)
-        or layout
-    )
+    torn = layout.within(width, 1, [1] * len(layout.columns))
+    return _with_whole_words(layout, width) or torn or layout
 
 
-def _columns(table: Table) -> Iterable[Fitted]:
-    columns = table.columns_in("terminal")
-    rows = [_spread(cells) for _, cells in table.rows_in("terminal")]
-    for column, cells in zip(columns, zip(*rows, strict=True), strict=True):
+def _columns(table: doc.Table) -> list[Fitted]:
+    rows: list[list[Cell]] = []
+    for _, spanning in table.rows_in("terminal"):
+        rows.append([])
+        for cell, span in spanning:  # of columns that a cell spans, the first has its text
+            rows[-1] += [cell, *[Cell("")] * (span - 1)]
+    columns: list[Fitted] = []
+    for column, cells in zip(table.columns_in("terminal"), zip(*rows, strict=True), strict=True):
         texts = _texts(column, cells)
         whole = max(map(cell_len, texts))
         least = max(_longest_word(texts), min(whole, max(_LEAST, math.ceil(whole / _LINES))))
-        yield Fitted(column, cells, least if column.wrap else whole, whole)
-
-
-def _spread(cells: Sequence[tuple[Cell, int]]) -> list[Cell]:
-    """One cell a column: of one that spans several, the first has the text."""
-    return [each for cell, span in cells for each in (cell, *[Cell("")] * (span - 1))]
+        columns.append(Fitted(column, cells, least if column.wrap else whole, whole))
+    return columns
 
 
 def _texts(column: Column, cells: Iterable[Cell]) -> list[str]:
-    """Lines of the cells and of the heading."""
-    heading = (column.heading_words, f"[{column.unit}]" if column.unit else "")
-    return [
-        line
-        for text in (*heading, *(cell.text for cell in cells))
-        for line in text.splitlines() or [""]
-    ]
+    """Lines of the heading and of the cells."""
+    lines: list[str] = []
+    unit = f"[{column.unit}]" if column.unit else ""
+    for text in (column.heading_words, unit, *(cell.text for cell in cells)):
+        lines += text.splitlines() or [""]
+    return lines
 
 
 def _longest_word(texts: Iterable[str]) -> int:
     return max((cell_len(word) for text in texts for word in text.split()), default=0)
 
 
-def _as_lists(table: Table, width: int) -> Layout:
+def _as_lists(table: doc.Table, width: int) -> Layout:
     """Each row as lines of title and value, an empty line between rows."""
-    columns = [*_columns(table)]
-    lines: list[tuple[Cell, Cell]] = []
+    columns = _columns(table)
+    titles: list[Cell] = []
+    values: list[Cell] = []
     for row in range(len(columns[0].cells)):
-        lines += [(Cell(""), Cell(""))] if row else []
-        lines += [
-            (Cell(each.column.heading_words), each.cells[row])
-            for each in columns
-            if each.cells[row].text
-        ]
-    pair = Column("", align="left"), Column("", align="left")
-    found = (
-        Fitted(head, cells, 0, 0)
-        for head, cells in zip(pair, zip(*lines, strict=True), strict=True)
+        if row:
+            titles.append(Cell(""))
+            values.append(Cell(""))
+        for column in columns:
+            if column.cells[row].text:
+                titles.append(Cell(column.column.heading_words))
+                values.append(column.cells[row])
+    head = Column("", align="left")
+    pair = tuple(
+        Fitted(head, tuple(cells), 0, max(map(cell_len, _texts(head, cells))))
+        for cells in (titles, values)
     )
-    whole = tuple(replace(f, width=max(map(cell_len, _texts(f.column, f.cells)))) for f in found)
-    return _broken(Layout(whole, _GAP), width)
+    return _broken(Layout(pair, _GAP), width)
 
 
-_STYLES: dict[Mark, str] = {
+_STYLES: dict[doc.Mark, str] = {
     "plain": "",
     "good": "green",
     "bad": "bold red",
@@ -206,72 +172,55 @@ def progress_console() -> Console:
     return Console(stderr=True)
 
 
-def show(document: Document, to: Console) -> None:
-    """Print what of a document a terminal has room for."""
-    before: Block | None = None
-    for block in in_medium(document.blocks, "terminal"):
-        if before is not None and (isinstance(before, Table) or isinstance(block, Table)):
+def show(document: doc.Document, to: Console) -> None:
+    """Print what of a document a terminal has room for; figures and folds are for pages."""
+    before: doc.Block | None = None
+    for block in doc.in_medium(document.blocks, "terminal"):
+        if before is not None and (isinstance(before, doc.Table) or isinstance(block, doc.Table)):
             to.print()
-        _show(block, to)
         before = block
+        match block:
+            case doc.Heading():
+                to.print()
+                to.rule(Styled(block.text), align="left")
+            case doc.Text():
+                to.print(_paragraph(block))
+            case doc.Listing():
+                for item in block.items:
+                    to.print(_paragraph(item))
+            case doc.Table():
+                _show_table(block, to)
+            case doc.Code():
+                to.print(Styled(f"\n# --- {block.title}", style="dim"))
+                to.print(Styled(block.text), soft_wrap=True)
+            case doc.Tiles():
+                to.print(Styled(", ".join(f"{tile.value} {tile.label}" for tile in block.tiles)))
+            case _:
+                pass
 
 
-def _show(block: Block, to: Console) -> None:
-    match block:
-        case Heading():
-            to.print()
-            to.rule(Styled(block.text), align="left")
-        case Text():
-            to.print(_paragraph(block))
-        case Listing():
-            for item in block.items:
-                to.print(_paragraph(item))
-        case Table():
-            _show_table(block, to)
-        case Code():
-            to.print(Styled(f"\n# --- {block.title}", style="dim"))
-            to.print(Styled(block.text), soft_wrap=True)
-        case Tiles():
-            to.print(
-                _paragraph(Text(", ".join(f"{tile.value} {tile.label}" for tile in block.tiles)))
-            )
-        case _:
-            pass  # figures and folds are for pages
-
-
-def _paragraph(block: Text) -> Styled:
+def _paragraph(block: doc.Text) -> Styled:
     if not block.lead:
         return Styled(block.text, style=_STYLES[block.mark])
     return Styled.assemble((block.lead, _STYLES[block.mark]), " ", block.text)
 
 
-def _show_table(block: Table, to: Console) -> None:
+def _show_table(block: doc.Table, to: Console) -> None:
     """The table under its caption; what had no room is named in a line below it."""
     layout = fitted(block, to.width)
     if block.caption:
         to.print(Styled(block.caption, style="bold"))
-    titled = any(column.column.heading for column in layout.columns)
-    drawn = rich_table.Table(
-        box=SIMPLE_HEAD,
-        show_edge=False,
-        padding=(0, layout.gap - 1, 0, 0),
-        pad_edge=False,
-        show_header=titled,
-    )
-    for column in layout.columns:
-        heading = _heading(column.column)
-        drawn.add_column(
-            heading, justify=column.column.align or "left", width=column.width, overflow="fold"
-        )
+    titled = any(fitted.column.heading for fitted in layout.columns)
+    drawn = rich_table.Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, layout.gap - 1, 0, 0),
+                             pad_edge=False, show_header=titled)  # fmt: skip
+    for shown in layout.columns:
+        column, heading = shown.column, shown.column.heading_words
+        title = Styled(f"{heading}\n[{column.unit}]" if column.unit else heading)
+        side = column.align or "left"
+        drawn.add_column(title, justify=side, width=shown.width, overflow="fold")
     for row in zip(*(column.cells for column in layout.columns), strict=True):
         drawn.add_row(*(Styled(cell.text, style=_STYLES[cell.mark]) for cell in row))
     to.print(drawn, soft_wrap=False)
     if layout.left_out:
         names = ", ".join(column.heading_words for column in layout.left_out)
         to.print(Styled(f"Not shown in {to.width} columns: {names}.", style="dim"))
-
-
-def _heading(column: Column) -> Styled:
-    return Styled(
-        f"{column.heading_words}\n[{column.unit}]" if column.unit else column.heading_words
-    )

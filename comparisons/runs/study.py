@@ -19,8 +19,7 @@ from ...engines.protocol import Engine
 from ...engines.registry import engine_class, engine_names, options_for, refuse_unknown_options
 from ...models.errors import InputError
 from ...models.launch import LAUNCH_ANGLE
-from ...models.library.given import Models, several
-from ...models.library.registry import find_benchmark, library_problem, model
+from ...models.library.registry import Models, find_benchmark, library_problem, model, several
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw, mechanism_of
 from ...models.spec import Spec

@@ -2,8 +2,8 @@
 
 Items: a pin is a revolute joint; a slot is a prismatic joint that leaves the rotation free, which a
 prismatic joint holds; a weld is a revolute joint and a constraint of two rotations; a free joint is
-nothing. Angles that follow from other conditions are left out (:mod:`.loops`). Stops are described
-in :mod:`.read`; springs and dampers are connectors, constant forces and torques are loads.
+nothing. Angles that follow from other conditions are left out (:func:`implied_angles`). Stops are
+described in :mod:`.read`; springs and dampers are connectors, constant forces and torques loads.
 
 Every body is a 2D node at its centre of mass, with a rotation that is positive *anticlockwise*: the
 mechanism's angles have the opposite sign. Recorded quantities are the outputs of Exudyn's sensors.
@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from ...models.arrays import FloatArray
 from ...models.elements import (
     FORCE_ELEMENTS,
     GROUND,
@@ -45,7 +46,6 @@ from ...models.mechanism import Marker, Mechanism
 from ...models.problem import StopLaw
 from ...models.spec import Vector
 from ..events import refuse_moving_gaps
-from .loops import implied_angles
 from .read import (
     AngleLimit,
     LineContact,
@@ -59,8 +59,13 @@ from .read import (
     on_wall,
     rest_displacement,
 )
+from .solver import DEPENDENT, LoopConstraints
 
 items: Any = importlib.import_module("exudyn.itemInterface")
+
+_AWAY = 0.1  # [rad, m] of positions beside the start, which may itself be singular
+_WELL_HELD = 1e-3  # of the largest singular value: the least one of the conditions that are left
+_FOLLOWS = 1e-9  # of a row: what others leave of it
 
 
 @contextmanager
@@ -90,32 +95,9 @@ def build(
         UnsupportedProblemError: an element is refused, a closed stop's gap changes at the start, a
             stop is on a point of the body that it stands on, or a spring is to stand on a body.
     """
-    _refuse_what_cannot_be_built(mechanism, springs or {})
-    container = exu.SystemContainer()
-    left_out = implied_angles(mechanism)
-    system = System(
-        mechanism, container, container.AddSystem(), springs=springs or {}, left_out=left_out
-    )
-    builder = _Builder(system)
-    builder.add_bodies()
-    for joint in mechanism.joints:
-        JOINT_BUILDERS[joint](builder, joint)
-    for element in mechanism.force_elements:
-        FORCE_BUILDERS[element](builder, element)
-    for stop in mechanism.stops:
-        add_stop = STOP_BUILDERS[stop]
-        acts = stop.name in springs if springs else stop.closed or law is StopLaw.UNILATERAL
-        if acts:
-            add_stop(builder, stop)
-    for marker in mechanism.markers:
-        builder.observe_point("marker", marker.name, marker)
-    system.main.Assemble()
-    return system
-
-
-def _refuse_what_cannot_be_built(mechanism: Mechanism, springs: Mapping[str, Spring]) -> None:
     # Index 2 would hold the gap's speed at zero from the first step: an impact.
     refuse_moving_gaps(mechanism, "exudyn")
+    springs = springs or {}
     for stop in mechanism.point_stops:
         if stop.body == stop.relative_to:
             wall = f"{stop.body!r}, on which its wall stands as well"
@@ -132,6 +114,96 @@ def _refuse_what_cannot_be_built(mechanism: Mechanism, springs: Mapping[str, Spr
                 f"{stop.relative_to!r}; leave stop_stiffness out."
             )
 
+    container = exu.SystemContainer()
+    left_out = implied_angles(mechanism)
+    start, _ = initial_state(mechanism)
+    rows = _loop_rows(Kinematics(mechanism), start, left_out)
+    redundant = len(rows) > 0 and int(np.linalg.matrix_rank(rows, rtol=DEPENDENT)) < len(rows)
+    main = container.AddSystem()
+    system = System(
+        mechanism, container, main, springs=springs, left_out=left_out, redundant=redundant
+    )
+    builder = _Builder(system)
+    builder.add_bodies()
+    for joint in mechanism.joints:
+        JOINT_BUILDERS[joint](builder, joint)
+    for element in mechanism.force_elements:
+        FORCE_BUILDERS[element](builder, element)
+    for stop in mechanism.stops:
+        add_stop = STOP_BUILDERS[stop]
+        acts = stop.name in springs if springs else stop.closed or law is StopLaw.UNILATERAL
+        if acts:
+            add_stop(builder, stop)
+    for marker in mechanism.markers:
+        builder.observe_point("marker", marker)
+    main.Assemble()
+    return system
+
+
+def implied_angles(mechanism: Mechanism) -> frozenset[str]:
+    """Loop joints whose held angle follows from the other conditions in every position.
+
+    Built, they would contradict the others by the drift of the positions, and Newton's iteration
+    does not get below that. The bodies of such a joint do not move relative to each other. The
+    forces of the joints between them, which are not unique, are those without the torque of that
+    joint. None is left out where the loops hold the gap of a closed stop: which of all these is
+    redundant is then decided by the forces.
+    """
+    kinematics, (q, u) = Kinematics(mechanism), initial_state(mechanism)
+    if not any(joint.turned_by is not None for joint in mechanism.loop_joints):
+        return frozenset()
+    # The start, and positions to both sides of it in which the loops are closed.
+    rows = kinematics.loop_jacobian(q)
+    away = np.cos(np.arange(len(q)))
+    away -= np.linalg.pinv(rows, rcond=DEPENDENT) @ (rows @ away)
+    loops = LoopConstraints(kinematics, ())
+    positions = [q, *(loops.projected(q + side * away, u)[0] for side in (_AWAY, -_AWAY))]
+    for position in positions:
+        rows = kinematics.loop_jacobian(position)
+        for stop in mechanism.stops:
+            gap = kinematics.gap_jacobian(stop.name, position)[None]
+            if stop.closed and _holds(rows, gap):
+                return frozenset()
+    left_out = frozenset[str]()
+    for joint in reversed(mechanism.loop_joints):
+        candidates = left_out | {joint.name}
+        if joint.turned_by is not None and all(
+            _holds_without(kinematics, position, joint, candidates) for position in positions
+        ):
+            left_out = candidates
+    return left_out
+
+
+def _loop_rows(kinematics: Kinematics, q: FloatArray, left_out: frozenset[str]) -> FloatArray:
+    """Jacobian of the loops' conditions but for the angles of some joints, shape (n, n_q)."""
+    keep: list[bool] = []
+    for joint in kinematics.mechanism.loop_joints:
+        keep += [True] * len(joint.held_directions)
+        keep += [joint.name not in left_out] * (joint.turned_by is not None)
+    return kinematics.loop_jacobian(q)[np.array(keep, dtype=bool)]
+
+
+def _holds(rows: FloatArray, moved: FloatArray) -> bool:
+    """Whether conditions of Jacobian `rows` hold quantities of Jacobian `moved` constant."""
+    rest = moved - moved @ np.linalg.pinv(rows, rcond=DEPENDENT) @ rows
+    return bool(np.abs(rest).max() <= _FOLLOWS * np.abs(moved).max())
+
+
+def _holds_without(
+    kinematics: Kinematics, q: FloatArray, joint: AnyJoint, left_out: frozenset[str]
+) -> bool:
+    """Whether the child does not move relative to the parent although its angle is not held."""
+    rows, rates = _loop_rows(kinematics, q, left_out), kinematics.rates(q)
+    values = np.linalg.svd(rows, compute_uv=False)
+    held = values[values > DEPENDENT * values[0]]
+    point = kinematics.between(joint.child, joint.child_point, joint.parent, joint.parent_point)
+    along = [
+        kinematics.component(axis, joint.parent, point).jacobian(q, rates)
+        for axis in (1.0 + 0.0j, 1.0j)
+    ]
+    motion = np.stack([kinematics.angle(joint.child, joint.parent).coefficients, *along])
+    return bool(held.min(initial=np.inf) > _WELL_HELD * values[0]) and _holds(rows, motion)
+
 
 class _Builder:
     """Adds bodies, joints, force elements, stops and sensors to a system."""
@@ -145,12 +217,11 @@ class _Builder:
         weight = [*self.mechanism.gravity_vector, 0.0]
         for body in self.mechanism.bodies:
             row, angle = kinematics.point(body.name, body.centre), kinematics.angle(body.name)
-            at, speed = kinematics.position(row, q), kinematics.velocity(row, q, u)
-            turn, spin = -float(angle.value(q)), -float(angle.coefficients @ u)
+            position, velocity = kinematics.position(row, q), kinematics.velocity(row, q, u)
             node = self.main.AddNode(
                 items.NodeRigidBody2D(
-                    referenceCoordinates=[*at.tolist(), turn],
-                    initialVelocities=[*speed.tolist(), spin],
+                    referenceCoordinates=[*position.tolist(), -float(angle.value(q))],
+                    initialVelocities=[*velocity.tolist(), -float(angle.coefficients @ u)],
                 )
             )
             number = self.main.AddObject(
@@ -166,62 +237,51 @@ class _Builder:
         self.system.bodies[GROUND] = int(self.main.AddObject(items.ObjectGround()))
         self.system.nodes[GROUND] = int(self.main.AddNode(items.NodePointGround()))
 
-    def observe_point(
-        self,
-        kind: str,
-        name: str,
-        marker: Marker,
-        quantities: tuple[str, ...] = ("Position", "Velocity"),
-    ) -> None:
-        """Add sensors of a body's point."""
-        number = self.system.bodies[marker.body]
-        local = self.system.local(marker.body, marker.point)
-        for quantity in quantities:
-            key = (kind, name, quantity)
-            self._observe(items.SensorBody, key, bodyNumber=number, localPosition=local)
+    # Sensors.
 
     def _observe(self, sensor: Any, key: SensorKey, **where: Any) -> None:
         variable = getattr(exu.OutputVariableType, key[2])
         stored = sensor(outputVariableType=variable, storeInternal=True, writeToFile=False, **where)
         self.system.sensors[key] = int(self.main.AddSensor(stored))
 
-    def _observe_relative(self, relative: RelativePoint, *more: str) -> None:
-        quantities = ("Position", "Velocity", *more)
-        ends = ((relative.kind, relative.point), (relative.anchor_kind, relative.anchor))
-        for kind, point in ends:
-            if point.body != GROUND:
-                self.observe_point(kind, point.name, point, quantities)
+    def observe_point(self, kind: str, marker: Marker, *more: str) -> None:
+        """Add sensors of a body's point: position, velocity, and more quantities."""
+        number = self.system.bodies[marker.body]
+        local = self.system.local(marker.body, marker.point)
+        for quantity in ("Position", "Velocity", *more):
+            key = (kind, marker.name, quantity)
+            self._observe(items.SensorBody, key, bodyNumber=number, localPosition=local)
 
-    def _observe_object(self, item: Any, kind: str, name: str, *quantities: str) -> int:
+    def _observe_relative(self, relative: RelativePoint, *more: str) -> None:
+        for kind, point in relative.ends:
+            if point.body != GROUND:
+                self.observe_point(kind, point, *more)
+
+    def _connect(self, item: Any, kind: str, name: str, *quantities: str) -> int:
         """Add a connector and sensors of it; the connector's number."""
         number = int(self.main.AddObject(item))
         for quantity in quantities:
             self._observe(items.SensorObject, (kind, name, quantity), objectNumber=number)
         return number
 
+    # Exudyn's markers.
+
     def _frame(self, body: str, point: Vector) -> int:
-        """Marker on a body's point."""
-        at = self.system.local(body, point)
-        number = self.system.bodies[body]
-        marker = items.MarkerBodyRigid(bodyNumber=number, localPosition=at)
+        number, local = self.system.bodies[body], self.system.local(body, point)
+        marker = items.MarkerBodyRigid(bodyNumber=number, localPosition=local)
         return int(self.main.AddMarker(marker))
 
-    def _rotations(self, *bodies: str) -> list[int]:
-        """Markers on the rotations of bodies."""
-        return [
-            int(
-                self.main.AddMarker(
-                    items.MarkerNodeCoordinate(
-                        nodeNumber=self.system.nodes[body], coordinate=0 if body == GROUND else 2
-                    )
-                )
-            )
-            for body in bodies
-        ]
-
-    def _joint_frames(self, joint: AnyJoint) -> list[int]:
+    def _frames(self, joint: AnyJoint) -> list[int]:
         child = self._frame(joint.child, joint.child_point)
         return [child, self._frame(joint.parent, joint.parent_point)]
+
+    def _rotations(self, *bodies: str) -> list[int]:
+        markers: list[int] = []
+        for body in bodies:
+            coordinate, node = 0 if body == GROUND else 2, self.system.nodes[body]
+            marker = items.MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate)
+            markers.append(int(self.main.AddMarker(marker)))
+        return markers
 
     # Joints.
 
@@ -231,8 +291,8 @@ class _Builder:
 
     def add_pin(self, joint: PinJoint | WeldJoint) -> None:
         """Add a revolute joint."""
-        item = items.ObjectJointRevolute2D(markerNumbers=self._joint_frames(joint))
-        self._observe_object(item, "joint", joint.name, "Force", "Displacement")
+        item = items.ObjectJointRevolute2D(markerNumbers=self._frames(joint))
+        self._connect(item, "joint", joint.name, "Force", "Displacement")
 
     def add_weld(self, joint: WeldJoint) -> None:
         """Add a revolute joint and a constraint that holds the angle it has at the start."""
@@ -246,8 +306,8 @@ class _Builder:
         self._observe_relative(on_joint(joint))
         (normal,) = map(complex, joint.held_directions)
         angle = None if joint.name in self.system.left_out else joint.turned_by
-        item = self._line(self._joint_frames(joint), (normal.real, normal.imag), angle)
-        self._observe_object(item, "joint", joint.name, "ForceLocal")
+        item = self._line(self._frames(joint), (normal.real, normal.imag), angle)
+        self._connect(item, "joint", joint.name, "ForceLocal")
 
     def _line(self, markers: list[int], normal: Vector, angle: float | None = None) -> Any:
         """A point (marker 0) on a line of the ground or a body (marker 1), by its normal.
@@ -291,10 +351,8 @@ class _Builder:
 
     def add_point_spring(self, spring: SpringDamper) -> None:
         """Add a spring between points; without rest length and damping they may meet."""
-        markers = [
-            self._frame(spring.relative_to, spring.relative_point),
-            self._frame(spring.body, spring.point),
-        ]
+        other_end = self._frame(spring.relative_to, spring.relative_point)
+        markers = [other_end, self._frame(spring.body, spring.point)]
         if spring.rest_length or spring.damping:
             item = items.ObjectConnectorSpringDamper(
                 markerNumbers=markers,
@@ -306,53 +364,45 @@ class _Builder:
             item = items.ObjectConnectorCartesianSpringDamper(
                 markerNumbers=markers, stiffness=[spring.stiffness] * 2 + [0.0]
             )
-        self._observe_object(item, "spring", spring.name, "Distance")
+        self._connect(item, "spring", spring.name, "Distance")
 
     def add_rotational_spring(self, spring: RotationalSpringDamper) -> None:
         """Add a spring between two rotations: full turns count."""
-        item = items.ObjectConnectorCoordinateSpringDamper(
-            markerNumbers=self._rotations(spring.relative_to, spring.body),
-            stiffness=spring.stiffness,
-            damping=spring.damping,
-            offset=rest_displacement(spring, self.mechanism),
-        )
-        self._observe_object(item, "spring", spring.name, "Displacement")
+        self._add_torsion(spring, damping=spring.damping)
 
     def add_cubic_spring(self, spring: CubicTorsionSpring) -> None:
         """Add a spring between two rotations whose torque is a user function in Python."""
         cubic_stiffness = spring.cubic_stiffness
 
-        def torque(
-            _main: Any,
-            _time: float,
-            _item: int,
-            displacement: float,
-            _velocity: float,
-            stiffness: float,
-            _damping: float,
-            offset: float,
-        ) -> float:
+        def torque(*state: Any) -> float:
             # An odd function: of anticlockwise angles as of clockwise ones.
+            _main, _time, _item, displacement, _velocity, stiffness, _damping, offset = state
             stretch = displacement - offset
             return stretch * (stiffness + cubic_stiffness * stretch * stretch)
 
+        self._add_torsion(spring, springForceUserFunction=torque)
+
+    def _add_torsion(
+        self, spring: RotationalSpringDamper | CubicTorsionSpring, **fields: Any
+    ) -> None:
         item = items.ObjectConnectorCoordinateSpringDamper(
             markerNumbers=self._rotations(spring.relative_to, spring.body),
             stiffness=spring.stiffness,
             offset=rest_displacement(spring, self.mechanism),
-            springForceUserFunction=torque,
+            **fields,
         )
-        self._observe_object(item, "spring", spring.name, "Displacement")
+        self._connect(item, "spring", spring.name, "Displacement")
 
     # Stops.
 
     def add_angle_limit(self, stop: Stop) -> None:
         """Add a constraint, or a spring, between two rotations."""
-        spring = self.system.springs.get(stop.name)
+        limit = AngleLimit(stop, self.system.springs.get(stop.name))
         markers = self._rotations(stop.relative_to, stop.body)
-        if spring:
-            fields = _spring_fields(spring, stop.sense, markers)
-            item = items.ObjectConnectorCoordinateSpringDamper(**fields)
+        if limit.spring:
+            item = items.ObjectConnectorCoordinateSpringDamper(
+                **_spring_fields(limit.spring, stop.sense, markers)
+            )
         else:
             # Coordinates count from the reference, and a closed stop's gap is zero there: it needs
             # no offset.
@@ -361,26 +411,26 @@ class _Builder:
                 start = np.array(self.mechanism.start)
                 gap = float(Kinematics(self.mechanism).gap(stop.name, start))
             item = items.ObjectConnectorCoordinate(markerNumbers=markers, offset=stop.sense * gap)
-        self._add_stop(AngleLimit(stop, spring), item)
+        self._add_stop(limit, item)
 
     def add_point_contact(self, stop: PointStop) -> None:
         """Add a point on a line, or a spring across that."""
-        spring = self.system.springs.get(stop.name)
+        contact = LineContact(stop, self.system.springs.get(stop.name))
         self._observe_relative(on_wall(stop), "Acceleration")
         x, y = stop.normal
         point = self._frame(stop.body, stop.point)
         line = self._frame(stop.relative_to, (x * stop.offset, y * stop.offset))
-        if spring:
-            fields = _spring_fields(spring, 1, [line, point])
+        if contact.spring:
+            fields = _spring_fields(contact.spring, 1, [line, point])
             item = items.ObjectConnectorLinearSpringDamper(axisMarker0=[-x, -y, 0.0], **fields)
         else:
             item = self._line([point, line], (x, y))
-        self._add_stop(LineContact(stop, spring), item)
+        self._add_stop(contact, item)
 
     def _add_stop(self, constraint: UnilateralConstraint, item: Any) -> None:
         name = constraint.stop.name
-        number = self._observe_object(item, "stop", name, constraint.force_sensor)
-        self.system.stops[name], self.system.constraints[name] = number, constraint
+        self.system.stops[name] = self._connect(item, "stop", name, constraint.force_sensor)
+        self.system.constraints[name] = constraint
 
 
 def _spring_fields(spring: Spring, sense: int, markers: list[int]) -> dict[str, Any]:

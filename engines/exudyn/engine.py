@@ -28,8 +28,7 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
     a release and the end: a short last step would be a source of noise in the multipliers.
 
     A tuned run with loops begins anew beside positions in which their constraints depend on each
-    other (:mod:`.loops`); steps that fail there are replaced by a longer one over the
-    position.
+    other (:mod:`.solver`); steps that fail there are replaced by a longer one over the position.
 
     Under the unilateral law an open stop's gap is looked at after every step; where it fell below
     zero the run steps onto the zero, in either preset, and the speeds jump by Newton's law. A touch

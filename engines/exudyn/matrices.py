@@ -22,9 +22,8 @@ from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
 from .. import impact as impact_law
 from ..events import Contacts
-from .loops import DEPENDENT
 from .read import System, exu
-from .solver import BodyState
+from .solver import DEPENDENT, BodyState
 
 # Central difference of order 8: weights of f(k h) - f(-k h), k = 1..4, over h. A Jacobian is a sum
 # of sines and cosines of rotations; at _TURN [rad] a step the truncation is _TURN^8 / 630 = 1e-15,
@@ -90,9 +89,10 @@ class Matrices:
     def jacobian(self, active: Contacts) -> FloatArray:
         """G, joints first, then the active stops, shape (n_joints + n_active, 3 n_bodies)."""
         self.system.set_active(())
-        return np.concatenate(
-            [self._acting_rows(), *(self.stop_row(name)[None] for name in active)]
-        )
+        rows, diagonal = self._constraints()
+        # A row that does not act reads lam = 0, with a one on its diagonal.
+        joints = rows[diagonal == 0]
+        return np.concatenate([joints, *(self.stop_row(name)[None] for name in active)])
 
     def stop_row(self, name: str) -> FloatArray:
         """Row of a stop in G, shape (3 n_bodies,); of a spring, minus a unit torque's force."""
@@ -108,7 +108,16 @@ class Matrices:
 
     def solve(self, coordinates: FloatArray, rates: FloatArray, active: Contacts) -> Solved:
         """Accelerations and multipliers at a state."""
-        gamma = self._gamma(coordinates, rates, active)
+        fastest = float(np.abs(rates[2::3]).max())
+        # Without turning G is linear in the motion at most.
+        step = _TURN / fastest if fastest > 0 else 1.0
+
+        def along(steps: int) -> FloatArray:
+            self.set(coordinates + steps * step * rates, rates)
+            return self.jacobian(active) @ rates
+
+        pairs = [weight * (along(k) - along(-k)) for k, weight in enumerate(_WEIGHTS, start=1)]
+        gamma = np.sum(pairs, axis=0) / step
         self.set(coordinates, rates)
         jacobian = self.jacobian(active)
         self.system.set_active(())
@@ -125,24 +134,6 @@ class Matrices:
         multipliers = np.zeros(self.solver.GetAEsize())
         multipliers[[self._stop_rows(name)[0] for name in active]] = stops
         self.system.main.systemData.SetAECoordinates(multipliers, exu.ConfigurationType.Current)
-
-    def _gamma(self, coordinates: FloatArray, rates: FloatArray, active: Contacts) -> FloatArray:
-        """dG/dt z' at the state, shape (n_joints + n_active,)."""
-        fastest = float(np.abs(rates[2::3]).max())
-        # Without turning G is linear in the motion at most.
-        step = _TURN / fastest if fastest > 0 else 1.0
-
-        def along(steps: int) -> FloatArray:
-            self.set(coordinates + steps * step * rates, rates)
-            return self.jacobian(active) @ rates
-
-        pairs = (weight * (along(k) - along(-k)) for k, weight in enumerate(_WEIGHTS, start=1))
-        return np.sum(list(pairs), axis=0) / step
-
-    def _acting_rows(self) -> FloatArray:
-        """Rows of G that act; one that does not reads lam = 0, with a one on its diagonal."""
-        rows, diagonal = self._constraints()
-        return rows[diagonal == 0]
 
     def _constraints(self) -> tuple[FloatArray, FloatArray]:
         """G of all of Exudyn's algebraic equations, and their own diagonal."""
@@ -198,12 +189,8 @@ def resolve_impact(
     """The state after the impact of all contacts that touch, and the impulse of each [N m s, N s].
 
     Newton's law with complementarity (:mod:`..impact`): z'+ = z'- + sum_i p_i r_i, with r_i
-    what a unit impulse on gap i does to the bodies in their joints.
-
-    Args:
-        system: what moves.
-        state: before.
-        restitution: e of each contact that touches, active ones included.
+    what a unit impulse on gap i does to the bodies in their joints. The contacts that touch, active
+    ones included, are those with a restitution e.
 
     Raises:
         SimulationError: no impulses keep all gaps open.
@@ -211,12 +198,8 @@ def resolve_impact(
     with matrices(system) as state_matrices:
         state_matrices.set(state.coordinates, state.rates)
         mass, joints = state_matrices.mass(), state_matrices.jacobian(())
-        rows = np.array(
-            [
-                -system.constraints[name].sense * state_matrices.stop_row(name)
-                for name in restitution
-            ]
-        )
+        senses = {name: -system.constraints[name].sense for name in restitution}
+        rows = np.array([sign * state_matrices.stop_row(name) for name, sign in senses.items()])
         still = np.zeros(len(joints))
         responses = np.array([solve_constrained(mass, joints, row, still)[0] for row in rows])
     coefficients = np.array(list(restitution.values()))

@@ -33,10 +33,10 @@ from ..events import (
 )
 from ..protocol import Recording
 from .build import build, silence
-from .matrices import Matrices, matrices, resolve_impact, solve_constrained
+from .matrices import matrices, resolve_impact, solve_constrained
 from .options import ExudynOptions
-from .read import Reader, Spring, Values, recording
-from .solver import Balance, BodyState, Solver, is_at
+from .read import Spring, Values, recording
+from .solver import Balance, BodyState, Monitor, Solver, is_at
 
 _WHOLE = 1e-6  # of a step: so near to a whole number of steps, it is one
 _DIGITS = 1e-4  # of the largest torque: the rounding error of a spring's must be smaller
@@ -70,9 +70,7 @@ class ExudynMotion:
     """Exudyn in a present state; a table of all sensors for each motion between events."""
 
     def __init__(self, problem: Problem, options: ExudynOptions) -> None:
-        self.mechanism = problem.mechanism
-        self.duration = problem.duration
-        self.options = options
+        self.mechanism, self.duration, self.options = problem.mechanism, problem.duration, options
         self.unilateral = problem.stop_law is StopLaw.UNILATERAL
         self.system = build(problem.mechanism, law=problem.stop_law)
         self.solver = Solver(self.system, options)
@@ -100,13 +98,8 @@ class ExudynMotion:
         # Exudyn's sum of steps may end a rounding later, or earlier.
         table[:, 0] = np.minimum(table[:, 0], self.duration)
         table[-1, 0] = self.duration
-        reader = Reader(self.system, self.solver.columns, table)
-        # Under the unilateral law the multiplier of a stop that is open is zero.
-        torques = {
-            name: reader.torque(name, None if self.unilateral else released)
-            for name, released in events.releases.items()
-        }
-        return recording(reader, torques, events, self.solver.steps)
+        columns, steps = self.solver.columns, self.solver.steps
+        return recording(self.system, columns, table, events, steps, reopens=self.unilateral)
 
     # Motion to the next event.
 
@@ -115,9 +108,9 @@ class ExudynMotion:
         if self.tables and is_at(self.now.t, end):
             return Halt(end)
         with self._explained():
-            if not (self.unilateral or self.options.locate_releases):
-                return self._released_after_steps(end)
-            return self._to_next_event(end, watch.open)
+            if self.unilateral or self.options.locate_releases:
+                return self._to_next_event(end, watch.open)
+            return self._release_after_steps(end)
 
     @contextmanager
     def _explained(self) -> Generator[None]:
@@ -133,37 +126,20 @@ class ExudynMotion:
                 f"time step of {step:.2g} s."
             ) from None
 
-    def _to_next_event(self, end: float, watched: Contacts) -> Halt:
-        def is_undisturbed(_: float) -> bool:
-            pushing = all(self.system.torque(name) >= 0.0 for name in self.held)
-            return pushing and not self._met(watched, self.system.now)
+    def _run(self, end: float, monitor: Monitor | None) -> FloatArray:
+        steps = max(1, math.ceil((end - self.now.t) / self.options.timestep - _WHOLE))
+        return self.solver.run(self.now, self.held, end, steps, monitor)
 
-        monitor = is_undisturbed if self.held or watched else None
-        table = self.solver.run(self.now, self.held, end, self._steps_to(end), monitor)
-        opened = self._first_opened(table)
-        times = [
-            (*self._onto_zero_gap(table, name), name)
-            for name in self._met(watched, self.solver.values(table[-1]))
-        ]
-        first, shortest, met = min(times, key=lambda event: event[0], default=(np.inf, table, None))
-        if opened and opened[0][-1, 0] < first:
-            return self._open(*opened)
-        self._accept(shortest)
-        if met is None:
-            return Halt(end if is_at(self.now.t, end) else self.now.t)
-        self._measure_gaps_at(met)
-        return Halt(self.now.t, met=met)
+    def _accept(self, table: FloatArray, end: float) -> float:
+        """Keep a table; the time of its end [s], which is that asked for if it differs by rounding.
 
-    def _steps_to(self, end: float) -> int:
-        return max(1, math.ceil((end - self.now.t) / self.options.timestep - _WHOLE))
-
-    def _accept(self, table: FloatArray) -> None:
+        Exudyn adds up its steps.
+        """
         self.tables.append(table)
-        self.now = self.solver.state(table, -1)
+        self.now = self.solver.state(table[-1])
+        return end if is_at(self.now.t, end) else self.now.t
 
-    # Releases.
-
-    def _released_after_steps(self, end: float) -> Halt:
+    def _release_after_steps(self, end: float) -> Halt:
         """Move to the end, switching stops off after the step in which their torque is negative."""
         opened: dict[str, float] = {}
 
@@ -174,39 +150,67 @@ class ExudynMotion:
                 opened[name] = time
             return True
 
-        monitor = release if self.held else None
-        self._accept(self.solver.run(self.now, self.held, end, self._steps_to(end), monitor))
-        return Halt(end if is_at(self.now.t, end) else self.now.t, opened)
+        return Halt(self._accept(self._run(end, release if self.held else None), end), opened)
 
-    def _first_opened(self, table: FloatArray) -> tuple[FloatArray, str] | None:
-        """A table up to the release in its last step, if there is one, and which stop opens."""
-        pulling = (name for name in self.held if self.solver.torque(table[-1], name) < 0.0)
-        name = next(pulling, None)
-        if name is None or self.options.locate_releases:
-            return None if name is None else self._located_release(table)
-        return table, name
+    def _to_next_event(self, end: float, watched: Contacts) -> Halt:
+        def is_undisturbed(_: float) -> bool:
+            pushing = all(self.system.torque(name) >= 0.0 for name in self.held)
+            return pushing and not self._met(watched, self.system.now)
 
-    def _located_release(self, table: FloatArray) -> tuple[FloatArray, str] | None:
-        """A table cut to end with steps onto a release in its last one, and which stop opens there.
+        table = self._run(end, is_undisturbed if self.held or watched else None)
+        release, impact = table, table
+        opening = [name for name in self.held if self.solver.torque(table[-1], name) < 0.0]
+        if opening and self.options.locate_releases:
+            release, opening = self._located_release(table)
 
-        None where only the error of the integrator's multiplier is negative: a run may go on from
-        there, free of it.
+        first, met = np.inf, None
+        for name in self._met(watched, self.solver.values(table[-1])):
+            time, up_to = self._onto_zero_gap(table, name)
+            if time < first:
+                first, impact, met = time, up_to, name
+
+        if opening and release[-1, 0] < first:
+            self._accept(release, end)
+            # Others may have to pull without the stop that opens.
+            others = tuple(name for name in self.held if name != opening[0])
+            self.held = self._pushing(others)
+            names = (opening[0], *(name for name in others if name not in self.held))
+            return Halt(self.now.t, dict.fromkeys(names, self.now.t))
+        time = self._accept(impact, end)
+        if met is None:
+            return Halt(time)
+        # Measure gaps where that of the stop which is met is zero, near the present state.
+        q, u = self.solver.coordinates(impact[-1])
+        speed = float(self.kinematics.gap_jacobian(met, q) @ u)
+        if speed < 0:
+            q = q - float(self.kinematics.gap(met, q)) / speed * u
+        self._contact = q, u
+        return Halt(self.now.t, met=met)
+
+    def _met(self, watched: Contacts, values: Values) -> list[str]:
+        """Stops in penetration that close; one that has just opened may penetrate by its drift."""
+        met: list[str] = []
+        for name in watched:
+            stop = self.system.constraints[name]
+            if stop.gap(values) < 0.0 > stop.gap_speed(values):
+                met.append(name)
+        return met
+
+    # Where in a step an event is.
+
+    def _located_release(self, table: FloatArray) -> tuple[FloatArray, list[str]]:
+        """A table cut to end with steps onto the first release in its last one, and what opens.
+
+        Nothing opens where only the error of the integrator's multiplier is negative: a run may go
+        on from there, free of it.
         """
-        row = self.solver.balance(self.solver.state(table, -1), self.held).row
-        pulling = [name for name in self.held if self.solver.torque(row, name) < 0.0]
-        releases = [(*self._onto_zero_torque(table, name), name) for name in pulling]
-        _, earliest, name = min(
-            releases, key=lambda release: release[0], default=(0.0, table, None)
-        )
-        return None if name is None else (earliest, name)
-
-    def _open(self, table: FloatArray, name: str) -> Halt:
-        """Open a stop at the end of a table, and others that would have to pull without it."""
-        self._accept(table)
-        others = tuple(other for other in self.held if other != name)
-        opened = {name: self.now.t}
-        self.held = self._pushing(others)
-        return Halt(self.now.t, opened | {n: self.now.t for n in others if n not in self.held})
+        row = self.solver.balance(self.solver.state(table[-1]), self.held).row
+        first, release, opening = np.inf, table, list[str]()
+        for name in [name for name in self.held if self.solver.torque(row, name) < 0.0]:
+            time, up_to = self._onto_zero_torque(table, name)
+            if time < first:
+                first, release, opening = time, up_to, [name]
+        return release, opening
 
     def _onto_zero_torque(self, table: FloatArray, name: str) -> tuple[float, FloatArray]:
         """Time near the last step of a table at which a stop's torque is zero [s], and a table.
@@ -215,52 +219,21 @@ class ExudynMotion:
         the secant rule.
         """
 
-        def torque(rows: FloatArray, row: int) -> float:
-            balance = self.solver.balance(self.solver.state(rows, row), self.held)
+        def torque(row: FloatArray) -> float:
+            balance = self.solver.balance(self.solver.state(row), self.held)
             return self.solver.torque(balance.row, name)
 
         # Times as asked for: with adaptive steps a table may end a rounding beside them.
-        times, values = [float(time) for time in table[-2:, 0]], [torque(table, len(table) - 2)]
+        times, values = [float(time) for time in table[-2:, 0]], [torque(table[-2])]
 
         def secant(probe: FloatArray) -> float:
-            values.append(torque(probe, -1))
+            values.append(torque(probe[-1]))
             slope = (values[-1] - values[-2]) / (times[-1] - times[-2])
             guess = times[-1] - values[-1] / slope if slope else times[-1]
             times.append(min(guess, float(table[-1, 0])))
             return times[-1]
 
         return self._onto(table, secant)
-
-    def _onto(
-        self, table: FloatArray, next_guess: Callable[[FloatArray], float]
-    ) -> tuple[float, FloatArray]:
-        """Time of an event near the last step of a table [s], and a table up to there.
-
-        The steps onto it start two steps back, so that they are longer than half a step wherever it
-        is; `next_guess` gives its time from a table that ends near it.
-        """
-        last, first = len(table) - 1, max(len(table) - 3, 0)
-        begin, probe = self.solver.state(table, first), table
-        for _ in range(_MOST_PROBES):
-            end = min(next_guess(probe), float(table[last, 0]))
-            if end - begin.t <= SAME_TIME:
-                return begin.t, table[: first + 1]
-            if abs(end - float(probe[-1, 0])) <= _RESOLVED:
-                break
-            rows = self.solver.run(begin, self.held, end, last - first)
-            probe = np.concatenate([table[: first + 1], rows[1:]])
-        return float(probe[-1, 0]), probe
-
-    # Impacts.
-
-    def _met(self, watched: Contacts, values: Values) -> list[str]:
-        """Stops in penetration that close; one that has just opened may penetrate by its drift."""
-        stops = self.system.constraints
-        return [
-            name
-            for name in watched
-            if stops[name].gap(values) < 0.0 > stops[name].gap_speed(values)
-        ]
 
     def _onto_zero_gap(self, table: FloatArray, name: str) -> tuple[float, FloatArray]:
         """Time in the last steps of a table at which a stop's gap is zero [s], and a table.
@@ -271,43 +244,50 @@ class ExudynMotion:
         gap grows, on the wrong side of a turn, half way back.
         """
         stop, latest = self.system.constraints[name], float(table[-1, 0])
+        rows = table[max(len(table) - 3, 0)], table[-1]
+        begin, ends = float(rows[0][0]), [self.solver.values(row) for row in rows]
+        gaps, speeds = [stop.gap(end) for end in ends], [stop.gap_speed(end) for end in ends]
+        cubic = CubicHermiteSpline([0.0, latest - begin], gaps, speeds)
+        falls = [zero for zero in cubic.roots(extrapolate=False) if cubic(zero, 1) < 0]
 
         def newton(probe: FloatArray) -> float:
+            if probe is table and falls:
+                return begin + float(falls[-1])
             time, values = float(probe[-1, 0]), self.solver.values(probe[-1])
             speed = stop.gap_speed(values)
-            cubic = self._zero_of_cubic(table, name) if probe is table else None
-            if cubic:
-                return cubic
             return (time + latest) / 2 if speed >= 0 else time - stop.gap(values) / speed
 
         return self._onto(table, newton)
 
-    def _zero_of_cubic(self, table: FloatArray, name: str) -> float | None:
-        """Last time [s] at which a cubic through a stop's gaps in a table's end falls to zero."""
-        stop, rows = self.system.constraints[name], (table[max(len(table) - 3, 0)], table[-1])
-        gaps = [stop.gap(self.solver.values(row)) for row in rows]
-        speeds = [stop.gap_speed(self.solver.values(row)) for row in rows]
-        begin, span = float(rows[0][0]), float(rows[1][0] - rows[0][0])
-        polynomial = CubicHermiteSpline([0.0, span], gaps, speeds)
-        falls = [zero for zero in polynomial.roots(extrapolate=False) if polynomial(zero, 1) < 0]
-        return begin + float(falls[-1]) if falls else None
+    def _onto(
+        self, table: FloatArray, next_guess: Callable[[FloatArray], float]
+    ) -> tuple[float, FloatArray]:
+        """Time of an event near the last step of a table [s], and a table up to there.
 
-    def _measure_gaps_at(self, met: str) -> None:
-        """Measure gaps where that of the stop which is met is zero, near the present state."""
-        reader = Reader(self.system, self.solver.columns, self.tables[-1][-1:])
-        q, u = reader.coordinates()[0], reader.speeds()[0]
-        speed = float(self.kinematics.gap_jacobian(met, q) @ u)
-        there = q - float(self.kinematics.gap(met, q)) / speed * u if speed < 0 else q
-        self._contact = there, u
+        The steps onto it start two steps back, so that they are longer than half a step wherever it
+        is; `next_guess` gives its time from a table that ends near it.
+        """
+        last, first = len(table) - 1, max(len(table) - 3, 0)
+        begin, probe = self.solver.state(table[first]), table
+        for _ in range(_MOST_PROBES):
+            end = min(next_guess(probe), float(table[last, 0]))
+            if end - begin.t <= SAME_TIME:
+                return begin.t, table[: first + 1]
+            if abs(end - float(probe[-1, 0])) <= _RESOLVED:
+                break
+            rows = self.solver.run(begin, self.held, end, last - first)
+            probe = np.concatenate([table[: first + 1], rows[1:]])
+        return float(probe[-1, 0]), probe
+
+    # Which stops act.
 
     def impact(
         self, touching: Contacts, rule: RestitutionRule, kept: frozenset[str]
     ) -> tuple[Mapping[str, float], Contacts]:
         """Resolve the impact of all contacts that touch, by Exudyn's mass matrix."""
-        reader = Reader(self.system, self.solver.columns, self.tables[-1][-1:])
-        q, u = reader.coordinates()[0], reader.speeds()[0]
-        values = self.solver.values(self.tables[-1][-1])
-        restitution = rule(self._gap_speeds(touching, values), q, u)
+        row = self.tables[-1][-1]
+        speeds = self._gap_speeds(touching, self.solver.values(row))
+        restitution = rule(speeds, *self.solver.coordinates(row))
         with self._explained():
             self.now, impulses = resolve_impact(self.system, self.now, restitution)
             self._impacts.append(self.now.t)
@@ -317,16 +297,12 @@ class ExudynMotion:
     def _gap_speeds(self, names: Contacts, values: Values) -> dict[str, float]:
         return {name: self.system.constraints[name].gap_speed(values) for name in names}
 
-    # Which stops act.
-
     def hold(self, rest: Contacts, time: float) -> Contacts:
         """Hold the stops that push; at the start they may be replaced by springs."""
         with self._explained():
             self.held = self._pushing(rest)
-        stiffness = self.options.stop_stiffness
-        if self.held and stiffness is not None:
-            ratio = self.options.stop_damping_ratio
-            springs = _springs(self.solver, self.now, self.held, stiffness, ratio)
+        if self.held and self.options.stop_stiffness is not None:
+            springs = _springs(self.solver, self.now, self.held, self.options.stop_stiffness)
             self.system = build(self.mechanism, springs)
             self.solver = Solver(self.system, self.options)
         return self.held
@@ -335,19 +311,20 @@ class ExudynMotion:
         """Which of the touching stops push while the others open."""
         free = self.solver.balance(self.now, ())
         least = {name: -_HELD * abs(self._opening(name, free)) for name in touching}
-        return active_contacts(touching, lambda active: self._violated(least, active))
 
-    def _violated(self, touching: Mapping[str, float], active: Contacts) -> str | None:
-        """First of the touching stops that pulls, or closes faster than its given acceleration."""
-        balance = self.solver.balance(self.now, active)
-        for name, least in touching.items():
-            if name in active:
-                if self.solver.torque(balance.row, name) < 0.0:
+        def violated(active: Contacts) -> str | None:
+            """First of the touching stops that pulls, or closes faster than by rounding."""
+            balance = self.solver.balance(self.now, active)
+            for name in touching:
+                if name in active:
+                    if self.solver.torque(balance.row, name) < 0.0:
+                        return name
+                # A preloaded spring releases with its gap open: how that moves does not matter.
+                elif not self.system.springs and self._opening(name, balance) < least[name]:
                     return name
-            # A preloaded spring releases with its gap open: how that moves does not matter then.
-            elif not self.system.springs and self._opening(name, balance) < least:
-                return name
-        return None
+            return None
+
+        return active_contacts(touching, violated)
 
     def _opening(self, name: str, balance: Balance) -> float:
         """Acceleration of a stop's gap [rad/s^2, m/s^2]."""
@@ -358,7 +335,7 @@ class ExudynMotion:
 
 
 def _springs(
-    solver: Solver, state: BodyState, active: Contacts, stiffness: float, damping_ratio: float
+    solver: Solver, state: BodyState, active: Contacts, stiffness: float
 ) -> dict[str, Spring]:
     """A spring for each stop that pushes at a state, in balance there.
 
@@ -370,8 +347,6 @@ def _springs(
         state: the start.
         active: stops that push there.
         stiffness: of each spring [N m/rad, or N/m on a point].
-        damping_ratio: of each spring, with the inertia that the stop carries at the start; 1 is
-            critical.
 
     Raises:
         InputError: so stiff a spring would turn the rounding of angles or positions into forces
@@ -379,40 +354,29 @@ def _springs(
     """
     row = solver.balance(state, active).row
     torques = {name: solver.torque(row, name) for name in active}
-    for name in active:
-        _refuse_noise(solver, row, stiffness, name, torques)
+    stops = [solver.mechanism.stop(name) for name in active]
+    for stop in stops:
+        unit = stop.force_unit
+        largest = max(torques[other.name] for other in stops if other.force_unit == unit)
+        rounding = solver.system.constraints[stop.name].rounding(solver.values(row))
+        most = _DIGITS * largest / rounding
+        if 0 < most < stiffness:
+            what = "angles" if stop.effort == "torque" else "a point's place"
+            raise InputError(
+                f"stop_stiffness = {stiffness:g} {unit}/{stop.gap_unit} would turn the rounding of "
+                f"{what} into a {stop.effort} of {stiffness * rounding:.2g} {unit}, of "
+                f"{largest:.3g} {unit} in the stops; at most {most:.2g} is resolved."
+            )
+
+    springs, ratio = dict[str, Spring](), solver.options.stop_damping_ratio
     with matrices(solver.system) as state_matrices:
         state_matrices.set(state.coordinates, state.rates)
-        inertias = {name: _inertia(state_matrices, name) for name in active}
-    return {
-        name: Spring(
-            stiffness, 2 * damping_ratio * math.sqrt(stiffness * inertias[name]), torques[name]
-        )
-        for name in active
-    }
-
-
-def _refuse_noise(
-    solver: Solver, row: FloatArray, stiffness: float, name: str, torques: Mapping[str, float]
-) -> None:
-    """Refuse a stiffness that turns rounding of angles or positions into forces that matter."""
-    mechanism, stop = solver.system.mechanism, solver.system.mechanism.stop(name)
-    largest = max(
-        t for other, t in torques.items() if mechanism.stop(other).force_unit == stop.force_unit
-    )
-    rounding = solver.system.constraints[name].rounding(solver.values(row))
-    most = _DIGITS * largest / rounding
-    if 0 < most < stiffness:
-        unit, what = stop.force_unit, "angles" if stop.effort == "torque" else "a point's place"
-        raise InputError(
-            f"stop_stiffness = {stiffness:g} {unit}/{stop.gap_unit} would turn the rounding of "
-            f"{what} into a {stop.effort} of {stiffness * rounding:.2g} {unit}, of {largest:.3g} "
-            f"{unit} in the stops; at most {most:.2g} is resolved."
-        )
-
-
-def _inertia(state_matrices: Matrices, stop: str) -> float:
-    """Inertia that a stop feels, the others open [kg m^2, or kg on a point]."""
-    joints, row = state_matrices.jacobian(()), state_matrices.stop_row(stop)
-    opened, _ = solve_constrained(state_matrices.mass(), joints, row, np.zeros(len(joints)))
-    return 1.0 / float(row @ opened)
+        for name in active:
+            # Inertia that the stop feels, the others open [kg m^2, or kg on a point].
+            joints, gap = state_matrices.jacobian(()), state_matrices.stop_row(name)
+            still = np.zeros(len(joints))
+            response, _ = solve_constrained(state_matrices.mass(), joints, gap, still)
+            inertia = 1.0 / float(gap @ response)
+            damping = 2 * ratio * math.sqrt(stiffness * inertia)
+            springs[name] = Spring(stiffness, damping, torques[name])
+    return springs

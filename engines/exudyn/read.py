@@ -2,8 +2,7 @@
 
 Exudyn's rotations are positive anticlockwise, the mechanism's angles clockwise. Points that lie in
 frames of other bodies (slides along lines, distances from walls) are :class:`RelativePoint`; gaps
-and forces of stops follow from their connectors (:class:`AngleLimit`, :class:`LineContact`); a
-:class:`Reader` reads a table of all sensors out.
+and forces of stops follow from their connectors (:class:`AngleLimit`, :class:`LineContact`).
 """
 
 from __future__ import annotations
@@ -70,38 +69,42 @@ class RelativePoint:
     """Where the frame's anchor is in it [m]."""
 
     @property
-    def anchor(self) -> Marker:
-        """The frame's anchor as a point to observe."""
-        return Marker(name=self.point.name, body=self.frame, point=self.origin)
-
-    @property
-    def anchor_kind(self) -> str:
-        """Kind of the anchor's sensors."""
-        return f"{self.kind} anchor"
+    def ends(self) -> tuple[tuple[str, Marker], ...]:
+        """Kind of the sensors and place of the point, then of the frame's anchor."""
+        anchor = Marker(name=self.point.name, body=self.frame, point=self.origin)
+        return (self.kind, self.point), (f"{self.kind} anchor", anchor)
 
     def place(self, values: Values) -> ComplexArray:
         """From the anchor, in the frame [m], shape (n,)."""
-        return self._apart(values, "Position") * self._back(values)
+        return self._in_frame(self._difference(values, "Position"), values)
 
     def speed(self, values: Values) -> ComplexArray:
         """Derivative of the place [m/s], shape (n,)."""
         spin = rotation(self.frame, values, "Coordinates_t")
-        speed = self._apart(values, "Velocity") - 1j * spin * self._apart(values, "Position")
-        return speed * self._back(values)
+        turning = 1j * spin * self._difference(values, "Position")
+        return self._in_frame(self._difference(values, "Velocity") - turning, values)
 
     def acceleration(self, values: Values, rotational: float) -> ComplexArray:
         """Its second derivative [m/s^2], shape (n,); `rotational` is the frame's [rad/s^2]."""
         spin = rotation(self.frame, values, "Coordinates_t")
-        turning = 2j * spin * self._apart(values, "Velocity")
-        turning = turning + (1j * rotational + spin**2) * self._apart(values, "Position")
-        return (self._apart(values, "Acceleration") - turning) * self._back(values)
+        turning = 2j * spin * self._difference(values, "Velocity")
+        turning = turning + (1j * rotational + spin**2) * self._difference(values, "Position")
+        return self._in_frame(self._difference(values, "Acceleration") - turning, values)
 
-    def _apart(self, values: Values, quantity: str) -> ComplexArray:
-        point = _motion(self.kind, self.point, values, quantity)
-        return point - _motion(self.anchor_kind, self.anchor, values, quantity)
+    def _difference(self, values: Values, quantity: str) -> ComplexArray:
+        """Motion of the point less that of the anchor, in the world frame."""
+        motions: list[ComplexArray] = []
+        for kind, marker in self.ends:
+            if marker.body == GROUND:  # it needs no sensor
+                at_rest = complex(*marker.point) if quantity == "Position" else 0.0
+                motions.append(np.full(1, at_rest))
+            else:
+                vectors = values((kind, marker.name, quantity))
+                motions.append(vectors[:, 0] + 1j * vectors[:, 1])
+        return motions[0] - motions[1]
 
-    def _back(self, values: Values) -> ComplexArray:
-        return np.exp(-1j * rotation(self.frame, values))
+    def _in_frame(self, vectors: ComplexArray, values: Values) -> ComplexArray:
+        return vectors * np.exp(-1j * rotation(self.frame, values))
 
 
 def on_joint(joint: AnyJoint) -> RelativePoint:
@@ -116,19 +119,7 @@ def on_wall(stop: PointStop) -> RelativePoint:
     return RelativePoint(point, "stop", stop.relative_to, (0.0, 0.0))
 
 
-def _motion(kind: str, point: Marker, values: Values, quantity: str) -> ComplexArray:
-    """Position, velocity or acceleration of a point; one of the ground needs no sensor."""
-    if point.body == GROUND:
-        return np.full(1, complex(*point.point) if quantity == "Position" else 0.0)
-    vectors = values((kind, point.name, quantity))
-    return vectors[:, 0] + 1j * vectors[:, 1]
-
-
-ROUNDING = 1e-15
-"""[rad] of the difference of two angles of some radians; [m per m] of a point's position."""
-
-Output = Callable[[str], Any]
-"""An output variable of a connector at the current state, by its name."""
+_ROUNDING = 1e-15  # [rad] of the difference of some radians; [m per m] of a point's position
 
 
 @dataclass(frozen=True)
@@ -145,6 +136,10 @@ class Spring:
     def offset(self, sense: int, torque: float) -> float:
         """Exudyn's offset of a connector that has this torque (or force) with the gap closed."""
         return -sense * torque / self.stiffness
+
+
+# Both kinds of stops have the same methods. Gaps and their derivatives are those by the bodies'
+# sensors in one row, in the units of the gap [rad, m]; a connector's gap is its own measure.
 
 
 @dataclass(frozen=True)
@@ -166,34 +161,32 @@ class AngleLimit:
         """Torque while it is active [N m], shape (n,)."""
         return self.stop.sense * values(("stop", self.stop.name, self.force_sensor))[:, 0]
 
-    def connector_gap(self, output: Output, values: Values) -> float:
-        """Gap by the connector's own measure at the current state [rad].
-
-        A constraint's equation includes its offset; the offset of a spring is its preload, and no
-        gap.
-        """
-        return -self.sense * float(output("Displacement" if self.spring else "ConstraintEquation"))
+    def connector_gap(self, system: System) -> float:
+        """Gap by the connector at the current state."""
+        # A constraint's equation includes its offset; that of a spring is its preload, and no gap.
+        variable = "Displacement" if self.spring else "ConstraintEquation"
+        return -self.sense * float(system.output(self.stop.name, variable))
 
     def gap(self, values: Values) -> float:
-        """Gap by the bodies' rotations, of one row of sensors [rad]."""
-        return self._turn(lambda body: float(rotation(body, values)[0])) - self.stop.limit
+        """Gap."""
+        return self._closing(lambda body: float(rotation(body, values)[0])) - self.stop.limit
 
     def gap_speed(self, values: Values) -> float:
-        """Speed of the gap, of one row of sensors [rad/s]."""
-        return self._turn(lambda body: float(rotation(body, values, "Coordinates_t")[0]))
+        """Speed of the gap."""
+        return self._closing(lambda body: float(rotation(body, values, "Coordinates_t")[0]))
 
     def gap_acceleration(self, values: Values, rotations: Mapping[str, float]) -> float:
-        """Acceleration of the gap [rad/s^2], by the bodies' rotational accelerations [rad/s^2]."""
-        return self._turn(lambda body: rotations.get(body, 0.0))
+        """Acceleration of the gap, by the bodies' rotational accelerations [rad/s^2]."""
+        return self._closing(lambda body: rotations.get(body, 0.0))
 
-    def _turn(self, rotation_of: Callable[[str], float]) -> float:
+    def _closing(self, rotation_of: Callable[[str], float]) -> float:
         """Relative angle, clockwise and in the stop's sense, or a derivative of it."""
         stop = self.stop
         return -stop.sense * (rotation_of(stop.body) - rotation_of(stop.relative_to))
 
     def rounding(self, values: Values) -> float:
-        """Rounding error of the gap [rad]."""
-        return ROUNDING
+        """Rounding error of the gap."""
+        return _ROUNDING
 
 
 @dataclass(frozen=True)
@@ -209,41 +202,41 @@ class LineContact:
     def torque(self, values: Values) -> FloatArray:
         """Force along the normal while it is active [N], shape (n,)."""
         force = values(("stop", self.stop.name, self.force_sensor))
-        return force[:, 0] if self.spring else self._along_normal(force, values)
+        return force[:, 0] if self.spring else self._from_body(force, values)
 
-    def connector_gap(self, output: Output, values: Values) -> float:
-        """Gap by the connector's displacement at the current state [m]."""
-        displacement = output("DisplacementLocal")
+    def connector_gap(self, system: System) -> float:
+        """Gap by the connector at the current state."""
+        displacement = system.output(self.stop.name, "DisplacementLocal")
         if self.spring:
             return -float(displacement)
-        return -float(self._along_normal(np.atleast_2d(displacement), values)[0])
+        return -float(self._from_body(np.atleast_2d(displacement), system.now)[0])
 
-    def gap(self, values: Values) -> float:
-        """Gap by the bodies' coordinates, of one row of sensors [m]."""
-        return self._along(on_wall(self.stop).place(values)) - self.stop.offset
-
-    def gap_speed(self, values: Values) -> float:
-        """Speed of the gap, of one row of sensors [m/s]."""
-        return self._along(on_wall(self.stop).speed(values))
-
-    def gap_acceleration(self, values: Values, rotations: Mapping[str, float]) -> float:
-        """Acceleration of the gap [m/s^2], by the bodies' rotational accelerations [rad/s^2]."""
-        turning = rotations.get(self.stop.relative_to, 0.0)
-        return self._along(on_wall(self.stop).acceleration(values, turning))
-
-    def _along(self, place: ComplexArray) -> float:
-        x, y = self.stop.normal
-        return x * float(place[0].real) + y * float(place[0].imag)
-
-    def rounding(self, values: Values) -> float:
-        """Rounding error of the gap [m]."""
-        position = values(("stop", self.stop.name, "Position"))
-        return ROUNDING * max(1.0, float(np.abs(position).max()))
-
-    def _along_normal(self, local: FloatArray, values: Values) -> FloatArray:
-        # Forces and displacements of a constraint come in the frame of the point's body.
+    def _from_body(self, local: FloatArray, values: Values) -> FloatArray:
+        """Component along the normal of a constraint's vectors, which come in the body's frame."""
         angle = rotation(self.stop.body, values) - rotation(self.stop.relative_to, values)
         return turned(local, angle) @ np.array(self.stop.normal)
+
+    def gap(self, values: Values) -> float:
+        """Gap."""
+        return self._along_normal(on_wall(self.stop).place(values)) - self.stop.offset
+
+    def gap_speed(self, values: Values) -> float:
+        """Speed of the gap."""
+        return self._along_normal(on_wall(self.stop).speed(values))
+
+    def gap_acceleration(self, values: Values, rotations: Mapping[str, float]) -> float:
+        """Acceleration of the gap, by the bodies' rotational accelerations [rad/s^2]."""
+        turning = rotations.get(self.stop.relative_to, 0.0)
+        return self._along_normal(on_wall(self.stop).acceleration(values, turning))
+
+    def _along_normal(self, vector: ComplexArray) -> float:
+        x, y = self.stop.normal
+        return x * float(vector[0].real) + y * float(vector[0].imag)
+
+    def rounding(self, values: Values) -> float:
+        """Rounding error of the gap."""
+        position = values(("stop", self.stop.name, "Position"))
+        return _ROUNDING * max(1.0, float(np.abs(position).max()))
 
 
 UnilateralConstraint = AngleLimit | LineContact
@@ -270,6 +263,8 @@ class System:
     sensors: dict[SensorKey, int] = field(default_factory=dict[SensorKey, int])
     left_out: frozenset[str] = frozenset()
     """Loop joints whose held angle is not built, because it follows from the other conditions."""
+    redundant: bool = False
+    """Whether conditions of the loops, as they are built, follow from others at the start."""
 
     def torque(self, stop: str) -> float:
         """Torque (or force) of a stop at the current state [N m, N]."""
@@ -291,14 +286,10 @@ class System:
         for name, number in self.stops.items():
             self.main.SetObjectParameter(number, "activeConnector", name in active)
 
-    def gap(self, stop: str) -> float:
-        """Gap of a stop that touches at the start, by its connector's own measure [rad, m]."""
-
-        def output(variable: str) -> FloatArray:
-            kind = getattr(exu.OutputVariableType, variable)
-            return np.asarray(self.main.GetObjectOutput(self.stops[stop], kind))
-
-        return self.constraints[stop].connector_gap(output, self.now)
+    def output(self, stop: str, variable: str) -> FloatArray:
+        """An output variable of a stop's connector at the current state."""
+        kind = getattr(exu.OutputVariableType, variable)
+        return np.asarray(self.main.GetObjectOutput(self.stops[stop], kind))
 
     def preload(self, stop: str, torque: float) -> None:
         """Give a stop's spring this torque (or force) with the gap closed and at rest [N m, N]."""
@@ -313,6 +304,14 @@ class System:
         return [point[0] - centre[0], point[1] - centre[1], 0.0]
 
 
+def rest_displacement(
+    spring: RotationalSpringDamper | CubicTorsionSpring, mechanism: Mechanism
+) -> float:
+    """Displacement at the rest angle [rad]: anticlockwise as Exudyn's rotations, from the start."""
+    angle = Kinematics(mechanism).angle(spring.body, spring.relative_to)
+    return float(angle.value(np.array(mechanism.start))) - spring.rest_angle
+
+
 def _point_spring_energy(spring: SpringDamper, _: Mechanism, values: Values) -> FloatArray:
     distance = values(("spring", spring.name, "Distance"))[:, 0]
     return 0.5 * spring.stiffness * (distance - spring.rest_length) ** 2
@@ -321,18 +320,12 @@ def _point_spring_energy(spring: SpringDamper, _: Mechanism, values: Values) -> 
 def _rotational_spring_energy(
     spring: RotationalSpringDamper | CubicTorsionSpring, mechanism: Mechanism, values: Values
 ) -> FloatArray:
-    rest = rest_displacement(spring, mechanism)
     displacement = values(("spring", spring.name, "Displacement"))[:, 0]
-    return 0.5 * spring.stiffness * (displacement - rest) ** 2
-
-
-def _cubic_spring_energy(
-    spring: CubicTorsionSpring, mechanism: Mechanism, values: Values
-) -> FloatArray:
-    displacement = values(("spring", spring.name, "Displacement"))[:, 0]
-    quartic = 0.25 * (displacement - rest_displacement(spring, mechanism)) ** 4
-    linear = _rotational_spring_energy(spring, mechanism, values)
-    return linear + spring.cubic_stiffness * quartic
+    stretch = displacement - rest_displacement(spring, mechanism)
+    quadratic = 0.5 * spring.stiffness * stretch**2
+    if spring.kind == "rotational-spring-damper":
+        return quadratic
+    return quadratic + spring.cubic_stiffness * (0.25 * stretch**4)
 
 
 def _no_energy(*_: object) -> FloatArray:
@@ -345,7 +338,7 @@ ENERGIES: ElementTable[Callable[[Any, Mechanism, Values], FloatArray]] = Element
     {
         SpringDamper: _point_spring_energy,
         RotationalSpringDamper: _rotational_spring_energy,
-        CubicTorsionSpring: _cubic_spring_energy,
+        CubicTorsionSpring: _rotational_spring_energy,
         ConstantForce: _no_energy,
         ConstantTorque: _no_energy,
     },
@@ -353,12 +346,16 @@ ENERGIES: ElementTable[Callable[[Any, Mechanism, Values], FloatArray]] = Element
 """Potential energy of a force element by its connector's own distance or displacement [J], (n,)."""
 
 
-def rest_displacement(
-    spring: RotationalSpringDamper | CubicTorsionSpring, mechanism: Mechanism
-) -> float:
-    """Displacement at the rest angle [rad]: anticlockwise as Exudyn's rotations, from the start."""
-    angle = Kinematics(mechanism).angle(spring.body, spring.relative_to)
-    return float(angle.value(np.array(mechanism.start))) - spring.rest_angle
+def coordinates(mechanism: Mechanism, values: Values, *, speeds: bool = False) -> FloatArray:
+    """Coordinates q, or speeds u, by sensors, shape (n, n_q)."""
+    quantity = "Coordinates_t" if speeds else "CoordinatesTotal"
+    turning = [body.name for body in mechanism.bodies if body.angle is not None]
+    columns = [-rotation(name, values, quantity) for name in turning]
+    for slide in mechanism.slides:
+        point = on_joint(slide.joint)
+        motion = point.speed(values) if speeds else point.place(values)
+        columns.append((motion * slide.direction.conjugate()).real)
+    return np.stack(columns, axis=-1)
 
 
 class BodyCoordinates:
@@ -372,127 +369,94 @@ class BodyCoordinates:
 
     def placed(self, q: FloatArray) -> FloatArray:
         """z(q), shape (3 n_bodies,)."""
-        centres = [self.kinematics.position(row, q) for row in self.rows]
-        return np.concatenate(
-            [[*at, -angle.value(q)] for at, angle in zip(centres, self.angles, strict=True)]
-        )
+        placed: list[FloatArray] = []
+        for row, angle in zip(self.rows, self.angles, strict=True):
+            placed.append(np.array([*self.kinematics.position(row, q), -angle.value(q)]))
+        return np.concatenate(placed)
 
     def jacobian(self, q: FloatArray) -> FloatArray:
         """J = dz/dq, shape (3 n_bodies, n_q)."""
-        rates = self.kinematics.rates(q)
-        moved = [self.kinematics.gradient(row.coefficients, q, rates) for row in self.rows]
-        turns = [-angle.coefficients for angle in self.angles]
-        return np.concatenate(
-            [[point.real, point.imag, turn] for point, turn in zip(moved, turns, strict=True)]
-        )
+        rates, rows = self.kinematics.rates(q), list[FloatArray]()
+        for row, angle in zip(self.rows, self.angles, strict=True):
+            gradient = self.kinematics.gradient(row.coefficients, q, rates)
+            rows += [gradient.real, gradient.imag, -angle.coefficients]
+        return np.stack(rows)
 
 
 def recording(
-    reader: Reader, torques: Mapping[str, FloatArray], events: ContactEvents, steps: int
+    system: System,
+    columns: Mapping[SensorKey, slice],
+    table: FloatArray,
+    events: ContactEvents,
+    steps: int,
+    *,
+    reopens: bool,
 ) -> Recording:
-    """Read a run out.
+    """The run in the mechanism's terms.
 
     Args:
-        reader: of all sensors at all times.
-        torques: of all stops [N m, N], each of shape (n,).
+        system: as built.
+        columns: of each sensor in the table.
+        table: all sensors at all times.
         events: of the run.
-        steps: how many steps the solver took.
+        steps: how many the solver took.
+        reopens: whether stops may act again after their first release; Exudyn's multiplier of an
+            open one is then zero.
     """
-    mechanism = reader.system.mechanism
-    holding = [joint for joint in mechanism.joints if joint.held_directions]
+    mechanism, times = system.mechanism, table[:, 0]
+
+    def values(sensor: SensorKey) -> FloatArray:
+        return table[:, columns[sensor]]
+
+    def plane(kind: str, name: str, quantity: str) -> FloatArray:
+        return values((kind, name, quantity))[:, :2]
+
+    markers = dict[str, PointMotion]()
+    for marker in mechanism.markers:
+        position = plane("marker", marker.name, "Position")
+        markers[marker.name] = PointMotion(position, plane("marker", marker.name, "Velocity"))
+
+    kinetic = [values(("body", body.name, "KineticEnergy"))[:, 0] for body in mechanism.bodies]
+    # Exudyn has no sensor of the potential energy.
+    places = [plane("body", body.name, "CoordinatesTotal") for body in mechanism.bodies]
+    heights = np.array(places) @ -np.array(mechanism.gravity_direction)
+    weight = mechanism.gravity * np.array([body.mass for body in mechanism.bodies]) @ heights
+    springs = sum(ENERGIES[e](e, mechanism, values) for e in mechanism.force_elements)
+
+    torques = dict[str, FloatArray]()
+    for name, release in events.releases.items():
+        torques[name] = np.zeros(len(table))
+        if name in system.stops:
+            torques[name] = system.constraints[name].torque(values)
+            if release is not None and not reopens:
+                torques[name] = np.where(times < release, torques[name], 0.0)
+
+    reactions, drift = dict[str, FloatArray](), dict[str, FloatArray]()
+    for joint in mechanism.joints:
+        if not joint.held_directions:
+            continue
+        if joint.free_directions:  # a point on a line, whose force comes in the child's frame
+            local = plane("joint", joint.name, "ForceLocal")
+            reactions[joint.name] = turned(local, rotation(joint.child, values))
+            (across,) = joint.held_directions
+            place = on_joint(joint).place(values)
+            drift[joint.name] = np.abs((place * complex(across).conjugate()).real)
+        else:
+            reactions[joint.name] = plane("joint", joint.name, "Force")
+            apart = plane("joint", joint.name, "Displacement")
+            drift[joint.name] = np.linalg.norm(apart, axis=1)
+
     return Recording(
-        t=reader.table[:, 0],
-        q=reader.coordinates(),
-        u=reader.speeds(),
-        markers={marker.name: reader.point("marker", marker.name) for marker in mechanism.markers},
-        kinetic_energy=np.sum(
-            [reader.scalar("body", body.name, "KineticEnergy") for body in mechanism.bodies], axis=0
-        ),
-        potential_energy=reader.potential_energy(),
+        t=times,
+        q=coordinates(mechanism, values),
+        u=coordinates(mechanism, values, speeds=True),
+        markers=markers,
+        kinetic_energy=np.sum(kinetic, axis=0),
+        potential_energy=weight + springs,
         stop_torques=torques,
         release_times=events.releases,
-        joint_reactions={joint.name: reader.reaction(joint) for joint in holding},
-        joint_gaps={joint.name: reader.gap(joint) for joint in holding},
+        joint_reactions=reactions,
+        joint_gaps=drift,
         impacts=tuple(events.impacts),
         steps=steps,
     )
-
-
-@dataclass(frozen=True)
-class Reader:
-    """Quantities of a run (or of one state) from its table."""
-
-    system: System
-    columns: Mapping[SensorKey, slice]
-    table: FloatArray
-
-    def values(self, sensor: SensorKey) -> FloatArray:
-        """All components of a sensor, shape (n, components)."""
-        return self.table[:, self.columns[sensor]]
-
-    def plane(self, kind: str, name: str, quantity: str) -> FloatArray:
-        """The x and y of a sensor, shape (n, 2)."""
-        return self.values((kind, name, quantity))[:, :2]
-
-    def scalar(self, kind: str, name: str, quantity: str, component: int = 0) -> FloatArray:
-        """One component of a sensor, shape (n,)."""
-        return self.values((kind, name, quantity))[:, component]
-
-    def point(self, kind: str, name: str) -> PointMotion:
-        """Motion of a point of a body."""
-        return PointMotion(self.plane(kind, name, "Position"), self.plane(kind, name, "Velocity"))
-
-    def coordinates(self) -> FloatArray:
-        """q, shape (n, n_q)."""
-        return coordinates(self.system.mechanism, self.values)
-
-    def speeds(self) -> FloatArray:
-        """u, shape (n, n_q)."""
-        columns = _angles(self.system.mechanism, self.values, "Coordinates_t")
-        for slide in self.system.mechanism.slides:
-            speed = on_joint(slide.joint).speed(self.values)
-            columns.append((speed * slide.direction.conjugate()).real)
-        return np.stack(columns, axis=-1)
-
-    def potential_energy(self) -> FloatArray:
-        """Energy of weight and springs [J], shape (n,), which no sensor of Exudyn's gives."""
-        mechanism, bodies = self.system.mechanism, self.system.mechanism.bodies
-        places = np.array([self.plane("body", body.name, "CoordinatesTotal") for body in bodies])
-        heights = places @ -np.array(mechanism.gravity_direction)
-        weight = mechanism.gravity * np.array([body.mass for body in bodies]) @ heights
-        energies = (ENERGIES[e](e, mechanism, self.values) for e in mechanism.force_elements)
-        return weight + sum(energies)
-
-    def torque(self, stop: str, release: float | None) -> FloatArray:
-        """Torque (or force) of a stop [N m, N], shape (n,); from its release on, 0."""
-        if stop not in self.system.stops:
-            return np.zeros(len(self.table))
-        torque = self.system.constraints[stop].torque(self.values)
-        return torque if release is None else np.where(self.table[:, 0] < release, torque, 0.0)
-
-    def reaction(self, joint: AnyJoint) -> FloatArray:
-        """Force of a joint on its child, world frame [N], shape (n, 2)."""
-        if not joint.free_directions:
-            return self.plane("joint", joint.name, "Force")
-        local = self.plane("joint", joint.name, "ForceLocal")
-        return turned(local, rotation(joint.child, self.values))
-
-    def gap(self, joint: AnyJoint) -> FloatArray:
-        """Constraint drift: distance of a joint's points, or of point and line [m], shape (n,)."""
-        if not joint.free_directions:
-            return np.linalg.norm(self.plane("joint", joint.name, "Displacement"), axis=1)
-        (across,) = joint.held_directions
-        return np.abs((on_joint(joint).place(self.values) * complex(across).conjugate()).real)
-
-
-def coordinates(mechanism: Mechanism, values: Values) -> FloatArray:
-    """The coordinates q by sensors, shape (n, n_q); Exudyn's rotations are anticlockwise."""
-    columns = _angles(mechanism, values, "CoordinatesTotal")
-    for slide in mechanism.slides:
-        columns.append((on_joint(slide.joint).place(values) * slide.direction.conjugate()).real)
-    return np.stack(columns, axis=-1)
-
-
-def _angles(mechanism: Mechanism, values: Values, quantity: str) -> list[FloatArray]:
-    names = [body.name for body in mechanism.bodies if body.angle is not None]
-    return [-rotation(name, values, quantity) for name in names]

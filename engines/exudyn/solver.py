@@ -4,6 +4,21 @@ Positions and speeds alone carry the state from one run to the next: Exudyn find
 multipliers from the equations of motion. So each run starts free of the alternating error that the
 trapezoidal rule keeps in its multipliers, and the torque of a stop at a state depends on nothing
 but the state.
+
+Loops need more: in positions in which their constraints depend on each other two errors of the
+trapezoidal rule of index 2 grow without bounds, with 1/s or 1/s^2 for the constraints' least
+singular value s:
+
+* The rule carries an error of the accelerations along the constraints on without damping, with the
+  other sign after every step (its stability function is -1 at infinity); in the multipliers it is
+  that error over s. Steps beside a singular position, where multipliers have poles, make it of any
+  size. Accelerations and multipliers that follow from the state are free of it: behind such a
+  position a run begins anew whenever s has doubled.
+* Constraints hold speeds, and positions drift by d = O(h^2). A drifted loop has no singular
+  position: its branches are those of a hyperbola, at a distance of sqrt(d) = O(h) from where they
+  should cross, however short the step is. So the drift is taken away a few steps before the
+  position. It is not taken away elsewhere: the rule's drift follows the accelerations and vanishes
+  again with them, and what a projection takes away of a part of it does not.
 """
 
 from __future__ import annotations
@@ -11,22 +26,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, auto
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
 from ...models.kinematics import Kinematics, initial_state
-from ...models.mechanism import Mechanism
-from ..events import Contacts
-from .loops import DEPENDENT, Conditioning, LoopConstraints, built_rows
+from ..events import Contacts, State
 from .options import ExudynOptions
-from .read import BodyCoordinates, Reader, SensorKey, System, Values, coordinates, exu
+from .read import BodyCoordinates, SensorKey, System, Values, coordinates, exu
 
+DEPENDENT = 1e-6
+"""Singular value of a Jacobian, over its largest, below which constraints are dependent."""
 _EVERY_STEP = 1e-12  # [s] the default is 0.01 s; this is below any step
 _SAME_TIME = 1e-9  # of the run's last time: Exudyn adds up its steps
-
 _DIFFERENCE = 3e-5  # relative step of Exudyn's difference quotients: 1e-6 to 1e-4 do as well
 
 # Exudyn's Newton iteration leaves out how the joints' Jacobian changes with the step, which matters
@@ -40,6 +54,7 @@ _LEAPS = (5.0, 6.0, 8.0, 12.0)
 _BEYOND, _FAR = 2.2, 50.0
 _BACK = 2  # good steps that a leap takes back: the last ones were near the position as well
 _LEAP_ITERATIONS = 200
+_JUMP = 0.2  # of the largest rotational speed: a leap that changes one more is on another branch
 # Redundant joints contradict each other by the drift of the positions, of the order of the
 # truncation error, and no iteration gets below that. Just above it iterations end, with multipliers
 # that spoil the steps after. So the drift is taken away, unless it was so a short time before: to
@@ -47,10 +62,110 @@ _LEAP_ITERATIONS = 200
 _SOON = 64  # steps
 # [N, m/s] Residual that is small enough once a step has failed whose joints are redundant.
 _CONTRADICTION = 1e-5
-_JUMP = 0.2  # of the largest rotational speed: a leap that changes one more is on another branch
 _SHORT = 1e-2  # of a step: the error of one so long, of third order, is 1e-6 of a step's
+
+_GROWN = 2.0  # times: so much the least singular value grows until a run begins anew
+# Steps to a singular position, between which the drift is taken away.
+_FARTHEST, _NEAREST = 256.0, 4.0
+_VANISHED = 0.1  # of the present singular value: what falls below that at this rate vanishes
+_AHEAD = 0.25  # of the steps to a singular position at the present rate, until the next look
+_LONGEST = 32  # steps without a look
+_CORRECTIONS = 3
+
 Monitor = Callable[[float], bool]
 """Called with the time after each step; False stops the run there."""
+
+
+# --- Loops
+
+
+class LoopConstraints:
+    """Closures of the loops and gaps of active stops."""
+
+    def __init__(self, kinematics: Kinematics, active: Contacts) -> None:
+        self.kinematics, self.active = kinematics, active
+
+    def jacobian(self, q: FloatArray) -> FloatArray:
+        """Jacobian with respect to q, shape (n, n_q)."""
+        stops = [self.kinematics.gap_jacobian(name, q)[None] for name in self.active]
+        return np.concatenate([self.kinematics.loop_jacobian(q), *stops])
+
+    def projected(self, q: FloatArray, u: FloatArray) -> State:
+        """The nearest coordinates and speeds without drift."""
+        for _ in range(_CORRECTIONS):
+            gaps = [self.kinematics.gap(name, q) for name in self.active]
+            residual = np.array([*self.kinematics.loop_residual(q), *gaps])
+            q = q - np.linalg.pinv(self.jacobian(q), rcond=DEPENDENT) @ residual
+        rows = self.jacobian(q)
+        return q, u - np.linalg.pinv(rows, rcond=DEPENDENT) @ (rows @ u)
+
+
+class Conditioning:
+    """Monitor of the least singular value of constraints from step to step."""
+
+    def __init__(self, constraints: LoopConstraints) -> None:
+        self.constraints = constraints
+        self.is_due = False
+        """Whether the run should begin anew at the end of the step that was looked at last."""
+        self.has_neared = False
+        """Whether that is so because a singular position is ahead, and then without drift."""
+        self._jacobian, self._rank = np.zeros((0, 0)), 0
+        self._value = self._least = self._ahead = np.inf
+        self._since, self._wait = 0, 1
+
+    def begin(self, q: FloatArray) -> None:
+        """Start at the coordinates where a run begins, shape (n_q,)."""
+        self._jacobian = self.constraints.jacobian(q)
+        values = np.linalg.svd(self._jacobian, compute_uv=False)
+        self._rank = self._rank or int(np.sum(values > DEPENDENT * values[0]))
+        self._value = self._least = float(values[self._rank - 1])
+        self._since, self._wait, self.is_due = 0, 1, False
+
+    def look(self, position: Callable[[], FloatArray]) -> bool:
+        """Note one more step; whether the run should begin anew at its end.
+
+        Args:
+            position: gives the coordinates, which are seldom needed.
+        """
+        self._since += 1
+        if self._since < self._wait:
+            return False
+        jacobian = self.constraints.jacobian(position())
+        change, value = (jacobian - self._jacobian) / self._since, self._least_value(jacobian)
+        fall = (self._value - value) / self._since
+        self._value, self._least, self._jacobian = value, min(self._least, value), jacobian
+        rate = float(np.linalg.norm(change, 2))  # no singular value changes faster
+        self._since = 0
+        self._wait = int(np.clip(_AHEAD * value / rate if rate else np.inf, 1, _LONGEST))
+        # A singular position is near, for the first time or at half the last distance.
+        self.has_neared = False
+        ahead = value / fall if fall > 0 else np.inf
+        if _NEAREST < ahead < min(_FARTHEST, self._ahead / 2):
+            self.has_neared = self._least_value(jacobian + ahead * change) <= _VANISHED * value
+        if self.has_neared:
+            self._ahead = ahead
+        is_left_behind = value > _GROWN * self._least
+        if is_left_behind:
+            self._ahead = np.inf
+        self.is_due = self.has_neared or is_left_behind
+        return self.is_due
+
+    def steps_ahead(self, q: FloatArray) -> float:
+        """Number of steps from the last of some equal ones to the next singular position.
+
+        Args:
+            q: coordinates at the end of each step, shape (n, n_q).
+        """
+        if len(q) < 2:
+            return np.inf
+        before, value = (self._least_value(self.constraints.jacobian(end)) for end in q[-2:])
+        return value / (before - value) if value < before else np.inf
+
+    def _least_value(self, jacobian: FloatArray) -> float:
+        return float(np.linalg.svd(jacobian, compute_uv=False)[self._rank - 1])
+
+
+# --- The solver
 
 
 class _Outcome(Enum):
@@ -60,7 +175,7 @@ class _Outcome(Enum):
     STOPPED = auto()
     """The monitor stopped the run."""
     INTERRUPTED = auto()
-    """The run begins anew: loops are or were nearly dependent (:mod:`.loops`)."""
+    """The run begins anew: loops are or were nearly dependent."""
     FAILED = auto()
 
 
@@ -87,8 +202,7 @@ class Solver:
     """Runs a system and reads its sensors; `steps` counts the steps taken."""
 
     def __init__(self, system: System, options: ExudynOptions) -> None:
-        self.system = system
-        self.options = options
+        self.system, self.mechanism, self.options = system, system.mechanism, options
         self.steps = 0
         widths = [system.now(sensor).shape[1] for sensor in system.sensors]
         ends = np.cumsum([1, *widths]).tolist()
@@ -96,44 +210,56 @@ class Solver:
             key: slice(a, b) for key, a, b in zip(system.sensors, ends[:-1], ends[1:], strict=True)
         }
         """Columns of each sensor in a table; column 0 is the time [s]."""
-        self._dependent = _may_be_dependent(system.mechanism)
-        self._redundant = _has_redundant_joints(system)
+        self._kinematics = Kinematics(self.mechanism)
+        self._start, _ = initial_state(self.mechanism)
+        # Constraints of loops may follow from others, and so may those of several closed stops.
+        closed = [stop.name for stop in self.mechanism.stops if stop.closed]
+        gaps = np.array([self._kinematics.gap_jacobian(name, self._start) for name in closed])
+        self._dependent = bool(self.mechanism.loop_joints) or (
+            len(gaps) > 1 and int(np.linalg.matrix_rank(gaps, rtol=DEPENDENT)) < len(gaps)
+        )
         self._residual = options.newton_absolute
-        self._kinematics = Kinematics(system.mechanism)
         self._conditioning: Conditioning | None = None
+        self._monitor: Monitor | None = None
 
     def start(self) -> BodyState:
         """The state as built."""
-        rates = np.array(
-            self.system.main.systemData.GetODE2Coordinates_t(exu.ConfigurationType.Initial)
-        )
+        data, initial = self.system.main.systemData, exu.ConfigurationType.Initial
+        rates = np.array(data.GetODE2Coordinates_t(initial))
         return BodyState(0.0, np.zeros(len(rates)), rates)
 
-    def state(self, table: FloatArray, row: int) -> BodyState:
-        """The state in a row of a table."""
-        coordinates = self.of_bodies(table[row], "Coordinates")
-        rates = self.of_bodies(table[row], "Coordinates_t")
-        return BodyState(float(table[row, 0]), coordinates, rates)
-
-    def of_bodies(self, row: FloatArray, quantity: str) -> FloatArray:
-        """A quantity of all nodes in a row of a table: x, y, rotation by body, (3 n_bodies,)."""
-        return np.concatenate(
-            [row[self.columns["body", b.name, quantity]] for b in self.system.mechanism.bodies]
-        )
+    # Rows of a table.
 
     def row(self, time: float) -> FloatArray:
         """All sensors now, as a row of a table."""
-        return np.concatenate(
-            [[time], *(self.system.now(sensor)[0] for sensor in self.system.sensors)]
-        )
+        sensors = (self.system.now(sensor)[0] for sensor in self.system.sensors)
+        return np.concatenate([[time], *sensors])
 
     def values(self, row: FloatArray) -> Values:
         """Values of the sensors in a row of a table."""
         return lambda sensor: row[None, self.columns[sensor]]
 
+    def of_bodies(self, row: FloatArray, quantity: str) -> FloatArray:
+        """A quantity of all nodes in a row: x, y, rotation by body, shape (3 n_bodies,)."""
+        names = (body.name for body in self.mechanism.bodies)
+        return np.concatenate([row[self.columns["body", name, quantity]] for name in names])
+
+    def state(self, row: FloatArray) -> BodyState:
+        """Exudyn's state in a row."""
+        displacements = self.of_bodies(row, "Coordinates")
+        return BodyState(float(row[0]), displacements, self.of_bodies(row, "Coordinates_t"))
+
+    def coordinates(self, row: FloatArray) -> State:
+        """Coordinates and speeds of the mechanism in a row, each of shape (n_q,)."""
+        values = self.values(row)
+        q = coordinates(self.mechanism, values)[0]
+        return q, coordinates(self.mechanism, values, speeds=True)[0]
+
     def torque(self, row: FloatArray, stop: str) -> float:
-        """Torque (or force) of an active stop in a row of a table [N m, N]."""
+        """Torque (or force) of an active stop in a row [N m, N]."""
         return float(self.system.constraints[stop].torque(self.values(row))[0])
+
+    # Equations of motion.
 
     def balance(self, state: BodyState, active: Contacts) -> Balance:
         """Sensors and accelerations at a state, under the joints and the active stops.
@@ -168,6 +294,13 @@ class Solver:
         solver.FinalizeSolver(main, settings)
         return Balance(row, accelerations)
 
+    def _set(self, state: BodyState) -> None:
+        data, initial = self.system.main.systemData, exu.ConfigurationType.Initial
+        data.SetODE2Coordinates(state.coordinates, initial)
+        data.SetODE2Coordinates_t(state.rates, initial)
+
+    # Steps.
+
     def run(
         self,
         state: BodyState,
@@ -197,28 +330,36 @@ class Solver:
                 stop the run.
         """
         step = (end - state.t) / steps
-        self._conditioning = self._watched(active)
-        table, outcome = self._equal_steps(state, active, end, steps, monitor)
+        self._monitor, self._conditioning = monitor, None
+        # Generalised alpha needs no monitor of the loops, as it damps the error.
+        if self.mechanism.loop_joints and self.options.integrator.startswith("trapezoidal"):
+            self._conditioning = Conditioning(LoopConstraints(self._kinematics, active))
+        table, outcome = self._equal_steps(state, active, end, steps)
         if outcome is _Outcome.FAILED and end - state.t < _SHORT * self.options.timestep:
             return self._explicit_step(state, active, end)
-        failed = closed = -np.inf
+        failed = projected = -np.inf
         while outcome in (_Outcome.FAILED, _Outcome.INTERRUPTED):
-            if outcome is _Outcome.INTERRUPTED:
-                table, outcome = self._onwards(table, step, end, monitor)
-                continue
-            if self._redundant and self._residual < _CONTRADICTION:
-                without_drift = None
-                if self._conditioning and table[-1, 0] > closed + _SOON * step:
-                    without_drift = self._without_drift(table)
+            last, drifts = float(table[-1, 0]), False
+            if outcome is _Outcome.FAILED:
+                if self.system.redundant and self._residual < _CONTRADICTION:
+                    drifts = self._conditioning is not None and last > projected + _SOON * step
+                    if not drifts:
+                        self._residual = _CONTRADICTION
+                    projected = last
+                elif last <= failed:
+                    raise self._failure(table, end)
                 else:
-                    self._residual = _CONTRADICTION
-                closed = float(table[-1, 0])
-                table, outcome = self._onwards(table, step, end, monitor, without_drift)
-                continue
-            if table[-1, 0] <= failed:
-                self._give_up(table, end)
-            failed = float(table[-1, 0])
-            table, outcome = self._past_failure(table, step, end, monitor)
+                    failed = last
+                    table, outcome = self._leap(table, step, end)
+                    if outcome is _Outcome.STOPPED or is_at(float(table[-1, 0]), end):
+                        break
+            # Begin anew at the end of the table.
+            watch, now = self._conditioning, self.state(table[-1])
+            if drifts or (watch is not None and watch.is_due and watch.has_neared):
+                now = self._without_drift(now, table[-1])
+            left = max(1, round((end - now.t) / step))
+            rest, outcome = self._equal_steps(now, self.system.active, end, left)
+            table = np.concatenate([table[:-1], rest])
         return table
 
     def _equal_steps(
@@ -227,18 +368,22 @@ class Solver:
         active: Contacts,
         end: float,
         steps: int,
-        monitor: Monitor | None,
         iterations: int = _ITERATIONS,
     ) -> tuple[FloatArray, _Outcome]:
         """Table of the steps that succeeded, and how they ended."""
         balance = self.balance(state, active)
-        self._set(state, balance.accelerations)
+        self._set(state)
+        data, initial = self.system.main.systemData, exu.ConfigurationType.Initial
+        data.SetODE2Coordinates_tt(balance.accelerations, initial)
         settings = self._settings(state.t, end, steps)
         settings.timeIntegration.newton.maxIterations = iterations
+        settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False
         if self._conditioning:
-            self._conditioning.begin(self._coordinates())
-        finished, stopped = self._solve(settings, monitor)
-        table = self._table()
+            self._conditioning.begin(self._position())
+        finished, stopped = self._solve(settings)
+        numbers = self.system.sensors.values()
+        stored = [np.asarray(self.system.main.GetSensorStoredData(n)) for n in numbers]
+        table = np.hstack([stored[0][:, :1], *(data[:, 1:] for data in stored)])
         table[0] = balance.row  # with accelerations given, Exudyn's own first row has no forces
         self.steps += len(table) - 1
         last = float(table[-1, 0])
@@ -249,122 +394,22 @@ class Solver:
         interrupted = finished and self._conditioning is not None and self._conditioning.is_due
         return table, _Outcome.INTERRUPTED if interrupted else _Outcome.FAILED
 
-    def _explicit_step(self, state: BodyState, active: Contacts, end: float) -> FloatArray:
-        """Table of one trapezoidal step with the accelerations at an explicit Euler step's end."""
-        h, first = end - state.t, self.balance(state, active)
-        coordinates = state.coordinates + h * (state.rates + h / 2 * first.accelerations)
-        predicted = self.balance(
-            BodyState(end, coordinates, state.rates + h * first.accelerations), active
-        )
-        rates = state.rates + h / 2 * (first.accelerations + predicted.accelerations)
-        self.steps += 1
-        return np.stack([first.row, self.balance(BodyState(end, coordinates, rates), active).row])
-
-    def _watched(self, active: Contacts) -> Conditioning | None:
-        """Monitor of the loops; generalised alpha needs none, as it damps the error."""
-        if not self.system.mechanism.loop_joints or not self.options.integrator.startswith(
-            "trapezoidal"
-        ):
-            return None
-        return Conditioning(LoopConstraints(self._kinematics, active))
-
-    def _coordinates(self) -> FloatArray:
-        return coordinates(self.system.mechanism, self.system.now)[0]
-
-    def _without_drift(self, table: FloatArray) -> BodyState:
-        """Nearest state to that at the end of a table with loops and active stops closed."""
-        state, reader = self.state(table, -1), Reader(self.system, self.columns, table[-1:])
-        bodies, start = BodyCoordinates(self._kinematics), initial_state(self.system.mechanism)[0]
-        constraints = LoopConstraints(self._kinematics, self.system.active)
-        q, u = constraints.projected(reader.coordinates()[0], reader.speeds()[0])
-        return BodyState(state.t, bodies.placed(q) - bodies.placed(start), bodies.jacobian(q) @ u)
-
-    def _past_failure(
-        self, table: FloatArray, step: float, end: float, monitor: Monitor | None
-    ) -> tuple[FloatArray, _Outcome]:
-        """A table without its last steps, with a longer step over the failure and equal ones."""
-        table = table[: max(1, len(table) - _BACK)]
-        state = self.state(table, -1)
-        for length in self._leaps(table):
-            leap, outcome = self._leap(state, min(state.t + length * step, end), monitor)
-            if outcome is not _Outcome.FAILED:
-                break
-        else:
-            self._give_up(table, end)
-        table = np.concatenate([table[:-1], leap])
-        if outcome is _Outcome.STOPPED or is_at(float(table[-1, 0]), end):
-            return table, outcome
-        return self._onwards(table, step, end, monitor)
-
-    def _onwards(
-        self,
-        table: FloatArray,
-        step: float,
-        end: float,
-        monitor: Monitor | None,
-        now: BodyState | None = None,
-    ) -> tuple[FloatArray, _Outcome]:
-        """A table and equal steps after it, from `now` or the state at its end."""
-        watch = self._conditioning
-        if now is None:
-            nears = watch is not None and watch.is_due and watch.has_neared
-            now = self._without_drift(table) if nears else self.state(table, -1)
-        rest, outcome = self._equal_steps(
-            now, self.system.active, end, max(1, round((end - now.t) / step)), monitor
-        )
-        return np.concatenate([table[:-1], rest]), outcome
-
-    def _leap(
-        self, state: BodyState, until: float, monitor: Monitor | None
-    ) -> tuple[FloatArray, _Outcome]:
-        """One step, which fails also if the speeds jump: its end is on another branch then."""
-        leap, outcome = self._equal_steps(
-            state, self.system.active, until, 1, monitor, _LEAP_ITERATIONS
-        )
-        jump = np.abs(self.state(leap, -1).rates - state.rates)
-        if jump[2::3].max() > _JUMP * np.abs(state.rates[2::3]).max():
-            return leap, _Outcome.FAILED
-        return leap, outcome
-
-    def _leaps(self, table: FloatArray) -> tuple[float, ...]:
-        """Lengths, in steps, of those in place of a failed one; only loops are singular."""
-        if self.options.adaptive_step or not self.system.mechanism.loop_joints:
-            return ()
-        if self._conditioning is None:
-            return _LEAPS
-        reader = Reader(self.system, self.columns, table[-2:])
-        ahead = self._conditioning.steps_ahead(reader.coordinates())
-        longer = max(1.0, _BEYOND * ahead / _LEAPS[0]) if ahead < _FAR else 1.0
-        return tuple(longer * leap for leap in _LEAPS)
-
-    def _give_up(self, table: FloatArray, end: float) -> NoReturn:
-        hint = "a shorter timestep may help"
-        if self._redundant:
-            hint = f"its joints are redundant, and contradict each other as they drift; {hint}"
-        elif len(table) <= 1:
-            hint = "the step is too long, or a position singular"
-        solver = f"exudyn's {self.options.integrator} solver"
-        raise SimulationError(
-            f"{solver} gave up after t = {table[-1, 0]:.6g} s of {end:.6g} s; {hint}."
-        )
-
-    def _solve(self, settings: Any, monitor: Monitor | None) -> tuple[bool, bool]:
+    def _solve(self, settings: Any) -> tuple[bool, bool]:
         """Whether Exudyn says it finished, and whether the monitor stopped it."""
         start, stopped = settings.timeIntegration.startTime, False
+        main, monitor, conditioning = self.system.main, self._monitor, self._conditioning
 
         def after_step(_: Any, time: float) -> bool:
             # Exudyn takes the missing value of a bare `return` for False, and ends the run without
             # a word.
             nonlocal stopped
-            stopped = stopped or (monitor is not None and time > start and not monitor(time))
-            interrupted = (
-                conditioning is not None and time > start and conditioning.look(self._coordinates)
-            )
+            if time <= start:
+                return not stopped
+            stopped = stopped or (monitor is not None and not monitor(time))
+            interrupted = conditioning is not None and conditioning.look(self._position)
             return not (stopped or interrupted)
 
-        main, conditioning = self.system.main, self._conditioning
         main.SetPostStepUserFunction(after_step if monitor or conditioning else 0)
-        settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False
         try:
             return bool(main.SolveDynamic(settings)), stopped
         except RuntimeError:
@@ -372,19 +417,58 @@ class Solver:
         finally:
             main.SetPostStepUserFunction(0)
 
-    def _set(self, state: BodyState, accelerations: FloatArray | None = None) -> None:
-        data, initial = self.system.main.systemData, exu.ConfigurationType.Initial
-        data.SetODE2Coordinates(state.coordinates, initial)
-        data.SetODE2Coordinates_t(state.rates, initial)
-        if accelerations is not None:
-            data.SetODE2Coordinates_tt(accelerations, initial)
+    def _position(self) -> FloatArray:
+        return coordinates(self.mechanism, self.system.now)[0]
 
-    def _table(self) -> FloatArray:
-        stored = [
-            np.asarray(self.system.main.GetSensorStoredData(n))
-            for n in self.system.sensors.values()
-        ]
-        return np.hstack([stored[0][:, :1], *(data[:, 1:] for data in stored)])
+    def _explicit_step(self, state: BodyState, active: Contacts, end: float) -> FloatArray:
+        """Table of one trapezoidal step with the accelerations at an explicit Euler step's end."""
+        h, first = end - state.t, self.balance(state, active)
+        displacements = state.coordinates + h * (state.rates + h / 2 * first.accelerations)
+        euler = BodyState(end, displacements, state.rates + h * first.accelerations)
+        both = first.accelerations + self.balance(euler, active).accelerations
+        after = BodyState(end, displacements, state.rates + h / 2 * both)
+        self.steps += 1
+        return np.stack([first.row, self.balance(after, active).row])
+
+    def _without_drift(self, state: BodyState, row: FloatArray) -> BodyState:
+        """Nearest state to that in a row with loops and active stops closed."""
+        constraints = LoopConstraints(self._kinematics, self.system.active)
+        q, u = constraints.projected(*self.coordinates(row))
+        bodies = BodyCoordinates(self._kinematics)
+        displacements = bodies.placed(q) - bodies.placed(self._start)
+        return BodyState(state.t, displacements, bodies.jacobian(q) @ u)
+
+    def _leap(self, table: FloatArray, step: float, end: float) -> tuple[FloatArray, _Outcome]:
+        """A table with a longer step over the position where one failed, and how that ended."""
+        table = table[: max(1, len(table) - _BACK)]
+        state, longer = self.state(table[-1]), 1.0
+        if self._conditioning is not None:
+            q = coordinates(self.mechanism, lambda sensor: table[-2:, self.columns[sensor]])
+            ahead = self._conditioning.steps_ahead(q)
+            if ahead < _FAR:
+                longer = max(1.0, _BEYOND * ahead / _LEAPS[0])
+        only_loops_are_singular = self.mechanism.loop_joints and not self.options.adaptive_step
+        for length in _LEAPS if only_loops_are_singular else ():
+            until = min(state.t + longer * length * step, end)
+            active = self.system.active
+            leap, outcome = self._equal_steps(state, active, until, 1, _LEAP_ITERATIONS)
+            # If speeds jump, its end is on another branch of the motion.
+            jump = np.abs(self.state(leap[-1]).rates - state.rates)[2::3].max()
+            jumps = jump > _JUMP * np.abs(state.rates[2::3]).max()
+            if outcome is not _Outcome.FAILED and not jumps:
+                return np.concatenate([table[:-1], leap]), outcome
+        raise self._failure(table, end)
+
+    def _failure(self, table: FloatArray, end: float) -> SimulationError:
+        hint = "a shorter timestep may help"
+        if self.system.redundant:
+            hint = f"its joints are redundant, and contradict each other as they drift; {hint}"
+        elif len(table) <= 1:
+            hint = "the step is too long, or a position singular"
+        return SimulationError(
+            f"exudyn's {self.options.integrator} solver gave up after t = {table[-1, 0]:.6g} s "
+            f"of {end:.6g} s; {hint}."
+        )
 
     def _settings(self, start: float, end: float, steps: int) -> Any:
         settings, options = exu.SimulationSettings(), self.options
@@ -408,24 +492,6 @@ class Solver:
         settings.solution.file.write = False
         settings.solution.sensors.writePeriod = _EVERY_STEP
         return settings
-
-
-def _may_be_dependent(mechanism: Mechanism) -> bool:
-    """Whether constraints may follow from others: of loops, or of redundant stops."""
-    kinematics, (q, _) = Kinematics(mechanism), initial_state(mechanism)
-    rows = [kinematics.gap_jacobian(stop.name, q) for stop in mechanism.stops if stop.closed]
-    dependent = len(rows) > 1 and int(np.linalg.matrix_rank(np.array(rows), rtol=DEPENDENT)) < len(
-        rows
-    )
-    return dependent or bool(mechanism.loop_joints)
-
-
-def _has_redundant_joints(system: System) -> bool:
-    """Whether conditions of the loops, as they are built, follow from others at the start."""
-    rows = built_rows(
-        Kinematics(system.mechanism), initial_state(system.mechanism)[0], system.left_out
-    )
-    return len(rows) > 0 and int(np.linalg.matrix_rank(rows, rtol=DEPENDENT)) < len(rows)
 
 
 def is_at(time: float, end: float) -> bool:

@@ -16,7 +16,6 @@ from ..study import (
     ConstraintKinds,
     EngineStudy,
     Intervention,
-    Options,
     OptionSet,
     Refinement,
     StepOrder,
@@ -66,10 +65,6 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     )  # fmt: skip
 
 
-def _radius(dissipation: float) -> Options:
-    return {"spectral_radius": (1.0 - dissipation) / (1.0 + dissipation)}
-
-
 _SWEPT = (
     SweptParameter(
         name="newton_relative", title="Newton's relative tolerance", unit="1",
@@ -81,7 +76,8 @@ _SWEPT = (
     ),
     SweptParameter(
         name="spectral_radius", title="dissipation (1 - rho) / (1 + rho) of generalised alpha",
-        unit="1", values=geometric(1, 1e-2, 7), options=_radius, expected=2.0, preset="stock",
+        unit="1", values=geometric(1, 1e-2, 7),
+        options=lambda d: {"spectral_radius": (1.0 - d) / (1.0 + d)}, expected=2.0, preset="stock",
         base={"timestep": 1e-3}, without={"spectral_radius": 1 - 1e-6},
         why="being of second order, the rule has no term linear in the dissipation; "
             "beta = (1 + it)^2 / 4 has a square",
@@ -96,37 +92,22 @@ _SWEPT = (
 
 _REFINEMENTS = (
     HALF_THE_STEP,
-    Refinement(
-        "Newton's tolerance",
-        "a hundredth of Newton's relative tolerance",
-        multiplied("newton_relative", 0.01),
-    ),
-    Refinement(
-        "Newton's tolerance",
-        "a hundredth of Newton's absolute tolerance",
-        multiplied("newton_absolute", 0.01),
-    ),
-    Refinement(
-        "softness of the stops", "twice the stops' stiffness", multiplied("stop_stiffness", 2.0)
-    ),
-)
+    Refinement("Newton's tolerance", "a hundredth of Newton's relative tolerance",
+               multiplied("newton_relative", 0.01)),
+    Refinement("Newton's tolerance", "a hundredth of Newton's absolute tolerance",
+               multiplied("newton_absolute", 0.01)),
+    Refinement("softness of the stops", "twice the stops' stiffness",
+               multiplied("stop_stiffness", 2.0)),
+)  # fmt: skip
 
 _OPTION_SETS = (
     STOCK_SET,
-    OptionSet(
-        "index 2",
-        "stock, with the trapezoidal rule of index 2",
-        "stock",
-        {"integrator": "trapezoidal-index-2"},
-    ),
-    OptionSet(
-        "tight Newton",
-        "the same, with a full Newton iteration to 1e-12",
-        "tuned",
-        {"locate_releases": False},
-    ),
+    OptionSet("index 2", "stock, with the trapezoidal rule of index 2", "stock",
+              {"integrator": "trapezoidal-index-2"}),
+    OptionSet("tight Newton", "the same, with a full Newton iteration to 1e-12", "tuned",
+              {"locate_releases": False}),
     TUNED_SET,
-)
+)  # fmt: skip
 
 _NEED = "second order: trapezoidal rule, index 2"
 _TOLERANCES = (
@@ -136,27 +117,24 @@ _TOLERANCES = (
     Tolerance("tuned", "energy_balance", 0.2, 1e-4, 2, f"1e-6 of the energy at the start; {_NEED}"),
 )
 
+_STEP_ORDERS = {
+    "tuned": StepOrder(2.0, "trapezoidal rule, index 2", "trapezoidal rule, index 2"),
+    "stock": StepOrder(
+        2.0, "generalised alpha is of second order in positions; its releases are at a step's end",
+        "generalised alpha, index 3",
+    ),
+}  # fmt: skip
+
 
 def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
-    points = bool(mechanism.point_stops)
-    return {
-        PYTHON: filled_template(
-            __name__, "exudyn.py.j2", options=engine, end=duration, points=points
-        )
-    }
+    values = {"options": engine, "end": duration, "points": bool(mechanism.point_stops)}
+    return {PYTHON: filled_template(__name__, "exudyn.py.j2", **values)}
 
 
 STUDY = EngineStudy(
     causes=_causes,
     swept_parameters=_SWEPT,
-    step_orders={
-        "tuned": StepOrder(2.0, "trapezoidal rule, index 2", "trapezoidal rule, index 2"),
-        "stock": StepOrder(
-            2.0,
-            "generalised alpha is of second order in positions; its releases are at a step's end",
-            "generalised alpha, index 3",
-        ),
-    },
+    step_orders=_STEP_ORDERS,
     refinements=_REFINEMENTS,
     option_sets=_OPTION_SETS,
     tolerances=_TOLERANCES,

@@ -17,8 +17,7 @@ from ...models.elements import STOPS, ElementTable, Feature, PointStop, Stop
 from ...models.errors import SimulationError, UnsupportedProblemError
 from ...models.mechanism import Mechanism
 from ...models.mjcf.elements import RAIL_SIDES, Points, felt_from, rail_contact, torque_sensor
-from ...models.mjcf.recorded import HOME
-from ...models.mjcf.scene import scene
+from ...models.mjcf.scene import HOME, scene
 from ...models.mjcf.writer import FAR, MARGIN, mjcf, mjcf_names, model_file
 from .compat import (
     CALLBACK,
@@ -40,6 +39,7 @@ class Limit:
     regularisation R, stiffness k and impedance d.
     """
 
+    model: Any
     element: str
     """'jnt' or 'tendon', the prefix of the model's arrays."""
     index: int
@@ -50,69 +50,73 @@ class Limit:
     range: tuple[float, float]
     """Of the joint or tendon, before anything was removed [rad]."""
 
-    def remove(self, model: Any) -> None:
+    def remove(self) -> None:
         """Remove the limit from the model; the other end of the range stays."""
-        getattr(model, f"{self.element}_range")[self.index, self.end] = FAR if self.end else -FAR
+        self._set_end(FAR if self.end else -FAR)
 
-    def restore(self, model: Any) -> None:
+    def restore(self) -> None:
         """Put the limit back into the model."""
-        getattr(model, f"{self.element}_range")[self.index, self.end] = self.range[self.end]
+        self._set_end(self.range[self.end])
+
+    def _set_end(self, value: float) -> None:
+        getattr(self.model, f"{self.element}_range")[self.index, self.end] = value
 
     def row(self, data: Any) -> int | None:
         """Its row among the constraints that are present; None if it is out of reach."""
         rows = np.flatnonzero((data.efc_type == self.constraint) & (data.efc_id == self.index))
         return int(rows[0]) if len(rows) else None
 
-    def gap(self, model: Any, data: Any) -> float:
+    def gap(self, data: Any) -> float:
         """Its gap as MuJoCo measures its joint or tendon [rad]; negative in penetration."""
-        on_tendon = self.element == "tendon"
-        value = (
-            data.ten_length[self.index] if on_tendon else data.qpos[model.jnt_qposadr[self.index]]
-        )
+        if self.element == "tendon":
+            value = data.ten_length[self.index]
+        else:
+            value = data.qpos[self.model.jnt_qposadr[self.index]]
         return float((1 - 2 * self.end) * (value - self.range[self.end]))
 
-    def activate(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection) -> None:
+    def activate(self, data: Any, correction: ReferenceAccelerationCorrection) -> None:
         """Let it act at its current gap, without preload: its margin is set just above the gap."""
-        self._set_margin(model, self.gap(model, data) + MARGIN)
+        self._set_margin(self.gap(data) + MARGIN)
 
-    def deactivate(self, model: Any, correction: ReferenceAccelerationCorrection) -> None:
+    def deactivate(self, correction: ReferenceAccelerationCorrection) -> None:
         """Let it act in penetration only: its margin is set to zero."""
-        self._set_margin(model, 0.0)
+        self._set_margin(0.0)
 
     def preload(
-        self, model: Any, data: Any, correction: ReferenceAccelerationCorrection, forces: FloatArray
+        self, data: Any, correction: ReferenceAccelerationCorrection, forces: FloatArray
     ) -> None:
         """If it pushes, balance its softness by its margin: k d (margin - gap) = R f.
 
         Args:
-            model, data, correction: of MuJoCo.
+            data, correction: of MuJoCo.
             forces: f of all constraint rows.
         """
         row = self.row(data)
         if row is not None and forces[row] > 0:
             stiffness, _, impedance, _ = data.efc_KBIP[row]
             penetration = data.efc_R[row] * forces[row] / (stiffness * impedance)
-            self._set_margin(model, self.gap(model, data) + penetration)
+            self._set_margin(self.gap(data) + penetration)
 
-    def _set_margin(self, model: Any, margin: float) -> None:
-        getattr(model, f"{self.element}_margin")[self.index] = margin
+    def _set_margin(self, margin: float) -> None:
+        getattr(self.model, f"{self.element}_margin")[self.index] = margin
 
-    def torque(self, sensed: FloatArray, positions: FloatArray, model: Any) -> FloatArray:
+    def torque(self, sensed: FloatArray, positions: FloatArray) -> FloatArray:
         """Its torque [N m] from its sensor's values (n,) and the joints' positions (n, n_q).
 
         Where two stops are the ends of one range, the nearer one has the sensor's torque.
         """
         if self.element == "tendon":
             return sensed
-        value = positions[:, int(model.jnt_qposadr[self.index])]
-        own, other = self.range[self.end], self.range[1 - self.end]
-        return np.where(np.abs(value - own) < np.abs(value - other), sensed, 0.0)
+        value = positions[:, int(self.model.jnt_qposadr[self.index])]
+        this, other = self.range[self.end], self.range[1 - self.end]
+        return np.where(np.abs(value - this) < np.abs(value - other), sensed, 0.0)
 
 
 @dataclass(frozen=True)
 class PointContact:
     """A frictionless contact of a sphere with a wall: a stop on a point, or a side of a slot."""
 
+    model: Any
     index: int
     """Of the pair of geoms."""
     geoms: tuple[int, int]
@@ -120,13 +124,13 @@ class PointContact:
     margin: float
     """Of the pair, before anything was removed [m]."""
 
-    def remove(self, model: Any) -> None:
+    def remove(self) -> None:
         """Set the margin so low that the sphere never comes within it."""
-        model.pair_margin[self.index] = -FAR
+        self.model.pair_margin[self.index] = -FAR
 
-    def restore(self, model: Any) -> None:
+    def restore(self) -> None:
         """Set the margin back."""
-        model.pair_margin[self.index] = self.margin
+        self.model.pair_margin[self.index] = self.margin
 
     def row(self, data: Any) -> int | None:
         """Its row among the constraints that are present; None if the sphere is out of reach."""
@@ -134,42 +138,65 @@ class PointContact:
         row = int(data.contact.efc_address[contacts[0]]) if len(contacts) else -1
         return row if row >= 0 else None
 
-    def gap(self, model: Any, data: Any) -> float:
+    def gap(self, data: Any) -> float:
         """Distance of the sphere from the wall [m]."""
+        types, sizes = self.model.geom_type, self.model.geom_size
         wall, sphere = sorted(
-            self.geoms, key=lambda geom: model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_SPHERE
+            self.geoms, key=lambda geom: types[geom] == mujoco.mjtGeom.mjGEOM_SPHERE
         )
-        if model.geom_type[wall] == mujoco.mjtGeom.mjGEOM_PLANE:
-            thickness = 0.0
-        else:
-            thickness = model.geom_size[wall, 2]
+        is_plane = types[wall] == mujoco.mjtGeom.mjGEOM_PLANE
+        thickness = 0.0 if is_plane else sizes[wall, 2]
         normal = data.geom_xmat[wall].reshape(3, 3)[:, 2]
-        apart = (data.geom_xpos[sphere] - data.geom_xpos[wall]) @ normal
-        return float(apart - thickness - model.geom_size[sphere, 0])
+        distance = (data.geom_xpos[sphere] - data.geom_xpos[wall]) @ normal
+        return float(distance - thickness - sizes[sphere, 0])
 
-    def activate(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection) -> None:
+    def activate(self, data: Any, correction: ReferenceAccelerationCorrection) -> None:
         """Deactivate its margin, which is wide enough for it to act."""
-        self.deactivate(model, correction)
+        self.deactivate(correction)
 
-    def deactivate(self, model: Any, correction: ReferenceAccelerationCorrection) -> None:
+    def deactivate(self, correction: ReferenceAccelerationCorrection) -> None:
         """Let its margin give no acceleration."""
         correction.contacts[self.geoms] = 0.0
 
     def preload(
-        self, model: Any, data: Any, correction: ReferenceAccelerationCorrection, forces: FloatArray
+        self, data: Any, correction: ReferenceAccelerationCorrection, forces: FloatArray
     ) -> None:
         """Preload by the correction: inner stages of a step may lift the sphere beyond a margin."""
         row = self.row(data)
         if row is not None and forces[row] > 0:
             correction.contacts[self.geoms] = float(data.efc_R[row] * forces[row])
 
-    def torque(self, sensed: FloatArray, positions: FloatArray, model: Any) -> FloatArray:
+    def torque(self, sensed: FloatArray, positions: FloatArray) -> FloatArray:
         """Its force [N], as the sensor gives it."""
         return sensed
 
 
 UnilateralConstraint = Limit | PointContact
 """One constraint row that only pushes."""
+
+
+def _limit(model: Any, names: Mapping[str, str], stop: Stop) -> Limit:
+    types, sensor = mujoco.mjtConstraint, model.sensor(names[torque_sensor(stop.name)])
+    element, constraint = "tendon", types.mjCNSTR_LIMIT_TENDON
+    if int(sensor.type[0]) == mujoco.mjtSensor.mjSENS_JOINTLIMITFRC:
+        element, constraint = "jnt", types.mjCNSTR_LIMIT_JOINT
+    index, end = int(sensor.objid[0]), 0 if stop.sense > 0 else 1
+    low, high = getattr(model, f"{element}_range")[index]
+    return Limit(model, element, index, end, int(constraint), (float(low), float(high)))
+
+
+def _contact(model: Any, name: str) -> PointContact:
+    pair = model.pair(name)
+    geoms = int(pair.geom1[0]), int(pair.geom2[0])
+    first, second = sorted(geoms, key=lambda geom: model.geom_type[geom])
+    return PointContact(model, int(pair.id), (first, second), float(pair.margin[0]))
+
+
+_STOPS: ElementTable[Callable[[Any, Mapping[str, str], Any], UnilateralConstraint]] = ElementTable(
+    "MuJoCo's model",
+    STOPS,
+    {Stop: _limit, PointStop: lambda model, names, stop: _contact(model, names[stop.name])},
+)
 
 
 def stop_constraints(mechanism: Mechanism, model: Any) -> dict[str, UnilateralConstraint]:
@@ -194,36 +221,6 @@ def slot_contacts(mechanism: Mechanism, model: Any) -> list[PointContact]:
     ]
 
 
-def _contact(model: Any, name: str) -> PointContact:
-    pair = model.pair(name)
-    first, second = sorted(
-        (int(pair.geom1[0]), int(pair.geom2[0])), key=lambda geom: model.geom_type[geom]
-    )
-    return PointContact(int(pair.id), (first, second), float(pair.margin[0]))
-
-
-def _point_stop(model: Any, names: Mapping[str, str], stop: PointStop) -> PointContact:
-    return _contact(model, names[stop.name])
-
-
-def _limit(model: Any, names: Mapping[str, str], stop: Stop) -> Limit:
-    types, sensor = mujoco.mjtConstraint, model.sensor(names[torque_sensor(stop.name)])
-    on_joint = int(sensor.type[0]) == mujoco.mjtSensor.mjSENS_JOINTLIMITFRC
-    element, index = "jnt" if on_joint else "tendon", int(sensor.objid[0])
-    low, high = getattr(model, f"{element}_range")[index]
-    return Limit(
-        element=element,
-        index=index,
-        end=0 if stop.sense > 0 else 1,
-        constraint=int(types.mjCNSTR_LIMIT_JOINT if on_joint else types.mjCNSTR_LIMIT_TENDON),
-        range=(float(low), float(high)),
-    )
-
-
-_STOPS: ElementTable[Callable[[Any, Mapping[str, str], Any], UnilateralConstraint]] = ElementTable(
-    "MuJoCo's model", STOPS, {Stop: _limit, PointStop: _point_stop}
-)
-
 _PRELOAD_ITERATIONS = 6  # each gains the four digits of 1 - d, d the impedance
 _MOST_ITERATIONS = 3000  # where forces of redundant constraints drift
 # Of the largest eigenvalue: constraints more nearly dependent follow from each other.
@@ -240,7 +237,12 @@ def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
         UnsupportedProblemError: the mechanism cannot be written as MJCF.
     """
     text = mjcf(mechanism, options.timestep)
-    _refuse_missing_springs(mechanism)
+    for element in mechanism.force_elements:
+        if element.feature is Feature.CUBIC_SPRING and not has_polynomial_springs():
+            raise UnsupportedProblemError(
+                f"mujoco cannot build {element.name!r}: this version's springs are linear; "
+                f"a later one ({mujoco.__version__} is here) has cubic ones."
+            )
     try:
         with CALLBACK:  # MuJoCo's compiler calls it as well, with a model that Python does not know
             model = mujoco.MjModel.from_xml_string(text)
@@ -262,45 +264,27 @@ def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
     model.pair_solref[:], model.pair_solimp[:] = of_points, options.solimp
     model.eq_solref[:], model.eq_solimp[:] = of_points, options.solimp
     for contact in stop_contacts(mechanism, model):
-        if _corrects(options):
+        if options.moving_points or options.preload:  # the correction acts
             model.pair_margin[contact.index] = felt_from(mechanism, options.timestep)
         else:  # the MJCF's margin is the rounding error at the mechanism's size
             model.pair_margin[contact.index] *= options.margin / MARGIN
     return model
 
 
-def _refuse_missing_springs(mechanism: Mechanism) -> None:
-    cubic = [e.name for e in mechanism.force_elements if e.feature is Feature.CUBIC_SPRING]
-    if cubic and not has_polynomial_springs():
-        raise UnsupportedProblemError(
-            f"mujoco cannot build {cubic[0]!r}: this version's springs are linear; "
-            f"a later one ({mujoco.__version__} is here) has cubic ones."
-        )
-
-
 def correction_of(
     mechanism: Mechanism, model: Any, options: MujocoOptions
 ) -> ReferenceAccelerationCorrection:
     """The correction of contacts and equalities; with stock options it does nothing."""
-    if not _corrects(options) or not (model.npair or model.neq):
+    if not (options.moving_points or options.preload) or not (model.npair or model.neq):
         return ReferenceAccelerationCorrection(model, velocity_term=False)
     without_margin = {contact.geoms: 0.0 for contact in stop_contacts(mechanism, model)}
-    return ReferenceAccelerationCorrection(
-        model,
-        options.moving_points,
-        _solves_before_the_solver(mechanism, model, options),
-        without_margin,
-    )
-
-
-def _solves_before_the_solver(mechanism: Mechanism, model: Any, options: MujocoOptions) -> bool:
-    """Whether the solver would lose its last digits in the cost of two walls pressed in."""
+    # The solver may lose its last digits in the cost of two walls pressed in.
     to_the_last_digit = options.solver == "Newton" and options.tolerance < np.finfo(float).eps
-    return to_the_last_digit and bool(slot_contacts(mechanism, model)) and loses_small_gains()
-
-
-def _corrects(options: MujocoOptions) -> bool:
-    return options.moving_points or options.preload
+    between_walls = to_the_last_digit and bool(slot_contacts(mechanism, model))
+    starts_at_the_solution = between_walls and loses_small_gains()
+    return ReferenceAccelerationCorrection(
+        model, options.moving_points, starts_at_the_solution, without_margin
+    )
 
 
 def start_data(model: Any) -> Any:
@@ -311,7 +295,6 @@ def start_data(model: Any) -> Any:
 
 
 def preload(
-    model: Any,
     data: Any,
     closed: Iterable[UnilateralConstraint],
     correction: ReferenceAccelerationCorrection,
@@ -325,33 +308,38 @@ def preload(
     acceleration R f instead.
 
     Args:
-        model, data: MuJoCo's; the constraints' forces are left in the data.
+        data: MuJoCo's; the constraints' forces are left in it.
         closed: the active stops, and the sides of slots.
         correction: of the reference accelerations.
         settled: change of the constraints' forces in an iteration that is small, in parts of the
             largest.
     """
-    changes, active = Changes(data), tuple(closed)
-    given: FloatArray | None = None
-    for done in range(_MOST_ITERATIONS):
-        _forward(data, correction)
-        if not changes.go_on(settled, done, _PRELOAD_ITERATIONS):
+    active, accelerations = tuple(closed), None
+    # Generalized forces are unique where constraints are redundant and their multipliers are not.
+    before, least, since = np.full(len(data.qfrc_constraint), np.inf), np.inf, 0
+    for done in range(_MOST_ITERATIONS + 1):
+        with correction.applied():
+            correction.forward(data)
+        if done == _MOST_ITERATIONS:
+            return
+        forces = np.array(data.qfrc_constraint)
+        change, before = float(np.abs(forces - before).max(initial=0.0)), forces
+        least, since = (change, 0) if change < least else (least, since + 1)
+        unsettled = change > settled * float(np.abs(forces).max(initial=0.0))
+        if done >= _PRELOAD_ITERATIONS and not (unsettled and since < _PATIENCE):
             return
         rows = [row for constraint in active if (row := constraint.row(data)) is not None]
-        forces = _rigid_forces(model, data, rows, given)
-        given = data.efc_R * forces
+        rigid = _rigid_forces(correction.model, data, rows, accelerations)
+        accelerations = data.efc_R * rigid
         for constraint in active:
-            constraint.preload(model, data, correction, forces)
-        correction.preload_equalities(data, forces)
-    _forward(data, correction)
+            constraint.preload(data, correction, rigid)
+        correction.preload_equalities(data, rigid)
 
 
 def _rigid_forces(
     model: Any, data: Any, unilateral: list[int], given: FloatArray | None
 ) -> FloatArray:
-    """Forces f of the rows if none was soft: A f = c instead of (A + R) f = c + e.
-
-    The accelerations e are those given.
+    """Forces f of the rows if none was soft: A f = c instead of (A + R) f = c + e, with e `given`.
 
     The forces as they are stand for those that would come out otherwise, and where a row without
     force is among the unilateral ones: as next e they converge as well, by R / (A + R) an
@@ -359,9 +347,8 @@ def _rigid_forces(
     are left out.
     """
     forces = np.array(data.efc_force)
-    equalities = np.flatnonzero(
-        data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
-    ).tolist()
+    is_equality = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+    equalities = np.flatnonzero(is_equality).tolist()
     pushing = [row for row in unilateral if forces[row] > 0]
     rows = np.array([*equalities, *pushing], dtype=np.intp)
     if not len(rows) or (given is not None and len(given) != len(forces)):
@@ -375,38 +362,6 @@ def _rigid_forces(
     if (rigid[len(equalities) :] > 0).all():
         forces[rows] = rigid
     return forces
-
-
-class Changes:
-    """Changes of the constraints' generalized forces from one iteration of a preload to the next.
-
-    These forces are unique where the constraints are redundant and their multipliers are not.
-    """
-
-    def __init__(self, data: Any) -> None:
-        self._data, self._forces = data, np.full(len(data.qfrc_constraint), np.inf)
-        self._least, self._since = np.inf, 0
-
-    def go_on(self, settled: float, done: int, least: int) -> bool:
-        """Whether to iterate again: at first always, then while changes fall and are not small.
-
-        Args:
-            settled: a small change, in parts of the largest force.
-            done: number of iterations so far.
-            least: number of iterations to be made.
-        """
-        forces = np.array(self._data.qfrc_constraint)
-        change, self._forces = float(np.abs(forces - self._forces).max(initial=0.0)), forces
-        self._least, self._since = (
-            (change, 0) if change < self._least else (self._least, self._since + 1)
-        )
-        unsettled = change > settled * float(np.abs(forces).max(initial=0.0))
-        return done < least or (unsettled and self._since < _PATIENCE)
-
-
-def _forward(data: Any, correction: ReferenceAccelerationCorrection) -> None:
-    with correction.applied():
-        correction.forward(data)
 
 
 def view(mechanism: Mechanism, timestep: float) -> None:

@@ -9,11 +9,10 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.elements import GROUND
-from ...models.mechanism import Mechanism
+from ...models.mechanism import Mechanism, Slide
 from ...models.mjcf.writer import mjcf_names
-from ...models.tree import Slide
 from ..inspection import Dynamics, Inspection, State
-from .build import UnilateralConstraint, load, preload, slot_contacts, start_data, stop_constraints
+from .build import load, preload, slot_contacts, start_data, stop_constraints
 from .compat import mass_matrix
 from .options import MujocoOptions
 from .read import IN_PLANE, absolute_from_relative
@@ -44,24 +43,19 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: MujocoOption
         SimulationError: MuJoCo refuses the model.
         UnsupportedProblemError: the mechanism cannot be written as MJCF.
     """
-    built = _Built(mechanism, _at_rest(mechanism, options))
-    start, start_speeds = built.start()
+    model = load(mechanism, options.model_copy(update=_AT_REST))
+    model.pair_solref[:], model.eq_solref[:] = _POINTS_AT_REST, _POINTS_AT_REST
+    inspector = _Inspector(mechanism, model)
+    start, start_speeds = inspector.start()
     return Inspection(
         start=start,
         start_speeds=start_speeds,
-        dynamics=tuple(built.dynamics(state) for state in states),
-        total_mass=float(built.model.body_mass.sum()),
+        dynamics=tuple(inspector.dynamics(state) for state in states),
+        total_mass=float(model.body_mass.sum()),
     )
 
 
-def _at_rest(mechanism: Mechanism, options: MujocoOptions) -> Any:
-    """The model with numerical options that make torques at rest exact."""
-    model = load(mechanism, options.model_copy(update=_AT_REST))
-    model.pair_solref[:], model.eq_solref[:] = _POINTS_AT_REST, _POINTS_AT_REST
-    return model
-
-
-class _Built:
+class _Inspector:
     """The model and its data; u = C qvel and q = start + C qpos, as trajectories are read."""
 
     def __init__(self, mechanism: Mechanism, model: Any) -> None:
@@ -72,20 +66,20 @@ class _Built:
         self.correction = ReferenceAccelerationCorrection(model, velocity_term=True)
         self.sums = absolute_from_relative(mechanism, model)
         """C, shape (n_q, n_v)."""
-        self.differences = np.asarray(np.linalg.inv(self.sums), dtype=np.float64)
-        """Inverse of C: joint coordinates from absolute ones."""
 
     def start(self) -> tuple[FloatArray, FloatArray]:
         """The keyframe's q and u, with the full turns of the mechanism's start."""
         data = start_data(self.model)
         mujoco.mj_kinematics(self.model, data)
-        n = len(self.mechanism.angles)
-        q = [
-            self._angle(data, body.name) for body in self.mechanism.bodies if body.angle is not None
-        ]
+        q: list[float] = []
+        for body in self.mechanism.bodies:
+            if body.angle is not None:
+                # Absolute angles are positive clockwise: a body's x axis is (cos q, -sin q).
+                x, y = data.body(self.names[body.name]).xmat.reshape(3, 3)[IN_PLANE, 0]
+                q.append(float(np.arctan2(-y, x)))
         q += [self._slide(data, slide) for slide in self.mechanism.slides]
         turns = np.round((np.array(self.mechanism.start) - q) / (2 * np.pi))
-        turns[n:] = 0.0
+        turns[len(self.mechanism.angles) :] = 0.0
         return np.array(q) + 2 * np.pi * turns, self.sums @ data.qvel
 
     def _slide(self, data: Any, slide: Slide) -> float:
@@ -98,31 +92,22 @@ class _Built:
         place = (data.body(self.names[joint.child]).xpos - parent.xpos)[IN_PLANE] @ turned + origin
         return float((complex(*(place - joint.parent_point)) * slide.direction.conjugate()).real)
 
-    def _angle(self, data: Any, body: str) -> float:
-        """A body's absolute angle, positive clockwise: its x axis is (cos q, -sin q)."""
-        x, y = data.body(self.names[body]).xmat.reshape(3, 3)[IN_PLANE, 0]
-        return float(np.arctan2(-y, x))
-
     def dynamics(self, state: State) -> Dynamics:
         """The model in a state."""
-        data, back = self.data, self.differences
+        data, back = self.data, np.asarray(np.linalg.inv(self.sums), dtype=np.float64)
         data.qpos[:] = back @ (state.q - np.array(self.mechanism.start))
         data.qvel[:] = back @ state.u
         torques = self._torques_at_rest(state.closed)
         forces = data.qfrc_passive + data.qfrc_actuator + data.qfrc_applied - data.qfrc_bias
+        names = {body.name: self.names[body.name] for body in self.mechanism.bodies}
+        gaps = {name: stop.gap(data) for name, stop in self.constraints.items()}
         return Dynamics(
             accelerations=self.sums @ data.qacc,
             stop_torques=torques,
             mass_matrix=back.T @ mass_matrix(self.model, data) @ back,
             forces=back.T @ forces,
-            centres={
-                body.name: data.body(self.names[body.name]).xipos[IN_PLANE]
-                for body in self.mechanism.bodies
-            },
-            stop_gaps={
-                name: constraint.gap(self.model, data)
-                for name, constraint in self.constraints.items()
-            },
+            centres={body: data.body(name).xipos[IN_PLANE] for body, name in names.items()},
+            stop_gaps=gaps,
         )
 
     def _torques_at_rest(self, closed: Sequence[str]) -> dict[str, float]:
@@ -133,18 +118,17 @@ class _Built:
         """
         self.correction.clear()
         for constraint in self.constraints.values():
-            constraint.deactivate(self.model, self.correction)
+            constraint.deactivate(self.correction)
         with self.correction.applied():
             self.correction.forward(self.data)
             active = [self.constraints[name] for name in closed]
             for constraint in active:
-                constraint.activate(self.model, self.data, self.correction)
+                constraint.activate(self.data, self.correction)
             slots = slot_contacts(self.mechanism, self.model)
-            preload(self.model, self.data, [*active, *slots], self.correction, _SETTLED)
-        return {
-            name: self._force(constraint) for name, constraint in zip(closed, active, strict=True)
-        }
-
-    def _force(self, constraint: UnilateralConstraint) -> float:
-        row = constraint.row(self.data)
-        return 0.0 if row is None else float(self.data.efc_force[row])
+            preload(self.data, [*active, *slots], self.correction, _SETTLED)
+        torques = dict.fromkeys(closed, 0.0)
+        for name, constraint in zip(closed, active, strict=True):
+            row = constraint.row(self.data)
+            if row is not None:
+                torques[name] = float(self.data.efc_force[row])
+        return torques

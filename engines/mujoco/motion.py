@@ -9,8 +9,7 @@ change the speeds, and those at rest afterwards are put back, preloaded.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Generator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -56,27 +55,19 @@ def run(problem: Problem, options: MujocoOptions) -> Recording:
     """
     impacts = problem.stop_law is StopLaw.UNILATERAL and not options.keep_limits
     motion = MujocoMotion(problem, options, impacts=impacts)
-    with _warnings_raised():
-        return EventDriver(problem, motion, "mujoco", impacts=impacts).run()
-
-
-@contextmanager
-def _warnings_raised() -> Generator[None]:
-    """Turn MuJoCo's warnings into an error.
-
-    Without this it fills the missing states and writes a log file.
-    """
-    messages: list[str] = []
-    # MuJoCo has one handler of warnings for all threads of a process, as it has one callback.
+    # At a warning MuJoCo fills the missing states and writes a log file, unless there is a handler;
+    # there is one for all threads of a process, as there is one callback.
+    warnings: list[str] = []
     with CALLBACK:
         before = mujoco.get_mju_user_warning()
-        mujoco.set_mju_user_warning(messages.append)
+        mujoco.set_mju_user_warning(warnings.append)
         try:
-            yield
+            recorded = EventDriver(problem, motion, "mujoco", impacts=impacts).run()
         finally:
             mujoco.set_mju_user_warning(before)
-    if messages:
-        raise SimulationError(f"MuJoCo gave up: {messages[0]}")
+    if warnings:
+        raise SimulationError(f"MuJoCo gave up: {warnings[0]}")
+    return recorded
 
 
 class MujocoMotion(SteppedMotion[FloatArray]):
@@ -92,25 +83,24 @@ class MujocoMotion(SteppedMotion[FloatArray]):
 
     def __init__(self, problem: Problem, options: MujocoOptions, *, impacts: bool) -> None:
         super().__init__(problem, options.timestep, locate=options.locate_releases)
-        mechanism, self.options = problem.mechanism, options
-        self.model = load(mechanism, options)
+        self.mechanism, self.options = problem.mechanism, options
+        self.model = load(self.mechanism, options)
         self.data = start_data(self.model)
-        self.constraints = stop_constraints(mechanism, self.model)
-        self.correction = correction_of(mechanism, self.model, options)
-        self.sums = absolute_from_relative(mechanism, self.model)
-        names = mjcf_names(mechanism)
-        self.columns = {
-            name: int(self.model.sensor(names[torque_sensor(name)]).adr[0])
-            for name in self.constraints
-        }
+        self.constraints = stop_constraints(self.mechanism, self.model)
+        self.correction = correction_of(self.mechanism, self.model, options)
+        self.sums = absolute_from_relative(self.mechanism, self.model)
+        self.columns: dict[str, int] = {}
+        """Each stop's column among the sensors."""
+        names = mjcf_names(self.mechanism)
+        for stop in self.constraints:
+            self.columns[stop] = int(self.model.sensor(names[torque_sensor(stop)]).adr[0])
         self.samples = Samples()
-        self.size = mujoco.mj_stateSize(self.model, _STATE)
-        self._closed = tuple(stop.name for stop in mechanism.stops if stop.closed)
+        self._closed = tuple(stop.name for stop in self.mechanism.stops if stop.closed)
         self._as_built = True
         """Whether the closed stops are as the MJCF has them: none was taken out or put back."""
         if not options.keep_limits:
             for name in self.constraints.keys() - set(self._closed):
-                self.constraints[name].remove(self.model)
+                self.constraints[name].remove()
         if impacts:  # which need the mass matrix of the start
             with self.correction.applied():
                 self.correction.forward(self.data)
@@ -119,7 +109,7 @@ class MujocoMotion(SteppedMotion[FloatArray]):
 
     def save(self) -> FloatArray:
         """MuJoCo's state: time, qpos, qvel, ..."""
-        state = np.empty(self.size)
+        state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
         mujoco.mj_getState(self.model, self.data, state, _STATE)
         return state
 
@@ -136,7 +126,7 @@ class MujocoMotion(SteppedMotion[FloatArray]):
 
     def _coordinates(self, states: FloatArray) -> State:
         n = self.model.nv
-        q = np.array(self.problem.mechanism.start) + states[..., 1 : 1 + n] @ self.sums.T
+        q = np.array(self.mechanism.start) + states[..., 1 : 1 + n] @ self.sums.T
         return q, states[..., 1 + n : 1 + 2 * n] @ self.sums.T
 
     def record(self, time: float) -> None:
@@ -148,8 +138,7 @@ class MujocoMotion(SteppedMotion[FloatArray]):
 
     def recording(self, events: ContactEvents) -> Recording:
         """The samples and events as the engines' common record."""
-        mechanism = self.problem.mechanism
-        return recording(mechanism, self.model, self.constraints, self.samples, events)
+        return recording(self.mechanism, self.model, self.constraints, self.samples, events)
 
     # --- Steps
 
@@ -158,66 +147,47 @@ class MujocoMotion(SteppedMotion[FloatArray]):
         with self.correction.applied():
             return super().proceed(start, end, watch)
 
-    def _substeps(self) -> int:
-        """Steps of MuJoCo per time step, now."""
-        return 1 if self.held else self.options.free_substeps
+    def _begin_step(self, step: float) -> int:
+        """Prepare steps of MuJoCo in place of a time step [s]; their number."""
+        substeps = 1 if self.held else self.options.free_substeps
+        self.model.opt.timestep = step / substeps
+        self.correction.begin_step()
+        return substeps
 
     def step(self, before: FloatArray, step: float) -> None:
         """Take one time step [s] from a state, and find the forces at its end."""
         self._restore(before)
         if step > 0.0:
-            substeps = self._substeps()
             self.correction.settle(self.data)
-            self.model.opt.timestep = step / substeps
-            self.correction.begin_step()
+            substeps = self._begin_step(step)
             mujoco.mj_step(self.model, self.data, substeps)
             self.samples.steps += substeps
         self.correction.forward(self.data)
 
     def ahead(self, first: int, n: int, watch: Watch) -> int:
         """Take n time steps by MuJoCo's own loop, and record those before the first event."""
-        before, state = self.save(), self.state()
-        states, sensed = self._rolled_out(before, n)
-        clear = self._steps_before_an_event(
-            np.concatenate([before[None], states]), sensed, state, watch
-        )
-        times = self.times(np.arange(first + 1, first + clear + 1))
-        self.samples.add(times, states[:clear], sensed[:clear])
-        if clear < n:
-            self._restore(states[clear - 1] if clear else before)
-        return clear
-
-    def _rolled_out(self, before: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
-        """States and sensors after each of n time steps; shapes (n, n_state), (n, n_sensor)."""
-        substeps = self._substeps()
-        self.model.opt.timestep = self.options.timestep / substeps
-        self.correction.begin_step()
-        states, sensed = _rollout.rollout(self.model, self.data, before[None], nstep=n * substeps)
+        before, start = self.save(), self.state()
+        substeps = self._begin_step(self.options.timestep)
+        rolled, sensed = _rollout.rollout(self.model, self.data, before[None], nstep=n * substeps)
         self.samples.steps += n * substeps
         # Its sensors are those before each step, and the data are left at the last stage of RK4.
-        self._restore(states[0, -1])
+        self._restore(rolled[0, -1])
         self.correction.forward(self.data)
         after = np.concatenate([sensed[0, 1:], self.data.sensordata[None]])
-        return states[0, substeps - 1 :: substeps], after[substeps - 1 :: substeps]
+        # States and sensors after each time step, of shapes (n, n_state) and (n, n_sensor).
+        states, sensors = rolled[0, substeps - 1 :: substeps], after[substeps - 1 :: substeps]
 
-    def _steps_before_an_event(
-        self, states: FloatArray, sensed: FloatArray, start: State, watch: Watch
-    ) -> int:
-        """Number of time steps before the first with an event.
-
-        Args:
-            states: before the first and after each, shape (n + 1, n_state).
-            sensed: sensors after each, shape (n, n_sensor).
-            start: coordinates and speeds before the first.
-            watch: stops that may be met.
-        """
-        columns = [self.columns[name] for name in self.held]
-        event = (sensed[:, columns] == 0).any(axis=1)
-        coordinates = self._coordinates(states)
+        event = (sensors[:, [self.columns[name] for name in self.held]] == 0).any(axis=1)
+        coordinates = self._coordinates(np.concatenate([before[None], states]))
         for name in watch.open:
             gap, speed = self.gaps(name, coordinates)
             event |= may_be_met(gap, speed, watch.least_speed(name, *start), self.timestep)
-        return int(np.argmax(event)) if event.any() else len(sensed)
+        clear = int(np.argmax(event)) if event.any() else n
+        times = self.times(np.arange(first + 1, first + clear + 1))
+        self.samples.add(times, states[:clear], sensors[:clear])
+        if clear < n:
+            self._restore(states[clear - 1] if clear else before)
+        return clear
 
     # --- Releases
 
@@ -249,7 +219,7 @@ class MujocoMotion(SteppedMotion[FloatArray]):
         """Take stops out of the model, unless limits are to stay."""
         if not self.options.keep_limits:
             for name in names:
-                self.constraints[name].remove(self.model)
+                self.constraints[name].remove()
         self.correction.forward(self.data)
 
     def hold(self, rest: Contacts, time: float) -> Contacts:
@@ -257,10 +227,10 @@ class MujocoMotion(SteppedMotion[FloatArray]):
         if not (self._as_built and rest == self._closed):
             for name, constraint in self.constraints.items():
                 if name not in rest:
-                    constraint.remove(self.model)
+                    constraint.remove()
             for name in rest:
-                self.constraints[name].restore(self.model)
-                self.constraints[name].activate(self.model, self.data, self.correction)
+                self.constraints[name].restore()
+                self.constraints[name].activate(self.data, self.correction)
         self._as_built, self.held = False, rest
         with self.correction.applied():
             self.correction.forward(self.data)
@@ -269,8 +239,8 @@ class MujocoMotion(SteppedMotion[FloatArray]):
                 self.let_go(pulling)
         if self.options.preload:
             held = [self.constraints[name] for name in self.held]
-            slots = slot_contacts(self.problem.mechanism, self.model)
-            preload(self.model, self.data, held + slots, self.correction)
+            slots = slot_contacts(self.mechanism, self.model)
+            preload(self.data, held + slots, self.correction)
         self.record(time)
         return self.held
 

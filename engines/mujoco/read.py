@@ -63,24 +63,12 @@ class Samples:
         return float(next(times[-1] for times in reversed(self.times) if len(times)))
 
     def drop_last(self) -> None:
-        """Remove the last sample."""
+        """Remove the last sample, and empty parts behind it."""
         while not len(self.times[-1]):
-            self._cut(None)
-        self._cut(-1)
-
-    def _cut(self, end: int | None) -> None:
+            for parts in (self.times, self.states, self.sensors):
+                parts.pop()
         for parts in (self.times, self.states, self.sensors):
-            last = parts.pop()
-            if end is not None:
-                parts.append(last[:end])
-
-
-def _always() -> bool:
-    return True
-
-
-def _never() -> bool:
-    return False
+            parts[-1] = parts[-1][:-1]
 
 
 TAKEN_OFF: ElementTable[Callable[[], bool]] = ElementTable(
@@ -88,85 +76,14 @@ TAKEN_OFF: ElementTable[Callable[[], bool]] = ElementTable(
     FORCE_ELEMENTS,
     {
         SpringDamper: counts_tendons_in_reactions,
-        ConstantForce: _never,  # actuators are not
+        ConstantForce: lambda: False,  # actuators are not
         # Torques have no force to be taken off.
-        RotationalSpringDamper: _always,
-        CubicTorsionSpring: _always,
-        ConstantTorque: _always,
+        RotationalSpringDamper: lambda: True,
+        CubicTorsionSpring: lambda: True,
+        ConstantTorque: lambda: True,
     },
 )
 """Whether a `force` sensor takes off what an element does to the bodies beyond its joint."""
-
-
-@dataclass(frozen=True)
-class _Reader:
-    mechanism: Mechanism
-    model: Any
-    positions: FloatArray
-    speeds: FloatArray
-    sensors: FloatArray
-
-    def sensor(self, name: str) -> FloatArray:
-        """A sensor's values, shape (n, size), by the writer's name."""
-        of = self.model.sensor(mjcf_names(self.mechanism)[name])
-        start, size = int(of.adr[0]), int(of.dim[0])
-        return self.sensors[:, start : start + size]
-
-    def markers(self) -> dict[str, PointMotion]:
-        return {
-            marker.name: PointMotion(
-                self.sensor(position_sensor(marker.name))[:, IN_PLANE],
-                self.sensor(velocity_sensor(marker.name))[:, IN_PLANE],
-            )
-            for marker in self.mechanism.markers
-        }
-
-    def torque(self, stop: str, constraint: UnilateralConstraint) -> FloatArray:
-        """A stop's torque [N m], or force [N] if it is on a point."""
-        return constraint.torque(self.sensor(torque_sensor(stop))[:, 0], self.positions, self.model)
-
-    def reactions(self, q: FloatArray, u: FloatArray) -> dict[str, FloatArray]:
-        """Forces on the children in the world frame [N]; MuJoCo gives the tree's in the child's.
-
-        A joint that closes a loop is on a massless welded body; MuJoCo's sensor gives the force on
-        that body from the body it is welded to, the opposite of the joint's. Of the tree's joints
-        it gives what the bodies beyond them need besides the forces of gravity, contacts and (since
-        3.14) springs; those of actuators are not taken off.
-        """
-        kinematics, left_out = Kinematics(self.mechanism), self._left_out(q, u)
-        tree = {
-            joint.name: self._in_world(joint, kinematics, q) - left_out.get(joint.name, 0.0)
-            for joint in self.mechanism.tree_joints
-            if joint.held_directions
-        }
-        return tree | {
-            joint.name: -self._in_world(joint, kinematics, q)
-            for joint in self.mechanism.loop_joints
-        }
-
-    def _left_out(self, q: FloatArray, u: FloatArray) -> dict[str, FloatArray]:
-        """Sum of the forces beyond each joint of the tree that MuJoCo does not take off [N].
-
-        Its `force` sensors give what the bodies beyond a joint need besides gravity, contacts and
-        what :data:`TAKEN_OFF` says.
-        """
-        elements = tuple(e for e in self.mechanism.force_elements if not TAKEN_OFF[e]())
-        alone = self.mechanism.model_copy(update={"force_elements": elements})
-        sums: dict[str, FloatArray] = {}
-        for name, force in AppliedForces(Kinematics(alone)).on_bodies(q, u).items():
-            body = name
-            while body != GROUND:
-                joint = self.mechanism.joint_of(body)
-                sums[joint.name] = sums.get(joint.name, 0.0) + force
-                body = joint.parent
-        return sums
-
-    def _in_world(self, joint: AnyJoint, kinematics: Kinematics, q: FloatArray) -> FloatArray:
-        """A force sensor's values in the world frame, shape (n, 2)."""
-        a, b = self.sensor(force_sensor(joint.name))[:, IN_PLANE].T
-        angle = kinematics.angle(joint.child).value(q)
-        cos, sin = np.cos(angle), np.sin(angle)
-        return np.stack([a * cos + b * sin, b * cos - a * sin], axis=1)
 
 
 def recording(
@@ -177,27 +94,75 @@ def recording(
     events: ContactEvents,
 ) -> Recording:
     """The samples and events as the engines' common record."""
-    states = np.concatenate(samples.states)
+    states, sensors = np.concatenate(samples.states), np.concatenate(samples.sensors)
     n_q, n_v = int(model.nq), int(model.nv)
     positions, speeds = states[:, 1 : 1 + n_q], states[:, 1 + n_q : 1 + n_q + n_v]
-    reader = _Reader(mechanism, model, positions, speeds, np.concatenate(samples.sensors))
-    sums = absolute_from_relative(mechanism, model)
+    sums, names = absolute_from_relative(mechanism, model), mjcf_names(mechanism)
     q, u = np.array(mechanism.start) + positions @ sums.T, speeds @ sums.T
+
+    def sensor(name: str) -> FloatArray:
+        """Values of shape (n, size), by the writer's name."""
+        of = model.sensor(names[name])
+        start, size = int(of.adr[0]), int(of.dim[0])
+        return sensors[:, start : start + size]
+
+    markers = dict[str, PointMotion]()
+    for marker in mechanism.markers:
+        position = sensor(position_sensor(marker.name))[:, IN_PLANE]
+        markers[marker.name] = PointMotion(
+            position, sensor(velocity_sensor(marker.name))[:, IN_PLANE]
+        )
+    torques = dict[str, FloatArray]()
+    for name, constraint in constraints.items():
+        torques[name] = constraint.torque(sensor(torque_sensor(name))[:, 0], positions)
     return Recording(
         t=np.concatenate(samples.times),
         q=q,
         u=u,
-        markers=reader.markers(),
-        kinetic_energy=reader.sensor(KINETIC_ENERGY)[:, 0],
-        potential_energy=reader.sensor(POTENTIAL_ENERGY)[:, 0],
-        stop_torques={
-            name: reader.torque(name, constraint) for name, constraint in constraints.items()
-        },
+        markers=markers,
+        kinetic_energy=sensor(KINETIC_ENERGY)[:, 0],
+        potential_energy=sensor(POTENTIAL_ENERGY)[:, 0],
+        stop_torques=torques,
         release_times=events.releases,
-        joint_reactions=reader.reactions(q, u),
+        joint_reactions=_reactions(mechanism, sensor, q, u),
         impacts=tuple(events.impacts),
         steps=samples.steps,
     )
+
+
+def _reactions(
+    mechanism: Mechanism, sensor: Callable[[str], FloatArray], q: FloatArray, u: FloatArray
+) -> dict[str, FloatArray]:
+    """Forces of the joints on their children in the world frame [N].
+
+    A `force` sensor of a joint of the tree gives what the bodies beyond it need besides gravity,
+    contacts and what :data:`TAKEN_OFF` says. A joint that closes a loop is on a massless welded
+    body; its sensor gives the force on that body from the body it is welded to, the opposite of the
+    joint's.
+    """
+    left_in = tuple(e for e in mechanism.force_elements if not TAKEN_OFF[e]())
+    alone = Kinematics(mechanism.model_copy(update={"force_elements": left_in}))
+    beyond: dict[str, FloatArray] = {}
+    for name, force in AppliedForces(alone).on_bodies(q, u).items():
+        body = name
+        while body != GROUND:
+            joint = mechanism.joint_of(body)
+            beyond[joint.name] = beyond.get(joint.name, 0.0) + force
+            body = joint.parent
+
+    def in_world(joint: AnyJoint) -> FloatArray:
+        a, b = sensor(force_sensor(joint.name))[:, IN_PLANE].T
+        angle = alone.angle(joint.child).value(q)
+        cos, sin = np.cos(angle), np.sin(angle)
+        return np.stack([a * cos + b * sin, b * cos - a * sin], axis=1)
+
+    reactions: dict[str, FloatArray] = {}
+    for joint in mechanism.tree_joints:
+        if joint.held_directions:
+            reactions[joint.name] = in_world(joint) - beyond.get(joint.name, 0.0)
+    for joint in mechanism.loop_joints:
+        reactions[joint.name] = -in_world(joint)
+    return reactions
 
 
 def absolute_from_relative(mechanism: Mechanism, model: Any) -> FloatArray:

@@ -25,7 +25,6 @@ import threading
 from collections.abc import Generator, Hashable
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import accumulate, pairwise
 from typing import Any
 
@@ -46,7 +45,7 @@ class _Pass:
     """Equality constraints of one forward pass; their forces are found in the next one."""
 
     rows: dict[int, slice]
-    """Of each equality constraint among those below."""
+    """Rows of each equality constraint among those below."""
     reference: FloatArray
     """aref, shape (n,)."""
     jacobian: FloatArray
@@ -55,22 +54,6 @@ class _Pass:
     """R, shape (n,)."""
     ends_a_step: bool
     """Whether it is the last stage of RK4's; `qacc` is the mean of all stages then."""
-
-    @classmethod
-    def of(
-        cls, model: Any, data: Any, present: dict[int, NDArray[np.intp]], *, ends_a_step: bool
-    ) -> _Pass:
-        """The pass with these equality constraints, before its accelerations are computed."""
-        rows = np.concatenate(list(present.values()))
-        ends = [0, *accumulate(map(len, present.values()))]
-        own = {index: slice(a, b) for index, (a, b) in zip(present, pairwise(ends), strict=True)}
-        return cls(
-            own,
-            data.efc_aref[rows],
-            constraint_jacobian(model, data)[rows],
-            data.efc_R[rows],
-            ends_a_step,
-        )
 
     def softness_of_equalities(self, data: Any) -> dict[int, FloatArray]:
         """R f by equality constraint, without what redundant constraints do to each other.
@@ -86,8 +69,8 @@ class _Pass:
         diagonal = gram.reshape(-1)[:: len(gram) + 1]
         diagonal += _REDUNDANT * diagonal.sum()
         forces = scaled.T @ ((self.reference - self.jacobian @ acceleration) / root)
-        found = root * (scaled @ np.linalg.solve(gram, forces))
-        return {index: found[rows] for index, rows in self.rows.items()}
+        softness = root * (scaled @ np.linalg.solve(gram, forces))
+        return {index: softness[rows] for index, rows in self.rows.items()}
 
 
 @dataclass
@@ -169,10 +152,12 @@ class ReferenceAccelerationCorrection:
             self.equalities[index] = data.efc_R[rows] * forces[rows]
 
     def _correct(self, model: Any, data: Any) -> None:
-        if self._stage % self._stages == 0:
+        stages = 4 if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4 else 1
+        if self._stage % stages == 0:
             self._feedback.clear()
         self._correct_contacts(model, data)
-        self._follow_forces(data)
+        if self._last is not None:  # R f of the last forward pass
+            self.equalities |= self._last.softness_of_equalities(data)
         present: dict[int, NDArray[np.intp]] = {}
         for index in range(model.neq):
             rows = equality_rows(data, index)
@@ -182,24 +167,29 @@ class ReferenceAccelerationCorrection:
             present[index] = rows
             reference = data.efc_aref[rows]
             if self.velocity_term:
-                feedback = self._feedback.setdefault(index, _feedback(data, rows))
-                reference = feedback - _equality_velocity_term(model, data, index)
+                reference = self._feedback.setdefault(index, _feedback(data, rows))
+                # Of hinges, on a tendon, the Jacobian is constant.
+                if model.eq_type[index] != mujoco.mjtEq.mjEQ_TENDON:
+                    sites = model.eq_obj1id[index], model.eq_obj2id[index]
+                    one, other = (
+                        _velocity_term(model, data, data.site_xpos[site], model.site_bodyid[site])
+                        for site in sites
+                    )
+                    reference = reference - (one - other)
             data.efc_aref[rows] = reference + self.equalities.get(index, 0.0)
         self._stage += 1
         if self.velocity_term and self.equalities and present:
-            self._last = _Pass.of(model, data, present, ends_a_step=self._stage % self._stages == 0)
+            rows = np.concatenate(list(present.values()))
+            ends = [0, *accumulate(map(len, present.values()))]
+            self._last = _Pass(
+                {index: slice(*span) for index, span in zip(present, pairwise(ends), strict=True)},
+                data.efc_aref[rows],
+                constraint_jacobian(model, data)[rows],
+                data.efc_R[rows],
+                ends_a_step=self._stage % stages == 0,
+            )
         if self.starts_at_the_solution:
             start_at_the_solution(model, data)
-
-    def _follow_forces(self, data: Any) -> None:
-        """R f of the last forward pass to the equality constraints."""
-        if self._last is not None:
-            self.equalities |= self._last.softness_of_equalities(data)
-
-    @cached_property
-    def _stages(self) -> int:
-        """Forward passes per step."""
-        return 4 if self.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4 else 1
 
     def _correct_contacts(self, model: Any, data: Any) -> None:
         terms: dict[tuple[int, int], FloatArray] = {}  # both sides of a slot have the same
@@ -218,9 +208,8 @@ class ReferenceAccelerationCorrection:
                 reference = feedback - sign * (data.contact.frame[i, :3] @ terms[between])
             if (one, other) in self.contacts:
                 stiffness, _, impedance, _ = data.efc_KBIP[row]
-                reference += (
-                    self.contacts[one, other] - stiffness * impedance * data.efc_margin[row]
-                )
+                by_margin = stiffness * impedance * data.efc_margin[row]
+                reference += self.contacts[one, other] - by_margin
             data.efc_aref[row] = reference
 
 
@@ -245,22 +234,12 @@ def _velocity_term(model: Any, data: Any, point: FloatArray, body: int) -> Float
     return rate @ data.qvel
 
 
-def _equality_velocity_term(model: Any, data: Any, index: int) -> FloatArray | float:
-    if model.eq_type[index] == mujoco.mjtEq.mjEQ_TENDON:  # of hinges: its Jacobian is constant
-        return 0.0
-    sites = model.eq_obj1id[index], model.eq_obj2id[index]
-    one, other = (
-        _velocity_term(model, data, data.site_xpos[site], model.site_bodyid[site]) for site in sites
-    )
-    return one - other
-
-
 def _relative_velocity_term(model: Any, data: Any, sphere: int, holder: int) -> FloatArray:
-    """The same of a sphere's centre as seen from the body with a wall, shape (3,) [m/s^2].
+    """Velocity term of a sphere's centre as seen from the body with a wall, shape (3,) [m/s^2].
 
-    Of its centre, not of the point of contact: its gap does not depend on its rotation. Seen from a
-    body that turns with w it is that of the centre, less that of the body's point there, less 2 w x
-    v of the relative velocity v.
+    The centre's, not that of the point of contact: the gap does not depend on the sphere's
+    rotation. Seen from a body that turns with w it is that of the centre, less that of the body's
+    point there, less 2 w x v of the relative velocity v.
     """
     centre, body = data.geom_xpos[sphere], model.geom_bodyid[sphere]
     term = _velocity_term(model, data, centre, body)

@@ -34,161 +34,114 @@ from ..study import (
 from .options import effective_solref
 
 MJCF, PYTHON = "MJCF", "MuJoCo in Python"
-_MOVING = "moving points"
 # [kg m^2] It shifts the projectile by some 1e-8 m: far above rounding, and still in proportion.
 _SEEN_INERTIA = 1e-6
 _SOFTEST_LIMIT = 0.9999  # MuJoCo clamps the impedance there
 
 
 def _causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
-    # Stiff points that are not held as they move are unstable: no other cause can be taken out
-    # before.
-    causes = [
-        replace(cause, after=(*cause.after, _MOVING))
-        for cause in _common_causes(settings, constraints)
-    ]
-    text = (
-        "MuJoCo leaves out of contacts the acceleration that a held point has from the speeds alone"
-    )
-    moving = (
-        [Cause(_MOVING, text, Intervention({"moving_points": True}))] if constraints.points else []
-    )
-    return with_readout(*moving, *causes)
-
-
-def _common_causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
     finer: dict[str, JsonValue] = {"timestep": float(settings["timestep"]) / REFINEMENT}
     if settings["solref"] is None:  # it would follow the step
         finer["solref"] = _stiffest(settings, constraints)
-    return (
-        *_softness(settings, constraints),
+    tighter: dict[str, JsonValue] = {
+        "solver": "Newton", "tolerance": min(1e-30, float(settings["tolerance"])),
+    }  # fmt: skip
+    causes = (
+        _softness(settings, constraints),
         # Points are pressed in by an acceleration: with softer ones than the step can bear they
         # would jump.
-        Cause(
-            "start transient",
-            "soft limits start without the give that carries their torque",
-            Intervention({"preload": True}),
-            after=("constraint softness",) if constraints.points else (),
-        ),
-        Cause(
-            "solver tolerance",
-            "where MuJoCo's constraint solver stops",
-            Intervention(
-                {"solver": "Newton", "tolerance": min(1e-30, float(settings["tolerance"]))}
-            ),
-        ),
-        Cause(
-            "limits kept",
-            "stops stay in the model after they have released, and may be met again",
-            Intervention({"keep_limits": False}),
-        ),
-        Cause(
-            "event location",
-            "a release is noticed at the end of its step, and the step goes over its kink",
-            Intervention({"locate_releases": True}),
-        ),
-        Cause(
-            "integrator",
-            "the rule of a step, of first order but for RK4",
-            Intervention({"integrator": "RK4"}),
-        ),
+        Cause("start transient", "soft limits start without the give that carries their torque",
+              Intervention({"preload": True}),
+              after=("constraint softness",) if constraints.points else ()),
+        Cause("solver tolerance", "where MuJoCo's constraint solver stops", Intervention(tighter)),
+        Cause("limits kept",
+              "stops stay in the model after they have released, and may be met again",
+              Intervention({"keep_limits": False})),
+        Cause("event location",
+              "a release is noticed at the end of its step, and the step goes over its kink",
+              Intervention({"locate_releases": True})),
+        Cause("integrator", "the rule of a step, of first order but for RK4",
+              Intervention({"integrator": "RK4"})),
         time_step_cause(finer),
-        Cause(
-            "point inertia",
-            f"MuJoCo wants an inertia of every body: point masses have {POINT_INERTIA:g} kg m²",
-            scaling=Intervention(point_inertia=_SEEN_INERTIA, leaves=_SEEN_INERTIA / POINT_INERTIA),
-        ),
-    )
+        Cause("point inertia",
+              f"MuJoCo wants an inertia of every body: point masses have {POINT_INERTIA:g} kg m²",
+              scaling=Intervention(
+                  point_inertia=_SEEN_INERTIA, leaves=_SEEN_INERTIA / POINT_INERTIA)),
+    )  # fmt: skip
+    # Stiff points that are not held as they move are unstable: no other cause can be taken out
+    # before.
+    causes = tuple(replace(cause, after=(*cause.after, "moving points")) for cause in causes)
+    if constraints.points:
+        text = (
+            "MuJoCo leaves out of contacts the acceleration that a held point has from the speeds "
+            "alone"
+        )
+        moving_points = Cause("moving points", text, Intervention({"moving_points": True}))
+        causes = (moving_points, *causes)
+    return with_readout(*causes)
 
 
 def _stiffest(settings: Any, constraints: ConstraintKinds, refinement: int = 1) -> list[JsonValue]:
     """The stiffest constraints that a finer step can bear; points are held exactly by then."""
     step = float(settings["timestep"]) / refinement
-    return [
-        *effective_solref(
-            {**settings, "solref": None, "moving_points": True, "timestep": step}, constraints
-        )
-    ]
+    exact = {**settings, "solref": None, "moving_points": True, "timestep": step}
+    return [*effective_solref(exact, constraints)]
 
 
-def _softness(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
-    """Softness as two causes at most: an error of (1 - d) tc^2, d impedance, tc time constant."""
-    stiffest = _stiffest(settings, constraints)
-    given = settings["solref"]
-    shape = list(settings["solimp"])
+def _softness(settings: Any, constraints: ConstraintKinds) -> Cause:
+    """Softness: an error of (1 - d) tc^2, d impedance, tc time constant."""
+    name = "constraint softness"
     text = (
         "limits give way: MuJoCo's stops are springs and dampers, and let through 1 - d of what "
         "they should stop"
     )
-    hardest = [_SOFTEST_LIMIT, _SOFTEST_LIMIT, *shape[2:]]
-    if (given is not None and not same_value(given, stiffest)) or min(shape[:2]) < _SOFTEST_LIMIT:
-        removal = Intervention({"solref": stiffest, "solimp": hardest})
-        return (Cause("constraint softness", text, removal),)
+    stiffest, solref = _stiffest(settings, constraints), settings["solref"]
+    d0, d_width, *shape = settings["solimp"]
+    is_softer = solref is not None and not same_value(solref, stiffest)
+    if is_softer or min(d0, d_width) < _SOFTEST_LIMIT:
+        hardest = [_SOFTEST_LIMIT, _SOFTEST_LIMIT, *shape]
+        return Cause(name, text, Intervention({"solref": stiffest, "solimp": hardest}))
     # As stiff as this step can bear: stiffer limits need the shorter step. 1 - d, doubled, is the
     # second measure.
     removal = Intervention({"solref": _stiffest(settings, constraints, REFINEMENT)})
-    twice = [1.0 - 2.0 * (1.0 - d) for d in shape[:2]]
-    scaling = Intervention({"solimp": [*twice, *shape[2:]]}, leaves=2.0)
-    return (Cause("constraint softness", text, removal, scaling, after=("time step",)),)
+    twice = [1.0 - 2.0 * (1.0 - d) for d in (d0, d_width)]
+    scaling = Intervention({"solimp": [*twice, *shape]}, leaves=2.0)
+    return Cause(name, text, removal, scaling, after=("time step",))
 
 
-def _impedance(softness: float) -> Options:
-    d = 1.0 - softness
-    return {"solimp": [d, d, 0.001, 0.5, 2.0]}
-
-
-def _integrator(name: str) -> SweptParameter:
-    return SweptParameter(
-        name="integrator",
-        title=f"time step h, {name}",
-        unit="s",
-        values=tuple(1e-2 / 2**k for k in range(5)),
-        options=lambda h: {"timestep": h},
-        expected=1.0,
-        why="the integrator is of first order",
-        base={"integrator": name},
-    )
-
-
+_GIVES_WAY = "a limit gives way by (1 - d) tc^2 times the acceleration it withholds"
 _SWEPT = (
     SweptParameter(
-        name="solref",
-        title="limits' time constant tc",
-        unit="s",
-        values=geometric(3.2e-2, 5e-4, 8),
-        options=lambda tc: {"solref": [tc, 1.0]},
-        expected=2.0,
-        base={"timestep": 2.5e-4},
-        why="a limit gives way by (1 - d) tc^2 times the acceleration it withholds",
+        name="solref", title="limits' time constant tc", unit="s",
+        values=geometric(3.2e-2, 5e-4, 8), options=lambda tc: {"solref": [tc, 1.0]},
+        expected=2.0, base={"timestep": 2.5e-4}, why=_GIVES_WAY,
     ),
     SweptParameter(
-        name="solimp",
-        title="limits' softness 1 - d",
-        unit="1",
+        name="solimp", title="limits' softness 1 - d", unit="1",
         values=geometric(0.3, 1e-4, 8),
-        options=_impedance,
-        expected=1.0,
-        base={"timestep": 5e-4, "solref": [0.02, 1.0]},
-        why="a limit gives way by (1 - d) tc^2 times the acceleration it withholds (d: its "
-        "impedance)",
+        options=lambda softness: {"solimp": [1.0 - softness, 1.0 - softness, 0.001, 0.5, 2.0]},
+        expected=1.0, base={"timestep": 5e-4, "solref": [0.02, 1.0]},
+        why=f"{_GIVES_WAY} (d: its impedance)",
     ),
     SweptParameter(
-        name="tolerance",
-        title="solver's tolerance",
-        unit="1",
-        values=geometric(1e-2, 1e-14, 7),
-        options=lambda tolerance: {"tolerance": tolerance},
-        base={"timestep": 1e-3},
+        name="tolerance", title="solver's tolerance", unit="1", values=geometric(1e-2, 1e-14, 7),
+        options=lambda tolerance: {"tolerance": tolerance}, base={"timestep": 1e-3},
         without={"tolerance": 1e-30},
         why="Newton's method converges in leaps: the error falls in leaps, too, as one more "
-        "iteration is made",
+            "iteration is made",
     ),
-    *map(_integrator, ("Euler", "implicit", "implicitfast", "discrete")),
-)
+    *(
+        SweptParameter(
+            name="integrator", title=f"time step h, {name}", unit="s",
+            values=tuple(1e-2 / 2**k for k in range(5)), options=lambda h: {"timestep": h},
+            expected=1.0, why="the integrator is of first order", base={"integrator": name},
+        )
+        for name in ("Euler", "implicit", "implicitfast", "discrete")
+    ),
+)  # fmt: skip
 
 
 def _softer(settings: Options, constraints: ConstraintKinds) -> dict[str, Any] | None:
-    """Half the time constant of the limits."""
     stiffness, damping = effective_solref(settings, constraints)
     if stiffness < 0:
         return {"solref": (4.0 * stiffness, 2.0 * damping)}
@@ -216,42 +169,42 @@ _REFINEMENTS = (
 _IN_MJCF = {"free_substeps": 1, "locate_releases": False, "preload": False}
 _OPTION_SETS = (
     STOCK_SET,
-    OptionSet(
-        "stiffer limits",
-        "stock, with a time constant of the limits of two steps, the shortest MuJoCo takes",
-        "stock",
-        scaled=lambda h: {"solref": (2 * h, 1.0)},
-    ),
-    OptionSet(
-        "stiff limits",
-        "limits as stiff as the step bears, solver to the last digit; all of it in the MJCF",
-        "tuned",
-        _IN_MJCF | {"keep_limits": True},
-    ),
-    OptionSet(
-        "limits removed", "the same, and a limit is taken out after its release", "tuned", _IN_MJCF
-    ),
-    OptionSet(
-        "releases located",
-        "the same, with releases found inside the step and limits preloaded",
-        "tuned",
-        {"free_substeps": 1},
-    ),
+    OptionSet("stiffer limits",
+              "stock, with a time constant of the limits of two steps, the shortest MuJoCo takes",
+              "stock", scaled=lambda h: {"solref": (2 * h, 1.0)}),
+    OptionSet("stiff limits",
+              "limits as stiff as the step bears, solver to the last digit; all of it in the MJCF",
+              "tuned", _IN_MJCF | {"keep_limits": True}),
+    OptionSet("limits removed", "the same, and a limit is taken out after its release",
+              "tuned", _IN_MJCF),
+    OptionSet("releases located",
+              "the same, with releases found inside the step and limits preloaded",
+              "tuned", {"free_substeps": 1}),
     TUNED_SET,
-)
+)  # fmt: skip
 
 _NEED = "second order once releases are located, softness scaled with the step"
 _SOFT_CONTACT = "(1 - impedance) x step: a contact's softness lags a changing force by up to a step"
+_ENERGY_NEED = f"1e-9 of the energy at the start; {_NEED}"
 _TOLERANCES = (
     Tolerance("tuned", "position_max", 1e-7, 1e-3, 2, _NEED),
     Tolerance("tuned", "release_time", 1e-8, 1e-3, 2, _NEED, on_points=False),
     Tolerance("tuned", "release_time", 1e-7, 1e-3, 1, _SOFT_CONTACT, on_points=True),
     Tolerance("tuned", "launch_speed", 3e-7, 1e-3, 2, _NEED),
     Tolerance("tuned", "stop_torque_max", 1e-6, 1e-3, 2, _NEED, per="start"),
-    Tolerance(
-        "tuned", "energy_balance", 2e-4, 1e-3, 2, f"1e-9 of the energy at the start; {_NEED}"
-    ),
+    Tolerance("tuned", "energy_balance", 2e-4, 1e-3, 2, _ENERGY_NEED),
 )
+
+_STEP_ORDERS = {
+    "tuned": StepOrder(
+        2.0, "releases are located, and the limits' softness is scaled with the step: tc = h, "
+        "error ~ tc^2", "RK4, joint coordinates",
+    ),
+    "stock": StepOrder(
+        None, "the limits' softness is fixed: it does not fall with the step",
+        "RK4, joint coordinates",
+    ),
+}  # fmt: skip
 
 
 def _snippets(engine: Any, mechanism: Mechanism, _: float) -> dict[str, str]:
@@ -261,20 +214,16 @@ def _snippets(engine: Any, mechanism: Mechanism, _: float) -> dict[str, str]:
 
     model = load(mechanism, engine)
     points = bool(mechanism.point_stops or mechanism.loop_joints)
-    outside = [
-        text
-        for needed, text in (
-            (not engine.keep_limits, "limits taken out when they release"),
-            (engine.locate_releases, "releases found inside a step"),
-            (engine.preload, "limits preloaded"),
-            (engine.free_substeps > 1, "shorter steps after the last release"),
-            (
-                engine.moving_points and points,
-                "points held through all stages of a step by `mjcb_control`",
-            ),
-        )
-        if needed
-    ]
+    beside_the_model = {
+        "limits taken out when they release": not engine.keep_limits,
+        "releases found inside a step": engine.locate_releases,
+        "limits preloaded": engine.preload,
+        "shorter steps after the last release": engine.free_substeps > 1,
+        "points held through all stages of a step by `mjcb_control`": (
+            engine.moving_points and points
+        ),
+    }
+    outside = [text for text, is_needed in beside_the_model.items() if is_needed]
     values: dict[str, Any] = {
         "options": engine,
         "solref": model.jnt_solref[0].tolist(),
@@ -293,19 +242,7 @@ def _snippets(engine: Any, mechanism: Mechanism, _: float) -> dict[str, str]:
 STUDY = EngineStudy(
     causes=_causes,
     swept_parameters=_SWEPT,
-    step_orders={
-        "tuned": StepOrder(
-            2.0,
-            "releases are located, and the limits' softness is scaled with the step: tc = h, "
-            "error ~ tc^2",
-            "RK4, joint coordinates",
-        ),
-        "stock": StepOrder(
-            None,
-            "the limits' softness is fixed: it does not fall with the step",
-            "RK4, joint coordinates",
-        ),
-    },
+    step_orders=_STEP_ORDERS,
     refinements=_REFINEMENTS,
     option_sets=_OPTION_SETS,
     tolerances=_TOLERANCES,

@@ -12,7 +12,6 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ import pymunk
 from pymunk import constraints
 
 from ...models.arrays import FloatArray, as_vectors
-from ...models.elements import GROUND, STOPS, AnyStop, ElementTable, PointStop, Stop
+from ...models.elements import GROUND, STOPS, ElementTable, PointStop, Stop
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ..inspection import Dynamics, Inspection, State
@@ -28,8 +27,7 @@ from .bodies import Assembly, Rod, is_pin
 from .build import build
 from .leapfrog import STEP, settled_increment
 from .options import PymunkOptions
-from .reactions import forces_of
-from .read import MotionReading, reading_of
+from .read import MotionReading, forces_of, reading_of
 
 
 def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkOptions) -> Inspection:
@@ -42,29 +40,23 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkOption
     """
     touching = [stop.name for stop in mechanism.stops if stop.closed]
     built = build(mechanism, touching, 0.0, options.pivot_mass)
-    start, start_speeds = reading_of(built).coordinates()
+    start, start_speeds, _ = reading_of(built).motion
+    # Mass that is welded or given to the ground is in no body, or in too heavy a one.
+    total_mass: float | None = float(sum(body.mass for body in built.bodies))
+    for body in mechanism.bodies:
+        if built.placements[body.name].carrier == GROUND:
+            total_mass = None
+    for joint in built.rigid.tree_joints:
+        heavier = options.pivot_mass != 1 or built.rigid.body(joint.child).inertia == 0
+        pinned = joint.parent == GROUND and is_pin(joint) and built.parts[joint.child].turns
+        if pinned and heavier:
+            total_mass = None
     return Inspection(
         start=start[0],
         start_speeds=start_speeds[0],
         dynamics=tuple(_dynamics(built, state, options.pivot_mass) for state in states),
-        total_mass=_total_mass(built, options.pivot_mass),
+        total_mass=total_mass,
     )
-
-
-def _total_mass(assembly: Assembly, pivot_mass: float) -> float | None:
-    """Mass of all bodies [kg]; None where mass on the ground is changed or left out."""
-    pinned = [
-        joint
-        for joint in assembly.rigid.tree_joints
-        if joint.parent == GROUND and is_pin(joint) and assembly.parts[joint.child].turns
-    ]
-    grounded = any(
-        place.carrier == GROUND for name, place in assembly.placements.items() if name != GROUND
-    )
-    changed = any(
-        pivot_mass != 1 or assembly.rigid.body(joint.child).inertia == 0 for joint in pinned
-    )
-    return None if changed or grounded else float(sum(body.mass for body in assembly.bodies))
 
 
 def _dynamics(built: Assembly, state: State, pivot_mass: float) -> Dynamics:
@@ -75,20 +67,29 @@ def _dynamics(built: Assembly, state: State, pivot_mass: float) -> Dynamics:
     )
     assembly = build(placed, state.closed, 0.0, pivot_mass)
     mass, forces = _inertia(assembly)
-    reading = _stepped(assembly)
+    # One step to the present state, with targets displaced by h^2 times centripetal accelerations.
+    # Gears have none. The change of velocity is the acceleration there.
+    for rod in assembly.rods:
+        rod.joint.distance = rod.length - STEP**2 * _lengthening(rod)
+    for joint in assembly.space.constraints:
+        if isinstance(joint, constraints.PivotJoint):
+            _, _, centripetal = _end(joint.b, joint.anchor_b)
+            anchor = complex(*joint.anchor_a) - STEP**2 * centripetal
+            joint.anchor_a = (anchor.real, anchor.imag)
+    reading = reading_of(assembly, settled_increment(assembly) / STEP)
+    torques = forces_of(reading, state.closed).torques
+    centres = {body.name: reading.point(body.name, body.centre) for body in placed.bodies}
+    gaps: dict[str, float] = {}
+    for name in state.closed:
+        stop = built.rigid.stop(name)
+        gaps[name] = _GAPS[stop](built, stop, reading)
     return Dynamics(
-        accelerations=reading.accelerations()[0],
-        stop_torques={
-            name: float(torque[0])
-            for name, torque in forces_of(reading, state.closed).torques.items()
-        },
+        accelerations=reading.motion[2][0],
+        stop_torques={name: float(torque[0]) for name, torque in torques.items()},
         mass_matrix=mass,
         forces=forces,
-        centres={
-            body.name: as_vectors(reading.point(body.name, body.centre).position)[0]
-            for body in placed.bodies
-        },
-        stop_gaps={name: _gap(built, placed.stop(name), reading) for name in state.closed},
+        centres={name: as_vectors(at.position)[0] for name, at in centres.items()},
+        stop_gaps=gaps,
     )
 
 
@@ -100,13 +101,19 @@ def _inertia(assembly: Assembly) -> tuple[FloatArray, FloatArray]:
     holds it. A body that does not turn has no angle of its own (its moment is infinite): it
     is a point mass. Mass on a pin in the ground does not move, and so is in neither.
     """
+    springs = (constraints.DampedSpring, constraints.DampedRotarySpring)
+    joints = [joint for joint in assembly.space.constraints if not isinstance(joint, springs)]
+    if joints:
+        assembly.space.remove(*joints)
+    free_accelerations = settled_increment(assembly) / STEP
+    if joints:
+        assembly.space.add(*joints)
+
     kinematics, attitudes = Kinematics(assembly.mechanism), assembly.mechanism.attitudes
     q, u = initial_state(assembly.mechanism)
     rates = kinematics.rates(q)
     mass, forces = np.zeros((len(q), len(q))), np.zeros(len(q))
-    for part, (x, y, spin) in zip(
-        assembly.parts.values(), _free_accelerations(assembly), strict=True
-    ):
+    for part, (x, y, spin) in zip(assembly.parts.values(), free_accelerations, strict=True):
         row = kinematics.point(part.name, (part.reference.real, part.reference.imag))
         jacobian = kinematics.gradient(row.coefficients, q, rates)
         centripetal = complex(*kinematics.acceleration(row, q, u, np.zeros_like(q)))
@@ -119,53 +126,11 @@ def _inertia(assembly: Assembly) -> tuple[FloatArray, FloatArray]:
     return mass, forces
 
 
-def _free_accelerations(assembly: Assembly) -> FloatArray:
-    """Accelerations of the bodies by Chipmunk without joints and stops, shape (n_bodies, 3)."""
-    joints = [joint for joint in assembly.space.constraints if not isinstance(joint, _SPRINGS)]
-    if joints:
-        assembly.space.remove(*joints)
-    accelerations = settled_increment(assembly) / STEP
-    if joints:
-        assembly.space.add(*joints)
-    return accelerations
-
-
-def _stepped(assembly: Assembly) -> MotionReading:
-    """One step to the present state, whose change of velocity is the acceleration there."""
-    _set_targets(assembly)
-    return reading_of(assembly, settled_increment(assembly) / STEP)
-
-
-def _set_targets(assembly: Assembly) -> None:
-    """Displace the joints' targets by h^2 times centripetal accelerations; gears have none."""
-    for rod in assembly.rods:
-        rod.joint.distance = rod.length - STEP**2 * _lengthening(rod)
-    for joint in assembly.space.constraints:
-        if isinstance(joint, constraints.PivotJoint):
-            end = _End.of(joint.b, joint.anchor_b)
-            anchor = complex(*joint.anchor_a) - STEP**2 * end.centripetal
-            joint.anchor_a = (anchor.real, anchor.imag)
-
-
-_SPRINGS = (constraints.DampedSpring, constraints.DampedRotarySpring)
-
-
-@dataclass(frozen=True)
-class _End:
-    """End of a joint on a body: position, velocity, acceleration at constant rates [m, s]."""
-
-    position: complex
-    velocity: complex
-    centripetal: complex
-
-    @classmethod
-    def of(cls, body: pymunk.Body, anchor: tuple[float, float]) -> _End:
-        arm, spin = complex(*anchor) * cmath.exp(1j * body.angle), body.angular_velocity
-        return cls(
-            complex(*body.position) + arm,
-            complex(*body.velocity) + 1j * spin * arm,
-            -(spin**2) * arm,
-        )
+def _end(body: pymunk.Body, anchor: tuple[float, float]) -> tuple[complex, complex, complex]:
+    """End of a joint: position, velocity, acceleration at constant rates of its body [m, s]."""
+    arm, spin = complex(*anchor) * cmath.exp(1j * body.angle), body.angular_velocity
+    velocity = complex(*body.velocity) + 1j * spin * arm
+    return complex(*body.position) + arm, velocity, -(spin**2) * arm
 
 
 def _lengthening(rod: Rod) -> float:
@@ -175,29 +140,30 @@ def _lengthening(rod: Rod) -> float:
     velocity across in the frame of its line, which turns with w: then n . d'' + 2 w (n x d') - w^2
     |d|.
     """
-    a, b = _End.of(rod.joint.a, rod.joint.anchor_a), _End.of(rod.joint.b, rod.joint.anchor_b)
-    difference, velocity = b.position - a.position, b.velocity - a.velocity
+    position_a, velocity_a, centripetal_a = _end(rod.joint.a, rod.joint.anchor_a)
+    position_b, velocity_b, centripetal_b = _end(rod.joint.b, rod.joint.anchor_b)
+    difference = position_b - position_a
     distance = abs(difference)
     along = difference.conjugate() / distance
-    across = (along * velocity).imag
-    bent = (along * (b.centripetal - a.centripetal)).real
+    across = (along * (velocity_b - velocity_a)).imag
+    bent = (along * (centripetal_b - centripetal_a)).real
     if rod.axis is None:
         return bent + across**2 / distance
     spin = rod.joint.a.angular_velocity
     return bent + 2 * spin * across - spin**2 * distance
 
 
-def _gap(built: Assembly, stop: AnyStop, reading: MotionReading) -> float:
-    """Gap of a stop [rad or m] at the bodies' present positions, by its joint as built."""
-    joint, stop = built.stops[stop.name], built.rigid.stop(stop.name)
-    rod = next((rod for rod in built.rods if rod.joint is joint), None)
-    return _GAPS[stop](built, stop, reading, rod)
+# --- Gaps of stops at the bodies' present positions, by their joints as built
 
 
-def _point_gap(built: Assembly, stop: PointStop, reading: MotionReading, rod: Rod | None) -> float:
+def _rod_of(built: Assembly, stop: str) -> Rod | None:
+    return next((rod for rod in built.rods if rod.joint is built.stops[stop]), None)
+
+
+def _point_gap(built: Assembly, stop: PointStop, reading: MotionReading) -> float:
+    rod, other = _rod_of(built, stop.name), built.parts.get(stop.relative_to)
     assert rod is not None
-    other = built.parts.get(stop.relative_to)
-    anchor = complex(*rod.end_a) + (other.reference if other is not None else 0j)
+    anchor = complex(*rod.joint.anchor_a) + (0j if other is None else other.reference)
     wall = reading.frames[stop.relative_to]
     point = reading.point(stop.body, stop.point).position
     difference = complex((point - wall.point(anchor).position)[0])
@@ -205,37 +171,29 @@ def _point_gap(built: Assembly, stop: PointStop, reading: MotionReading, rod: Ro
     return (difference * normal.conjugate()).real - rod.length
 
 
-def _angle_gap(built: Assembly, stop: Stop, reading: MotionReading, rod: Rod | None) -> float:
-    q = {name: float(frame.q[0]) for name, frame in reading.frames.items()}
-    between = q[stop.body] - q[stop.relative_to]
+def _angle_gap(built: Assembly, stop: Stop, reading: MotionReading) -> float:
+    body, other = (float(reading.frames[name].q[0]) for name in (stop.body, stop.relative_to))
+    rod, gear = _rod_of(built, stop.name), built.stops[stop.name]
     if rod is None:
-        gear = built.stops[stop.name]
         assert isinstance(gear, constraints.GearJoint)
-        return stop.sense * (between + gear.phase)
-    return stop.sense * math.remainder(between - _braced_angle(built, rod, stop), 2 * math.pi)
-
-
-_GAPS: ElementTable[Callable[[Assembly, Any, MotionReading, Rod | None], float]] = ElementTable(
-    "pymunk's inspection", STOPS, {Stop: _angle_gap, PointStop: _point_gap}
-)
-
-
-def _braced_angle(built: Assembly, rod: Rod, stop: Stop) -> float:
-    """Angle of the stop's body relative to the other one [rad], at which a brace keeps it.
-
-    Brace, bob's rod and the line from the pin to the brace's anchor are a triangle, whose sides
-    give its angle.
-    """
+        return stop.sense * (body - other + gear.phase)
+    # Brace, bob's rod and the line from the pin to the brace's anchor are a triangle, whose sides
+    # give the angle of the stop's body relative to the other one at which the brace keeps it.
     bob, base = stop.body, stop.relative_to
     if built.parts[bob].turns:
         bob, base = base, bob
     part = built.parts[bob]
-    pin = built.rigid.joint_of(bob).parent_point
     origin = 0j if base == GROUND else built.parts[base].reference
-    anchor = origin + complex(*rod.end_a) - complex(*pin)
+    pin = complex(*built.rigid.joint_of(bob).parent_point)
+    anchor = origin + complex(*rod.joint.anchor_a) - pin
     arm, far, brace = abs(part.reference - part.pin), abs(anchor), rod.joint.distance
     corner = math.acos((far**2 + arm**2 - brace**2) / (2 * far * arm))
     # The anchor is counter-clockwise of the bob; angles of the mechanism are clockwise.
-    direction = anchor * cmath.exp(-1j * corner)
-    clockwise = -cmath.phase(direction / (part.reference - part.pin))
-    return clockwise if bob == stop.body else -clockwise
+    braced = -cmath.phase(anchor * cmath.exp(-1j * corner) / (part.reference - part.pin))
+    braced = braced if bob == stop.body else -braced
+    return stop.sense * math.remainder(body - other - braced, 2 * math.pi)
+
+
+_GAPS: ElementTable[Callable[[Assembly, Any, MotionReading], float]] = ElementTable(
+    "pymunk's inspection", STOPS, {Stop: _angle_gap, PointStop: _point_gap}
+)

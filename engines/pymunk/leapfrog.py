@@ -19,32 +19,51 @@ from typing import Any, cast
 import numpy as np
 import pymunk
 import pymunk.batch
+from numpy.typing import NDArray
 from pymunk import constraints
 
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
 from .bodies import Assembly, Rod
-from .loads import Pose
+from .loads import Pose, set_forces
 from .passes import convergence
-from .read import BodySamples, samples_of
+from .read import BodySamples
 
 Row = list[float]
+STEP = 1.0  # [s] of the step whose velocity increment is settled
+STARTED = 1e-9  # of the increment at the start: change in a round
+_FIELDS = (
+    pymunk.batch.BodyFields.POSITION
+    | pymunk.batch.BodyFields.ANGLE
+    | pymunk.batch.BodyFields.VELOCITY
+    | pymunk.batch.BodyFields.ANGULAR_VELOCITY
+)
+_WIDTH = 6  # x, y, angle, vx, vy, angular velocity of each body
+# The accuracy of the impulses is an option of a run, not of the model: passes are doubled until
+# they converge.
+_FIRST_PASSES, _ROUNDS = 500, 12
+_SETTLED = 5e-14  # change of the velocities in a round: some 200 roundings, the noise that remains
+_ENOUGH = 1e-11  # a tenth of the tolerance of model comparisons; rounding errors add up
+_MOST = 1e-10  # that tolerance: rounding errors of impulses that have converged may be no larger
+_MOST_START_PASSES = 200_000  # in one of the rounds, twice as many as before each
+_LAST_BITS = 1e-15  # of the reach: rounding error of a position, which a joint undoes in the step
 
 
 class CorrectedRod(ABC):
-    """A rod whose length is kept to a higher order than by Chipmunk alone.
+    """A rod whose length is kept to a higher order than by Chipmunk alone, in steps of h [s].
 
     Chipmunk corrects the distance along the line between the ends. Because the ends also move
     across the line and on arcs, the rod is longer by s = O(h^2) at the end of the step. A target
     distance that is shorter by s, extrapolated from the last two steps, leaves an error of O(h^4),
     as SHAKE would. It takes no force into account.
+
+    Args:
+        offsets: of the bodies in a row, by identity; the ground has none.
     """
 
-    __slots__ = ("_h", "_last", "_length", "joint")
-
-    def __init__(self, rod: Rod, h: float) -> None:
-        self.joint, self._length = rod.joint, rod.length
-        self._h = h
+    def __init__(self, rod: Rod, offsets: Mapping[int, int], h: float) -> None:
+        self.joint, self._length, self._h = rod.joint, rod.length, h
+        self._a, self._b = (offsets.get(end.id, -1) for end in (rod.joint.a, rod.joint.b))
         self._last = 0.0
 
     def prepare(self, start: Row) -> None:
@@ -53,11 +72,7 @@ class CorrectedRod(ABC):
         self.joint.distance = self._length - 2.0 * stretch
 
     def meet(self, half: Row) -> None:
-        """Correct the same increment so that the first step ends at the rod's length.
-
-        Args:
-            half: the bodies at the start, with their velocities of half a step later.
-        """
+        """Correct the same increment so that the first step, from `half`, ends at the length."""
         self.joint.distance = self._length - 2.0 * self._stretch(half, self._h)
 
     def begin(self, earlier: Row, first: Row) -> None:
@@ -67,7 +82,7 @@ class CorrectedRod(ABC):
 
     def aim(self, row: Row) -> None:
         """Correct the next step, from the state after this one."""
-        # This state's velocities fix the stretch s of the next step; the increment in it acts on
+        # this state's velocities fix the stretch s of the next step; the increment in it acts on
         # the step after, whose stretch is extrapolated from this one and the last.
         s = self._stretch(row, self._h)
         self.joint.distance = self._length - (2.0 * s - self._last)
@@ -82,23 +97,14 @@ class CorrectedRod(ABC):
         """
 
 
-def corrected(rod: Rod, offsets: Mapping[int, int], h: float) -> CorrectedRod:
-    """Correction of a rod in steps of h [s]; `offsets` of the bodies in a row, by identity."""
-    return FixedRod(rod, offsets, h) if rod.axis is None else SlidingRod(rod, rod.axis, offsets, h)
-
-
 class FixedRod(CorrectedRod):
     """Between two points of bodies, or from a point of the ground to one of a body."""
 
-    __slots__ = ("_a", "_ax", "_ay", "_b", "_bx", "_by")
-
     def __init__(self, rod: Rod, offsets: Mapping[int, int], h: float) -> None:
-        super().__init__(rod, h)
-        assert rod.b is not None
-        self._a = -1 if rod.a is None else offsets[rod.a.id]
-        self._b = offsets[rod.b.id]
-        self._ax, self._ay = rod.end_a
-        self._bx, self._by = rod.end_b
+        super().__init__(rod, offsets, h)
+        assert self._b >= 0
+        self._ax, self._ay = rod.joint.anchor_a
+        self._bx, self._by = rod.joint.anchor_b
 
     def _stretch(self, row: Row, h: float) -> float:
         b, a = self._b, self._a
@@ -122,12 +128,9 @@ class FixedRod(CorrectedRod):
 class SlidingRod(CorrectedRod):
     """Across a line of a body (or of the ground), along which one end follows the other one."""
 
-    __slots__ = ("_a", "_axis", "_b", "_end_a", "_end_b")
-
     def __init__(self, rod: Rod, axis: complex, offsets: Mapping[int, int], h: float) -> None:
-        super().__init__(rod, h)
-        self._a, self._b = (-1 if body is None else offsets[body.id] for body in (rod.a, rod.b))
-        self._end_a, self._end_b = complex(*rod.end_a), complex(*rod.end_b)
+        super().__init__(rod, offsets, h)
+        self._end_a, self._end_b = complex(*rod.joint.anchor_a), complex(*rod.joint.anchor_b)
         self._axis = axis
 
     def move_anchor(self, row: Row) -> None:
@@ -143,7 +146,7 @@ class SlidingRod(CorrectedRod):
         return self._end_a + along * self._axis
 
     def _stretch(self, row: Row, h: float) -> float:
-        # With n across the line, d from anchor to point and the line's rotation e: Re(conj(e n) d)
+        # with n across the line, d from anchor to point and the line's rotation e: Re(conj(e n) d)
         # after the step.
         a, b = self._a, self._b
         normal = 1j * self._axis * _turned(row, a, 0.0)
@@ -222,25 +225,6 @@ def _arc(angle: float, turn: float, x: float, y: float) -> tuple[float, float, f
     return dx, dy, inwards * dx - behind * dy, inwards * dy + behind * dx
 
 
-_FIELDS = (
-    pymunk.batch.BodyFields.POSITION
-    | pymunk.batch.BodyFields.ANGLE
-    | pymunk.batch.BodyFields.VELOCITY
-    | pymunk.batch.BodyFields.ANGULAR_VELOCITY
-)
-_WIDTH = 6  # x, y, angle, vx, vy, angular velocity of each body
-STEP = 1.0  # [s] of the step whose velocity increment is settled
-# The accuracy of the impulses is an option of a run, not of the model: passes are doubled until
-# they converge.
-_FIRST_PASSES, _ROUNDS = 500, 12
-_SETTLED = 5e-14  # change of the velocities in a round: some 200 roundings, the noise that remains
-_ENOUGH = 1e-11  # a tenth of the tolerance of model comparisons; rounding errors add up
-_MOST = 1e-10  # that tolerance: rounding errors of impulses that have converged may be no larger
-_MOST_START_PASSES = 200_000  # in one of the rounds, twice as many as before each
-STARTED = 1e-9  # of the increment at the start: change in a round
-_LAST_BITS = 1e-15  # of the reach: rounding error of a position, which a joint undoes in the step
-
-
 class Stepper:
     """Moves an assembly step by step and keeps its states.
 
@@ -250,17 +234,20 @@ class Stepper:
     """
 
     def __init__(self, assembly: Assembly, h: float, hold_lengths: bool) -> None:
-        self.assembly, self.h = assembly, h
+        self.assembly, self.h, self.leapfrog = assembly, h, False
         self.rows: list[Row] = []
-        self.leapfrog = False
         self._initial: Row = []
-        self._half: Row = []
-        self._initial_rates = np.zeros(0)
-        self._moves = self._settles = False
-        self._space = assembly.space
-        self._buffer: Any = pymunk.batch.Buffer()
-        self._offsets = self._body_offsets()
-        rods = [corrected(rod, self._offsets, h) for rod in assembly.rods]
+        self._half: Row = []  # the state at the start, and with the velocities of half a step later
+        self._space, self._buffer = assembly.space, cast("Any", pymunk.batch.Buffer())
+        pymunk.batch.get_space_bodies(self._space, pymunk.batch.BodyFields.BODY_ID, self._buffer)
+        identities = memoryview(self._buffer.int_buf()).cast("P").tolist()
+        self._offsets = {identity: _WIDTH * i for i, identity in enumerate(identities)}
+        rods: list[CorrectedRod] = []
+        for rod in assembly.rods:
+            if rod.axis is None:
+                rods.append(FixedRod(rod, self._offsets, h))
+            else:
+                rods.append(SlidingRod(rod, rod.axis, self._offsets, h))
         self._pivots = [
             Pivot(joint, self._offsets[joint.b.id], h)
             for joint in assembly.space.constraints
@@ -269,6 +256,11 @@ class Stepper:
         self._holds_lengths = hold_lengths
         self._corrected = rods if hold_lengths else []
         self._sliding = [rod for rod in rods if isinstance(rod, SlidingRod)]
+
+    @property
+    def steps(self) -> int:
+        """Steps taken since the start."""
+        return len(self.rows) - 1
 
     def start(self, iterations: int, leapfrog: bool, settle: bool = False) -> None:
         """Make `rows[0]`; in a leapfrog, with the velocities of half a step later.
@@ -280,18 +272,46 @@ class Stepper:
                 It has none to start from, so passes that follow their changes from step to step may
                 find a part of them only.
         """
-        self.leapfrog, self._settles, self._initial = leapfrog, settle, self._read()
-        self._initial_rates = self.assembly.rates
-        self._moves = leapfrog and self._holds_lengths and bool(np.any(self._initial_rates))
+        self.leapfrog, self._initial, rates = leapfrog, self._read(), self.assembly.rates
+        moves = leapfrog and self._holds_lengths and bool(np.any(rates))
+        pivots = self._pivots if moves else []
         if leapfrog:
-            self._half_step(iterations)
+            for joint in (*self._corrected, *pivots):
+                joint.prepare(self._initial)
+            self._keep_half(rates, iterations, settle)
         self.rows = [self._read()]
         self._half = self.rows[0]
-        if self._moves:
-            self._meet_lengths(iterations)
-        earlier = self._step_before()
+        if moves:
+            # half an increment misses the rods' lengths by O(h^3) where forces change at the start.
+            # to undo that in the step after would be an error of O(h) in the forces, so the
+            # velocities of the first step get what makes it end at those lengths.
+            for joint in (*self._corrected, *pivots):
+                joint.meet(self._half)
+            self._keep_half(rates, iterations, settle)
+            for pivot in pivots:
+                pivot.begin(self._half)
+            self.rows = [self._read()]
+        # one step before the start, by the first velocity increment backwards.
+        earlier = self._before_start()
+        bodies = earlier.reshape(-1, _WIDTH)
+        bodies[:, :3] -= self.h * bodies[:, 3:]
         for rod in self._corrected:
-            rod.begin(earlier, self.rows[0])
+            rod.begin(earlier.tolist(), self.rows[0])
+
+    def _keep_half(self, before: FloatArray, iterations: int, settle: bool) -> None:
+        """Give the bodies their rates at the start, and half of their increment there."""
+        places, h = _places(self.assembly), self.h
+        _step_to(self.assembly, places, before, h, iterations)
+        increment, passes = self.assembly.rates - before, iterations
+        rounding = _LAST_BITS * max(abs(complex(*position)) for position, _ in places) / h
+        while settle and passes <= _MOST_START_PASSES:
+            # the step is repeated from the same state, and starts with the impulses found so far.
+            _step_to(self.assembly, places, before, h, passes)
+            last, increment = increment, self.assembly.rates - before
+            if np.abs(increment - last).max() <= max(STARTED * np.abs(increment).max(), rounding):
+                break
+            passes *= 2
+        self.assembly.rates = before + increment / 2
 
     def run(self, steps: int, iterations: int) -> None:
         """Take some steps; a row each.
@@ -300,28 +320,24 @@ class Stepper:
             SimulationError: the ends of a rod meet, or numbers are not finite: the impulses did not
                 converge.
         """
+        self._space.iterations = iterations
         try:
-            self._run(steps, iterations)
+            for _ in range(steps):
+                for rod in self._sliding:
+                    rod.move_anchor(self.rows[-1])
+                if self.assembly.loads:
+                    set_forces(self.assembly.loads, self._next_poses())
+                self._space.step(self.h)
+                row = self._read()
+                self.rows.append(row)
+                for rod in self._corrected:
+                    rod.aim(row)
         except (ArithmeticError, ValueError):
             raise SimulationError(
                 f"pymunk lost the joints of {self.assembly.mechanism.name!r} "
                 f"{self.steps * self.h:.6g} s after the start or the last "
                 "impact; a shorter timestep or more iterations may help."
             ) from None
-
-    def _run(self, steps: int, iterations: int) -> None:
-        space, h, rows = self._space, self.h, self.rows
-        space.iterations = iterations
-        for _ in range(steps):
-            for rod in self._sliding:
-                rod.move_anchor(rows[-1])
-            if self.assembly.loads is not None:
-                self.assembly.loads.set_forces(self._next_poses())
-            space.step(h)
-            row = self._read()
-            rows.append(row)
-            for rod in self._corrected:
-                rod.aim(row)
 
     def release(self, stop: str) -> None:
         """Remove a stop's joint."""
@@ -330,42 +346,45 @@ class Stepper:
         self._corrected = [rod for rod in self._corrected if rod.joint is not joint]
         self._sliding = [rod for rod in self._sliding if rod.joint is not joint]
 
-    @property
-    def steps(self) -> int:
-        """Steps taken since the start."""
-        return len(self.rows) - 1
-
     def samples(self, first: int, last: int | None = None) -> BodySamples:
-        """Samples from one to another, both included; to the present one if left out."""
-        rows = np.array(self.rows[max(first - 1, 0) : None if last is None else last + 1])
-        start = None
-        if first == 0:
-            # The start's is that of the velocity increment there, continued backwards.
-            start = self._by_body(np.array([self._before_start(), self._half]))
-            rows = np.concatenate([rows[:1], rows])
-        return samples_of(self._by_body(rows), self.h, self.leapfrog, start)
+        """Samples from one to another, both included; to the present one if left out.
 
-    def _by_body(self, rows: FloatArray) -> FloatArray:
-        """Rows by the assembly's bodies, shape (n, n_bodies, 6)."""
+        In a leapfrog, the velocity at a sample is the mean of those half a step before and after
+        it: the energy of this state does not drift. Forces are those of the velocity increment at
+        the sample, of second order there.
+        """
         columns = [self._offsets[body.id] // _WIDTH for body in self.assembly.bodies]
-        return rows.reshape(len(rows), -1, _WIDTH)[:, columns]
 
-    def _step_before(self) -> Row:
-        """The state one step before the start, by the first velocity increment backwards."""
-        row = self._before_start()
-        bodies = row.reshape(-1, _WIDTH)
-        bodies[:, :3] -= self.h * bodies[:, 3:]
-        return cast("Row", row.tolist())
+        def by_body(rows: Sequence[Row] | FloatArray) -> FloatArray:
+            return np.reshape(rows, (len(rows), -1, _WIDTH))[:, columns]
+
+        rows = by_body(self.rows[max(first - 1, 0) : None if last is None else last + 1])
+        before, after, places = rows[:-1], rows[1:], rows[1:]
+        if first == 0:
+            # the start's increment is the one found there, continued backwards.
+            start = by_body(np.array([self._before_start(), self._half]))
+            before, after = np.concatenate([start[:1], before]), np.concatenate([start[1:], after])
+            places = rows
+        share = 0.5 if self.leapfrog else 1.0
+
+        def with_rates(
+            values: NDArray[Any], before: NDArray[Any], after: NDArray[Any]
+        ) -> NDArray[Any]:
+            mean = share * after + (1 - share) * before
+            return np.stack([values, mean, (after - before) / self.h])
+
+        positions = places[..., 0] + 1j * places[..., 1]
+        velocities = (state[..., 3] + 1j * state[..., 4] for state in (before, after))
+        return BodySamples(
+            with_rates(positions, *velocities),
+            with_rates(places[..., 2], before[..., 5], after[..., 5]),
+        )
 
     def _before_start(self) -> FloatArray:
+        """The start's state with velocities that its increment has not changed yet."""
         if self.leapfrog:
             return 2 * np.array(self._initial) - np.array(self._half)
         return 2 * np.array(self.rows[0]) - np.array(self.rows[min(1, self.steps)])
-
-    def _body_offsets(self) -> dict[int, int]:
-        pymunk.batch.get_space_bodies(self._space, pymunk.batch.BodyFields.BODY_ID, self._buffer)
-        ids = memoryview(self._buffer.int_buf()).cast("P").tolist()
-        return {identity: _WIDTH * i for i, identity in enumerate(ids)}
 
     def _read(self) -> Row:
         self._buffer.clear()
@@ -374,60 +393,23 @@ class Stepper:
 
     def _next_poses(self) -> Callable[[pymunk.Body], Pose]:
         """Poses after the next step, with speeds extrapolated from the last two half steps."""
-        row, h, offsets = self.rows[-1], self.h, self._offsets
+        row, h = self.rows[-1], self.h
         before = row
         if self.leapfrog:
             before = self.rows[-2] if self.steps else self._before_start().tolist()
 
         def pose_of(body: pymunk.Body) -> Pose:
-            k = offsets[body.id]
+            k = self._offsets[body.id]
             x, y, angle, vx, vy, spin = row[k : k + _WIDTH]
             bx, by, spin_before = before[k + 3 : k + _WIDTH]
-            velocity = complex(1.5 * vx - 0.5 * bx, 1.5 * vy - 0.5 * by)
             return Pose(
-                complex(x + h * vx, y + h * vy),
-                angle + h * spin,
-                velocity,
-                1.5 * spin - 0.5 * spin_before,
+                position=complex(x + h * vx, y + h * vy),
+                angle=angle + h * spin,
+                velocity=complex(1.5 * vx - 0.5 * bx, 1.5 * vy - 0.5 * by),
+                spin=1.5 * spin - 0.5 * spin_before,
             )
 
         return pose_of
-
-    def _half_step(self, iterations: int) -> None:
-        for rod in self._corrected:
-            rod.prepare(self._initial)
-        if self._moves:
-            for pivot in self._pivots:
-                pivot.prepare(self._initial)
-        self._keep_half(iterations)
-
-    def _keep_half(self, iterations: int) -> None:
-        before = self._initial_rates
-        places, h = _places(self.assembly), self.h
-        _step_to(self.assembly, places, before, h, iterations)
-        increment, passes = self.assembly.rates - before, iterations
-        rounding = _LAST_BITS * max(abs(complex(*position)) for position, _ in places) / h
-        while self._settles and passes <= _MOST_START_PASSES:
-            # The step is repeated from the same state, and starts with the impulses found so far.
-            _step_to(self.assembly, places, before, h, passes)
-            last, increment = increment, self.assembly.rates - before
-            if np.abs(increment - last).max() <= max(STARTED * np.abs(increment).max(), rounding):
-                break
-            passes *= 2
-        self.assembly.rates = before + increment / 2
-
-    def _meet_lengths(self, iterations: int) -> None:
-        """Add to the velocities of the first step what makes it end at the rods' lengths.
-
-        Half an increment misses them by O(h^3) where forces change at the start. To undo that in
-        the step after would be an error of O(h) in the forces.
-        """
-        for joint in (*self._corrected, *self._pivots):
-            joint.meet(self._half)
-        self._keep_half(iterations)
-        for pivot in self._pivots:
-            pivot.begin(self._half)
-        self.rows = [self._read()]
 
 
 _Place = tuple[pymunk.Vec2d, float]  # position [m] and angle [rad] of a body
@@ -448,13 +430,14 @@ def settled_increment(assembly: Assembly) -> FloatArray:
     needed, taken = convergence(assembly).passes_to(_SETTLED), 0
     increment, change, enough = np.full_like(before, np.inf), math.inf, _ENOUGH
     for doublings in range(_ROUNDS):
-        # The step is repeated from the same state, and starts with the impulses found so far.
-        _step_to(assembly, places, before, STEP, _FIRST_PASSES * 2**doublings)
-        taken += _FIRST_PASSES * 2**doublings
+        # the step is repeated from the same state, and starts with the impulses found so far.
+        passes = _FIRST_PASSES * 2**doublings
+        _step_to(assembly, places, before, STEP, passes)
+        taken += passes
         last, increment = increment, assembly.rates - before
         size, previous = max(float(np.abs(increment).max()), reach), change
         difference = float(np.abs(increment - last).max())
-        # At rest at the origin nothing has a size.
+        # at rest at the origin nothing has a size.
         change = difference / size if size > 0 else difference
         enough = _MOST if taken >= needed else _ENOUGH
         if change <= _SETTLED or ((previous < change or taken >= needed) and change <= enough):
@@ -481,13 +464,12 @@ def _step_to(
     for body, (position, angle) in zip(assembly.bodies, places, strict=True):
         body.position = position - h * body.velocity
         body.angle = angle - h * body.angular_velocity
-    if assembly.loads is not None:
-        there = {
-            body: Pose(complex(*position), angle, complex(vx, vy), spin)
-            for body, (position, angle), (vx, vy, spin) in zip(
-                assembly.bodies, places, rates.tolist(), strict=True
-            )
-        }
-        assembly.loads.set_forces(there.__getitem__)
+    if assembly.loads:
+        there: dict[pymunk.Body, Pose] = {}
+        for body, (position, angle), (vx, vy, spin) in zip(
+            assembly.bodies, places, rates.tolist(), strict=True
+        ):
+            there[body] = Pose(complex(*position), angle, complex(vx, vy), spin)
+        set_forces(assembly.loads, there.__getitem__)
     assembly.space.iterations = iterations
     assembly.space.step(h)

@@ -14,10 +14,10 @@ a constant complex s; forces are divided among them by virtual work.
 from __future__ import annotations
 
 import cmath
+import functools
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Protocol
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 import pymunk
 
@@ -34,33 +34,31 @@ class Pose:
     spin: float
 
 
-@dataclass
-class Resultant:
-    """Force on a body's centre [N] and counter-clockwise torque [N m]."""
-
-    force: complex = 0j
-    torque: float = 0.0
-
-
 class LoadedBodies:
-    """Poses of the bodies, and the resultants that they collect."""
+    """Poses of the bodies at a step's end, and the forces and torques that act on them there."""
 
     def __init__(self, pose_of: Callable[[pymunk.Body], Pose]) -> None:
-        self._pose_of = pose_of
-        self._poses: dict[pymunk.Body, Pose] = {}
-        self.resultants: dict[pymunk.Body, Resultant] = {}
-
-    def pose(self, body: pymunk.Body) -> Pose:
-        """Pose of a body."""
-        if body not in self._poses:
-            self._poses[body] = self._pose_of(body)
-        return self._poses[body]
+        self.pose = functools.cache(pose_of)
+        self.resultants: dict[pymunk.Body, tuple[complex, float]] = {}
+        """Force on each body's centre [N] and counter-clockwise torque [N m]."""
 
     def add(self, body: pymunk.Body, force: complex, torque: float) -> None:
-        """Let a force on its centre and a torque act on a body."""
-        resultant = self.resultants.setdefault(body, Resultant())
-        resultant.force += force
-        resultant.torque += torque
+        """Add a force on a body's centre [N] and a torque [N m]."""
+        total, moment = self.resultants.get(body, (0j, 0.0))
+        self.resultants[body] = total + force, moment + torque
+
+
+Load = Callable[[LoadedBodies], None]
+"""A force element, or a part of one: adds to the bodies what it exerts in their poses."""
+
+
+def set_forces(loads: Iterable[Load], pose_of: Callable[[pymunk.Body], Pose]) -> None:
+    """Set forces and torques of the bodies for the next step, from their poses at its end."""
+    bodies = LoadedBodies(pose_of)
+    for load in loads:
+        load(bodies)
+    for body, (force, torque) in bodies.resultants.items():
+        body.force, body.torque = (force.real, force.imag), torque
 
 
 @dataclass(frozen=True)
@@ -69,8 +67,7 @@ class Term:
 
     weight: complex
     body: pymunk.Body
-    arm: complex
-    """From the body's centre, in its frame [m]."""
+    arm: complex  # from the body's centre, in its frame [m]
 
 
 @dataclass(frozen=True)
@@ -109,56 +106,32 @@ class Combination:
             bodies.add(term.body, share, (arm.conjugate() * share).imag)
 
 
-class Angle(Protocol):
-    """Angle of a body of the mechanism, clockwise."""
-
-    def value_and_speed(self, bodies: LoadedBodies) -> tuple[float, float]:
-        """[rad] and [rad/s]."""
-        ...
-
-    def push(self, bodies: LoadedBodies, torque: float) -> None:
-        """Let a clockwise torque act on the body [N m]."""
-        ...
-
-
-@dataclass(frozen=True)
-class FixedAngle:
-    """Angle of the ground."""
-
-    def value_and_speed(self, bodies: LoadedBodies) -> tuple[float, float]:
-        """0."""
-        return 0.0, 0.0
-
-    def push(self, bodies: LoadedBodies, torque: float) -> None:
-        """Nothing moves."""
-
-
 @dataclass(frozen=True)
 class EngineAngle:
-    """Angle of a body that turns in Chipmunk as well."""
+    """Clockwise angle of a body that turns in Chipmunk as well; None: of the ground."""
 
-    body: pymunk.Body
+    body: pymunk.Body | None
 
     def value_and_speed(self, bodies: LoadedBodies) -> tuple[float, float]:
         """[rad] and [rad/s]."""
+        if self.body is None:
+            return 0.0, 0.0
         pose = bodies.pose(self.body)
         return -pose.angle, -pose.spin
 
     def push(self, bodies: LoadedBodies, torque: float) -> None:
         """Let a clockwise torque act on the body [N m]."""
-        bodies.add(self.body, 0j, -torque)
+        if self.body is not None:
+            bodies.add(self.body, 0j, -torque)
 
 
 @dataclass
 class RodAngle:
-    """Angle of a point mass on a massless rod; a couple is two forces on the rod's ends."""
+    """Clockwise angle of a point mass on a massless rod; a couple is two forces on its ends."""
 
-    rod: Combination
-    """From the rod's pin to the mass."""
-    arm: complex
-    """The same in the body's frame [m]."""
-    near: float
-    """The angle at the last call, which counts full turns [rad]."""
+    rod: Combination  # from the rod's pin to the mass
+    arm: complex  # the same in the body's frame [m]
+    near: float  # the angle at the last call, which counts full turns [rad]
 
     def value_and_speed(self, bodies: LoadedBodies) -> tuple[float, float]:
         """[rad] and [rad/s]."""
@@ -172,84 +145,44 @@ class RodAngle:
         self.rod.push(bodies, -1j * rod * torque / abs(rod) ** 2)
 
 
-class Load(Protocol):
-    """A force element, or a part of one, that acts through `body.force` and `body.torque`."""
+def pull(element: SpringDamper, vector: Combination, stiffness: float) -> Load:
+    """A damper between two points, and its spring where Chipmunk's has no body to act on.
 
-    def act(self, bodies: LoadedBodies) -> None:
-        """Add what it exerts in these poses."""
-        ...
+    Args:
+        element: the damper.
+        vector: from the other body's point to the body's.
+        stiffness: of the spring that acts here [N/m]; 0 where Chipmunk's own does.
+    """
 
-
-@dataclass(frozen=True)
-class PointForce:
-    """A constant force on a point."""
-
-    point: Combination
-    force: complex
-    """[N]"""
-
-    def act(self, bodies: LoadedBodies) -> None:
-        """Add what it exerts in these poses."""
-        self.point.push(bodies, self.force)
-
-
-@dataclass(frozen=True)
-class Pull:
-    """A damper between two points, and its spring where Chipmunk's has no body to act on."""
-
-    element: SpringDamper
-    vector: Combination
-    """From the other body's point to the body's."""
-    stiffness: float
-    """Stiffness of the spring that acts here [N/m]; 0 where Chipmunk's own does."""
-
-    def act(self, bodies: LoadedBodies) -> None:
-        """Add what it exerts in these poses."""
-        vector, speed = self.vector.place_and_speed(bodies)
-        force, length = -self.stiffness * vector, abs(vector)
+    def act(bodies: LoadedBodies) -> None:
+        between, speed = vector.place_and_speed(bodies)
+        force, length = -stiffness * between, abs(between)
         if length > 0:
-            along = vector / length
+            along = between / length
             rate = (along.conjugate() * speed).real
-            force += (
-                self.stiffness * self.element.rest_length - self.element.damping * rate
-            ) * along
-        self.vector.push(bodies, force)
+            force += (stiffness * element.rest_length - element.damping * rate) * along
+        vector.push(bodies, force)
+
+    return act
 
 
-@dataclass(frozen=True)
-class Twist:
-    """A torque between two bodies: constant, of a damper, or of a spring that Chipmunk has not."""
+def twist(
+    torque: Callable[[float, float], float],
+    angle: EngineAngle | RodAngle,
+    other: EngineAngle | RodAngle,
+) -> Load:
+    """A torque between two bodies: constant, of a damper, or of a spring that Chipmunk has not.
 
-    torque: Callable[[float, float], float]
-    """Torque on the body [N m] by the relative angle [rad] and its rate [rad/s], all clockwise."""
-    own: Angle
-    other: Angle
+    Args:
+        torque: on the body [N m] by the relative angle [rad] and its rate [rad/s], all clockwise.
+        angle, other: those of the body and of the other one.
+    """
 
-    def act(self, bodies: LoadedBodies) -> None:
-        """Add what it exerts in these poses."""
-        (angle, speed), (other_angle, other_speed) = (
-            end.value_and_speed(bodies) for end in (self.own, self.other)
-        )
-        torque = self.torque(angle - other_angle, speed - other_speed)
-        self.own.push(bodies, torque)
-        self.other.push(bodies, -torque)
+    def act(bodies: LoadedBodies) -> None:
+        value, speed = angle.value_and_speed(bodies)
+        other_value, other_speed = other.value_and_speed(bodies)
+        exerted = torque(value - other_value, speed - other_speed)
+        angle.push(bodies, exerted)
+        other.push(bodies, -exerted)
 
-
-@dataclass
-class Loads:
-    """Forces on an assembly's bodies beside gravity and Chipmunk's own joints and springs."""
-
-    loads: list[Load] = field(default_factory=list[Load])
-
-    def set_forces(self, pose_of: Callable[[pymunk.Body], Pose]) -> None:
-        """Set the bodies' forces and torques for the next step.
-
-        Args:
-            pose_of: a body's pose at the step's end.
-        """
-        bodies = LoadedBodies(pose_of)
-        for load in self.loads:
-            load.act(bodies)
-        for body, resultant in bodies.resultants.items():
-            body.force = (resultant.force.real, resultant.force.imag)
-            body.torque = resultant.torque
+    return act

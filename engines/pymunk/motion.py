@@ -21,7 +21,7 @@ import numpy as np
 from pymunk import constraints
 from scipy.optimize import brentq
 
-from ...models.arrays import ComplexArray, FloatArray, as_vectors
+from ...models.arrays import FloatArray, as_vectors
 from ...models.errors import SimulationError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
@@ -38,15 +38,13 @@ from ..events import (
     joined,
     resting,
 )
-from ..impact import pushing
+from ..impact import mass_matrix, pushing
 from ..protocol import Recording
-from .bodies import Assembly
 from .build import build
 from .leapfrog import STARTED, STEP, Stepper, settled_increment
 from .options import PymunkOptions
 from .passes import MOST_PASSES, TRACKED, Convergence, convergence, growth
-from .reactions import forces_of, mass_matrix
-from .read import MotionReading, reading_of
+from .read import MotionReading, forces_of, reading_of
 
 _CHUNK = 64  # steps between checks of the gaps; at most these are repeated at an impact
 _SETTLING_SAMPLES = 3  # after which a contact that has opened must have a gap, or is met
@@ -57,66 +55,89 @@ _ROUNDING = 1e-9  # of the largest torque, impulse or speed: error of what shoul
 _NEAR = 4.0  # changes in a step: where an impulse is less, the stop's torque is computed
 
 
-def _pushing(mechanism: Mechanism, h: float, options: PymunkOptions) -> Contacts:
-    """Stops that are active at the start: those that push while the others open."""
-    touching = tuple(stop.name for stop in mechanism.stops if stop.closed)
-    return active_contacts(
-        touching, lambda active: _violated(mechanism, active, touching, h, options.pivot_mass)
+def run(problem: Problem, options: PymunkOptions) -> Recording:
+    """Simulate a problem.
+
+    Raises:
+        UnsupportedProblemError: the mechanism has a part that has no counterpart here, or under the
+            release-once law starts with a closed stop whose gap changes.
+        SimulationError: impacts follow each other without an end, or their impulses do not
+            converge.
+    """
+    motion = PymunkMotion(problem, options)
+    return EventDriver(problem, motion, "pymunk", impacts=motion.unilateral).run()
+
+
+def _placed(mechanism: Mechanism, q: FloatArray, u: FloatArray) -> Mechanism:
+    # not validated: gaps are zero to rounding only, and stops keep the word on whether they are
+    # closed at the start, which decides on the bodies.
+    return mechanism.model_copy(
+        update={"start": tuple(q.tolist()), "start_speeds": tuple(u.tolist())}
     )
 
 
-def _violated(
-    mechanism: Mechanism, active: Contacts, touching: Contacts, h: float, pivot_mass: float
-) -> str | None:
-    """A touching stop that would have to pull, or would close, by a first step's forces."""
-    assembly = build(mechanism, active, 0.0, pivot_mass)
-    stepper = Stepper(assembly, h, hold_lengths=True)
-    stepper.start(_TRIAL_ITERATIONS, leapfrog=True, settle=bool(mechanism.loop_joints))
-    reading = MotionReading(assembly, stepper.samples(0))
-    torques = {
-        name: float(torque[0])
-        for name, torque in forces_of(reading, tuple(assembly.stops)).torques.items()
-    }
-    least = -_ROUNDING * max(map(abs, torques.values()), default=0.0)
+def _with_closed(mechanism: Mechanism, closed: Collection[str]) -> Mechanism:
+    stops = (stop.model_copy(update={"closed": stop.name in closed}) for stop in mechanism.stops)
+    return mechanism.model_copy(update={"stops": tuple(stops)})
+
+
+def _reach(mechanism: Mechanism) -> float:
+    """Sum of all lengths [m]."""
+    reach = 0.0
+    for joint in mechanism.joints:
+        reach += math.hypot(*joint.parent_point) + math.hypot(*joint.child_point)
+    for body in mechanism.bodies:
+        # A rotor on its axle has no length but its radius of gyration.
+        reach += math.hypot(*body.centre) + math.sqrt(body.inertia / body.mass)
+    return reach
+
+
+# --- A segment: steps and releases
+
+
+def _active_at_start(mechanism: Mechanism, h: float, pivot_mass: float) -> Contacts:
+    """Closed stops that push while the others open, by the forces of a first step."""
+    touching = tuple(stop.name for stop in mechanism.stops if stop.closed)
     kinematics, (q, u) = Kinematics(mechanism), initial_state(mechanism)
-    a = reading.accelerations()[0]
-    rounding = least * _compliance(kinematics, q, touching)
 
-    for name in touching:
-        if name in active:
-            if torques[name] < least:
-                return name
-            continue
-        opening = float(kinematics.gap_jacobian(name, q) @ a)
-        if opening + float(kinematics.gap_bias(name, q, u)) < rounding:
-            return name
-    return None
+    def violated(active: Contacts) -> str | None:
+        """A touching stop that would have to pull, or would close."""
+        assembly = build(mechanism, active, 0.0, pivot_mass)
+        stepper = Stepper(assembly, h, hold_lengths=True)
+        stepper.start(_TRIAL_ITERATIONS, leapfrog=True, settle=bool(mechanism.loop_joints))
+        reading = MotionReading(assembly, stepper.samples(0))
+        forces = forces_of(reading, tuple(assembly.stops)).torques
+        torques = {name: float(torque[0]) for name, torque in forces.items()}
+        least = -_ROUNDING * max(map(abs, torques.values()), default=0.0)
+        # largest acceleration of a gap by the unit torque or force of its own stop, in the tree.
+        rows = np.array([kinematics.gap_jacobian(name, q) for name in touching])
+        moved = np.linalg.pinv(mass_matrix(kinematics, q[None])[0]) @ rows.T
+        rounding = least * float(np.max(np.sum(rows.T * moved, axis=0), initial=0.0))
+        a = reading.motion[2][0]
+        for name in touching:
+            if name in active:
+                if torques[name] < least:
+                    return name
+            else:
+                opening = float(kinematics.gap_jacobian(name, q) @ a)
+                if opening + float(kinematics.gap_bias(name, q, u)) < rounding:
+                    return name
+        return None
 
-
-def _compliance(kinematics: Kinematics, q: FloatArray, touching: Contacts) -> float:
-    """Largest acceleration of a gap by the unit torque or force of its own stop, in the tree."""
-    rows = np.array([kinematics.gap_jacobian(name, q) for name in touching])
-    moved = np.linalg.pinv(mass_matrix(kinematics, q[None])[0]) @ rows.T
-    return float(np.max(np.sum(rows.T * moved, axis=0), initial=0.0))
+    return active_contacts(touching, violated)
 
 
 class SteppedSegment:
-    """Steps of an assembly from a start to a given time, and the releases in them."""
+    """Steps of a mechanism from its start state at one time to another [s], and the releases."""
 
     def __init__(
         self, mechanism: Mechanism, options: PymunkOptions, start: float, end: float
     ) -> None:
-        """Build the assembly and find which of its closed stops push.
-
-        Args:
-            mechanism: in its state at the start.
-            options: how to step.
-            start, end: times [s].
-        """
         self.options, self.begins, self.ends = options, start, end
         self.n = max(1, math.ceil((end - start) / options.timestep * (1 - 1e-12)))
         self.h = h = (end - start) / self.n
-        active = _pushing(mechanism, h, options)
+        self.times = np.linspace(start, end, self.n + 1)  # times of the samples [s]
+        active = _active_at_start(mechanism, h, options.pivot_mass)
         self.assembly = assembly = build(mechanism, active, options.error_bias, options.pivot_mass)
         self.stepper = Stepper(assembly, h, options.hold_lengths)
         self.releases: dict[str, float | None] = {
@@ -128,17 +149,14 @@ class SteppedSegment:
         self._impulses: dict[str, float] = {}
         self._grown = 1.0
         """Growth of the slowest mode's error since passes were last enough to let it decay."""
-
-    def begin(self) -> None:
-        """The first sample, and without the leapfrog the first step."""
-        stepper, mechanism = self.stepper, self.assembly.mechanism
-        closed = self._checks_passes
+        # the first sample, and without the leapfrog the first step.
+        stepper, closed = self.stepper, self._checks_passes
         passes = self._passes(self._convergence(*initial_state(mechanism)) if closed else None)
-        # Stops that meet the joints as well as a trebuchet's do start with the option's passes.
+        # stops that meet the joints as well as a trebuchet's do start with the option's passes.
         settle = closed and (bool(mechanism.loop_joints) or passes > self.options.iterations)
         stepper.start(max(self.options.start_iterations, passes), self.options.leapfrog, settle)
         if not self.options.leapfrog:
-            # The first step has no impulses to start from; a leapfrog has found them at the start.
+            # the first step has no impulses to start from; a leapfrog has found them at the start.
             stepper.run(1, self.options.start_iterations)
             self._release_before_next(1)
 
@@ -151,23 +169,47 @@ class SteppedSegment:
         """
         while self._checks_passes and self.stepper.steps < last:
             first = self.stepper.steps
-            (q, *_), (u, *_) = self.reading(first, first).coordinates()
-            here = self._convergence(q, u)
+            q, u, _ = self.reading(first, first).motion
+            here = self._convergence(q[0], u[0])
             passes = self._passes(here)
             rate = 0.0 if here is None else growth(here.left_after(passes))
-            # Singular positions are passed in a few steps, during which impulses need not converge.
+            # singular positions are passed in a few steps, during which impulses need not converge.
             end = min(last, first + (_CHECKED if rate < 1.0 else 1))
-            self._advance(end, passes)
-            if passes >= MOST_PASSES:
-                self._refuse_open_loops(end)
-            if here is not None:
-                self._note_growth(here, passes, rate, end)
-        self._advance(last, self.options.iterations)
+            self._take_steps(end, passes)
+            self._refuse_divergence(end, here, passes, rate)
+        self._take_steps(last, self.options.iterations)
+
+    def _refuse_divergence(
+        self, k: int, here: Convergence | None, passes: int, rate: float
+    ) -> None:
+        """Raise SimulationError at sample k if loops are open, or an unseen mode has grown."""
+        mechanism, time = self.assembly.mechanism, self.times[k]
+        if passes >= MOST_PASSES:
+            gaps = self.reading(k, k).gaps()
+            for joint in mechanism.loop_joints:
+                gap = gaps[joint.name][0]
+                if not gap <= _LOOSE * _reach(mechanism):
+                    raise SimulationError(
+                        f"pymunk's impulses on the loop that {joint.name!r} closes do not converge "
+                        f"in {MOST_PASSES} passes at t = {time:.6g} s: it is rigid or nearly "
+                        f"singular there; its points are {gap:.2g} m apart."
+                    )
+        if here is None:
+            return
+        # A mode that passes hardly see comes up from the rounding error of the start.
+        self._grown = self._grown * rate if rate >= 1.0 else 1.0
+        if self._grown * STARTED > TRACKED:
+            raise SimulationError(
+                f"pymunk's impulses do not converge at t = {time:.6g} s: constraints on "
+                f"{' and '.join(map(repr, here.slowest(passes)))} are nearly parallel there, so "
+                f"that {passes} passes leave {here.left_after(passes):.2g} of an error, which "
+                "grows where that is above 0.5."
+            )
 
     @property
     def _checks_passes(self) -> bool:
         """Whether a step has as many passes as its loops need: if joints keep their lengths."""
-        # An active stop closes a loop as a joint does.
+        # an active stop closes a loop as a joint does.
         closed = bool(self.assembly.mechanism.loop_joints or self.assembly.stops)
         return self.options.hold_lengths and closed
 
@@ -180,71 +222,37 @@ class SteppedSegment:
         """Convergence in a state, shapes (n_q,); None where the run has lost its joints."""
         if not np.isfinite([q, u]).all():
             return None
-        # Not validated: stops keep the word on whether they are closed at the start, which decides
-        # on the bodies.
-        there = self.assembly.mechanism.model_copy(
-            update={"start": tuple(q.tolist()), "start_speeds": tuple(u.tolist())}
-        )
-        return convergence(build(there, tuple(self.assembly.stops), 0.0, self.options.pivot_mass))
+        there, active = _placed(self.assembly.mechanism, q, u), tuple(self.assembly.stops)
+        return convergence(build(there, active, 0.0, self.options.pivot_mass))
 
-    def _refuse_open_loops(self, k: int) -> None:
-        mechanism = self.assembly.mechanism
-        gaps = self.reading(k, k).gaps()
-        for joint in mechanism.loop_joints:
-            if not gaps[joint.name][0] <= _LOOSE * _reach(mechanism):
-                raise SimulationError(
-                    f"pymunk's impulses on the loop that {joint.name!r} closes do not converge in "
-                    f"{MOST_PASSES} passes at t = {self.times()[k]:.6g} s: it is rigid or nearly "
-                    f"singular there; its points are {gaps[joint.name][0]:.2g} m apart."
-                )
-
-    def _note_growth(self, here: Convergence, passes: int, rate: float, k: int) -> None:
-        """Refuse a mode that passes hardly see, once its error has grown beyond the tolerance."""
-        self._grown = self._grown * rate if rate >= 1.0 else 1.0
-        if self._grown * STARTED > TRACKED:
-            raise SimulationError(
-                f"pymunk's impulses do not converge at t = {self.times()[k]:.6g} s: constraints on "
-                f"{' and '.join(map(repr, here.slowest(passes)))} are nearly parallel there, so "
-                f"that {passes} passes leave {here.left_after(passes):.2g} of an error, which "
-                "grows where that is above 0.5."
-            )
-
-    def _advance(self, last: int, iterations: int) -> None:
-        stepper = self.stepper
-        while self.assembly.stops and stepper.steps < last:
-            stepper.run(1, iterations)
-            self._release_before_next(stepper.steps)
-        stepper.run(max(last - stepper.steps, 0), iterations)
+    def _take_steps(self, last: int, iterations: int) -> None:
+        while self.assembly.stops and self.stepper.steps < last:
+            self.stepper.run(1, iterations)
+            self._release_before_next(self.stepper.steps)
+        self.stepper.run(max(last - self.stepper.steps, 0), iterations)
 
     def _release_before_next(self, k: int) -> None:
         """Release the stop whose torque vanishes next, if that is before sample k + 1."""
-        if not self._is_any_near_zero(k):
+        # impulses tell at no cost, but by their size only, whether one may soon be zero.
+        before = self._impulses
+        self._impulses = now = {name: joint.impulse for name, joint in self.assembly.stops.items()}
+        settled = k >= self.regimes[-1][0] + 3
+        if settled and all(now[name] >= _NEAR * abs(now[name] - before[name]) for name in now):
             return
         first = max(min(max(self.regimes[-1][0], k - 2), k - 1), 0)
-        active = tuple(self.assembly.stops)
         reading = MotionReading(self.assembly, self.stepper.samples(first))
-        torques = forces_of(reading, active).torques
-        find = _foreseen if self.options.locate_releases else _noticed
         due: dict[str, float] = {}
-        for name, torque in torques.items():
-            step = find(torque)
+        for name, torque in forces_of(reading, tuple(self.assembly.stops)).torques.items():
+            step = 0.0 if torque[-1] <= 0 else None
+            if self.options.locate_releases:
+                step = _foreseen(torque)
             if step is not None and k + step <= self.n:
                 due[name] = step
         if due:
-            self._release(min(due, key=lambda name: due[name]), k, min(due.values()))
-
-    def _is_any_near_zero(self, k: int) -> bool:
-        """Whether an impulse may soon be zero, by its size: all that Chipmunk gives at no cost."""
-        before = self._impulses
-        self._impulses = now = {name: joint.impulse for name, joint in self.assembly.stops.items()}
-        if k < self.regimes[-1][0] + 3:
-            return True
-        return any(now[name] < _NEAR * abs(now[name] - before[name]) for name in now)
-
-    def _release(self, name: str, k: int, step: float) -> None:
-        self.releases[name] = self.begins + (k + step) * self.h
-        self.stepper.release(name)
-        self.regimes.append((k + 1, tuple(self.assembly.stops)))
+            name = min(due, key=lambda name: due[name])
+            self.releases[name] = self.begins + (k + due[name]) * self.h
+            self.stepper.release(name)
+            self.regimes.append((k + 1, tuple(self.assembly.stops)))
 
     def released_until(self, end: float) -> dict[str, float]:
         """Times at which stops have opened, up to one [s]."""
@@ -252,26 +260,37 @@ class SteppedSegment:
             name: time for name, time in self.releases.items() if time is not None and time <= end
         }
 
-    def times(self) -> FloatArray:
-        """Times of the samples [s], shape (n + 1,)."""
-        return np.linspace(self.begins, self.ends, self.n + 1)
-
     def reading(self, first: int, last: int, near: FloatArray | None = None) -> MotionReading:
         """Samples from one to another, both included; `near` tells full turns of the first."""
         return MotionReading(self.assembly, self.stepper.samples(first, last), near)
 
-    def active_at(self, k: int) -> Contacts:
-        """Stops that are active at a sample."""
-        return next(active for first, active in reversed(self.regimes) if first <= k)
-
     def recording(self, last: int) -> Recording:
-        """The segment up to a sample."""
-        t, reading = self.times()[: last + 1], self.reading(0, last)
-        gaps = reading.gaps()
-        _refuse_lost_joints(self.assembly.mechanism, gaps, t)
-        q, u = reading.coordinates()
+        """The segment up to a sample.
+
+        Raises:
+            SimulationError: impulses that did not converge have separated the bodies although all
+                numbers are finite.
+        """
+        t, reading = self.times[: last + 1], self.reading(0, last)
+        mechanism, gaps = self.assembly.mechanism, reading.gaps()
+        for name, gap in gaps.items():
+            lost = np.flatnonzero(~(gap <= _reach(mechanism)))
+            if len(lost):
+                raise SimulationError(
+                    f"pymunk lost the joint {name!r}: its points are {gap[lost[0]]:.3g} m apart at "
+                    f"t = {t[lost[0]]:.6g} s; a shorter timestep or more iterations may help."
+                )
+        reactions = {name: np.zeros(len(t), dtype=np.complex128) for name in gaps}
+        torques = {stop.name: np.zeros(len(t)) for stop in mechanism.stops}
+        ends = [first for first, _ in self.regimes[1:]] + [len(t)]
+        for (first, active), end in zip(self.regimes, ends, strict=True):
+            forces = forces_of(reading, active)
+            for name, reaction in reactions.items():
+                reaction[first:end] = forces.reactions[name][first:end]
+            for name, torque in forces.torques.items():
+                torques[name][first:end] = np.maximum(torque[first:end], 0.0)
+        q, u, _ = reading.motion
         kinetic, potential = reading.energies()
-        reactions, torques = self._forces(reading, t)
         return Recording(
             t=t,
             q=q,
@@ -286,47 +305,6 @@ class SteppedSegment:
             steps=len(t) - 1,
         )
 
-    def _forces(
-        self, reading: MotionReading, t: FloatArray
-    ) -> tuple[dict[str, ComplexArray], dict[str, FloatArray]]:
-        """Reactions of the joints and torques of the stops, by which stops are active."""
-        joints = [joint.name for joint in reading.mechanism.joints if joint.held_directions]
-        reactions = {name: np.zeros(len(t), dtype=np.complex128) for name in joints}
-        torques = {stop.name: np.zeros(len(t)) for stop in reading.mechanism.stops}
-        ends = [first for first, _ in self.regimes[1:]] + [len(t)]
-        for (first, active), end in zip(self.regimes, ends, strict=True):
-            forces = forces_of(reading, active)
-            for name in joints:
-                reactions[name][first:end] = forces.reactions[name][first:end]
-            for name, torque in forces.torques.items():
-                torques[name][first:end] = np.maximum(torque[first:end], 0.0)
-        return reactions, torques
-
-
-def _refuse_lost_joints(
-    mechanism: Mechanism, gaps: Mapping[str, FloatArray], t: FloatArray
-) -> None:
-    """Impulses that do not converge can separate the bodies although all numbers stay finite."""
-    reach = _reach(mechanism)
-    for name, gap in gaps.items():
-        lost = np.flatnonzero(~(gap <= reach))
-        if len(lost):
-            raise SimulationError(
-                f"pymunk lost the joint {name!r}: its points are {gap[lost[0]]:.3g} m apart at "
-                f"t = {t[lost[0]]:.6g} s; a shorter timestep or more iterations may help."
-            )
-
-
-def _reach(mechanism: Mechanism) -> float:
-    """Sum of all lengths [m]."""
-    reach = 0.0
-    for joint in mechanism.joints:
-        reach += math.hypot(*joint.parent_point) + math.hypot(*joint.child_point)
-    for body in mechanism.bodies:
-        # A rotor on its axle has no length but its radius of gyration.
-        reach += math.hypot(*body.centre) + math.sqrt(body.inertia / body.mass)
-    return reach
-
 
 def _foreseen(torque: FloatArray) -> float | None:
     """Steps from the last sample to the torque's zero before the next one (negative: past)."""
@@ -339,43 +317,23 @@ def _foreseen(torque: FloatArray) -> float | None:
         return None
     low, high = (-1.0, 0.0) if past else (0.0, 1.0)
     roots = [float(root.real) for root in polynomial.roots() if abs(root.imag) < 1e-9]
-    inside = [root for root in roots if low <= root <= high]
-    return min(inside, default=high)
+    return min((root for root in roots if low <= root <= high), default=high)
 
 
-def _noticed(torque: FloatArray) -> float | None:
-    """The last sample, if its torque does not push any more."""
-    return 0.0 if torque[-1] <= 0 else None
-
-
-def run(problem: Problem, options: PymunkOptions) -> Recording:
-    """Simulate a problem.
-
-    Raises:
-        UnsupportedProblemError: the mechanism has a part that has no counterpart here, or under the
-            release-once law starts with a closed stop whose gap changes.
-        SimulationError: impacts follow each other without an end, or their impulses do not
-            converge.
-    """
-    unilateral = problem.stop_law is StopLaw.UNILATERAL
-    motion = PymunkMotion(problem, options)
-    return EventDriver(problem, motion, "pymunk", impacts=unilateral).run()
+# --- The segments of a run, and the impacts between them
 
 
 @dataclass(frozen=True)
 class _ContactEvent:
     """The first open contact that is met in a segment."""
 
-    time: float
-    """[s]"""
+    time: float  # [s]
     q: FloatArray
-    u: FloatArray
-    """State there, before the impact, each of shape (n_q,)."""
+    u: FloatArray  # state there, before the impact, each of shape (n_q,)
     active: Contacts
     touching: Contacts
     met: str
-    sample: int
-    """The one before it, in its segment."""
+    sample: int  # the one before it, in its segment
 
 
 class PymunkMotion:
@@ -398,32 +356,43 @@ class PymunkMotion:
         too low; those that came to rest because they came back at once all the same."""
         self._recordings: list[Recording] = []
         if self.unilateral:
-            # Raises UnsupportedProblemError at once if a stop cannot be enforced, instead of at the
+            # raises UnsupportedProblemError at once if a stop cannot be enforced, instead of at the
             # first impact.
-            every_stop = [stop.name for stop in self.mechanism.stops]
-            placed = _with_closed(self.mechanism, every_stop)
+            placed = _with_closed(self.mechanism, [stop.name for stop in self.mechanism.stops])
             build(placed, (), options.error_bias, options.pivot_mass)
 
     def gap(self, stop: str) -> tuple[float, float]:
         """Gap of a stop and its speed at the start, or at the event."""
         q, u = self._state
-        speed = float(self.kinematics.gap_jacobian(stop, q) @ u)
-        return float(self.kinematics.gap(stop, q)), speed
+        return float(self.kinematics.gap(stop, q)), self._gap_speed(stop, q, u)
+
+    def _gap_speed(self, stop: str, q: FloatArray, u: FloatArray) -> float:
+        return float(self.kinematics.gap_jacobian(stop, q) @ u)
 
     def proceed(self, start: float, end: float, watch: Watch) -> Halt:
         """Move through a segment, to the next impact or to the end."""
         segment = SteppedSegment(self._start, self.options, start, end)
-        segment.begin()
         if not self.unilateral:
             segment.advance(segment.n)
         event = self._step_to_event(segment, watch) if self.unilateral else None
         if event is None:
             self._recordings.append(segment.recording(segment.n))
             return Halt(end, segment.released_until(end))
-        if self._is_too_low(event):
-            return self._without_rebound(event)
+        # A contact met again within the few steps that cannot resolve how it parted.
+        again = self._before_impact is not None and event.met in self._touching
+        parted = not self._start.stop(event.met).closed
+        too_low = event.met not in self._kept and event.sample < _SETTLING_SAMPLES
+        if again and parted and too_low:
+            # back before the last impact, for it to be resolved without such a low rebound. Its
+            # contacts that touch again become plastic; one that was plastic comes to rest.
+            assert self._before_impact is not None
+            self._state = self._before_impact
+            if event.met in self._plastic:
+                self._kept |= {event.met}
+            self._plastic |= set(event.touching) & set(self._touching)
+            return Halt(event.time, again=(self._plastic, self._kept))
         last = event.sample
-        if event.time - segment.times()[last] < SAME_TIME:
+        if event.time - segment.times[last] < SAME_TIME:
             last -= 1  # at the time of an impact the state after it is recorded
         if last >= 0:
             self._recordings.append(segment.recording(last))
@@ -433,46 +402,88 @@ class PymunkMotion:
 
     def _step_to_event(self, segment: SteppedSegment, watch: Watch) -> _ContactEvent | None:
         """Step to the next impact; None: to the end."""
-        finder, first = _EventFinder(segment, self._touching, watch), 0
+        # A contact that has just opened may penetrate by its rounding or drift: it can be met once
+        # it has had a gap.
+        parted = {stop.name for stop in self.mechanism.stops if stop.name not in self._touching}
+        first, near = 0, initial_state(self._start)[0]
         while first < segment.n:
             last = min(max(first + _CHUNK, segment.stepper.steps), segment.n)
             segment.advance(last)
-            event = finder.first_event(first, last)
-            if event is not None:
+            q, u, a = segment.reading(first, last, near).motion
+            events: list[_ContactEvent] = []
+            for stop in self.mechanism.stops:
+                k = self._first_penetration(stop.name, segment, first, q, u, parted)
+                if k is not None:
+                    i = max(k - 1 - first, 0)
+                    state = q[i], u[i], a[i]
+                    events.append(self._located(stop.name, segment, first + i, state, watch))
+            if events:
+                event = min(events, key=lambda event: event.time)
                 return event if event.time < segment.ends - SAME_TIME else None
-            first = last
+            first, near = last, q[-1]
         return None
 
-    def _is_too_low(self, event: _ContactEvent) -> bool:
-        """Whether a contact is met again within the few steps that cannot resolve how it parted."""
-        again = self._before_impact is not None and event.met in self._touching
-        parted = not self._start.stop(event.met).closed
-        return again and parted and event.met not in self._kept and event.sample < _SETTLING_SAMPLES
+    def _first_penetration(
+        self,
+        name: str,
+        segment: SteppedSegment,
+        first: int,
+        q: FloatArray,
+        u: FloatArray,
+        parted: set[str],
+    ) -> int | None:
+        """The sample before which a contact is met, among those from `first` on.
 
-    def _without_rebound(self, event: _ContactEvent) -> Halt:
-        """Go back before the last impact, for it to be resolved without such a low rebound.
-
-        Its contacts that touch again become plastic; one that was plastic comes to rest.
+        Contacts that have a gap are added to `parted`.
         """
-        assert self._before_impact is not None
-        self._state = self._before_impact
-        if event.met in self._plastic:
-            self._kept |= {event.met}
-        self._plastic |= set(event.touching) & set(self._touching)
-        return Halt(event.time, again=(self._plastic, self._kept))
+        opened = next((since for since, active in segment.regimes if name not in active), None)
+        if opened is None:  # still active
+            return None
+        gaps = self.kinematics.gap(name, q)
+        speeds = np.sum(self.kinematics.gap_jacobian(name, q) * u, axis=-1)
+        for k in range(max(first, opened), first + len(q)):
+            gap, speed = float(gaps[k - first]), float(speeds[k - first])
+            if gap > 0:
+                parted.add(name)
+            elif gap < 0 and speed < 0 and (name in parted or k >= opened + _SETTLING_SAMPLES):
+                return k
+        return None
+
+    def _located(
+        self,
+        name: str,
+        segment: SteppedSegment,
+        k: int,
+        state: tuple[FloatArray, FloatArray, FloatArray],
+        watch: Watch,
+    ) -> _ContactEvent:
+        """The event between samples k and k + 1, where a gap is zero, from the state at k."""
+        q, u, a = state
+
+        def gap(after: float) -> float:
+            return float(self.kinematics.gap(name, q + after * (u + after / 2 * a)))
+
+        after = segment.h if gap(0.0) > 0 else 0.0
+        if gap(0.0) > 0 > gap(segment.h):
+            after = float(brentq(gap, 0.0, segment.h, xtol=1e-16))
+        time, q_event = float(segment.times[k]) + after, q + after * (u + after / 2 * a)
+        regime = next(active for first, active in reversed(segment.regimes) if first <= k)
+        active = tuple(other for other in regime if (segment.releases[other] or np.inf) > time)
+        touching = watch.touching(
+            time, name, active, lambda other: float(self.kinematics.gap(other, q_event))
+        )
+        return _ContactEvent(time, q_event, u + after * a, active, touching, name, k)
 
     def impact(
         self, touching: Contacts, rule: RestitutionRule, kept: frozenset[str]
     ) -> tuple[Mapping[str, float], Contacts]:
         """Resolve the impact of all contacts that touch; those that are kept do not part."""
         q, u = self._before_impact = self._state
-        placed = _with_closed(self.mechanism, touching).model_copy(
-            update={"start": tuple(q.tolist()), "start_speeds": tuple(u.tolist())}
-        )
-        restitution = rule(gap_speeds(placed, touching, q, u), q, u)
+        placed = _placed(_with_closed(self.mechanism, touching), q, u)
+        restitution = rule({name: self._gap_speed(name, q, u) for name in touching}, q, u)
         impact = resolve_impact(placed, restitution, self.options.pivot_mass, kept)
         self._touching = touching
-        self._start = placed.model_copy(update={"start_speeds": tuple(impact.u.tolist())})
+        self._start = _placed(placed, q, impact.u)
         return impact.impulses, impact.resting
 
     def hold(self, rest: Contacts, time: float) -> Contacts:
@@ -484,83 +495,6 @@ class PymunkMotion:
     def recording(self, events: ContactEvents) -> Recording:
         """The recordings of all segments."""
         return joined(self._recordings, events)
-
-
-class _EventFinder:
-    """Finds the first inactive contact that is met in a segment."""
-
-    def __init__(self, segment: SteppedSegment, touched: Collection[str], watch: Watch) -> None:
-        self.segment, self.watch = segment, watch
-        self.kinematics = Kinematics(segment.assembly.mechanism)
-        mechanism = segment.assembly.mechanism
-        # A contact that has just opened may penetrate by its rounding or drift: it can be met once
-        # it has had a gap.
-        self._parted = {stop.name for stop in mechanism.stops if stop.name not in touched}
-        self._near = initial_state(mechanism)[0]
-
-    def first_event(self, first: int, last: int) -> _ContactEvent | None:
-        """The first event between two samples, the first one included."""
-        reading = self.segment.reading(first, last, self._near)
-        q, u = reading.coordinates()
-        self._near = q[-1]
-        events: list[_ContactEvent] = []
-        for stop in reading.mechanism.stops:
-            k = self._first_penetration(stop.name, first, q, u)
-            if k is not None:
-                events.append(self._located(stop.name, k - 1, reading, first))
-        return min(events, key=lambda event: event.time, default=None)
-
-    def _first_penetration(self, name: str, first: int, q: FloatArray, u: FloatArray) -> int | None:
-        """The sample before which a contact is met."""
-        opened = self._opened(name)
-        if opened is None:
-            return None
-        gaps = self.kinematics.gap(name, q)
-        speeds = np.sum(self.kinematics.gap_jacobian(name, q) * u, axis=-1)
-        for k in range(max(first, opened), first + len(q)):
-            gap, speed = float(gaps[k - first]), float(speeds[k - first])
-            can_be_met = name in self._parted or k >= opened + _SETTLING_SAMPLES
-            if gap > 0:
-                self._parted.add(name)
-            elif gap < 0 and speed < 0 and can_be_met:
-                return k
-        return None
-
-    def _opened(self, name: str) -> int | None:
-        """Sample from which a contact is inactive; None while it is active."""
-        return next((first for first, active in self.segment.regimes if name not in active), None)
-
-    def _located(self, name: str, k: int, reading: MotionReading, first: int) -> _ContactEvent:
-        """The event between samples k and k + 1, where a gap is zero."""
-        k = max(k, first)
-        (q, u), a = reading.coordinates(), reading.accelerations()
-        q, u, a = q[k - first], u[k - first], a[k - first]
-
-        def gap(after: float) -> float:
-            return float(self.kinematics.gap(name, q + after * (u + after / 2 * a)))
-
-        h = self.segment.h
-        after = h if gap(0.0) > 0 else 0.0
-        if gap(0.0) > 0 > gap(h):
-            after = float(brentq(gap, 0.0, h, xtol=1e-16))
-        time, q_event = float(self.segment.times()[k]) + after, q + after * (u + after / 2 * a)
-        active = tuple(
-            other
-            for other in self.segment.active_at(k)
-            if (self.segment.releases[other] or np.inf) > time
-        )
-        touching = self.watch.touching(
-            time, name, active, lambda other: float(self.kinematics.gap(other, q_event))
-        )
-        return _ContactEvent(time, q_event, u + after * a, active, touching, name, k)
-
-
-def _with_closed(mechanism: Mechanism, closed: Collection[str]) -> Mechanism:
-    # Not validated: the start's gaps are zero to rounding only.
-    stops = tuple(
-        stop.model_copy(update={"closed": stop.name in closed}) for stop in mechanism.stops
-    )
-    return mechanism.model_copy(update={"stops": stops})
 
 
 # --- The impact of all contacts that touch, by Chipmunk's own impulses.
@@ -575,22 +509,12 @@ def _with_closed(mechanism: Mechanism, closed: Collection[str]) -> Mechanism:
 class TrialImpact:
     """Result of an impact in which a set of contacts takes part."""
 
-    u: FloatArray
-    """Generalized speeds after it, shape (n_q,)."""
+    u: FloatArray  # generalized speeds after it, shape (n_q,)
     impulses: Mapping[str, float]
     """Impulse of each contact that touches [N m s, or N s for one on a point]."""
-    resting: Contacts
-    """Those of them whose gap does not move after it."""
+    resting: Contacts  # those of them whose gap does not move after it
     violated: str | None
     """A contact that would have to pull or goes on closing: other contacts take part."""
-
-
-def gap_speeds(
-    mechanism: Mechanism, names: Collection[str], q: FloatArray, u: FloatArray
-) -> dict[str, float]:
-    """Speeds of the stops' gaps [rad/s or m/s]."""
-    kinematics = Kinematics(mechanism)
-    return {name: float(kinematics.gap_jacobian(name, q) @ u) for name in names}
 
 
 def resolve_impact(
@@ -602,36 +526,33 @@ def resolve_impact(
     """The impact of the contacts that touch.
 
     Args:
-        placed: the mechanism at its position there, with the speeds before; stops that touch are
-        closed in it.
+        placed: the mechanism there, with the speeds before; stops that touch are closed in it.
         restitution: e of each of them.
         pivot_mass: as the engine's option.
         held: those that come to rest even if they have to pull, which is not recorded: forces bring
-            them back to their walls at once. They are left to the others' impact where that
-            contradicts itself.
+            them back to their walls at once.
 
     Raises:
         SimulationError: the impulses do not converge, or no set of contacts takes part.
     """
-    # Not validated: stops keep the word on whether they touch.
+    # held contacts are left to the others' impact where that contradicts itself.
     weightless = placed.model_copy(update={"gravity": 0.0, "force_elements": ()})
-    impact = _complementary(weightless, restitution, pivot_mass, held) if held else None
-    impact = impact or _complementary(weightless, restitution, pivot_mass)
-    if impact is None and any(restitution.values()):
-        impact = _complementary(weightless, dict.fromkeys(restitution, 0.0), pivot_mass)
-    if impact is None:
-        raise SimulationError(
-            f"pymunk finds no impact of the stops {', '.join(restitution)} in which all of them "
-            "push."
-        )
-    return impact
+    attempts: list[tuple[Mapping[str, float], Collection[str]]] = [(restitution, ())]
+    if held:
+        attempts.insert(0, (restitution, held))
+    if any(restitution.values()):
+        attempts.append((dict.fromkeys(restitution, 0.0), ()))
+    for coefficients, kept in attempts:
+        impact = _complementary(weightless, coefficients, pivot_mass, kept)
+        if impact is not None:
+            return impact
+    raise SimulationError(
+        f"pymunk finds no impact of the stops {', '.join(restitution)} in which all of them push."
+    )
 
 
 def _complementary(
-    placed: Mechanism,
-    restitution: Mapping[str, float],
-    pivot_mass: float,
-    held: Collection[str] = (),
+    placed: Mechanism, restitution: Mapping[str, float], pivot_mass: float, held: Collection[str]
 ) -> TrialImpact | None:
     impacts: dict[Contacts, TrialImpact] = {}
 
@@ -642,9 +563,9 @@ def _complementary(
         return impacts[active].violated
 
     active = pushing(tuple(name for name in restitution if name not in held), violated)
-    return (
-        None if active is None or not set(held) <= set(impacts[active].resting) else impacts[active]
-    )
+    if active is None or not set(held) <= set(impacts[active].resting):
+        return None
+    return impacts[active]
 
 
 def _impact_of(
@@ -652,42 +573,48 @@ def _impact_of(
     active: Contacts,
     restitution: Mapping[str, float],
     pivot_mass: float,
-    held: Collection[str] = (),
+    held: Collection[str],
 ) -> TrialImpact:
     """The impact if these contacts alone take part, those that are held even if they pull."""
     assembly = build(placed, active, 0.0, pivot_mass)
     for name in active:
         _set_target(assembly.stops[name], restitution[name])
     increment = settled_increment(assembly)
-    impulses = _impulses(assembly, increment, active)
-    (q, before), after = initial_state(placed), _speeds_after(assembly, increment)
-    came, left = (gap_speeds(placed, restitution, q, u) for u in (before, after))
+    # impulses by the bodies' change of momentum, and speeds after by their change of velocity.
+    assembly.rates = np.zeros_like(increment)
+    torques = forces_of(reading_of(assembly, increment), active).torques
+    impulses = dict.fromkeys(restitution, 0.0)
+    for name in active:
+        impulses[name] = float(torques[name][0])
+    assembly.rates = increment
+    kinematics, (q, before) = Kinematics(placed), initial_state(placed)
+    after = np.asarray(before + reading_of(assembly).motion[1][0], dtype=np.float64)
+
+    rows = {name: kinematics.gap_jacobian(name, q) for name in restitution}
+    came = {name: float(row @ before) for name, row in rows.items()}
+    left = {name: float(row @ after) for name, row in rows.items()}
     rounding = _ROUNDING * (1.0 + max(map(abs, came.values()), default=0.0))
-    total = dict.fromkeys(restitution, 0.0) | impulses
-    least = -_ROUNDING * max(total.values())
-    kinematics = Kinematics(placed)
-
-    def gap(name: str) -> float:
-        return float(kinematics.gap(name, q))
-
-    beyond = {name: left[name] + restitution[name] * came[name] for name in restitution}
-    wrong = [
-        name
-        for name in restitution
-        if (total[name] < least if name in active else beyond[name] < -rounding)
-    ]
-    # Stops whose targets contradict each other meet one of them at most. A gap that is left is
-    # closed in the step, unless the stop's joint was built where its bodies are.
-    wrong += [
-        name
-        for name in active
-        if min(abs(beyond[name]), abs(beyond[name] + gap(name) / STEP)) > rounding
-    ]
-    recorded = {
-        name: max(impulse, 0.0) if name in held else impulse for name, impulse in total.items()
-    }
-    violated = next((name for name in wrong if name not in held), None)
-    return TrialImpact(after, recorded, resting(left, rounding), violated)
+    least = -_ROUNDING * max(impulses.values())
+    wrong: list[str] = []
+    contradicted: list[str] = []
+    for name in restitution:
+        beyond = left[name] + restitution[name] * came[name]
+        if name not in active:
+            if beyond < -rounding:
+                wrong.append(name)
+            continue
+        if impulses[name] < least:
+            wrong.append(name)
+        # stops whose targets contradict each other meet one of them at most. A gap that is left is
+        # closed in the step, unless the stop's joint was built where its bodies are.
+        closed = beyond + float(kinematics.gap(name, q)) / STEP
+        if min(abs(beyond), abs(closed)) > rounding:
+            contradicted.append(name)
+    violated = next((name for name in (*wrong, *contradicted) if name not in held), None)
+    for name in restitution:
+        if name in held:
+            impulses[name] = max(impulses[name], 0.0)
+    return TrialImpact(after, impulses, resting(left, rounding), violated)
 
 
 def _set_target(joint: constraints.Constraint, restitution: float) -> None:
@@ -704,17 +631,3 @@ def _set_target(joint: constraints.Constraint, restitution: float) -> None:
             joint.distance += -restitution * (speed_b - speed_a).dot((b - a).normalized()) * STEP
         case _:
             raise TypeError(f"no stop is a {type(joint).__name__}")
-
-
-def _impulses(assembly: Assembly, increment: FloatArray, active: Contacts) -> dict[str, float]:
-    """Impulses of the contacts that take part, by the bodies' change of momentum."""
-    assembly.rates = np.zeros_like(increment)
-    torques = forces_of(reading_of(assembly, increment), active).torques
-    return {name: float(torques[name][0]) for name in active}
-
-
-def _speeds_after(assembly: Assembly, increment: FloatArray) -> FloatArray:
-    """Generalized speeds after the bodies' change of velocity, shape (n_q,)."""
-    assembly.rates = increment
-    change = reading_of(assembly).coordinates()[1][0]
-    return np.asarray(initial_state(assembly.mechanism)[1] + change, dtype=np.float64)

@@ -44,8 +44,7 @@ _DRIFT = 1e-7  # of the largest singular value: drift (1e-8 m) of redundant join
 class Convergence:
     """Share of a velocity error that passes of the impulse solver leave in one position."""
 
-    one_pass: FloatArray
-    """Q in an orthonormal basis of what impulses can change, shape (r, r)."""
+    one_pass: FloatArray  # Q in an orthonormal basis of what impulses can change, shape (r, r)
     basis: FloatArray
     """Columns of that basis: (x, y, angle) speeds times roots of mass, (3 n_bodies, r)."""
     bodies: tuple[str, ...]
@@ -59,16 +58,15 @@ class Convergence:
         power, passes, left = self.one_pass, 1, _norm(self.one_pass)
         if left <= share:
             return 1
-        while True:
+        while passes <= _FAR:
             power = power @ power
             before, left = left, _norm(power)
             if left <= share:
-                # Between two powers the logarithm of what is left is nearly linear in the passes.
+                # between two powers the logarithm of what is left is nearly linear in the passes.
                 fraction = math.log(share / before) / math.log(max(left, share**2) / before)
                 return math.ceil(passes * (1 + min(fraction, 1.0)))
             passes *= 2
-            if passes > _FAR:
-                return passes
+        return passes
 
     def slowest(self, passes: int) -> tuple[str, ...]:
         """The two bodies, or the one, that move most in what these passes leave."""
@@ -79,18 +77,58 @@ class Convergence:
 
 def convergence(assembly: Assembly) -> Convergence:
     """Convergence of an assembly in its present position, with the stops active in it."""
-    blocks = [
-        block
-        for block in map(_Columns(assembly).of, assembly.space.constraints)
-        if block is not None
-    ]
-    columns = np.hstack(blocks) if blocks else np.zeros((3 * len(assembly.bodies), 0))
+    first = {body: 3 * k for k, body in enumerate(assembly.bodies)}
+    inverse = [[1 / body.mass, 1 / body.mass, 1 / body.moment] for body in assembly.bodies]
+    roots = np.sqrt(np.array(inverse).ravel())
+    # orthonormal columns that span W^(1/2) J^T of each constraint that anything can move against.
+    blocks: list[FloatArray] = []
+    for joint in assembly.space.constraints:
+        rows: list[FloatArray] = []
+        for rates in _rates(joint):
+            row = np.zeros_like(roots)
+            for body, rate in rates.items():
+                if body in first:
+                    row[first[body] : first[body] + 3] = rate
+            rows.append(row * roots)
+        block = np.array(rows).T
+        if block.any():
+            blocks.append(np.linalg.qr(block)[0])
+    columns = np.hstack(blocks) if blocks else np.zeros((len(roots), 0))
     basis, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     basis = basis[:, sizes > _DRIFT * sizes.max(initial=0.0)]
     one_pass = basis
     for block in blocks:
         one_pass = one_pass - block @ (block.T @ one_pass)
     return Convergence(basis.T @ one_pass, basis, tuple(assembly.parts))
+
+
+_Rates = dict[pymunk.Body, tuple[float, float, float]]
+"""Derivatives of a constraint's error by x, y and angle of the bodies."""
+
+
+def _rates(joint: constraints.Constraint) -> list[_Rates]:
+    """Rows of J, by bodies; none of a spring, which is a force."""
+    a, b = joint.a, joint.b
+    match joint:
+        case constraints.GearJoint():
+            return [{a: (0.0, 0.0, -1.0), b: (0.0, 0.0, 1.0)}]
+        case constraints.PinJoint() | constraints.PivotJoint():
+            arm_a, arm_b = (
+                complex(*anchor) * cmath.exp(1j * body.angle)
+                for body, anchor in ((a, joint.anchor_a), (b, joint.anchor_b))
+            )
+            directions = [1.0 + 0j, 1j]
+            if isinstance(joint, constraints.PinJoint):
+                between = complex(*b.position) + arm_b - complex(*a.position) - arm_a
+                directions = [between / abs(between)]
+            rows: list[_Rates] = []
+            for along in directions:
+                moment_a, moment_b = ((arm.conjugate() * along).imag for arm in (arm_a, arm_b))
+                x, y = along.real, along.imag
+                rows.append({a: (-x, -y, -moment_a), b: (x, y, moment_b)})
+            return rows
+        case _:
+            return []
 
 
 def growth(left: float) -> float:
@@ -102,49 +140,3 @@ def growth(left: float) -> float:
 
 def _norm(matrix: FloatArray) -> float:
     return float(np.linalg.norm(matrix, 2)) if matrix.size else 0.0
-
-
-class _Columns:
-    """Orthonormal columns that span W^(1/2) J^T of single constraints."""
-
-    def __init__(self, assembly: Assembly) -> None:
-        self._first = {body: 3 * k for k, body in enumerate(assembly.bodies)}
-        inverse = [[1 / body.mass, 1 / body.mass, 1 / body.moment] for body in assembly.bodies]
-        self._roots = np.sqrt(np.array(inverse).ravel())
-
-    def of(self, joint: constraints.Constraint) -> FloatArray | None:
-        """None of a spring, which is a force, and of what nothing can move against."""
-        a, b = joint.a, joint.b
-        match joint:
-            case constraints.GearJoint():
-                rows = [self._row({a: (0.0, 0.0, -1.0), b: (0.0, 0.0, 1.0)})]
-            case constraints.PinJoint():
-                arms = _arm(a, joint.anchor_a), _arm(b, joint.anchor_b)
-                between = complex(*b.position) + arms[1] - complex(*a.position) - arms[0]
-                rows = [self._points(a, b, arms, between / abs(between))]
-            case constraints.PivotJoint():
-                arms = _arm(a, joint.anchor_a), _arm(b, joint.anchor_b)
-                rows = [self._points(a, b, arms, direction) for direction in (1.0 + 0j, 1j)]
-            case _:
-                return None
-        block = np.array(rows).T
-        return np.linalg.qr(block)[0] if block.any() else None
-
-    def _points(
-        self, a: pymunk.Body, b: pymunk.Body, arms: tuple[complex, complex], along: complex
-    ) -> FloatArray:
-        moments = [(arm.conjugate() * along).imag for arm in arms]
-        return self._row(
-            {a: (-along.real, -along.imag, -moments[0]), b: (along.real, along.imag, moments[1])}
-        )
-
-    def _row(self, rates: dict[pymunk.Body, tuple[float, float, float]]) -> FloatArray:
-        row = np.zeros_like(self._roots)
-        for body, rate in rates.items():
-            if body in self._first:
-                row[self._first[body] : self._first[body] + 3] = rate
-        return row * self._roots
-
-
-def _arm(body: pymunk.Body, anchor: tuple[float, float]) -> complex:
-    return complex(*anchor) * cmath.exp(1j * body.angle)

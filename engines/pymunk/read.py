@@ -1,33 +1,43 @@
-"""Reading the mechanism's motion and forces from Chipmunk's bodies.
+"""Reading the mechanism's motion and the forces of its joints and stops from Chipmunk's bodies.
 
-Angles, points and energies come from the engine bodies' positions and velocities.
+Forces come from the bodies' changes of momentum in a step, because Chipmunk gives only the
+magnitude of a joint's impulse: constraint forces are the rates of change of momentum and angular
+momentum, less gravity and what the force elements exert. A joint of the tree carries all bodies
+that it supports; the forces of joints that close a loop and of active stops are the least-squares
+solution of G^T lam = r, with the residual r of the equations of motion without them:
+
+    r_k = for an angle, the couple on the bodies that turn with it beyond gravity, force elements
+          and the tree's forces; for a slide, the force along it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.applied_forces import AppliedForces
 from ...models.arrays import ComplexArray, FloatArray, as_vectors
-from ...models.elements import GROUND, AnyJoint
+from ...models.elements import GROUND, AnyJoint, Stop
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.spec import Vector
 from ...models.trajectory import PointMotion
-from .bodies import Assembly, BodyPart, Placement, is_pin
+from ..events import Contacts
+from ..impact import mass_matrix
+from .bodies import Assembly, BodyPart, is_pin
+
+_SINGULAR = 1e-10  # of the largest singular value: dependent constraints share their force
+_Forces = dict[str, ComplexArray]
 
 
 @dataclass(frozen=True)
 class BodySamples:
     """Engine bodies at the samples: values, first and second rates, shape (3, n, n_bodies)."""
 
-    points: ComplexArray
-    """Position [m], velocity [m/s] and acceleration [m/s^2], complex."""
+    points: ComplexArray  # position [m], velocity [m/s] and acceleration [m/s^2], complex
     angles: FloatArray
     """Angle [rad], angular velocity [rad/s] and acceleration [rad/s^2], counter-clockwise."""
 
@@ -59,11 +69,6 @@ class Frame:
     u: FloatArray
     a: FloatArray
 
-    def welded(self, place: Placement) -> Frame:
-        """The frame of a body that this one carries: the same point is its reference."""
-        reference = (self.reference - place.origin) * np.exp(1j * place.angle)
-        return Frame(reference, self.at, self.q + place.angle, self.u, self.a)
-
     def world(self, direction: complex) -> ComplexArray:
         """A direction given in the body's frame."""
         return direction * np.exp(-1j * self.q)
@@ -72,8 +77,7 @@ class Frame:
         self, direction: complex, vector: PointState
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Along a direction of this frame: a vector's component, and its first and second rate."""
-        along = self.world(direction).conjugate()
-        # conj(direction) turns with exp(+i q).
+        along = self.world(direction).conjugate()  # turns with exp(+i q)
         rate = vector.velocity + 1j * self.u * vector.position
         second = (
             vector.acceleration
@@ -105,13 +109,32 @@ class MotionReading:
     def __post_init__(self) -> None:
         rest = np.zeros(self.samples.points.shape[1])
         origin = np.zeros(rest.shape, dtype=np.complex128)
-        still = PointState(origin, origin, origin)
-        self.frames[GROUND] = Frame(0j, still, rest, rest, rest)
+        self.frames[GROUND] = Frame(0j, PointState(origin, origin, origin), rest, rest, rest)
         for i, (name, part) in enumerate(self.assembly.parts.items()):
-            self.frames[name] = self._turning(i, part) if part.turns else self._swinging(i, part)
+            self.frames[name] = self._frame(i, part)
         for name, place in self.assembly.placements.items():
-            if name not in self.frames:
-                self.frames[name] = self.frames[place.carrier].welded(place)
+            if name not in self.frames:  # welded to its carrier, whose reference it shares
+                frame = self.frames[place.carrier]
+                reference = (frame.reference - place.origin) * np.exp(1j * place.angle)
+                self.frames[name] = Frame(
+                    reference, frame.at, frame.q + place.angle, frame.u, frame.a
+                )
+
+    def _frame(self, i: int, part: BodyPart) -> Frame:
+        body = PointState(*self.samples.points[:, :, i])
+        if part.turns:
+            angle, spin, spin_rate = self.samples.angles[:, :, i]
+            return Frame(part.reference, body, 0.0 - angle, 0.0 - spin, -spin_rate)
+        # A bob's rod points from its pin to its mass: rod = arm exp(-i q).
+        rigid = self.assembly.rigid
+        joint, (index, _) = rigid.joint_of(part.name), rigid.attitudes[part.name]
+        assert index is not None
+        rod = body - self.point(joint.parent, joint.parent_point)
+        q = np.unwrap(-np.angle(rod.position / (part.reference - part.pin)))
+        near = rigid.start[index] if self.near is None else float(self.near[index])
+        turns = round((near - float(q[0])) / (2 * np.pi))
+        u, a = -(rod.velocity / rod.position).imag, -(rod.acceleration / rod.position).imag
+        return Frame(part.reference, body, q + 2 * np.pi * turns, u, a)
 
     @property
     def mechanism(self) -> Mechanism:
@@ -127,34 +150,9 @@ class MotionReading:
         parent = self.point(joint.parent, joint.parent_point)
         return self.point(joint.child, joint.child_point) - parent
 
-    def _body(self, i: int) -> PointState:
-        return PointState(*self.samples.points[:, :, i])
-
-    def _turning(self, i: int, part: BodyPart) -> Frame:
-        angle, spin, spin_rate = self.samples.angles[:, :, i]
-        return Frame(part.reference, self._body(i), 0.0 - angle, 0.0 - spin, -spin_rate)
-
-    def _swinging(self, i: int, part: BodyPart) -> Frame:
-        """A bob's rod points from its pin to its mass: rod = arm exp(-i q)."""
-        rigid = self.assembly.rigid
-        joint, (index, _) = rigid.joint_of(part.name), rigid.attitudes[part.name]
-        assert index is not None
-        pin, bob = self.point(joint.parent, joint.parent_point), self._body(i)
-        rod = bob.position - pin.position
-        q = np.unwrap(-np.angle(rod / (part.reference - part.pin)))
-        near = rigid.start[index] if self.near is None else float(self.near[index])
-        turns = round((near - float(q[0])) / (2 * np.pi))
-        u = -((bob.velocity - pin.velocity) / rod).imag
-        a = -((bob.acceleration - pin.acceleration) / rod).imag
-        return Frame(part.reference, bob, q + 2 * np.pi * turns, u, a)
-
-    def coordinates(self) -> tuple[FloatArray, FloatArray]:
-        """Coordinates q and speeds u, shape (n, n_q)."""
-        return self._motion[0], self._motion[1]
-
     @cached_property
-    def _motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """q, u and a, shape (n, n_q)."""
+    def motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Coordinates q, speeds u and accelerations, shape (n, n_q)."""
         columns: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         for body in self.mechanism.bodies:
             if body.angle is not None:
@@ -179,25 +177,22 @@ class MotionReading:
         kinetic, potential = np.zeros((2, self.samples.points.shape[1]))
         weight = complex(*self.mechanism.gravity_vector)
         for body in self.mechanism.bodies:
-            centre = self.point(body.name, body.centre)
-            kinetic += 0.5 * (
-                body.mass * np.abs(centre.velocity) ** 2
-                + body.inertia * self.frames[body.name].u ** 2
-            )
+            centre, u = self.point(body.name, body.centre), self.frames[body.name].u
+            kinetic += 0.5 * (body.mass * np.abs(centre.velocity) ** 2 + body.inertia * u**2)
             potential -= body.mass * (centre.position * weight.conjugate()).real
         if self.mechanism.force_elements:
-            potential += self.applied.potential_energy(self._motion[0])
+            potential += self._applied.potential_energy(self.motion[0])
         return kinetic, potential
 
     @cached_property
-    def applied(self) -> AppliedForces:
+    def _applied(self) -> AppliedForces:
         """The mechanism's force elements."""
         return AppliedForces(Kinematics(self.mechanism))
 
     @cached_property
     def applied_on_bodies(self) -> dict[str, ComplexArray]:
         """Resultant force of the force elements on each body that one acts on [N], shape (n,)."""
-        forces = self.applied.on_bodies(*self.coordinates())
+        forces = self._applied.on_bodies(*self.motion[:2])
         return {name: force[..., 0] + 1j * force[..., 1] for name, force in forces.items()}
 
     @cached_property
@@ -206,74 +201,29 @@ class MotionReading:
 
         Their generalized forces, less those of the same forces at the centres.
         """
-        kinematics, (q, u) = self.applied.kinematics, self.coordinates()
-        couples, rates = self.applied.generalized(q, u), kinematics.rates(q)
+        kinematics, (q, u, _) = self._applied.kinematics, self.motion
+        couples, rates = self._applied.generalized(q, u), kinematics.rates(q)
         for body, centre in zip(self.mechanism.bodies, kinematics.centres, strict=True):
             if body.name in self.applied_on_bodies:
                 force = self.applied_on_bodies[body.name].conj()[:, None]
                 couples -= (force * kinematics.gradient(centre, q, rates)).real
         return couples[:, : len(self.mechanism.angles)]
 
-    def accelerations(self) -> FloatArray:
-        """Second derivatives of the coordinates, shape (n, n_q) [rad/s^2 or m/s^2]."""
-        return self._motion[2]
-
     def gaps(self) -> dict[str, FloatArray]:
         """Constraint drift [m], shape (n,): distance of points, or error of a bob's rod."""
-        return {
-            joint.name: self._drift(joint)
-            for joint in self.mechanism.joints
-            if joint.held_directions
-        }
-
-    def _drift(self, joint: AnyJoint) -> FloatArray:
-        part, vector = self.assembly.parts.get(joint.child), self.between(joint)
-        if is_pin(joint) and part and not part.turns and joint in self.mechanism.tree_joints:
-            parent = self.point(joint.parent, joint.parent_point).position
-            length = np.abs(self.frames[joint.child].at.position - parent)
-            return np.abs(length - abs(part.reference - part.pin))
-        if not joint.free_directions:
-            return np.abs(vector.position)
-        (across,) = joint.held_directions
-        return np.abs(self.frames[joint.parent].component(across, vector)[0])
-
-
-def samples_of(
-    states: FloatArray, h: float, leapfrog: bool, start: FloatArray | None = None
-) -> BodySamples:
-    """Samples 0 ... n from rows -1 ... n.
-
-    In a leapfrog, the velocity at a sample is the mean of those half a step before and after it:
-    the energy of this state does not drift. Forces are those of the velocity increment at the
-    sample, of second order there.
-
-    Args:
-        states: shape (n + 2, n_bodies, 6).
-        h: the step [s].
-        leapfrog: velocities of row k are at (k + 1/2) h, not at k h.
-        start: the rows whose velocities belong to sample 0 instead of those of rows -1 and 0, shape
-            (2, n_bodies, 6).
-    """
-    share = 0.5 if leapfrog else 1.0
-
-    def with_rates(
-        values: NDArray[Any], rates: NDArray[Any], at_start: NDArray[Any] | None
-    ) -> NDArray[Any]:
-        before, after = rates[:-1].copy(), rates[1:].copy()
-        if at_start is not None:
-            before[0], after[0] = at_start
-        return np.stack([values[1:], share * after + (1 - share) * before, (after - before) / h])
-
-    points, first = _points(states), None if start is None else _points(start)
-    return BodySamples(
-        with_rates(points[..., 0], points[..., 1], None if first is None else first[..., 1]),
-        with_rates(states[..., 2], states[..., 5], None if start is None else start[..., 5]),
-    )
-
-
-def _points(states: FloatArray) -> ComplexArray:
-    """Positions and velocities, complex, shape (..., 2)."""
-    return states[..., 0:4:3] + 1j * states[..., 1:5:3]
+        gaps: dict[str, FloatArray] = {}
+        for joint in self.mechanism.joints:
+            part, vector = self.assembly.parts.get(joint.child), self.between(joint)
+            if is_pin(joint) and part and not part.turns and joint in self.mechanism.tree_joints:
+                parent = self.point(joint.parent, joint.parent_point).position
+                length = np.abs(self.frames[joint.child].at.position - parent)
+                gaps[joint.name] = np.abs(length - abs(part.reference - part.pin))
+            elif not joint.free_directions:
+                gaps[joint.name] = np.abs(vector.position)
+            elif joint.held_directions:
+                (across,) = joint.held_directions
+                gaps[joint.name] = np.abs(self.frames[joint.parent].component(across, vector)[0])
+        return gaps
 
 
 def reading_of(assembly: Assembly, accelerations: FloatArray | None = None) -> MotionReading:
@@ -283,3 +233,154 @@ def reading_of(assembly: Assembly, accelerations: FloatArray | None = None) -> M
     second = np.zeros_like(rates) if accelerations is None else accelerations
     x, y, angles = np.stack([places, rates, second]).T
     return MotionReading(assembly, BodySamples((x + 1j * y).T[:, None], angles.T[:, None]))
+
+
+# --- Forces
+
+
+@dataclass(frozen=True)
+class ConstraintForces:
+    """Forces of joints and stops at the samples."""
+
+    reactions: Mapping[str, ComplexArray]
+    """Force of each joint on its child [N], complex, shape (n,)."""
+    torques: Mapping[str, FloatArray]
+    """Torque of each active stop [N m, or N for one on a point], shape (n,)."""
+
+
+def forces_of(reading: MotionReading, active: Contacts) -> ConstraintForces:
+    """Forces of all joints and of the active stops."""
+    mechanism = reading.mechanism
+    # the force that each body's momentum needs beyond gravity and force elements [N].
+    needed: _Forces = {}
+    weight = complex(*mechanism.gravity_vector)
+    for body in mechanism.bodies:
+        centre = reading.point(body.name, body.centre)
+        needed[body.name] = body.mass * (centre.acceleration - weight)
+    if mechanism.force_elements:
+        for name, force in reading.applied_on_bodies.items():
+            _act(needed, name, -force)
+
+    points = [stop for stop in mechanism.point_stops if stop.name in active]
+    turn_together = any(joint.holds_angle for joint in mechanism.tree_joints)
+    # A stop's torque is known from the body farther out, but not those of two stops from one body.
+    outer = {_outer(reading, stop) for stop in mechanism.angle_stops if stop.name in active}
+    one_by_one = not (points or turn_together) and len(outer) == len(active)
+    if not mechanism.loop_joints and (not active or one_by_one):
+        reactions = _tree_reactions(reading, needed)
+        return ConstraintForces(reactions, _angle_torques(reading, reactions, active))
+
+    multipliers = iter(_multipliers(reading, needed, active).T)
+    loops: _Forces = {}
+    for joint in mechanism.loop_joints:
+        frame = reading.frames[joint.parent if joint.free_directions else GROUND]
+        held = [next(multipliers) * frame.world(along) for along in joint.held_directions]
+        force = loops[joint.name] = np.sum(held, axis=0)
+        if joint.holds_angle:
+            next(multipliers)  # a couple
+        _act(needed, joint.child, -force)
+        _act(needed, joint.parent, force)
+    torques = dict(zip(active, multipliers, strict=True))
+    for stop in points:
+        push = reading.frames[stop.relative_to].world(complex(*stop.normal)) * torques[stop.name]
+        _act(needed, stop.body, -push)
+        _act(needed, stop.relative_to, push)
+    return ConstraintForces(_tree_reactions(reading, needed) | loops, torques)
+
+
+def _act(needed: _Forces, body: str, force: ComplexArray) -> None:
+    if body != GROUND:
+        needed[body] = needed[body] + force
+
+
+def _tree_reactions(reading: MotionReading, needed: _Forces) -> _Forces:
+    """Force of each joint of the tree on its child [N]."""
+    forces: _Forces = {}
+    for joint in reading.mechanism.tree_joints:
+        force = np.zeros_like(needed[joint.child])
+        for body in reading.mechanism.subtree(joint.child):
+            force += needed[body.name]
+        forces[joint.name] = force
+    return forces
+
+
+def _outer(reading: MotionReading, stop: Stop) -> int:
+    """Index of the stop's body that is farther out in the tree."""
+    names = [body.name for body in reading.mechanism.bodies]
+    return max(names.index(name) for name in (stop.body, stop.relative_to) if name != GROUND)
+
+
+def _angle_torques(
+    reading: MotionReading, reactions: _Forces, active: Contacts
+) -> dict[str, FloatArray]:
+    """Torques of active stops on angles, if all joints are of the tree.
+
+    The large forces nearer to the ground do not enter the equation of a stop's outer body.
+    """
+    if not active:
+        return {}
+    mechanism = reading.mechanism
+    by_name = {stop.name: stop for stop in mechanism.angle_stops}
+    stops = [by_name[name] for name in active]
+    couples: list[FloatArray] = []
+    columns: list[list[float]] = []  # derivatives of the stops' gaps by the body's angle
+    for i in sorted({_outer(reading, stop) for stop in stops}):
+        name = mechanism.bodies[i].name
+        couple = _couple(reading, name, reactions)
+        if mechanism.force_elements:
+            couple = couple - reading.applied_couples[:, i]
+        couples.append(couple)
+        columns.append(
+            [float(s.sense * ((name == s.body) - (name == s.relative_to))) for s in stops]
+        )
+    solved = np.linalg.lstsq(np.array(columns), np.array(couples), rcond=None)[0]
+    return dict(zip(active, solved, strict=True))
+
+
+def _couple(reading: MotionReading, name: str, reactions: _Forces) -> FloatArray:
+    """Clockwise couple that acts on a body besides gravity and the tree's forces [N m]."""
+    body, frame = reading.mechanism.body(name), reading.frames[name]
+    centre = reading.point(name, body.centre).position
+    couple = body.inertia * frame.a
+    for joint in reading.mechanism.tree_joints:
+        if joint.child == name:
+            arm = reading.point(name, joint.child_point).position - centre
+            couple = couple + (arm.conjugate() * reactions[joint.name]).imag
+        elif joint.parent == name:
+            at = (name, joint.parent_point)
+            if joint.free_directions:  # a child that slides pushes where it is
+                at = (joint.child, joint.child_point)
+            arm = reading.point(*at).position - centre
+            couple = couple - (arm.conjugate() * reactions[joint.name]).imag
+    return couple
+
+
+def _multipliers(reading: MotionReading, needed: _Forces, active: Contacts) -> FloatArray:
+    """Multipliers of the loop joints' components, then of the active stops, (n, n_constraints).
+
+    Errors of r are those of accelerations times the mass matrix M, so the inverse of M is their
+    weight: the equation of a light body determines a small force better than that of a heavy one
+    nearer to the ground.
+    """
+    mechanism, kinematics = reading.mechanism, Kinematics(reading.mechanism)
+    q = reading.motion[0]
+    # r: the generalized forces that no joint of the tree exerts [N m or N].
+    reactions = _tree_reactions(reading, needed)
+    residual = np.zeros(q.shape)
+    for body in mechanism.bodies:
+        index, _ = mechanism.attitudes[body.name]
+        if index is not None:
+            residual[:, index] += _couple(reading, body.name, reactions)
+    if mechanism.force_elements:
+        residual[:, : len(mechanism.angles)] -= reading.applied_couples
+    for k, slide in enumerate(mechanism.slides, start=len(mechanism.angles)):
+        along = reading.frames[slide.joint.parent].world(slide.direction)
+        residual[:, k] = (reactions[slide.joint.name] * along.conjugate()).real
+    # G: Jacobian of the loop joints' and active stops' gaps, shape (n, n_constraints, n_q).
+    rows = list(np.moveaxis(kinematics.loop_jacobian(q), -2, 0))
+    rows += [kinematics.gap_jacobian(name, q) for name in active]
+    root = np.linalg.cholesky(mass_matrix(kinematics, q))
+    columns = np.linalg.solve(root, np.swapaxes(np.stack(rows, axis=-2), 1, 2))
+    weighted = np.linalg.solve(root, residual[..., None])
+    solution = np.linalg.pinv(columns, rcond=_SINGULAR) @ weighted
+    return np.asarray(solution[..., 0], dtype=np.float64)

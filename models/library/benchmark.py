@@ -10,9 +10,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ..arrays import FloatArray
-from ..elements import GROUND, PinJoint, PrismaticJoint, SlotJoint
+from ..elements import GROUND, PinJoint, PointStop, PrismaticJoint, SlotJoint
 from ..errors import SimulationError
-from ..mechanism import Body, Mechanism
+from ..mechanism import Body, Marker, Mechanism
 from ..problem import Problem, StopLaw
 from ..spec import Spec, Vector
 from ..trajectory import Trajectory
@@ -108,12 +108,6 @@ class Benchmark:
     parameters: type[BenchmarkParameters]
     stop_law: StopLaw
 
-    @classmethod
-    def of(cls, parameters: type[BenchmarkParameters]) -> Benchmark:
-        """The entry of the problem that has these parameters."""
-        p = parameters
-        return cls(p.number, p.name, p.tags, p.text, p.source, p, p.stop_law)
-
     def problem(self, parameters: BenchmarkParameters | None = None) -> Problem:
         """The run that the benchmark asks for.
 
@@ -133,6 +127,11 @@ def rod(name: str, angle: str | None, length: float, mass: float) -> Body:
     )
 
 
+def bob(name: str, angle: str, length: float, mass: float) -> Body:
+    """A point mass at the end of a massless link, whose frame begins at its other end."""
+    return Body(name=name, angle=angle, mass=mass, centre=(length, 0), inertia=0)
+
+
 def pin(name: str, parent: str, child: str, at: Vector = (0, 0), on: Vector = (0, 0)) -> PinJoint:
     """A pin at a point of the parent and a point of the child."""
     return PinJoint(name=name, parent=parent, child=child, parent_point=at, child_point=on)
@@ -140,9 +139,8 @@ def pin(name: str, parent: str, child: str, at: Vector = (0, 0), on: Vector = (0
 
 def disc(name: str, angle: str, mass: float, inertia: float) -> tuple[Body, PinJoint]:
     """A body that turns about its centre on the ground, and its pin."""
-    return Body(name=name, angle=angle, mass=mass, centre=(0, 0), inertia=inertia), pin(
-        f"{name} pin", GROUND, name
-    )
+    body = Body(name=name, angle=angle, mass=mass, centre=(0, 0), inertia=inertia)
+    return body, pin(f"{name} pin", GROUND, name)
 
 
 def rail(name: str, parent: str, child: str, coordinate: str) -> PrismaticJoint:
@@ -173,17 +171,27 @@ def block(mass: float) -> Body:
     return Body(name="block", mass=mass, centre=(0, 0), inertia=0.01 * mass)
 
 
+def floor(
+    name: str, body: str, point: Vector, *, height: float = 0.0, closed: bool = False, e: float = 0
+) -> PointStop:
+    """A level floor [m] that stops a point of a body, with a coefficient of restitution e."""
+    return PointStop(
+        name=name, body=body, point=point, normal=(0, 1), offset=height, closed=closed,
+        restitution=e,
+    )  # fmt: skip
+
+
+def marker(name: str, body: str, point: Vector = (0, 0)) -> Marker:
+    """A marker on a body."""
+    return Marker(name=name, body=body, point=point)
+
+
 # --- Figures
 
 _GRID = 500  # samples among which sign changes are looked for
-
-
 _SAMPLES = 400  # at which a motion is compared with a closed form
 
-
 Quantity = Callable[[Trajectory], FloatArray]
-
-
 """Values of a trajectory's n samples, shape (n,)."""
 
 
@@ -197,7 +205,7 @@ def speed(name: str) -> Quantity:
     return lambda trajectory: trajectory.u[:, trajectory.mechanism.coordinates.index(name)]
 
 
-def marker(name: str, axis: int) -> Quantity:
+def marker_position(name: str, axis: int) -> Quantity:
     """A component of a marker's position [m]: along x for axis 0, along y for axis 1."""
     return lambda trajectory: trajectory.marker(name).position[:, axis]
 
@@ -207,66 +215,37 @@ def at(quantity: Quantity, t: float) -> Callable[[ContinuousMotion], float]:
     return lambda motion: float(quantity(motion.trajectory(np.array([t])))[0])
 
 
-def crossing(
-    motion: ContinuousMotion, quantity: Quantity, level: float, until: float, count: int = 1
-) -> float:
+def passage(
+    quantity: Quantity, level: float, until: float, count: int = 1
+) -> Callable[[ContinuousMotion], float]:
     """Time at which a quantity passes a level for the n-th time [s].
 
-    Raises:
-        SimulationError: it does not by `until` [s].
+    The reading raises SimulationError if it does not by `until` [s].
     """
 
-    def distance(t: float) -> float:
-        return float(quantity(motion.trajectory(np.array([t])))[0]) - level
+    def read(motion: ContinuousMotion) -> float:
+        times = np.linspace(0.0, until, _GRID)
+        values = quantity(motion.trajectory(times)) - level
+        changes = np.flatnonzero((values[:-1] * values[1:] < 0) | (values[1:] == 0))
+        if len(changes) < count:
+            raise SimulationError(
+                f"a level of {level:.6g} is passed {len(changes)} times by t = {until:.6g} s, "
+                f"not {count}."
+            )
+        i = int(changes[count - 1])
 
-    times = np.linspace(0.0, until, _GRID)
-    values = quantity(motion.trajectory(times)) - level
-    changes = np.flatnonzero((values[:-1] * values[1:] < 0) | (values[1:] == 0))
-    if len(changes) < count:
-        raise SimulationError(
-            f"a level of {level:.6g} is passed {len(changes)} times by t = {until:.6g} s, "
-            f"not {count}."
-        )
-    i = int(changes[count - 1])
-    return float(brentq(distance, times[i], times[i + 1], xtol=1e-15, rtol=1e-15))
+        def distance(t: float) -> float:
+            return at(quantity, t)(motion) - level
 
+        return float(brentq(distance, times[i], times[i + 1], xtol=1e-15, rtol=1e-15))
 
-def passage(quantity: Quantity, level: float, until: float) -> Callable[[ContinuousMotion], float]:
-    """Time at which a quantity first passes a level [s]."""
-    return lambda motion: crossing(motion, quantity, level, until)
+    return read
 
 
 def period(quantity: Quantity, level: float, until: float) -> Callable[[ContinuousMotion], float]:
     """Period of an oscillation about a level [s], from the first and third passage."""
-    return lambda motion: (
-        crossing(motion, quantity, level, until, 3) - crossing(motion, quantity, level, until)
-    )
-
-
-def largest_error(
-    quantity: Quantity, exact: Callable[[FloatArray], FloatArray], until: float
-) -> Callable[[ContinuousMotion], float]:
-    """Largest difference of a quantity from a closed form over [0, until] s.
-
-    Args:
-        exact: of times [s], shape (n,), the quantity, shape (n,).
-    """
-
-    def read(motion: ContinuousMotion) -> float:
-        times = np.linspace(0.0, until, _SAMPLES)
-        return float(np.abs(quantity(motion.trajectory(times)) - exact(times)).max())
-
-    return read
-
-
-def energy_error(until: float) -> Callable[[ContinuousMotion], float]:
-    """Largest change of the total energy of a conservative motion over [0, until] s [J]."""
-
-    def read(motion: ContinuousMotion) -> float:
-        energy = motion.trajectory(np.linspace(0.0, until, _SAMPLES)).total_energy
-        return float(np.abs(energy - energy[0]).max())
-
-    return read
+    third, first = passage(quantity, level, until, 3), passage(quantity, level, until)
+    return lambda motion: third(motion) - first(motion)
 
 
 def path_figure(
@@ -277,13 +256,27 @@ def path_figure(
     exact: Callable[[FloatArray], FloatArray],
     until: float,
 ) -> KnownValue:
-    """The largest error of a quantity as a figure; arguments as in :func:`largest_error`."""
-    return KnownValue(name, 0.0, unit, tolerance, largest_error(quantity, exact, until))
+    """The largest difference of a quantity from a closed form over [0, until] s as a figure.
+
+    Args:
+        exact: of times [s], shape (n,), the quantity, shape (n,).
+    """
+
+    def read(motion: ContinuousMotion) -> float:
+        times = np.linspace(0.0, until, _SAMPLES)
+        return float(np.abs(quantity(motion.trajectory(times)) - exact(times)).max())
+
+    return KnownValue(name, 0.0, unit, tolerance, read)
 
 
 def energy_figure(tolerance: float, until: float) -> KnownValue:
-    """The energy error of a conservative motion over [0, until] s as a figure."""
-    return KnownValue("largest change of the energy", 0.0, "J", tolerance, energy_error(until))
+    """The largest change of the energy of a conservative motion over [0, until] s as a figure."""
+
+    def read(motion: ContinuousMotion) -> float:
+        energy = motion.trajectory(np.linspace(0.0, until, _SAMPLES)).total_energy
+        return float(np.abs(energy - energy[0]).max())
+
+    return KnownValue("largest change of the energy", 0.0, "J", tolerance, read)
 
 
 def suite_condition(
@@ -304,9 +297,8 @@ def suite_condition(
     def read(motion: ContinuousMotion) -> float:
         times = np.linspace(0.0, until, samples + 1)[1:]
         exact = length * np.stack([np.cos(angle(times)), -np.sin(angle(times))], axis=1)
-        errors = (motion.trajectory(times).marker(name).position - exact) / np.maximum(
-            abs(exact), 1e-3
-        )
+        position = motion.trajectory(times).marker(name).position
+        errors = (position - exact) / np.maximum(abs(exact), 1e-3)
         return float(np.sqrt(np.mean(errors**2)))
 
     text = f"relative error of {name}'s position, RMS, threshold 1e-3 m ('high precision')"

@@ -85,14 +85,11 @@ class Swing:
         self, end: float, time_tolerance: float, angle_tolerance: float
     ) -> tuple[KnownValue, ...]:
         """Its period and its path up to `end` [s], with their tolerances [s, rad]."""
-        quantity = coordinate(self.angle)
+        quantity, name = coordinate(self.angle), "largest error of the angle"
+        read = period(quantity, self.lowest, end)
         return (
-            KnownValue(
-                "period", self.period, "s", time_tolerance, period(quantity, self.lowest, end)
-            ),
-            path_figure(
-                "largest error of the angle", "rad", angle_tolerance, quantity, self.at, end
-            ),
+            KnownValue("period", self.period, "s", time_tolerance, read),
+            path_figure(name, "rad", angle_tolerance, quantity, self.at, end),
         )
 
 
@@ -112,16 +109,11 @@ def time_between(
         potential: energy [J].
     """
     energy = inertia(start) * start_speed**2 / 2 + potential(start)
-
-    def slowness(a: float) -> float:
-        return math.sqrt(inertia(a) / (2 * (energy - potential(a))))
-
     # Over a whole turn the integrand is periodic and smooth: pieces of a quarter turn are
     # integrated to rounding.
     pieces = max(1, math.ceil(abs(end - start) / (math.pi / 4)))
     knots = [start + (end - start) * k / pieces for k in range(pieces + 1)]
-    parts = (quad(slowness, a, b, epsabs=0.0, epsrel=1e-13)[0] for a, b in pairwise(knots))
-    return abs(math.fsum(parts))
+    return abs(_integral(lambda a: math.sqrt(inertia(a) / (2 * (energy - potential(a)))), knots))
 
 
 def slow_swing_period(
@@ -144,7 +136,9 @@ def slow_swing_period(
         left = np.sinc(amplitude / math.pi * np.array([math.sin(c / 2) ** 2, math.cos(c / 2) ** 2]))
         return math.sqrt(inertia(middle + amplitude * math.cos(c)) / (most * float(left.prod())))
 
-    knots = [math.pi * k / 16 for k in range(17)]
-    return 2 * math.fsum(
-        quad(slowness, a, b, epsabs=0.0, epsrel=1e-13)[0] for a, b in pairwise(knots)
-    )
+    return 2 * _integral(slowness, [math.pi * k / 16 for k in range(17)])
+
+
+def _integral(function: Callable[[float], float], knots: list[float]) -> float:
+    pieces = pairwise(knots)
+    return math.fsum(quad(function, a, b, epsabs=0.0, epsrel=1e-13)[0] for a, b in pieces)

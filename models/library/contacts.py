@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from pydantic import Field
 
-from ..elements import FreeJoint, PointStop, Stop
-from ..mechanism import Body, Marker, Mechanism
+from ..elements import FreeJoint, Stop
+from ..mechanism import Body, Mechanism
 from ..problem import StopLaw
 from ..spec import Positive, Real
 from .benchmark import (
@@ -18,15 +18,12 @@ from .benchmark import (
     KnownValue,
     at,
     energy_figure,
+    floor,
+    marker,
     slot,
     speed,
 )
 from .pendulums import pin_links, rods
-
-_ZENO = (
-    "B. Brogliato, Nonsmooth Mechanics (3rd ed., 2016), Ch. 1: "
-    "infinitely many impacts by a finite time"
-)
 
 
 class BouncingParameters(BenchmarkParameters):
@@ -36,7 +33,10 @@ class BouncingParameters(BenchmarkParameters):
     name = "bouncing"
     tags = ("contact", "impact", "closed-form")
     text = "body that bounces on a floor and comes to rest after infinitely many impacts"
-    source = _ZENO
+    source = (
+        "B. Brogliato, Nonsmooth Mechanics (3rd ed., 2016), Ch. 1: "
+        "infinitely many impacts by a finite time"
+    )
     stop_law = StopLaw.UNILATERAL
 
     mass: Positive = Field(default=2.0, description="[kg]")
@@ -63,53 +63,32 @@ class BouncingParameters(BenchmarkParameters):
         return 1.25 * self.rest_time if self.restitution < 1 else 20.5 * self.speed / self.g
 
     def mechanism(self) -> Mechanism:
-        ball = Body(
-            name="ball",
-            angle="turn",
-            mass=self.mass,
-            centre=(0, 0),
-            inertia=self.mass * (self.height / 10) ** 2,
-        )
-        floor = PointStop(
-            name="floor",
-            body="ball",
-            point=(0, 0),
-            normal=(0, 1),
-            offset=0,
-            closed=False,
-            restitution=self.restitution,
-        )
+        inertia = self.mass * (self.height / 10) ** 2
         return Mechanism(
             name=self.name,
-            bodies=(ball,),
+            bodies=(
+                Body(name="ball", angle="turn", mass=self.mass, centre=(0, 0), inertia=inertia),
+            ),
             joints=(slot("line", "ball", (0, 1), coordinate="height"),),
-            stops=(floor,),
-            markers=(Marker(name="ball", body="ball", point=(0, 0)),),
+            stops=(floor("floor", "ball", (0, 0), e=self.restitution),),
+            markers=(marker("ball", "ball"),),
             gravity=self.g,
             start=(0.0, self.height),
         )
 
     def figures(self) -> tuple[KnownValue, ...]:
         fall = self.speed / self.g
-        common = _first_impact("floor", fall, (1 + self.restitution) * self.mass * self.speed)
+        first = _first_impact("floor", fall, (1 + self.restitution) * self.mass * self.speed)
         if self.restitution == 1:
-            tenth = 19 * fall
-            end, energy = self.duration, self.mass * self.g * self.height
-            return (
-                *common,
-                KnownValue(
-                    "tenth impact", tenth, "s", 1e-11 * tenth, lambda motion: motion.impacts[9][0]
-                ),
-                energy_figure(1e-11 * energy, end),
-            )
-        rest = KnownValue(
-            "rest",
-            self.rest_time,
-            "s",
-            1e-10 * max(1.0, self.rest_time),
-            lambda motion: motion.rest_times["floor"][0],
+            time, energy = 19 * fall, self.mass * self.g * self.height
+            tenth = KnownValue("tenth impact", time, "s", 1e-11 * time, lambda m: m.impacts[9][0])
+            return (*first, tenth, energy_figure(1e-11 * energy, self.duration))
+        time = self.rest_time
+        tolerance = 1e-10 * max(1.0, time)
+        return (
+            *first,
+            KnownValue("rest", time, "s", tolerance, lambda motion: motion.rest_times["floor"][0]),
         )
-        return (*common, rest)
 
 
 class StoppedPendulumParameters(BenchmarkParameters):
@@ -138,37 +117,32 @@ class StoppedPendulumParameters(BenchmarkParameters):
         return round(9.0 * math.sqrt(self.length / self.g), 2)
 
     def mechanism(self) -> Mechanism:
-        down = math.pi / 2
+        down, e = math.pi / 2, self.restitution
         # Clockwise from the vertical is to the left.
-        left = Stop(
-            name="left",
-            body="rod 1",
-            sense=-1,
-            limit=-(down + self.opening),
-            closed=False,
-            restitution=self.restitution,
+        common: dict[str, Any] = {"body": "rod 1", "closed": False, "restitution": e}
+        stops = (
+            Stop(name="left", sense=-1, limit=-(down + self.opening), **common),
+            Stop(name="right", sense=1, limit=down - self.opening, **common),
         )
-        right = Stop(
-            name="right",
-            body="rod 1",
-            sense=1,
-            limit=down - self.opening,
-            closed=False,
-            restitution=self.restitution,
-        )
-        return pin_links(
-            self.name,
-            rods(2, self.length, self.mass),
-            self.length,
-            self.g,
-            (down, down + self.swing),
-            stops=(left, right),
-        )
+        links, start = rods(2, self.length, self.mass), (down, down + self.swing)
+        return pin_links(self.name, links, self.length, self.g, start, stops)
 
     def figures(self) -> tuple[KnownValue, ...]:
         scale = 4 * self.mass * self.g * self.length
-        balance = _energy_balance(self, self.duration)
-        return (KnownValue("energy less that of the impacts", 0.0, "J", 1e-11 * scale, balance),)
+
+        def energy_error(motion: ContinuousMotion) -> float:
+            times = np.linspace(0.0, self.duration, 400)
+            energy = motion.trajectory(times).total_energy
+            taken = np.zeros_like(times)
+            # An impact takes half of P (v- + v+), the impulse times the mean of both speeds.
+            for t, impulses in motion.impacts:
+                speed = abs(float(motion.trajectory(np.array([t])).u[0, 0]))
+                loss = sum(impulses.values()) * speed * (1 / self.restitution - 1) / 2
+                taken += np.where(times >= t, loss, 0.0)
+            return float(np.abs(energy + taken - energy[0]).max())
+
+        name = "energy less that of the impacts"
+        return (KnownValue(name, 0.0, "J", 1e-11 * scale, energy_error),)
 
 
 class FallingRodParameters(BenchmarkParameters):
@@ -196,95 +170,53 @@ class FallingRodParameters(BenchmarkParameters):
         return math.sqrt(2 * self.g * self.height)
 
     @property
-    def impulse(self) -> float:
-        """Impulse of the first impact [N s]: the end acts as a mass of m / (1 + 3 cos^2)."""
-        return (1 + self.restitution) * self.mass * self.speed / (1 + 3 * math.cos(self.slope) ** 2)
-
-    @property
     def duration(self) -> float:
         return 1.5 * self.speed / self.g
 
+    @property
+    def inertia(self) -> float:
+        """About the centre of mass [kg m^2]."""
+        return self.mass * self.length**2 / 12
+
     def mechanism(self) -> Mechanism:
         half = self.length / 2
-        rod = Body(
-            name="rod",
-            angle="a",
-            mass=self.mass,
-            centre=(0, 0),
-            inertia=self.mass * self.length**2 / 12,
-        )
-        ends = tuple(
-            PointStop(
-                name=name,
-                body="rod",
-                point=(x, 0),
-                normal=(0, 1),
-                offset=0,
-                closed=False,
-                restitution=self.restitution,
-            )
-            for name, x in (("right", half), ("left", -half))
-        )
+        ends = {"right": (half, 0.0), "left": (-half, 0.0)}
+        rod = Body(name="rod", angle="a", mass=self.mass, centre=(0, 0), inertia=self.inertia)
         return Mechanism(
             name=self.name,
             bodies=(rod,),
             joints=(FreeJoint(name="flight", child="rod", coordinates=("x", "y")),),
-            stops=ends,
-            markers=(
-                Marker(name="right", body="rod", point=(half, 0)),
-                Marker(name="left", body="rod", point=(-half, 0)),
+            stops=tuple(
+                floor(end, "rod", point, e=self.restitution) for end, point in ends.items()
             ),
+            markers=tuple(marker(end, "rod", point) for end, point in ends.items()),
             gravity=self.g,
             start=(self.slope, 0.0, self.height + half * math.sin(self.slope)),
         )
 
     def figures(self) -> tuple[KnownValue, ...]:
-        fall, momentum = self.speed / self.g, self.impulse
+        # At an impact the end acts as a mass of m / (1 + 3 cos^2).
+        cosine = math.cos(self.slope)
+        impulse = (1 + self.restitution) * self.mass * self.speed / (1 + 3 * cosine**2)
         # The blow on the right end turns the rod counterclockwise.
-        spin = (
-            -momentum * self.length / 2 * math.cos(self.slope) / (self.mass * self.length**2 / 12)
-        )
+        spin = -impulse * self.length / 2 * cosine / self.inertia
+
+        def spin_after(motion: ContinuousMotion) -> float:
+            return at(speed("a"), motion.impacts[0][0])(motion)
+
         return (
-            *_first_impact("right", fall, momentum),
-            KnownValue(
-                "spin after it",
-                spin,
-                "rad/s",
-                1e-11 * abs(spin),
-                lambda m: at(speed("a"), m.impacts[0][0])(m),
-            ),
+            *_first_impact("right", self.speed / self.g, impulse),
+            KnownValue("spin after it", spin, "rad/s", 1e-11 * abs(spin), spin_after),
         )
 
 
-def _first_impact(stop: str, time: float, impulse: float) -> tuple[KnownValue, ...]:
+def _first_impact(stop: str, time: float, impulse: float) -> tuple[KnownValue, KnownValue]:
     return (
         KnownValue("first impact", time, "s", 1e-12 * time, lambda motion: motion.impacts[0][0]),
         KnownValue(
-            "impulse of it",
-            impulse,
-            "N s",
-            1e-11 * impulse,
-            lambda motion: motion.impacts[0][1][stop],
+            "impulse of it", impulse, "N s", 1e-11 * impulse, lambda m: m.impacts[0][1][stop]
         ),
     )
-
-
-def _energy_balance(
-    p: StoppedPendulumParameters, end: float
-) -> Callable[[ContinuousMotion], float]:
-    """Largest energy error, with the loss of impacts added: half of P (v- + v+) each."""
-
-    def read(motion: ContinuousMotion) -> float:
-        times = np.linspace(0.0, end, 400)
-        energy = motion.trajectory(times).total_energy
-        taken = np.zeros_like(times)
-        for t, impulses in motion.impacts:
-            speed = abs(float(motion.trajectory(np.array([t])).u[0, 0]))
-            loss = sum(impulses.values()) * speed * (1 / p.restitution - 1) / 2
-            taken += np.where(times >= t, loss, 0.0)
-        return float(np.abs(energy + taken - energy[0]).max())
-
-    return read
 
 
 CONTACTS = (BouncingParameters, StoppedPendulumParameters, FallingRodParameters)

@@ -10,16 +10,18 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ..arrays import FloatArray
-from ..elements import GROUND
-from ..mechanism import Body, Marker, Mechanism
-from ..spec import Positive, Real
+from ..elements import GROUND, ConstantTorque, SpringDamper
+from ..mechanism import Body, Mechanism
+from ..spec import NonNegative, Positive, Real
 from .benchmark import (
     BenchmarkParameters,
     Condition,
     KnownValue,
+    Quantity,
     at,
     coordinate,
     energy_figure,
+    marker,
     passage,
     path_figure,
     period,
@@ -31,8 +33,12 @@ from .benchmark import (
 from .closed_forms import LOWEST, Swing, slow_swing_period, time_between, turn, turn_period
 
 UPRIGHT = -math.pi / 2  # [rad] angle of a link that points up
+
+
 # Of the energy: nearer to its upright position the crank would stay there for long.
 _UPRIGHT_SHARE = 0.01
+
+
 _SUITE = "M. Gonzalez et al., MBS benchmark library (Univ. of A Coruna, 2005)"
 
 
@@ -74,46 +80,37 @@ class FourBarParameters(BenchmarkParameters):
     @property
     def duration(self) -> float:
         """10 s at 1 m and 1 m/s; at least one and a half turns."""
-        return max(
-            10.0 * math.sqrt(self.length * 9.81 / self.g),
-            1.5 * turn_period(self.omega, self.turning),
-        )
+        ten = 10.0 * math.sqrt(self.length * 9.81 / self.g)
+        return max(ten, 1.5 * turn_period(self.omega, self.turning))
 
     def mechanism(self) -> Mechanism:
-        cranks = tuple(
-            rod(f"crank {i}", f"a{i}", self.length, self.mass) for i in range(self.N + 1)
-        )
-        couplers = tuple(
-            rod(f"coupler {i}", f"b{i}", self.length, self.mass) for i in range(1, self.N + 1)
-        )
-        end = (self.length, 0.0)
-        pivots = tuple(
-            pin(f"pivot {i}", GROUND, f"crank {i}", (i * self.length, 0)) for i in range(self.N + 1)
-        )
-        left = tuple(
-            pin(f"left {i}", f"crank {i - 1}", f"coupler {i}", end) for i in range(1, self.N + 1)
-        )
-        right = tuple(
-            pin(f"right {i}", f"crank {i}", f"coupler {i}", end, end) for i in range(1, self.N + 1)
-        )
+        n, end = self.N, (self.length, 0.0)
+        cranks = [rod(f"crank {i}", f"a{i}", self.length, self.mass) for i in range(n + 1)]
+        couplers = [rod(f"coupler {i}", f"b{i}", self.length, self.mass) for i in range(1, n + 1)]
+        joints = [
+            pin(f"pivot {i}", GROUND, f"crank {i}", (i * self.length, 0)) for i in range(n + 1)
+        ]
+        for i in range(1, n + 1):
+            joints.append(pin(f"left {i}", f"crank {i - 1}", f"coupler {i}", end))
+        for i in range(1, n + 1):
+            joints.append(pin(f"right {i}", f"crank {i}", f"coupler {i}", end, end))
         return Mechanism(
             name=self.name,
-            bodies=cranks + couplers,
-            joints=pivots + left + right,
-            markers=(Marker(name="B0", body="crank 0", point=end),),
+            bodies=(*cranks, *couplers),
+            joints=tuple(joints),
+            markers=(marker("B0", "crank 0", end),),
             gravity=self.g,
-            start=(UPRIGHT,) * (self.N + 1) + (0.0,) * self.N,
-            start_speeds=(self.turning,) * (self.N + 1) + (0.0,) * self.N,
+            start=(UPRIGHT,) * (n + 1) + (0.0,) * n,
+            start_speeds=(self.turning,) * (n + 1) + (0.0,) * n,
         )
 
     def figures(self) -> tuple[KnownValue, ...]:
         end, angle = self.duration, coordinate("a0")
-        turn = turn_period(self.omega, self.turning)
+        time = turn_period(self.omega, self.turning)
         name = "largest error of the first crank's angle"
+        read = passage(angle, UPRIGHT + 2 * math.pi, end)
         return (
-            KnownValue(
-                "time of a turn", turn, "s", 1e-9, passage(angle, UPRIGHT + 2 * math.pi, end)
-            ),
+            KnownValue("time of a turn", time, "s", 1e-9, read),
             path_figure(name, "rad", 1e-9, angle, self.angle, end),
         )
 
@@ -166,30 +163,22 @@ class ThreeCranksParameters(SwingingParameters):
 
     @property
     def swing(self) -> Swing:
-        omega = math.sqrt(
-            (1.5 * self.crank + self.beam) * self.g / ((self.crank + self.beam) * self.length)
-        )
-        return Swing("a1", omega, self.amplitude)
+        moment, inertia = 1.5 * self.crank + self.beam, (self.crank + self.beam) * self.length
+        return Swing("a1", math.sqrt(moment * self.g / inertia), self.amplitude)
 
     def mechanism(self) -> Mechanism:
-        cranks = tuple(rod(f"crank {i}", f"a{i}", self.length, self.crank) for i in (1, 2, 3))
+        end, centre = (self.length, 0.0), (self.spacing, 0.0)
         inertia = self.beam * (2 * self.spacing) ** 2 / 12
-        beam = Body(
-            name="beam", angle="b", mass=self.beam, centre=(self.spacing, 0), inertia=inertia
-        )
-        end = (self.length, 0.0)
-        pivots = tuple(
-            pin(f"pivot {i}", GROUND, f"crank {i}", ((i - 1) * self.spacing, 0)) for i in (1, 2, 3)
-        )
-        pins = tuple(
-            pin(f"pin {i}", f"crank {i}", "beam", end, ((i - 1) * self.spacing, 0))
-            for i in (1, 2, 3)
-        )
+        beam = Body(name="beam", angle="b", mass=self.beam, centre=centre, inertia=inertia)
+        cranks = [rod(f"crank {i}", f"a{i}", self.length, self.crank) for i in (1, 2, 3)]
+        places = {1: (0.0, 0.0), 2: centre, 3: (2 * self.spacing, 0.0)}
+        pivots = [pin(f"pivot {i}", GROUND, f"crank {i}", at) for i, at in places.items()]
+        pins = [pin(f"pin {i}", f"crank {i}", "beam", end, at) for i, at in places.items()]
         return Mechanism(
             name=self.name,
             bodies=(*cranks, beam),
-            joints=pivots + pins,
-            markers=(Marker(name="beam", body="beam", point=beam.centre),),
+            joints=(*pivots, *pins),
+            markers=(marker("beam", "beam", centre),),
             gravity=self.g,
             start=(LOWEST + self.amplitude,) * 3 + (0.0,),
         )
@@ -220,17 +209,9 @@ class SliderCrankParameters(BenchmarkParameters):
         default=8.0, description="of the crank at the start, stretched out [rad/s]"
     )
 
-    @property
-    def is_singular(self) -> bool:
-        """Whether the slider passes the pivot."""
-        return self.rod == self.crank
-
     def rod_angle(self, a: float) -> tuple[float, float]:
-        """The rod's angle [rad] at the crank's, and its derivative.
-
-        Equal lengths have the mirrored branch.
-        """
-        if self.is_singular:
+        """The rod's angle [rad] at the crank's, and its derivative."""
+        if self.rod == self.crank:  # the slider passes the pivot, on the mirrored branch
             return -a, -1.0
         b = -math.asin(self.crank * math.sin(a) / self.rod)
         return b, -self.crank * math.cos(a) / (self.rod * math.cos(b))
@@ -257,16 +238,12 @@ class SliderCrankParameters(BenchmarkParameters):
         return self.inertia(0.0) * self.speed**2 / 2 / self.potential(UPRIGHT)
 
     @property
-    def turn_time(self) -> float:
-        """Time of the crank's first turn [s]; it does not turn back."""
-        return time_between(0.0, 2 * math.pi, self.speed, self.inertia, self.potential)
-
-    @property
-    def swing_time(self) -> float:
-        """Period of a crank that swings about its lowest position and does not turn over [s]."""
-        return slow_swing_period(
-            LOWEST, math.pi / 2 + math.asin(self.share), self.potential(UPRIGHT), self.inertia
-        )
+    def cycle(self) -> float:
+        """Time of a turn, or period of a crank that does not turn over [s]."""
+        if self.share > 1:
+            return time_between(0.0, 2 * math.pi, self.speed, self.inertia, self.potential)
+        amplitude = math.pi / 2 + math.asin(self.share)
+        return slow_swing_period(LOWEST, amplitude, self.potential(UPRIGHT), self.inertia)
 
     @model_validator(mode="after")
     def _moves_for_good(self) -> Self:
@@ -285,7 +262,7 @@ class SliderCrankParameters(BenchmarkParameters):
 
     @property
     def duration(self) -> float:
-        return 1.5 * (self.turn_time if self.share > 1 else self.swing_time)
+        return 1.5 * self.cycle
 
     def mechanism(self) -> Mechanism:
         # The slider, a point mass at the rod's end, is part of the rod.
@@ -305,23 +282,21 @@ class SliderCrankParameters(BenchmarkParameters):
                 pin("crank pin", "crank", "rod", (self.crank, 0)),
                 slot("slot", "rod", (1, 0), on=end),
             ),
-            markers=(Marker(name="slider", body="rod", point=end),),
+            markers=(marker("slider", "rod", end),),
             gravity=self.g,
             start=(0.0, 0.0),
             start_speeds=(self.speed, -self.speed * self.crank / self.rod),
         )
 
     def figures(self) -> tuple[KnownValue, ...]:
-        end = self.duration
-        scale = self.inertia(0.0) * self.speed**2
+        time, end, angle = self.cycle, self.duration, coordinate("a")
         if self.share > 1:
-            name = "time of a turn"
-            time = self.turn_time
-            measured = passage(coordinate("a"), 2 * math.pi, end)
+            name, read = "time of a turn", passage(angle, 2 * math.pi, end)
         else:
-            name, time, measured = "period", self.swing_time, period(coordinate("a"), LOWEST, end)
+            name, read = "period", period(angle, LOWEST, end)
+        scale = self.inertia(0.0) * self.speed**2
         return (
-            KnownValue(name, time, "s", 1e-10 * time, measured, "quadrature"),
+            KnownValue(name, time, "s", 1e-10 * time, read, "quadrature"),
             energy_figure(1e-10 * scale, end),
         )
 
@@ -363,10 +338,9 @@ class QuickReturnParameters(BenchmarkParameters):
     g: Positive = Field(default=9.81, description="gravity [m/s^2]")
     speed: Positive = Field(default=12.0, description="of the crank at the start, level [rad/s]")
 
-    @property
-    def turn_time(self) -> float:
-        """Time of the crank's first turn [s]; it does not turn back."""
-        return time_between(0.0, 2 * math.pi, self.speed, self.inertia, self.potential)
+    def time_to(self, a: float) -> float:
+        """Time to the crank's angle a [s]; it does not turn back."""
+        return time_between(0.0, a, self.speed, self.inertia, self.potential)
 
     def arm_angle(self, a: float) -> tuple[float, float]:
         """The arm's angle [rad] at the crank's, and its derivative."""
@@ -376,10 +350,8 @@ class QuickReturnParameters(BenchmarkParameters):
 
     def inertia(self, a: float) -> float:
         """Reduced to the crank's angle [kg m^2]."""
-        return (
-            self.m_crank * self.crank**2 / 3
-            + self.m_arm * self.arm**2 / 3 * self.arm_angle(a)[1] ** 2
-        )
+        arm = self.m_arm * self.arm**2 / 3 * self.arm_angle(a)[1] ** 2
+        return self.m_crank * self.crank**2 / 3 + arm
 
     def potential(self, a: float) -> float:
         """Energy of crank and arm [J]."""
@@ -388,7 +360,7 @@ class QuickReturnParameters(BenchmarkParameters):
 
     @property
     def duration(self) -> float:
-        return 1.5 * self.turn_time
+        return 1.5 * self.time_to(2 * math.pi)
 
     def mechanism(self) -> Mechanism:
         angle, slope = self.arm_angle(0.0)
@@ -403,28 +375,20 @@ class QuickReturnParameters(BenchmarkParameters):
                 pin("arm pivot", GROUND, "arm", (0, -self.distance)),
                 slot("slot", "crank", (1, 0), on=(self.crank, 0), parent="arm"),
             ),
-            markers=(Marker(name="tip", body="arm", point=(self.arm, 0)),),
+            markers=(marker("tip", "arm", (self.arm, 0)),),
             gravity=self.g,
             start=(0.0, angle),
             start_speeds=(self.speed, slope * self.speed),
         )
 
     def figures(self) -> tuple[KnownValue, ...]:
-        end, a = self.duration, coordinate("a")
-        half = time_between(0.0, math.pi, self.speed, self.inertia, self.potential)
-        turn, scale = self.turn_time, self.inertia(0.0) * self.speed**2
-        return (
-            KnownValue(
-                "time of a turn", turn, "s", 1e-11, passage(a, 2 * math.pi, end), "quadrature"
-            ),
-            KnownValue(
-                "time of the first half", half, "s", 1e-11, passage(a, math.pi, end), "quadrature"
-            ),
-            energy_figure(1e-11 * max(1.0, scale), end),
-        )
-
-
-_SPAN = 10.0  # periods of an oscillation
+        end, angle = self.duration, coordinate("a")
+        figures: list[KnownValue] = []
+        for name, a in {"time of a turn": 2 * math.pi, "time of the first half": math.pi}.items():
+            read = passage(angle, a, end)
+            figures.append(KnownValue(name, self.time_to(a), "s", 1e-11, read, "quadrature"))
+        scale = self.inertia(0.0) * self.speed**2
+        return (*figures, energy_figure(1e-11 * max(1.0, scale), end))
 
 
 class TrammelParameters(SwingingParameters):
@@ -450,16 +414,132 @@ class TrammelParameters(SwingingParameters):
 
     def mechanism(self) -> Mechanism:
         start = LOWEST + self.amplitude
-        level = slot("level", "rod", (1, 0), coordinate="x")
-        upright = slot("upright", "rod", (0, 1), on=(self.length, 0))
         return Mechanism(
             name=self.name,
             bodies=(rod("rod", "a", self.length, self.mass),),
-            joints=(level, upright),
-            markers=(Marker(name="pen", body="rod", point=(self.length / 4, 0)),),
+            joints=(
+                slot("level", "rod", (1, 0), coordinate="x"),
+                slot("upright", "rod", (0, 1), on=(self.length, 0)),
+            ),
+            markers=(marker("pen", "rod", (self.length / 4, 0)),),
             gravity=self.g,
             start=(start, -self.length * math.cos(start)),
         )
+
+
+_BARYCENTRE = 0.02 - 0.01421  # [m]
+_K = {
+    1: (0.04325, 2.194e-6, (0.00092, 0)),
+    2: (0.00365, 4.410e-7, (-0.0115, 0)),
+    3: (0.02373, 5.255e-6, (0.01043, -0.01874)),
+    5: (0.07050, 1.169e-5, (0.02308, 0.00916)),
+    4: (0.00706, 5.667e-7, (0, -_BARYCENTRE)),
+    7: (0.05498, 1.912e-5, (-0.00449, -0.01228)),
+    6: (0.00706, 5.667e-7, (_BARYCENTRE, 0)),
+}
+"""Mass [kg], inertia [kg m^2] and centre [m] of the bodies of the squeezing mechanism."""
+_E = (-0.028, 0.0)  # [m] where K3, K4 and K6 meet, on K2
+_END = 0.03  # [s]
+_ANGLES = {
+    "beta": ("k1", None, -0.0617138900142764496358948458001, 15.81077119629904),
+    "Theta": ("k2", "k1", 0.0, -15.75637105984298),
+    "gamma": ("k3", None, 0.455279819163070380255912382449, 0.04082224013073101),
+    "Phi": ("k4", "k5", 0.222668390165885884674473185609, -0.5347301163226948),
+    "delta": ("k5", None, 0.487364979543842550225598953530, 0.5244099658805304),
+    "Omega": ("k6", "k7", -0.222668390165885884674473185609, 0.5347301163226948),
+    "epsilon": ("k7", None, 1.23054744454982119249735015568, 1.048080741042263),
+}
+"""Published angles: our coordinate, the one it counts from, values at the start and end [rad]."""
+
+
+class SqueezerParameters(BenchmarkParameters):
+    """Motor and spring of Andrews' mechanism; its geometry and masses are the published ones.
+
+    Published angles count counterclockwise, and some from another body: beta of the crank K1; Theta
+    of K2 from K1; gamma of K3, the triangle with the spring; delta of K5 and Phi of K4 from K5;
+    epsilon of K7 and Omega of K6 from K7.
+
+    The published end state is late by some 1e-12 s: minimal and redundant coordinates agree with
+    each other at any tolerance below 1e-11, and with it in the angles to a few parts in 1e10, in
+    their rates (not taken here) to some 5e-8.
+    """
+
+    number = "A03"
+    name = "squeezer"
+    tags = ("loop", "spring", "motor", "published", "IFToMM")
+    text = "Andrews' squeezing mechanism: seven bodies, driven by a motor against a spring"
+    source = (
+        "W. Schiehlen, Multibody Systems Handbook (1990); "
+        "E. Hairer, G. Wanner, Solving ODEs II (1996), Sec. VII.7; "
+        "end state: F. Mazzia, C. Magherini, Test Set for IVP Solvers 2.4 (2008); "
+        "problem A03 in the IFToMM library"
+    )
+
+    torque: Real = Field(
+        default=0.033, description="of the motor on the crank, counterclockwise [N m]"
+    )
+    stiffness: NonNegative = Field(default=4530.0, description="of the spring [N/m]")
+    rest_length: Positive = Field(default=0.07785, description="of the spring [m]")
+
+    @property
+    def duration(self) -> float:
+        return _END
+
+    def mechanism(self) -> Mechanism:
+        start = {name: -angle for name, _, angle, _ in _ANGLES.values()}
+        for name, other, _, _ in _ANGLES.values():
+            if other:
+                start[name] += start[other]
+        a, b, d = (-0.06934, -0.00227), (-0.03635, 0.03273), (0.02, -0.018)
+        bodies = tuple(
+            Body(name=f"K{i}", angle=f"k{i}", mass=mass, centre=centre, inertia=inertia)
+            for i, (mass, inertia, centre) in _K.items()
+        )
+        spring = SpringDamper(
+            name="spring", body="K3", point=d, relative_point=(0.014, 0.072),
+            stiffness=self.stiffness, rest_length=self.rest_length,
+        )  # fmt: skip
+        return Mechanism(
+            name=self.name,
+            bodies=bodies,
+            joints=(
+                pin("O", GROUND, "K1", (0, 0)),
+                pin("F", "K1", "K2", (0.007, 0)),
+                pin("B", GROUND, "K3", b),
+                pin("A5", GROUND, "K5", a),
+                pin("G", "K5", "K4", (0.04, 0)),
+                pin("A7", GROUND, "K7", a),
+                pin("H", "K7", "K6", (0, -0.04)),
+                pin("E3", "K2", "K3", _E, (0, -0.035)),
+                pin("E4", "K2", "K4", _E, (0, -0.02)),
+                pin("E6", "K2", "K6", _E, (0.02, 0)),
+            ),
+            force_elements=(spring, ConstantTorque(name="motor", body="K1", torque=-self.torque)),
+            markers=(marker("E", "K2", _E), marker("D", "K3", d)),
+            gravity=0,
+            start=tuple(start[f"k{i}"] for i in _K),
+        )
+
+    def figures(self) -> tuple[KnownValue, ...]:
+        """The published end state; of other parameters nothing is published."""
+        if self != SqueezerParameters():
+            return ()
+        figures: list[KnownValue] = []
+        for name, (_, _, _, value) in _ANGLES.items():
+            tolerance, read = 1e-9 * abs(value), at(published_angle(name), _END)
+            figure = KnownValue(f"{name} at 0.03 s", value, "rad", tolerance, read, "published")
+            figures.append(figure)
+        return tuple(figures)
+
+
+def published_angle(name: str) -> Quantity:
+    """A published angle of the squeezing mechanism [rad] from our absolute clockwise angles."""
+    body, other, _, _ = _ANGLES[name]
+    angle = coordinate(body)
+    if other is None:
+        return lambda trajectory: -angle(trajectory)
+    start = coordinate(other)
+    return lambda trajectory: start(trajectory) - angle(trajectory)
 
 
 LINKAGES = (
@@ -469,4 +549,5 @@ LINKAGES = (
     SingularSliderCrankParameters,
     QuickReturnParameters,
     TrammelParameters,
+    SqueezerParameters,
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import laguerre
@@ -10,14 +11,16 @@ from pydantic import Field
 
 from ..arrays import FloatArray
 from ..elements import GROUND, Stop
-from ..mechanism import Body, Marker, Mechanism
+from ..mechanism import Body, Mechanism
 from ..spec import Positive, Real
 from .benchmark import (
     BenchmarkParameters,
     Condition,
     KnownValue,
+    bob,
     coordinate,
     energy_figure,
+    marker,
     period,
     pin,
     rod,
@@ -58,11 +61,9 @@ class PendulumParameters(BenchmarkParameters):
     def mechanism(self) -> Mechanism:
         return Mechanism(
             name=self.name,
-            bodies=(
-                Body(name="link", angle="phi", mass=self.mass, centre=(self.length, 0), inertia=0),
-            ),
+            bodies=(bob("link", "phi", self.length, self.mass),),
             joints=(pin("pivot", GROUND, "link"),),
-            markers=(Marker(name="P1", body="link", point=(self.length, 0)),),
+            markers=(marker("P1", "link", (self.length, 0)),),
             gravity=self.g,
             start=(LOWEST + self.amplitude,),
         )
@@ -70,9 +71,8 @@ class PendulumParameters(BenchmarkParameters):
     def figures(self) -> tuple[KnownValue, ...]:
         # Near the highest position errors grow, as the period does: by 1 / cos(amplitude / 2).
         growth = 1.0 / math.cos(self.amplitude / 2)
-        return self.swing.figures(
-            self.duration, max(1e-12, 1e-12 * self.swing.period * growth), 1e-11 * growth
-        )
+        time_tolerance = max(1e-12, 1e-12 * self.swing.period * growth)
+        return self.swing.figures(self.duration, time_tolerance, 1e-11 * growth)
 
     def conditions(self) -> tuple[Condition, ...]:
         return (suite_condition("P1", self.length, self.swing.at, self.duration, 20),)
@@ -122,13 +122,8 @@ class ChainParameters(BenchmarkParameters):
         return round(9.0 * math.sqrt(self.N * self.length / self.g), 2)
 
     def mechanism(self) -> Mechanism:
-        return pin_links(
-            self.name,
-            rods(self.N, self.length, self.mass),
-            self.length,
-            self.g,
-            (self.start,) * self.N,
-        )
+        links = rods(self.N, self.length, self.mass)
+        return pin_links(self.name, links, self.length, self.g, (self.start,) * self.N)
 
     def figures(self) -> tuple[KnownValue, ...]:
         scale = self.N**2 * self.mass * self.g * self.length
@@ -177,8 +172,9 @@ class HangingChainParameters(BenchmarkParameters):
         pivot's, L_N(x), is zero (D. Bernoulli, Comm. Acad. Petrop. 6 (1733) 108).
         """
         root = float(laguerre.lagroots([0.0] * self.N + [1.0])[0])
+        polynomials = np.eye(self.N + 1)
         deflections = np.array(
-            [laguerre.lagval(root, [0.0] * n + [1.0]) for n in range(self.N + 1)]
+            [laguerre.lagval(root, c[: n + 1]) for n, c in enumerate(polynomials)]
         )
         angles = -np.diff(deflections)[::-1]
         return root, angles / angles[-1]
@@ -194,31 +190,17 @@ class HangingChainParameters(BenchmarkParameters):
 
     def mechanism(self) -> Mechanism:
         links = tuple(
-            Body(
-                name=f"link {i + 1}",
-                angle=f"a{i + 1}",
-                mass=self.mass,
-                centre=(self.length, 0),
-                inertia=0,
-            )
-            for i in range(self.N)
+            bob(f"link {i}", f"a{i}", self.length, self.mass) for i in range(1, self.N + 1)
         )
         start = LOWEST + self.amplitude * self.shape[1]
         return pin_links(self.name, links, self.length, self.g, tuple(start.tolist()))
 
     def figures(self) -> tuple[KnownValue, ...]:
-        exact = self.period
-        # A small oscillation: its period differs from the linear one by the amplitude's square.
+        name, exact = "period of the slowest small oscillation", self.period
+        # The period of a small oscillation differs from the linear one by the amplitude's square.
+        tolerance = exact * self.amplitude**2
         read = period(coordinate("a1"), LOWEST, 1.5 * exact)
-        return (
-            KnownValue(
-                "period of the slowest small oscillation",
-                exact,
-                "s",
-                exact * self.amplitude**2,
-                read,
-            ),
-        )
+        return (KnownValue(name, exact, "s", tolerance, read),)
 
 
 def pin_links(
@@ -234,18 +216,15 @@ def pin_links(
     Args:
         length: of each link [m].
     """
-    parents = ((GROUND, (0.0, 0.0)), *((link.name, (length, 0.0)) for link in links[:-1]))
-    joints = tuple(
-        pin(f"pin {i + 1}", parent, link.name, at)
-        for i, ((parent, at), link) in enumerate(zip(parents, links, strict=True))
-    )
-    tip = Marker(name="tip", body=links[-1].name, point=(length, 0))
+    joints = [pin("pin 1", GROUND, links[0].name)]
+    for i, (parent, child) in enumerate(pairwise(links), start=2):
+        joints.append(pin(f"pin {i}", parent.name, child.name, (length, 0)))
     return Mechanism(
         name=name,
         bodies=links,
-        joints=joints,
+        joints=tuple(joints),
         stops=stops,
-        markers=(tip,),
+        markers=(marker("tip", links[-1].name, (length, 0)),),
         gravity=gravity,
         start=start,
     )

@@ -1,22 +1,23 @@
-"""Machines and problems of the library by name."""
+"""Machines and problems by name, and models as users give them: a name, a path or an object."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
+from os import PathLike
+from pathlib import Path
 from typing import Any, cast
 
 from ..errors import InputError
 from ..mechanism import Mechanism
 from ..problem import Problem
 from ..spec import Spec
-from .benchmark import Benchmark, BenchmarkParameters
+from .benchmark import Benchmark
 from .contacts import CONTACTS
 from .linkages import LINKAGES
 from .pendulums import PENDULUMS
 from .single_elements import SINGLE_ELEMENTS
-from .squeezer import SqueezerParameters
 from .trebuchet import (
     CatapultParameters,
     FloatingArmParameters,
@@ -29,46 +30,59 @@ from .trebuchet import (
     rolling,
 )
 
+Model = str | PathLike[str] | Mechanism | Problem
+"""Name of a machine, name or number of a problem of the library, path of a mechanism's .json file,
+a mechanism, or a problem."""
+Models = Model | Iterable[Model]
+
+_LISTED = "a name, the path of a .json file, a Mechanism or a Problem"
+
 
 @dataclass(frozen=True)
-class _Model:
+class _Machine:
     build: Callable[[Any], Mechanism]
     parameters: type[Spec]
     text: str
 
 
-_MODELS = {
-    "fixed": _Model(
+_MACHINES = {
+    "fixed": _Machine(
         fixed,
         TrebuchetParameters,
         "whipper trebuchet, fulcrum pinned to the ground (paper, Sec. II)",
     ),
-    "rolling": _Model(
+    "rolling": _Machine(
         rolling,
         TrebuchetParameters,
         "whipper trebuchet, fulcrum rolling along x on massless wheels (paper, Sec. VI)",
     ),
-    "catapult": _Model(
+    "catapult": _Machine(
         catapult,
         CatapultParameters,
         "one rigid body: counterweight and projectile on one arm (paper, Sec. I)",
     ),
-    "hinged": _Model(
+    "hinged": _Machine(
         hinged,
         HingedParameters,
         "hinged counterweight, classical orientation, sling from a trough (Denny, paper Ref. 1)",
     ),
-    "floating-arm": _Model(
+    "floating-arm": _Machine(
         floating_arm,
         FloatingArmParameters,
         "counterweight in a vertical track, arm's wheel on a level one (paper, Sec. VI)",
     ),
 }
 
+_PROBLEMS = (*PENDULUMS, *LINKAGES, *CONTACTS, *SINGLE_ELEMENTS)
+_BENCHMARKS = {
+    p.name: Benchmark(p.number, p.name, p.tags, p.text, p.source, p, p.stop_law)
+    for p in sorted(_PROBLEMS, key=lambda p: p.number)
+}
+
 
 def models() -> dict[str, str]:
     """Names and one-line descriptions of the machines, without the problems of the library."""
-    return {name: entry.text for name, entry in _MODELS.items()}
+    return {name: machine.text for name, machine in _MACHINES.items()}
 
 
 def parameters_type(name: str) -> type[Spec]:
@@ -80,39 +94,12 @@ def parameters_type(name: str) -> type[Spec]:
     return _entry(name).parameters
 
 
-def model(name: str, parameters: Spec | None = None) -> Mechanism:
-    """A named machine, or the mechanism of a problem of the library.
-
-    Args:
-        name: of a machine; name or number of a problem.
-        parameters: of the class that :func:`parameters_type` says; its defaults where left out.
-
-    Raises:
-        InputError: nothing has that name, or its parameters are of another class.
-    """
-    return _entry(name, parameters).build(parameters)
-
-
-def library_problem(name: str, parameters: Spec | None = None) -> Problem | None:
-    """The run that a problem of the library asks for; None for a machine.
-
-    Raises:
-        InputError: as :func:`model`.
-    """
-    _entry(name, parameters)
-    problem_entry = find_benchmark(name)
-    if problem_entry is None:
-        return None
-    return problem_entry.problem(cast("BenchmarkParameters | None", parameters))
-
-
-def _entry(name: str, parameters: Spec | None = None) -> _Model:
-    entry = _MODELS.get(name) or _of_library(name)
+def _entry(name: str, parameters: Spec | None = None) -> _Machine | Benchmark:
+    """The machine or problem of a name, once its parameters are of the right class."""
+    entry = _MACHINES.get(name) or find_benchmark(name)
     if entry is None:
-        close = get_close_matches(name, (*_MODELS, *(known.name for known in benchmarks())), n=1)
-        hint = f" (did you mean {close[0]!r}?)" if close else ""
-        known = f"{', '.join(_MODELS)}, and the problems that `trebucheck problems` lists"
-        raise InputError(f"there is no model {name!r}{hint}; there are: {known}.")
+        known = f"{', '.join(_MACHINES)}, and the problems that `trebucheck problems` lists"
+        raise _unknown("model", name, (*_MACHINES, *_BENCHMARKS), known)
     if parameters is not None and not isinstance(parameters, entry.parameters):
         raise InputError(
             f"model {name!r} is built from {entry.parameters.__name__}, "
@@ -121,43 +108,145 @@ def _entry(name: str, parameters: Spec | None = None) -> _Model:
     return entry
 
 
-def _of_library(name: str) -> _Model | None:
-    problem_entry = find_benchmark(name)
-    if problem_entry is None:
+def _unknown(what: str, name: str, names: Iterable[str], known: str) -> InputError:
+    close = get_close_matches(name, list(names), n=1)
+    hint = f" (did you mean {close[0]!r}?)" if close else ""
+    return InputError(f"there is no {what} {name!r}{hint}; there are: {known}.")
+
+
+# --- Models as users give them
+
+
+def several(given: Models) -> tuple[str | Mechanism | Problem, ...]:
+    """One or several models as a tuple; files are read, names stay names.
+
+    Raises:
+        InputError: something is no model, or a file cannot be read.
+    """
+    if isinstance(given, str | PathLike | Mechanism | Problem):
+        given = (given,)
+    elif not isinstance(given, Iterable):  # pyright: ignore[reportUnnecessaryIsInstance] - of users
+        raise InputError(f"{given!r} is no model; {_LISTED} is needed, or several of them.")
+    read: list[str | Mechanism | Problem] = []
+    for model in given:
+        if isinstance(model, Mechanism | Problem):
+            read.append(model)
+        elif not isinstance(model, str | PathLike):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise InputError(f"{model!r} is no model; {_LISTED} is needed.")
+        elif isinstance(model, str) and not model.endswith(".json"):
+            read.append(model)
+        else:
+            read.append(Mechanism.load(Path(model)))
+    return tuple(read)
+
+
+def model_of(given: Model, parameters: Spec | None = None) -> Mechanism | Problem:
+    """One model as a mechanism, or as a problem where one of the library is named.
+
+    Args:
+        given: a name, a path, a mechanism or a problem.
+        parameters: of what is given by name; the defaults if left out.
+
+    Raises:
+        InputError: as :func:`several`, or nothing has such a name, or its parameters are of another
+            class, or several are given.
+    """
+    models = several(given)
+    if len(models) != 1:
+        raise InputError(f"{len(models)} models are given; one is needed: {_LISTED}.")
+    (model,) = models
+    if not isinstance(model, str):
+        return model
+    entry, values = _entry(model, parameters), cast("Any", parameters)
+    return entry.problem(values) if isinstance(entry, Benchmark) else entry.build(values)
+
+
+def model(given: Model, parameters: Spec | None = None) -> Mechanism:
+    """A mechanism by its name, from its file, or of a problem.
+
+    Args:
+        given: name of a machine, name or number of a problem, path of a mechanism's .json file, a
+            mechanism, or a problem.
+        parameters: of what is given by name; their defaults if left out.
+
+    Raises:
+        InputError: as :func:`model_of`.
+    """
+    made = model_of(given, parameters)
+    return made.mechanism if isinstance(made, Problem) else made
+
+
+def library_problem(name: str, parameters: Spec | None = None) -> Problem | None:
+    """The run that a problem of the library asks for; None for a machine.
+
+    Raises:
+        InputError: as :func:`model`.
+    """
+    entry = _entry(name, parameters)
+    return entry.problem(cast("Any", parameters)) if isinstance(entry, Benchmark) else None
+
+
+def problem(name: str, parameters: Spec | None = None) -> Problem:
+    """A problem of the library: a mechanism, a duration and a law of its stops.
+
+    Args:
+        name: or number.
+        parameters: of the problem's own class; its defaults if left out.
+
+    Raises:
+        InputError: no problem has that name, or its parameters are of another class.
+    """
+    made = library_problem(benchmark(name).name, parameters)
+    assert made is not None  # `benchmark` refuses what is none
+    return made
+
+
+def named_parameters(given: Model, parameters: dict[str, float]) -> Spec | None:
+    """Parameters of a named model, from numbers by name; None where there are none.
+
+    Raises:
+        InputError: a number is no parameter of the model, or the model has no name.
+    """
+    if not parameters:
         return None
-    return _Model(
-        lambda given: problem_entry.problem(given).mechanism,
-        problem_entry.parameters,
-        problem_entry.text,
-    )
+    if not isinstance(given, str) or given.endswith(".json"):
+        raise InputError(
+            f"{', '.join(parameters)}: only a named model has parameters; this is a mechanism as "
+            "it is."
+        )
+    return parameters_type(given)(**parameters)
 
 
-_PROBLEMS = (*PENDULUMS, *LINKAGES, *CONTACTS, *SINGLE_ELEMENTS, SqueezerParameters)
-_BENCHMARKS = {
-    parameters.name: Benchmark.of(parameters)
-    for parameters in sorted(_PROBLEMS, key=lambda parameters: parameters.number)
-}
+# --- Problems of the library
 
 
-def benchmarks(tag: str | None = None) -> tuple[Benchmark, ...]:
-    """The library in the order of the numbers, or those of its problems that have a tag.
+def problems(tag: str | None = None) -> dict[str, Benchmark]:
+    """The problems of the library by name: their source, figures and conditions.
+
+    Args:
+        tag: only those that have it, such as 'loop'; all if left out.
 
     Raises:
         InputError: no problem has that tag; the sentence lists the tags there are.
     """
-    entries = tuple(_BENCHMARKS.values())
-    chosen = tuple(entry for entry in entries if tag is None or tag in entry.tags)
+    chosen = {name: entry for name, entry in _BENCHMARKS.items() if tag in (None, *entry.tags)}
     if not chosen:
-        tags = sorted({tag for entry in entries for tag in entry.tags})
-        raise InputError(f"no problem has the tag {tag!r}; there are: {', '.join(tags)}.")
+        tags = {tag for entry in _BENCHMARKS.values() for tag in entry.tags}
+        raise InputError(f"no problem has the tag {tag!r}; there are: {', '.join(sorted(tags))}.")
     return chosen
+
+
+def benchmarks(tag: str | None = None) -> tuple[Benchmark, ...]:
+    """The problems of the library, in the order of their numbers; as :func:`problems`."""
+    return tuple(problems(tag).values())
 
 
 def find_benchmark(name: str) -> Benchmark | None:
     """The problem of that name or number; None if there is none."""
-    return next(
-        (entry for entry in _BENCHMARKS.values() if name in (entry.name, entry.number)), None
-    )
+    for entry in _BENCHMARKS.values():
+        if name in (entry.name, entry.number):
+            return entry
+    return None
 
 
 def benchmark(name: str) -> Benchmark:
@@ -166,10 +255,8 @@ def benchmark(name: str) -> Benchmark:
     Raises:
         InputError: there is none; the sentence lists those there are.
     """
-    problem_entry = find_benchmark(name)
-    if problem_entry is None:
-        close = get_close_matches(name, _BENCHMARKS, n=1)
-        hint = f" (did you mean {close[0]!r}?)" if close else ""
+    entry = find_benchmark(name)
+    if entry is None:
         known = ", ".join(f"{entry.number} {entry.name}" for entry in _BENCHMARKS.values())
-        raise InputError(f"there is no problem {name!r}{hint}; there are: {known}.")
-    return problem_entry
+        raise _unknown("problem", name, _BENCHMARKS, known)
+    return entry

@@ -19,7 +19,7 @@ from ..elements import (
     SpringDamper,
     WeldJoint,
 )
-from ..mechanism import Body, Marker, Mechanism
+from ..mechanism import Body, Mechanism
 from ..spec import NonNegative, Positive, Real, Vector
 from .benchmark import (
     BenchmarkParameters,
@@ -29,6 +29,7 @@ from .benchmark import (
     coordinate,
     disc,
     marker,
+    marker_position,
     passage,
     path_figure,
     period,
@@ -42,19 +43,6 @@ from .closed_forms import Swing, time_between
 _LINEAR = "linear equation of motion: Lord Rayleigh, The Theory of Sound (1877), Ch. III"
 _SPAN = 10.0  # periods, or time constants, of a linear motion
 _CENTRE: Vector = (0.3, -0.1)  # [m] of the thrown plate, from its corner
-
-
-def _decay(rates: FloatArray, start: float, t: FloatArray) -> FloatArray:
-    """Deflection at times t [s] of a linear system let go at `start`, shape (n,)."""
-    decay = -rates[1, 1] / 2
-    # Imaginary below critical damping, at which it is zero.
-    root = cmath.sqrt(decay**2 + rates[1, 0])
-    up, down = np.exp((root - decay) * t), np.exp((-root - decay) * t)
-    small = np.where(abs(root * t) < 1, root * t, 0.0)
-    near_zero = np.exp(-decay * t) * t * np.sinc(1j * small / np.pi)
-    # e^(-decay t) sinh(root t) / root
-    ratio = np.where(abs(root * t) < 1, near_zero, (up - down) / (2 * root or 1.0))
-    return np.asarray(((up + down) / 2 + decay * ratio).real * start, dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -73,34 +61,51 @@ class LinearOscillation:
     damping: float
 
     @property
-    def rates(self) -> FloatArray:
-        """Matrix of the linear system of deflection and speed."""
-        m = self.inertia
-        return np.array([[0.0, 1.0], [-self.stiffness / m, -self.damping / m]])
-
-    @property
     def duration(self) -> float:
         """Ten periods without the damper [s]."""
-        return _SPAN * 2 * math.pi / math.sqrt(-self.rates[1, 0])
+        return _SPAN * 2 * math.pi / math.sqrt(self.stiffness / self.inertia)
 
     def at(self, t: FloatArray) -> FloatArray:
         """The coordinate at times t [s], shape (n,)."""
-        return self.rest + _decay(self.rates, self.start, t)
+        decay = self.damping / self.inertia / 2
+        # Imaginary below critical damping, at which it is zero.
+        root = cmath.sqrt(decay**2 - self.stiffness / self.inertia)
+        up, down = np.exp((root - decay) * t), np.exp((-root - decay) * t)
+        small = np.where(abs(root * t) < 1, root * t, 0.0)
+        near_zero = np.exp(-decay * t) * t * np.sinc(1j * small / np.pi)
+        # e^(-decay t) sinh(root t) / root
+        ratio = np.where(abs(root * t) < 1, near_zero, (up - down) / (2 * root or 1.0))
+        deflection = ((up + down) / 2 + decay * ratio).real * self.start
+        return np.asarray(self.rest + deflection, dtype=np.float64)
+
+
+class LinearParameters(BenchmarkParameters):
+    """Base of the problems of a linear spring and damper."""
+
+    @property
+    def motion(self) -> LinearOscillation:
+        """Motion in closed form."""
+        raise NotImplementedError(type(self).__name__)
+
+    @property
+    def duration(self) -> float:
+        return self.motion.duration
 
     def figures(self) -> tuple[KnownValue, ...]:
         """Path, and the period or, with a damper, the deflection after a quarter of the time."""
-        quantity, end = coordinate(self.coordinate), self.duration
-        tolerance, name = 1e-11 * max(1.0, abs(self.start)), "largest error of the deflection"
-        error = path_figure(name, self.unit, tolerance, quantity, self.at, end)
-        if self.damping > 0:
+        motion, end = self.motion, self.duration
+        quantity, unit = coordinate(motion.coordinate), motion.unit
+        tolerance, name = 1e-11 * max(1.0, abs(motion.start)), "largest error of the deflection"
+        error = path_figure(name, unit, tolerance, quantity, motion.at, end)
+        if motion.damping > 0:
             name, read = "deflection after a quarter of the time", at(quantity, end / 4)
-            final = float(self.at(np.array([end / 4]))[0])
-            return error, KnownValue(name, final, self.unit, 1e-11, read)
-        cycle, read = end / _SPAN, period(quantity, self.rest, end)
+            final = float(motion.at(np.array([end / 4]))[0])
+            return error, KnownValue(name, final, unit, 1e-11, read)
+        cycle, read = end / _SPAN, period(quantity, motion.rest, end)
         return error, KnownValue("period", cycle, "s", 1e-11 * cycle, read)
 
 
-class OscillatorParameters(BenchmarkParameters):
+class OscillatorParameters(LinearParameters):
     """A block on a spring and damper, deflected along a level line and let go."""
 
     number = "E01"
@@ -118,32 +123,19 @@ class OscillatorParameters(BenchmarkParameters):
 
     @property
     def motion(self) -> LinearOscillation:
-        """Motion in closed form."""
         return LinearOscillation("x", "m", 0.0, self.start, self.mass, self.stiffness, self.damping)
-
-    @property
-    def duration(self) -> float:
-        return self.motion.duration
-
-    def figures(self) -> tuple[KnownValue, ...]:
-        return self.motion.figures()
 
     def mechanism(self) -> Mechanism:
         spring = SpringDamper(
-            name="spring",
-            body="block",
-            point=(0, 0),
-            relative_point=(-1, 0),
-            stiffness=self.stiffness,
-            damping=self.damping,
-            rest_length=1,
-        )
+            name="spring", body="block", point=(0, 0), relative_point=(-1, 0),
+            stiffness=self.stiffness, damping=self.damping, rest_length=1,
+        )  # fmt: skip
         return Mechanism(
             name=self.name,
             bodies=(block(self.mass),),
             joints=(rail("rail", GROUND, "block", "x"),),
             force_elements=(spring,),
-            markers=(Marker(name="block", body="block", point=(0, 0)),),
+            markers=(marker("block", "block"),),
             gravity=9.81,
             start=(self.start,),
         )
@@ -160,7 +152,7 @@ class DampedOscillatorParameters(OscillatorParameters):
     damping: NonNegative = Field(default=3.0, description="[N s/m]")
 
 
-class TorsionParameters(BenchmarkParameters):
+class TorsionParameters(LinearParameters):
     """A disc on a rotational spring and damper, turned away from its rest and let go."""
 
     number = "E03"
@@ -178,35 +170,21 @@ class TorsionParameters(BenchmarkParameters):
 
     @property
     def motion(self) -> LinearOscillation:
-        """Motion in closed form."""
-        return LinearOscillation(
-            "a", "rad", self.rest, self.start, self.inertia, self.stiffness, self.damping
-        )
-
-    @property
-    def duration(self) -> float:
-        return self.motion.duration
-
-    def figures(self) -> tuple[KnownValue, ...]:
-        return self.motion.figures()
+        p = self
+        return LinearOscillation("a", "rad", p.rest, p.start, p.inertia, p.stiffness, p.damping)
 
     def mechanism(self) -> Mechanism:
-        body, pin = disc("disc", "a", self.mass, self.inertia)
+        body, pivot = disc("disc", "a", self.mass, self.inertia)
         spring = RotationalSpringDamper(
-            name="spring",
-            body="disc",
-            stiffness=self.stiffness,
-            damping=self.damping,
+            name="spring", body="disc", stiffness=self.stiffness, damping=self.damping,
             rest_angle=self.rest,
-        )
+        )  # fmt: skip
         return Mechanism(
             name=self.name,
             bodies=(body,),
-            joints=(pin,),
+            joints=(pivot,),
             force_elements=(spring,),
-            markers=(
-                Marker(name="rim", body="disc", point=(math.sqrt(2 * self.inertia / self.mass), 0)),
-            ),
+            markers=(marker("rim", "disc", (math.sqrt(2 * self.inertia / self.mass), 0)),),
             gravity=9.81,
             start=(self.rest + self.start,),
         )
@@ -236,10 +214,8 @@ class MotorParameters(BenchmarkParameters):
         return _SPAN * self.constant
 
     def mechanism(self) -> Mechanism:
-        (rotor, rotor_pin), (casing, casing_pin) = (
-            disc("rotor", "a", 1.0, self.rotor),
-            disc("casing", "b", 5.0, self.casing),
-        )
+        rotor, rotor_pin = disc("rotor", "a", 1.0, self.rotor)
+        casing, casing_pin = disc("casing", "b", 5.0, self.casing)
         motor = ConstantTorque(name="motor", body="rotor", relative_to="casing", torque=self.torque)
         damper = RotationalSpringDamper(
             name="damper", body="rotor", relative_to="casing", damping=self.damping
@@ -249,14 +225,14 @@ class MotorParameters(BenchmarkParameters):
             bodies=(rotor, casing),
             joints=(rotor_pin, casing_pin),
             force_elements=(motor, damper),
-            markers=(Marker(name="rim", body="rotor", point=(0.1, 0)),),
+            markers=(marker("rim", "rotor", (0.1, 0)),),
             gravity=9.81,
             start=(0.0, 0.0),
         )
 
     def figures(self) -> tuple[KnownValue, ...]:
-        end, final = _SPAN * self.constant, self.torque / self.damping
-        # Of the relative motion that is the rotor's.
+        end, final = self.duration, self.torque / self.damping
+        # The rotor's part of the relative motion.
         share = self.casing / (self.casing + self.rotor)
 
         def angle(t: FloatArray) -> FloatArray:
@@ -264,16 +240,9 @@ class MotorParameters(BenchmarkParameters):
 
         last = share * final * -math.expm1(-_SPAN)
         name, tolerance = "largest error of the rotor's angle", 1e-11 * max(1.0, abs(final) * end)
-        return (
-            path_figure(name, "rad", tolerance, coordinate("a"), angle, end),
-            KnownValue(
-                "rotor's speed at the end",
-                last,
-                "rad/s",
-                1e-11 * max(1.0, abs(last)),
-                at(speed("a"), end),
-            ),
-        )
+        error = path_figure(name, "rad", tolerance, coordinate("a"), angle, end)
+        name, tolerance = "rotor's speed at the end", 1e-11 * max(1.0, abs(last))
+        return error, KnownValue(name, last, "rad/s", tolerance, at(speed("a"), end))
 
 
 class WeldedRodsParameters(BenchmarkParameters):
@@ -296,36 +265,25 @@ class WeldedRodsParameters(BenchmarkParameters):
     )
 
     @property
-    def centre(self) -> complex:
-        """Centre of mass in the first rod's frame, x + i y [m]."""
-        return self.length * (1.5 + 0.5 * cmath.exp(-1j * self.bend)) / 2
-
-    @property
-    def lowest(self) -> float:
-        """Angle of the first rod in the lowest position [rad]."""
-        return math.pi / 2 + cmath.phase(self.centre)
-
-    @property
     def swing(self) -> Swing:
         """Its motion."""
+        # In the first rod's frame, x + i y [m].
+        centre = self.length * (1.5 + 0.5 * cmath.exp(-1j * self.bend)) / 2
         outer = self.length * abs(1 + 0.5 * cmath.exp(-1j * self.bend))
         inertia = self.mass * (self.length**2 / 3 + self.length**2 / 12 + outer**2)
-        omega = math.sqrt(2 * self.mass * self.g * abs(self.centre) / inertia)
-        return Swing("a", omega, self.amplitude, self.lowest)
+        omega = math.sqrt(2 * self.mass * self.g * abs(centre) / inertia)
+        return Swing("a", omega, self.amplitude, lowest=math.pi / 2 + cmath.phase(centre))
 
     @property
     def duration(self) -> float:
         return 2.5 * self.swing.period
 
     def mechanism(self) -> Mechanism:
+        end = (self.length, 0.0)
         weld = WeldJoint(
-            name="weld",
-            parent="upper",
-            child="lower",
-            parent_point=(self.length, 0),
-            child_point=(0, 0),
+            name="weld", parent="upper", child="lower", parent_point=end, child_point=(0, 0),
             angle=self.bend,
-        )
+        )  # fmt: skip
         return Mechanism(
             name=self.name,
             bodies=(
@@ -333,9 +291,9 @@ class WeldedRodsParameters(BenchmarkParameters):
                 rod("lower", None, self.length, self.mass),
             ),
             joints=(pin("pivot", GROUND, "upper"), weld),
-            markers=(Marker(name="tip", body="lower", point=(self.length, 0)),),
+            markers=(marker("tip", "lower", end),),
             gravity=self.g,
-            start=(self.lowest + self.amplitude,),
+            start=(self.swing.lowest + self.amplitude,),
         )
 
     def figures(self) -> tuple[KnownValue, ...]:
@@ -367,7 +325,7 @@ class InclineParameters(BenchmarkParameters):
             name=self.name,
             bodies=(block(self.mass),),
             joints=(rail("rail", GROUND, "block", "x"),),
-            markers=(Marker(name="block", body="block", point=(0, 0)),),
+            markers=(marker("block", "block"),),
             gravity=self.g,
             gravity_direction=(math.sin(self.slope), -math.cos(self.slope)),
             start=(0.0,),
@@ -375,10 +333,9 @@ class InclineParameters(BenchmarkParameters):
         )
 
     def figures(self) -> tuple[KnownValue, ...]:
-        end, along = self.duration, self.g * math.sin(self.slope)
+        x, end, along = coordinate("x"), self.duration, self.g * math.sin(self.slope)
         final = self.speed * end + along * end**2 / 2
-        reach = abs(self.speed) * end + abs(along) * end**2
-        x, tolerance = coordinate("x"), 1e-12 * reach
+        tolerance = 1e-12 * (abs(self.speed) * end + abs(along) * end**2)
 
         def path(t: FloatArray) -> FloatArray:
             return self.speed * t + along * t**2 / 2
@@ -416,13 +373,11 @@ class BeadParameters(BenchmarkParameters):
     @property
     def passage(self) -> float:
         """Time at which the bead passes the end [s]."""
-        return time_between(
-            self.start, self.end, self.speed, lambda r: self.mass, self.effective_potential
-        )
 
-    def effective_potential(self, r: float) -> float:
-        """Energy of the turning at a distance [m] of the bead [J]."""
-        return self.momentum**2 / (2 * (self.inertia + self.mass * r**2))
+        def turning_energy(r: float) -> float:
+            return self.momentum**2 / (2 * (self.inertia + self.mass * r**2))
+
+        return time_between(self.start, self.end, self.speed, lambda r: self.mass, turning_energy)
 
     @property
     def duration(self) -> float:
@@ -434,31 +389,19 @@ class BeadParameters(BenchmarkParameters):
             name=self.name,
             bodies=(arm, Body(name="bead", mass=self.mass, centre=(0, 0), inertia=0)),
             joints=(pivot, rail("rod", "arm", "bead", "r")),
-            markers=(Marker(name="bead", body="bead", point=(0, 0)),),
+            markers=(marker("bead", "bead"),),
             gravity=0,
             start=(0.0, self.start),
             start_speeds=(self.turning, self.speed),
         )
 
     def figures(self) -> tuple[KnownValue, ...]:
-        end, r, exact = self.duration, coordinate("r"), self.passage
+        time, read = self.passage, passage(coordinate("r"), self.end, self.duration)
         turning = self.momentum / (self.inertia + self.mass * self.end**2)
+        tolerance = 1e-11 * max(1.0, abs(turning))
         return (
-            KnownValue(
-                "passage of the end",
-                exact,
-                "s",
-                1e-11 * exact,
-                passage(r, self.end, end),
-                "quadrature",
-            ),
-            KnownValue(
-                "arm's speed then",
-                turning,
-                "rad/s",
-                1e-11 * max(1.0, abs(turning)),
-                at(speed("a"), exact),
-            ),
+            KnownValue("passage of the end", time, "s", 1e-11 * time, read, "quadrature"),
+            KnownValue("arm's speed then", turning, "rad/s", tolerance, at(speed("a"), time)),
         )
 
 
@@ -490,22 +433,16 @@ class ThrownPlateParameters(BenchmarkParameters):
 
     def mechanism(self) -> Mechanism:
         # The coordinates are those of a corner, from which the centre of mass stands at _CENTRE.
-        free = FreeJoint(name="flight", child="plate", coordinates=("x", "y"))
-        wind = ConstantForce(
-            name="wind", body="plate", point=_CENTRE, force=(self.force_x, self.force_y)
-        )
+        force = (self.force_x, self.force_y)
         corner = complex(self.speed_x, self.speed_y) + 1j * self.spin * complex(*_CENTRE)
         return Mechanism(
             name=self.name,
             bodies=(
                 Body(name="plate", angle="a", mass=self.mass, centre=_CENTRE, inertia=self.inertia),
             ),
-            joints=(free,),
-            force_elements=(wind,),
-            markers=(
-                Marker(name="centre", body="plate", point=_CENTRE),
-                Marker(name="corner", body="plate", point=(0, 0)),
-            ),
+            joints=(FreeJoint(name="flight", child="plate", coordinates=("x", "y")),),
+            force_elements=(ConstantForce(name="wind", body="plate", point=_CENTRE, force=force),),
+            markers=(marker("centre", "plate", _CENTRE), marker("corner", "plate")),
             gravity=self.g,
             start=(0.0, 0.0, 0.0),
             start_speeds=(self.spin, corner.real, corner.imag),
@@ -514,26 +451,21 @@ class ThrownPlateParameters(BenchmarkParameters):
     def figures(self) -> tuple[KnownValue, ...]:
         pull = self.force_x / self.mass, self.force_y / self.mass - self.g
 
-        def path(axis: int, start: float, rate: float, name: str) -> KnownValue:
+        def path(axis: int, rate: float) -> KnownValue:
             def exact(t: FloatArray) -> FloatArray:
-                return start + rate * t + pull[axis] * t**2 / 2
+                return _CENTRE[axis] + rate * t + pull[axis] * t**2 / 2
 
-            tolerance = 1e-11 * max(1.0, abs(rate))
-            name = f"largest error of the centre's {name}"
-            return path_figure(name, "m", tolerance, marker("centre", axis), exact, self.duration)
+            name, tolerance = (
+                f"largest error of the centre's {'xy'[axis]}",
+                1e-11 * max(1.0, abs(rate)),
+            )
+            quantity = marker_position("centre", axis)
+            return path_figure(name, "m", tolerance, quantity, exact, self.duration)
 
-        turned = self.spin * self.duration
-        return (
-            path(0, _CENTRE[0], self.speed_x, "x"),
-            path(1, _CENTRE[1], self.speed_y, "y"),
-            KnownValue(
-                "angle at the end",
-                turned,
-                "rad",
-                1e-11 * max(1.0, abs(turned)),
-                at(coordinate("a"), self.duration),
-            ),
-        )
+        turned, read = self.spin * self.duration, at(coordinate("a"), self.duration)
+        tolerance = 1e-11 * max(1.0, abs(turned))
+        angle = KnownValue("angle at the end", turned, "rad", tolerance, read)
+        return path(0, self.speed_x), path(1, self.speed_y), angle
 
 
 class SpringPendulumParameters(BenchmarkParameters):
@@ -560,35 +492,36 @@ class SpringPendulumParameters(BenchmarkParameters):
     def duration(self) -> float:
         return _SPAN * 2 * math.pi / self.omega
 
+    @property
+    def rest(self) -> float:
+        """Height at rest [m]."""
+        return -self.mass * self.g / self.stiffness
+
     def mechanism(self) -> Mechanism:
         spring = SpringDamper(
             name="spring", body="bob", point=(0, 0), relative_point=(0, 0), stiffness=self.stiffness
         )
+        inertia = 0.001 * self.mass
         return Mechanism(
             name=self.name,
-            bodies=(
-                Body(
-                    name="bob", angle="a", mass=self.mass, centre=(0, 0), inertia=0.001 * self.mass
-                ),
-            ),
+            bodies=(Body(name="bob", angle="a", mass=self.mass, centre=(0, 0), inertia=inertia),),
             joints=(FreeJoint(name="plane", child="bob", coordinates=("x", "y")),),
             force_elements=(spring,),
-            markers=(Marker(name="bob", body="bob", point=(0, 0)),),
+            markers=(marker("bob", "bob"),),
             gravity=self.g,
-            start=(0.0, self.aside, -self.mass * self.g / self.stiffness),
+            start=(0.0, self.aside, self.rest),
             start_speeds=(0.0, 0.0, self.speed_y),
         )
 
     def figures(self) -> tuple[KnownValue, ...]:
-        end, rest, w = self.duration, -self.mass * self.g / self.stiffness, self.omega
-        size = max(1.0, abs(self.aside), abs(self.speed_y) / w)
-        tolerance = 1e-11 * size
+        end, w = self.duration, self.omega
+        tolerance = 1e-11 * max(1.0, abs(self.aside), abs(self.speed_y) / w)
 
         def x(t: FloatArray) -> FloatArray:
             return self.aside * np.cos(w * t)
 
         def y(t: FloatArray) -> FloatArray:
-            return rest + self.speed_y / w * np.sin(w * t)
+            return self.rest + self.speed_y / w * np.sin(w * t)
 
         return (
             path_figure("largest error of x", "m", tolerance, coordinate("x"), x, end),

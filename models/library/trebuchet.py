@@ -14,15 +14,13 @@ from typing import Annotated, Self
 
 from pydantic import Field
 
-from ..elements import GROUND, PinJoint, PointStop, SlotJoint, Stop
+from ..elements import GROUND, PinJoint, SlotJoint, Stop
 from ..errors import InputError
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import Positive, Real, Spec
-from .benchmark import pin, slot
+from .benchmark import bob, floor, marker, pin, slot
 
 Angle = Annotated[Real, Field(ge=-4 * math.pi, le=4 * math.pi)]
-
-
 """[rad] up to two turns either way: more are degrees more often than not."""
 
 
@@ -116,8 +114,7 @@ def fixed(parameters: TrebuchetParameters | None = None) -> Mechanism:
         parameters: Table I where left out.
     """
     p = parameters or TrebuchetParameters()
-    fulcrum = pin(FULCRUM, GROUND, "arm")
-    return _whipper("fixed", p, fulcrum, start=(p.theta0, p.phi0, p.alpha0))
+    return _whipper("fixed", p, pin(FULCRUM, GROUND, "arm"), (p.theta0, p.phi0, p.alpha0))
 
 
 def rolling(parameters: TrebuchetParameters | None = None) -> Mechanism:
@@ -128,7 +125,7 @@ def rolling(parameters: TrebuchetParameters | None = None) -> Mechanism:
     """
     p = parameters or TrebuchetParameters()
     fulcrum = slot(FULCRUM, "arm", (1, 0), coordinate="x_p")
-    return _whipper("rolling", p, fulcrum, start=(p.theta0, p.phi0, p.alpha0, 0.0))
+    return _whipper("rolling", p, fulcrum, (p.theta0, p.phi0, p.alpha0, 0.0))
 
 
 def hinged(parameters: HingedParameters | None = None) -> Mechanism:
@@ -139,18 +136,13 @@ def hinged(parameters: HingedParameters | None = None) -> Mechanism:
     """
     p = parameters or HingedParameters()
     whipper = fixed(TrebuchetParameters(**p.model_dump()))
-    floor = -p.l1 * math.sin(p.theta0) - p.r * math.sin(p.phi0)
-    trough = PointStop(
-        name=TROUGH, body="sling", point=(p.r, 0), normal=(0, 1), offset=floor, closed=True
-    )
+    height = -p.l1 * math.sin(p.theta0) - p.r * math.sin(p.phi0)
     return Mechanism(
         name="hinged",
         bodies=whipper.bodies,
         joints=whipper.joints,
-        stops=(trough,),
-        markers=tuple(
-            marker for marker in whipper.markers if marker.name in (PROJECTILE, COUNTERWEIGHT)
-        ),
+        stops=(floor(TROUGH, "sling", (p.r, 0), height=height, closed=True),),
+        markers=whipper.markers[:2],  # of the projectile and the counterweight
         gravity=p.g,
         start=whipper.start,
     )
@@ -158,24 +150,21 @@ def hinged(parameters: HingedParameters | None = None) -> Mechanism:
 
 def parameters_of(mechanism: Mechanism) -> TrebuchetParameters | None:
     """The parameters a machine was built from; None if it is not exactly one of these two."""
-    builders = {"fixed": fixed, "rolling": rolling}
-    names = {body.name for body in mechanism.bodies}
-    if (
-        mechanism.name not in builders
-        or names != {"arm", "sling", "hanger"}
-        or len(mechanism.joints) != 3
-    ):
+    build = {"fixed": fixed, "rolling": rolling}.get(mechanism.name)
+    bodies = {body.name: body for body in mechanism.bodies}
+    if not build or bodies.keys() != {"arm", "sling", "hanger"} or len(mechanism.joints) != 3:
         return None
     _, sling_pin, hanger_pin = mechanism.joints
+    sling, hanger = bodies["sling"], bodies["hanger"]
     try:
         parameters = TrebuchetParameters(
             l1=sling_pin.parent_point[0],
             l2=-hanger_pin.parent_point[0],
-            m_b=mechanism.body("sling").mass,
-            m_cw=mechanism.body("hanger").mass,
-            m_a=mechanism.body("arm").mass,
-            h=mechanism.body("hanger").centre[0],
-            r=mechanism.body("sling").centre[0],
+            m_b=sling.mass,
+            m_cw=hanger.mass,
+            m_a=bodies["arm"].mass,
+            h=hanger.centre[0],
+            r=sling.centre[0],
             g=mechanism.gravity,
             theta0=mechanism.start[0],
             phi0=mechanism.start[1],
@@ -183,66 +172,49 @@ def parameters_of(mechanism: Mechanism) -> TrebuchetParameters | None:
         )
     except InputError:
         return None
-    return parameters if builders[mechanism.name](parameters) == mechanism else None
+    return parameters if build(parameters) == mechanism else None
 
 
 def _whipper(
     name: str, p: TrebuchetParameters, fulcrum: PinJoint | SlotJoint, start: tuple[float, ...]
 ) -> Mechanism:
-    beam = p.l1 + p.l2
-    arm = Body(
-        name="arm",
-        angle="theta",
-        mass=p.m_a,
-        centre=((p.l1 - p.l2) / 2, 0),
-        inertia=p.m_a * _square(beam) / 12,
-    )
-    sling = Body(name="sling", angle="phi", mass=p.m_b, centre=(p.r, 0), inertia=0)
-    hanger = Body(name="hanger", angle="alpha", mass=p.m_cw, centre=(p.h, 0), inertia=0)
+    centre, inertia = ((p.l1 - p.l2) / 2, 0.0), p.m_a * _square(p.l1 + p.l2) / 12
+    # The two rests stand where the machine starts (paper Eqs. 6, 7: phi_0 = phi[0], alpha_0 =
+    # alpha[0]), so a machine with other start angles has its rests elsewhere, and both always touch
+    # at the start.
+    hanger_rest = Stop(
+        name=HANGER_REST, body="hanger", relative_to="arm", sense=-1, limit=p.theta0 - p.alpha0,
+        closed=True,
+    )  # fmt: skip
+    sling_rest = Stop(
+        name=SLING_REST, body="sling", relative_to="arm", sense=1, limit=p.phi0 - p.theta0,
+        closed=True,
+    )  # fmt: skip
+    arm_stop = Stop(name=ARM_STOP, body="arm", sense=-1, limit=-3 * math.pi / 2, closed=False)
     return Mechanism(
         name=name,
-        bodies=(arm, sling, hanger),
+        bodies=(
+            Body(name="arm", angle="theta", mass=p.m_a, centre=centre, inertia=inertia),
+            bob("sling", "phi", p.r, p.m_b),
+            bob("hanger", "alpha", p.h, p.m_cw),
+        ),
         joints=(
             fulcrum,
             pin(SLING_PIN, "arm", "sling", (p.l1, 0)),
             pin(HANGER_PIN, "arm", "hanger", (-p.l2, 0)),
         ),
-        stops=_stops(p),
+        stops=(hanger_rest, sling_rest, arm_stop),
         markers=(
-            Marker(name=PROJECTILE, body="sling", point=(p.r, 0)),
-            Marker(name=COUNTERWEIGHT, body="hanger", point=(p.h, 0)),
-            Marker(name="arm centre", body="arm", point=arm.centre),
+            marker(PROJECTILE, "sling", (p.r, 0)),
+            marker(COUNTERWEIGHT, "hanger", (p.h, 0)),
+            marker("arm centre", "arm", centre),
         ),
         gravity=p.g,
         start=start,
     )
 
 
-def _stops(p: TrebuchetParameters) -> tuple[Stop, ...]:
-    # The two rests stand where the machine starts (paper Eqs. 6, 7: phi_0 = phi[0], alpha_0 =
-    # alpha[0]), so a machine with other start angles has its rests elsewhere, and both always touch
-    # at the start.
-    hanger = Stop(
-        name=HANGER_REST,
-        body="hanger",
-        relative_to="arm",
-        sense=-1,
-        limit=p.theta0 - p.alpha0,
-        closed=True,
-    )
-    sling = Stop(
-        name=SLING_REST,
-        body="sling",
-        relative_to="arm",
-        sense=1,
-        limit=p.phi0 - p.theta0,
-        closed=True,
-    )
-    arm = Stop(name=ARM_STOP, body="arm", sense=-1, limit=-3 * math.pi / 2, closed=False)
-    return (hanger, sling, arm)
-
-
-def loaded_arm(l1: float, l2: float, mass: float, loads: Mapping[float, float]) -> Body:
+def _loaded_arm(l1: float, l2: float, mass: float, loads: Mapping[float, float]) -> Body:
     """A uniform rod from -l2 to l1 along its own x axis, with point masses fixed to it.
 
     Args:
@@ -305,11 +277,11 @@ def catapult(parameters: CatapultParameters | None = None) -> Mechanism:
     p = parameters or CatapultParameters()
     return Mechanism(
         name="catapult",
-        bodies=(loaded_arm(p.l1, p.l2, p.m_a, {p.l1: p.m_b, -p.l2: p.m_cw}),),
+        bodies=(_loaded_arm(p.l1, p.l2, p.m_a, {p.l1: p.m_b, -p.l2: p.m_cw}),),
         joints=(pin(FULCRUM, GROUND, "arm"),),
         markers=(
             Marker(name=PROJECTILE, body="arm", point=(p.l1, 0), mass=p.m_b),
-            Marker(name=COUNTERWEIGHT, body="arm", point=(-p.l2, 0)),
+            marker(COUNTERWEIGHT, "arm", (-p.l2, 0)),
         ),
         gravity=p.g,
         start=(p.theta0,),
@@ -348,24 +320,23 @@ def floating_arm(parameters: FloatingArmParameters | None = None) -> Mechanism:
         parameters: Table I's where left out.
     """
     p = parameters or FloatingArmParameters()
-    sling = Body(name="sling", angle="phi", mass=p.m_b, centre=(p.r, 0), inertia=0)
-    floor = -p.l1 * math.sin(p.theta0) - p.r * math.sin(p.phi0)
-    trough = PointStop(
-        name=TROUGH, body="sling", point=(p.r, 0), normal=(0, 1), offset=floor, closed=True
-    )
+    height = -p.l1 * math.sin(p.theta0) - p.r * math.sin(p.phi0)
     return Mechanism(
         name="floating-arm",
-        bodies=(loaded_arm(p.l1, p.l2, p.m_a, {-p.l2: p.m_cw}), sling),
+        bodies=(
+            _loaded_arm(p.l1, p.l2, p.m_a, {-p.l2: p.m_cw}),
+            bob("sling", "phi", p.r, p.m_b),
+        ),
         joints=(
             slot(DROP, "arm", (0, 1), on=(-p.l2, 0), coordinate="drop"),
             pin(SLING_PIN, "arm", "sling", (p.l1, 0)),
             slot(TRACK, "arm", (1, 0)),
         ),
-        stops=(trough,),
+        stops=(floor(TROUGH, "sling", (p.r, 0), height=height, closed=True),),
         markers=(
-            Marker(name=PROJECTILE, body="sling", point=(p.r, 0)),
-            Marker(name=COUNTERWEIGHT, body="arm", point=(-p.l2, 0)),
-            Marker(name="wheel", body="arm", point=(0, 0)),
+            marker(PROJECTILE, "sling", (p.r, 0)),
+            marker(COUNTERWEIGHT, "arm", (-p.l2, 0)),
+            marker("wheel", "arm"),
         ),
         gravity=p.g,
         start=(p.theta0, p.phi0, p.l2 * math.sin(p.theta0)),

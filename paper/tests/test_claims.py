@@ -12,8 +12,8 @@ import jsonschema
 import numpy as np
 import pytest
 import trebucheck as tb
+from trebucheck.comparisons.report.document import sentence
 from trebucheck.comparisons.report.html import page
-from trebucheck.comparisons.report.numbers import sentence
 from trebucheck.models.spec import schema_text
 from trebucheck_paper import report as shown
 from trebucheck_paper.design.efficiency import MachineEfficiency, Machines, SlingThrow, WidestThrow

@@ -344,13 +344,13 @@ def _times(part: str, name: str, factor: float) -> Callable[[Any], None]:
 
 def _longer_rod(machine: Any) -> None:
     """The bodies stand where they should, but a rod is made a thousandth too long."""
-    rod = next(rod for rod in machine.rods if rod.b is machine.parts["sling"].body)
+    rod = next(rod for rod in machine.rods if rod.joint.b is machine.parts["sling"].body)
     rod.length *= 1.001
 
 
 def _shifted_end(machine: Any) -> None:
     """The sling hangs a centimetre beside its pin."""
-    rod = next(rod for rod in machine.rods if rod.b is machine.parts["sling"].body)
+    rod = next(rod for rod in machine.rods if rod.joint.b is machine.parts["sling"].body)
     rod.joint.anchor_a = (rod.joint.anchor_a[0], rod.joint.anchor_a[1] + 0.01)
 
 

@@ -396,7 +396,7 @@ def test_the_solution_that_older_solvers_start_at_is_the_solvers(mechanism: Mech
         if mechanism.stop(stop).closed
     ]
     with correction.applied():
-        preload(model, data, closed + slot_contacts(mechanism, model), correction)
+        preload(data, closed + slot_contacts(mechanism, model), correction)
         correction.forward(data)
     found = data.qacc.copy()
     data.qacc_warmstart[:] = (

@@ -432,7 +432,7 @@ def _change(kind: str, **values: object) -> Callable[[Any], None]:
 
 
 def _without_loads(machine: Any) -> None:
-    machine.loads.loads.pop()
+    machine.loads.pop()
 
 
 def _turned_line(machine: Any) -> None:

@@ -21,9 +21,8 @@ import trebucheck as tb
 from trebucheck.cli.app import main
 from trebucheck.conformance import plugin
 from trebucheck.conformance.certificate import badge, certificate, headline, next_steps
-from trebucheck.conformance.session import Deviations, Session
-from trebucheck.conformance.suite import References, Suite, Target
-from trebucheck.conformance.verdicts import CheckState, CheckVerdict, Conformance
+from trebucheck.conformance.suite import References, Session, Suite, Target
+from trebucheck.conformance.verdicts import CheckState, CheckVerdict, Conformance, Deviations
 from trebucheck.engines.registry import ANNOUNCED
 from trebucheck.models.spec import schema_text
 

@@ -23,19 +23,17 @@ from trebucheck.comparisons.report.document import (
     Tile,
     Tiles,
     columns,
-    page_only,
-    row,
-    table,
-    terminal_only,
-    without_empty_columns,
-)  # fmt: skip
-from trebucheck.comparisons.report.numbers import (
     format_number,
     format_percent,
     format_step,
     format_value,
+    page_only,
+    row,
     sentence,
-)
+    table,
+    terminal_only,
+    without_empty_columns,
+)  # fmt: skip
 from trebucheck.comparisons.report.plots import Axis, Panels, Plot, Series
 
 

@@ -22,8 +22,7 @@ from mechanisms import (
     slider_crank,
 )
 from random_mechanisms import random_mechanism
-from trebucheck.comparisons.report.drawing.sketch import ROLES, Drawing, Shape
-from trebucheck.comparisons.report.drawing.symbols import draw, loaded_rod
+from trebucheck.comparisons.report.drawing.sketch import ROLES, Drawing, Shape, draw, loaded_rod
 from trebucheck.models.elements import GROUND, ConstantForce, CubicTorsionSpring
 from trebucheck.models.kinematics import initial_state
 from trebucheck.models.library.registry import benchmarks, model, models

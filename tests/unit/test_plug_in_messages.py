@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from plugin_engines import Echo
-from trebucheck.conformance.session import Deviations
+from trebucheck.conformance.verdicts import Deviations
 from trebucheck.engines.protocol import BuiltinEngine, Recording
 from trebucheck.engines.registry import ANNOUNCED, announce, engine_class
 from trebucheck.models.kinematics import Kinematics

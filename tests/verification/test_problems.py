@@ -13,9 +13,9 @@ import trebucheck as tb
 from trebucheck.comparisons.problems import ProblemCheck, check
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.models.library.closed_forms import swing, swing_period, turn, turn_period
+from trebucheck.models.library.linkages import SqueezerParameters
 from trebucheck.models.library.pendulums import HighPendulumParameters
 from trebucheck.models.library.registry import benchmark, benchmarks
-from trebucheck.models.library.squeezer import SqueezerParameters
 from trebucheck.reference.certification.redundant import solve_redundant
 from trebucheck.reference.taylor.solve import solve_taylor
 

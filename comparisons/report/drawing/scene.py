@@ -1,9 +1,9 @@
-"""Events of a motion by solver: releases, impacts and the launch."""
+"""A mechanism in motion as data: frames, runs beside the reference, and events by solver."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Literal
@@ -14,11 +14,27 @@ from scipy.interpolate import CubicHermiteSpline
 from ....models.arrays import FloatArray
 from ....models.errors import InputError
 from ....models.trajectory import PointMotion, Trajectory
-from .sketch import MOVING, Box, Drawing
-from .symbols import draw
+from .sketch import MOVING, Box, Drawing, draw
 
-_MOST_IMPACTS = 12
-"""Impacts of a stop that are shown; a bouncing body has any number of them."""
+_MOST_IMPACTS = 12  # impacts of a stop that are shown; a bouncing body has any number of them
+_FRAMES, _FEWEST = 180, 60
+_NUMBERS = 8_000  # of all frames together; a mechanism of many bodies has fewer frames
+_NEAR = 0.015  # parts of the end: about an event the frames are closer
+_MOST_EVENTS = 12  # about which they are
+_FRAMED = 60  # that have frames of their own
+_BEFORE = 1e-7  # parts of the end
+_SAME = 1e-3  # a marker is where q puts it, if it is less than this share of its deviation away
+_KEPT = 4  # motions at the samples of runs
+_SAME_TIME = 1e-9  # parts of the end
+# Of the size: by how much runs widen the view at most, and what is left beside them
+_WIDER, _MARGIN = (0.15, 0.03)
+_ROUNDING = 1e-14  # of the size, below which a deviation is rounding
+_SECONDS = 6.0  # of a motion, as files show it
+# Slow motion there: how much, and within which part of the end about an event
+_SLOWED, _CLOSE = (3.0, 0.02)
+HOLD = 1.2  # how long files show the last picture [s]
+_MOST = 1e8  # times that a deviation is magnified
+States = Callable[[FloatArray], Trajectory]  # a motion at any times [s] up to its end
 
 
 @dataclass(frozen=True)
@@ -26,14 +42,10 @@ class SceneEvent:
     """A release, an impact or the launch, and its time in each solver's motion."""
 
     kind: Literal["release", "impact", "launch"]
-    name: str
-    """The event in words."""
-    time: float
-    """Time in the reference, or in the first run that has it [s]."""
-    reference: float | None
-    """[s]; None: it does not happen there."""
-    runs: Mapping[str, float | None]
-    """[s], by run."""
+    name: str  # the event in words
+    time: float  # time in the reference, or in the first run that has it [s]
+    reference: float | None  # [s]; None: it does not happen there
+    runs: Mapping[str, float | None]  # [s], by run
     stop: str = ""
 
 
@@ -50,83 +62,42 @@ def events_of(
         thrown: marker whose launch is one; None: none is thrown.
         launch: the reference's [s]; found on the trajectory's samples where left out.
     """
-    found = [*_releases(reference, runs), *_impacts(reference, runs)]
-    if thrown is not None:
-        own = launch if launch is not None else _launch(reference, thrown)
-        found.append(
-            (
-                "launch",
-                "launch",
-                "",
-                own,
-                {name: _launch(run, thrown) for name, run in runs.items()},
-            )
-        )
     events: list[SceneEvent] = []
-    for kind, name, stop, own, others in found:
-        first, *rest = (
-            time if time is not None and time <= end else None for time in (own, *others.values())
-        )
-        times = [time for time in (first, *rest) if time is not None]
-        if times:
-            events.append(
-                SceneEvent(kind, name, times[0], first, dict(zip(others, rest, strict=True)), stop)
-            )
-    return tuple(sorted(events, key=lambda event: event.time))
 
+    def add(
+        kind: Literal["release", "impact", "launch"], name: str, stop: str,
+        times: Sequence[float | None],
+    ) -> None:  # fmt: skip
+        """Add an event with its times in the reference and the runs, if any of them has it."""
+        until = [time if time is not None and time <= end else None for time in times]
+        known = [time for time in until if time is not None]
+        if known:
+            by_run = dict(zip(runs, until[1:], strict=True))
+            events.append(SceneEvent(kind, name, known[0], until[0], by_run, stop))
 
-_Found = tuple[
-    Literal["release", "impact", "launch"], str, str, float | None, dict[str, float | None]
-]
-"""Kind, name, stop, and times in the reference and the runs."""
-
-
-def _releases(reference: Trajectory, runs: Mapping[str, Trajectory]) -> Iterator[_Found]:
-    for stop in reference.release_times:
-        times = {name: run.release_times.get(stop) for name, run in runs.items()}
-        yield "release", f"{stop} opens", stop, reference.release_times[stop], times
-
-
-def _impacts(reference: Trajectory, runs: Mapping[str, Trajectory]) -> Iterator[_Found]:
+    solvers = (reference, *runs.values())
+    for stop, released in reference.release_times.items():
+        times = (run.release_times.get(stop) for run in runs.values())
+        add("release", f"{stop} opens", stop, [released, *times])
     for stop in reference.mechanism.stops:
-        own = _of_stop(reference, stop.name)
-        theirs = {name: _of_stop(run, stop.name) for name, run in runs.items()}
-        count = min(max(map(len, (own, *theirs.values()))), _MOST_IMPACTS)
+        hits = [
+            [time for time, impulses in solver.impacts if impulses.get(stop.name, 0.0) > 0]
+            for solver in solvers
+        ]
+        count = min(max(map(len, hits)), _MOST_IMPACTS)
         for k in range(count):
-            times = {name: times[k] if k < len(times) else None for name, times in theirs.items()}
             name = f"{stop.name} is hit" + (f" ({k + 1})" if count > 1 else "")
-            yield "impact", name, stop.name, own[k] if k < len(own) else None, times
+            kth = [times[k] if k < len(times) else None for times in hits]
+            add("impact", name, stop.name, kth)
+    if thrown is not None:
 
+        def launch_of(solver: Trajectory) -> float | None:
+            found = solver.launch(marker=thrown) if thrown in solver.markers else None
+            return None if found is None else found.time
 
-def _of_stop(trajectory: Trajectory, stop: str) -> list[float]:
-    return [time for time, impulses in trajectory.impacts if impulses.get(stop, 0.0) > 0]
-
-
-def _launch(trajectory: Trajectory, marker: str) -> float | None:
-    launch = trajectory.launch(marker=marker) if marker in trajectory.markers else None
-    return None if launch is None else launch.time
-
-
-_FRAMES, _FEWEST = 180, 60
-_NUMBERS = 8_000  # of all frames together; a mechanism of many bodies has fewer frames
-_NEAR = 0.015  # parts of the end: about an event the frames are closer
-_MOST_EVENTS = 12  # about which they are
-_FRAMED = 60  # that have frames of their own
-_BEFORE = 1e-7  # parts of the end
-_SAME = 1e-3  # a marker is where q puts it, if it is less than this share of its deviation away
-_KEPT = 4  # motions at the samples of runs
-_SAME_TIME = 1e-9  # parts of the end
-# Of the size: by how much runs widen the view at most, and what is left beside them
-_WIDER, _MARGIN = (0.15, 0.03)
-_ROUNDING = 1e-14  # of the size, below which a deviation is rounding
-_SECONDS = 6.0  # of a motion, as files show it
-# Slow motion there: how much, and within which part of the end about an event
-_SLOWED, _CLOSE = (3.0, 0.02)
-HOLD = 1.2
-"""How long files show the last picture [s]."""
-_MOST = 1e8  # times that a deviation is magnified
-States = Callable[[FloatArray], Trajectory]
-"""A motion at any times [s] up to its end."""
+        first = launch_of(reference) if launch is None else launch
+        add("launch", "launch", "", [first, *map(launch_of, runs.values())])
+    return tuple(sorted(events, key=lambda event: event.time))
 
 
 @dataclass(frozen=True)
@@ -134,8 +105,7 @@ class RunLook:
     """A run to be shown beside the reference, and how."""
 
     trajectory: Trajectory
-    colour: str
-    """Colour of CSS, '#1f77b4'."""
+    colour: str  # colour of CSS, '#1f77b4'
     dashed: bool = False
 
 
@@ -146,8 +116,7 @@ class RunMotion:
     name: str
     colour: str
     dashed: bool
-    d: FloatArray
-    """Deviation of the coordinates, shape (n, n_q) [rad or m]."""
+    d: FloatArray  # deviation of the coordinates, shape (n, n_q) [rad or m]
     aside: Mapping[str, FloatArray]
     """Position of a marker less that by its coordinates, shape (n, 2) [m]; where they differ."""
     torques: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
@@ -162,10 +131,8 @@ class Scene:
 
     name: str
     drawing: Drawing
-    t: FloatArray
-    """Times of the frames [s], shape (n,)."""
-    reference: Trajectory
-    """At the frames."""
+    t: FloatArray  # times of the frames [s], shape (n,)
+    reference: Trajectory  # at the frames
     runs: tuple[RunMotion, ...]
     events: tuple[SceneEvent, ...]
     notes: str = field(default="", kw_only=True)
@@ -186,20 +153,16 @@ class Scene:
     @cached_property
     def box(self) -> Box:
         """Part of the plane that is shown: the drawing's, and what runs need beside it at first."""
-        x0, y0, x1, y1 = self.drawing.box
-        moving = sorted(
-            {i for shape in self.drawing.shapes if shape.role in MOVING for i in shape.points}
-        )
+        shapes = self.drawing.shapes
+        moving = sorted({i for shape in shapes if shape.role in MOVING for i in shape.points})
         shifted = [self.points + self.magnification * self.deviation(run) for run in self.runs]
         xy = np.concatenate([self.points, *shifted])[:, moving].reshape(-1, 2)
         most, margin = _WIDER * self.drawing.size, _MARGIN * self.drawing.size
-        low, high = np.nanmin(xy, axis=0) - margin, np.nanmax(xy, axis=0) + margin
-        left, lower = (
-            min(a, max(b, a - most)) for a, b in zip((x0, y0), low.tolist(), strict=True)
-        )
-        right, upper = (
-            max(a, min(b, a + most)) for a, b in zip((x1, y1), high.tolist(), strict=True)
-        )
+        least, greatest = np.array(self.drawing.box).reshape(2, 2)
+        low = np.maximum(np.nanmin(xy, axis=0) - margin, least - most)
+        high = np.minimum(np.nanmax(xy, axis=0) + margin, greatest + most)
+        left, lower = np.minimum(least, low).tolist()
+        right, upper = np.maximum(greatest, high).tolist()
         return left, lower, right, upper
 
     @cached_property
@@ -210,18 +173,15 @@ class Scene:
     @cached_property
     def fine(self) -> FloatArray:
         """Instants [s] so close that straight lines between them are smooth traces."""
+        compared = list(self.drawing.compared)
         middle = (self.t[1:] + self.t[:-1]) / 2
-        points = self.points[:, list(self.drawing.compared)]
-        off = (
-            self.drawing.positions(self.states(middle))[:, list(self.drawing.compared)]
-            - (points[1:] + points[:-1]) / 2
-        )
-        parts = np.ceil(
-            np.sqrt(2000 * np.linalg.norm(off, axis=-1).max(axis=-1) / self.drawing.size)
-        )
+        points = self.points[:, compared]
+        halfway = self.drawing.positions(self.states(middle))[:, compared]
+        bend = np.linalg.norm(halfway - (points[1:] + points[:-1]) / 2, axis=-1).max(axis=-1)
+        parts = np.ceil(np.sqrt(2000 * bend / self.drawing.size)).clip(1, 8)
         times = [
             np.linspace(a, b, int(n), endpoint=False)
-            for a, b, n in zip(self.t[:-1], self.t[1:], parts.clip(1, 8), strict=True)
+            for a, b, n in zip(self.t[:-1], self.t[1:], parts, strict=True)
         ]
         return np.append(np.concatenate(times), self.t[-1])
 
@@ -260,14 +220,11 @@ class Scene:
         if self.magnify is not None:
             return self.magnify
         errors = [self.error(run) for run in self.runs]
-        largest = max(
-            (float(np.nanmax(error)) for error in errors if np.isfinite(error).any()), default=0.0
-        )
-        return (
-            10.0 ** np.clip(np.floor(np.log10(self.drawing.size / 8 / largest)), 0, 8)
-            if largest > 0
-            else 1.0
-        )
+        known = [float(np.nanmax(error)) for error in errors if np.isfinite(error).any()]
+        largest = max(known, default=0.0)
+        if largest == 0:
+            return 1.0
+        return 10.0 ** np.clip(np.floor(np.log10(self.drawing.size / 8 / largest)), 0, 8)
 
 
 def refuse_magnification(magnify: float | None) -> None:
@@ -311,62 +268,47 @@ def scene(
     if end is None or not end > 0:
         raise InputError(f"end = {end!r} s must be positive: an animation needs some time to show.")
     first = states(np.array([0.0]))
+    mechanism = first.mechanism
     for label, run in runs.items():
-        if run.trajectory.mechanism.coordinates != first.mechanism.coordinates:
+        if run.trajectory.mechanism.coordinates != mechanism.coordinates:
             raise InputError(
                 f"run {label!r} is of another mechanism than the reference, and cannot be drawn "
                 "over it."
             )
     thrown = thrown if thrown in first.markers else None
-    t = _grid(end, _event_times(first, runs, end), len(first.q[0]) * (len(runs) + 1))
-    events = events_of(
-        states(t), {label: run.trajectory for label, run in runs.items()}, end, thrown, launch
-    )
-    if any(
-        event.time not in t for event in events
-    ):  # launches and impacts of the reference are known only now
-        t = _grid(end, [event.time for event in events], len(first.q[0]) * (len(runs) + 1))
+    numbers = len(first.q[0]) * (len(runs) + 1)  # of a frame
+    releases = [time for time in first.release_times.values() if time is not None]
+    known = [time for time in (*releases, *(t for t, _ in first.impacts)) if 0 < time <= end]
+    t = _grid(end, known, numbers)
+    trajectories = {label: run.trajectory for label, run in runs.items()}
+    events = events_of(states(t), trajectories, end, thrown, launch)
+    # Launches and impacts of the reference are known only now.
+    if any(event.time not in t for event in events):
+        t = _grid(end, [event.time for event in events], numbers)
     reference = states(t)
-    drawing = draw(first.mechanism, reference.q)
-    at_samples = _remembered(states)
-    motions = tuple(_motion_of(label, run, at_samples, drawing, t) for label, run in runs.items())
-    return Scene(
-        name or first.mechanism.name,
-        drawing,
-        t,
-        reference,
-        motions,
-        events,
-        notes=notes,
-        magnify=magnify,
-    )
+    drawing = draw(mechanism, reference.q)
 
-
-def _remembered(states: States) -> States:
-    """The same for the last times that were asked for: runs of one step share theirs."""
-
-    @lru_cache(_KEPT)
-    def read(times: bytes) -> Trajectory:
+    @lru_cache(_KEPT)  # runs of one step share their times
+    def at_samples(times: bytes) -> Trajectory:
         return states(np.frombuffer(times))
 
-    return lambda times: read(times.tobytes())
+    motions = tuple(
+        _motion_of(label, run, lambda samples: at_samples(samples.tobytes()), drawing, t)
+        for label, run in runs.items()
+    )
+    name = name or mechanism.name
+    return Scene(name, drawing, t, reference, motions, events, notes=notes, magnify=magnify)
 
 
-def _event_times(first: Trajectory, runs: Mapping[str, RunLook], end: float) -> list[float]:
-    """Releases and impacts of the reference [s]."""
-    times = [time for time in first.release_times.values() if time is not None]
-    return [time for time in (*times, *(time for time, _ in first.impacts)) if 0 < time <= end]
-
-
-def _grid(end: float, events: list[float], width: int) -> FloatArray:
+def _grid(end: float, events: list[float], numbers: int) -> FloatArray:
     """Times of the frames [s]: even, closer about events, and the events themselves.
 
     Args:
         end: of the grid [s].
         events: [s].
-        width: numbers that a frame needs.
+        numbers: that a frame needs.
     """
-    n = int(np.clip(_NUMBERS / width, _FEWEST, _FRAMES))
+    n = int(np.clip(_NUMBERS / numbers, _FEWEST, _FRAMES))
     times = [np.linspace(0.0, end, n)]
     near = events[:_MOST_EVENTS]
     offsets = np.linspace(-1.0, 1.0, max(3, n // 6 // max(len(near), 1))) * _NEAR * end
@@ -375,54 +317,49 @@ def _grid(end: float, events: list[float], width: int) -> FloatArray:
     grid = grid[np.concatenate([[True], np.diff(grid) > 1e-7 * end])]
     grid[-1] = end
     # Speeds and forces jump at an event: a frame just before it has those from before.
-    return np.unique(
-        np.concatenate([grid, events[:_FRAMED], np.array(events[:_FRAMED]) - _BEFORE * end]).clip(
-            0.0
-        )
-    )
+    at_events = np.array(events[:_FRAMED])
+    return np.unique(np.concatenate([grid, at_events, at_events - _BEFORE * end]).clip(0.0))
 
 
 def _motion_of(
     name: str, run: RunLook, states: States, drawing: Drawing, t: FloatArray
 ) -> RunMotion:
+    """A run's deviations and forces at the frames, from its samples on either side of each."""
     trajectory = run.trajectory
-    samples = _around(trajectory.t, t)
-    reference = states(trajectory.t[samples])
+    after = np.searchsorted(trajectory.t, t)
+    around = np.unique(np.clip(np.concatenate([after - 1, after]), 0, len(trajectory.t) - 1))
+    until = (trajectory.t <= t[-1]) | (np.append(-np.inf, trajectory.t[:-1]) < t[-1])
+    samples = around[until[around]]
+    times = trajectory.t[samples]
+    reference = states(times)
+
+    def at_frames(values: FloatArray) -> FloatArray:
+        frames = _linear(t, times, values)
+        frames[t > times[-1] + _SAME_TIME * t[-1]] = np.nan
+        return frames
+
     d = trajectory.q[samples] - reference.q
     shifts = drawing.deviations(reference.q, d)
     aside: dict[str, FloatArray] = {}
     for marker, index in drawing.markers.items():
         if marker in trajectory.markers and marker in reference.markers:
-            own = trajectory.marker(marker).position[samples] - reference.marker(marker).position
-            beside = own - shifts[:, index]
-            distance, allowed = (np.linalg.norm(each, axis=1) for each in (beside, own))
-            if np.any(distance > np.maximum(_SAME * allowed, _ROUNDING * drawing.size)):
-                aside[marker] = _at(t, trajectory.t[samples], beside)
+            shift = trajectory.marker(marker).position[samples] - reference.marker(marker).position
+            beside = shift - shifts[:, index]
+            allowed = _SAME * np.linalg.norm(shift, axis=1)
+            distance = np.linalg.norm(beside, axis=1)
+            if np.any(distance > np.maximum(allowed, _ROUNDING * drawing.size)):
+                aside[marker] = at_frames(beside)
 
-    def told(of: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        finite = {name: values[samples] for name, values in of.items() if np.isfinite(values).any()}
-        rows = {name: values.reshape(len(samples), -1) for name, values in finite.items()}
-        return {name: _at(t, trajectory.t[samples], values) for name, values in rows.items()}
+    def known(recorded: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        return {
+            name: at_frames(values[samples].reshape(len(samples), -1))
+            for name, values in recorded.items()
+            if np.isfinite(values).any()
+        }
 
-    torques = {name: values[:, 0] for name, values in told(trajectory.stop_torques).items()}
-    moved = _at(t, trajectory.t[samples], d)
-    return RunMotion(
-        name, run.colour, run.dashed, moved, aside, torques, told(trajectory.joint_reactions)
-    )
-
-
-def _around(samples: FloatArray, t: FloatArray) -> list[int]:
-    """Indices of the samples on either side of each frame."""
-    after = np.searchsorted(samples, t)
-    found = np.unique(np.clip(np.concatenate([after - 1, after]), 0, len(samples) - 1))
-    return [int(i) for i in found if samples[i] <= t[-1] or not i or samples[i - 1] < t[-1]]
-
-
-def _at(t: FloatArray, samples: FloatArray, values: FloatArray) -> FloatArray:
-    """Values by columns, at the frames; NaN after the last sample."""
-    found = _linear(t, samples, values)
-    found[t > samples[-1] + _SAME_TIME * t[-1]] = np.nan
-    return found
+    torques = {stop: values[:, 0] for stop, values in known(trajectory.stop_torques).items()}
+    forces = known(trajectory.joint_reactions)
+    return RunMotion(name, run.colour, run.dashed, at_frames(d), aside, torques, forces)
 
 
 def _linear(t: FloatArray, samples: FloatArray, values: FloatArray) -> FloatArray:
@@ -432,16 +369,11 @@ def _linear(t: FloatArray, samples: FloatArray, values: FloatArray) -> FloatArra
 
 def resampled(trajectory: Trajectory) -> States:
     """A trajectory at any times: states by cubic splines, forces and energies linearly."""
+    kinematics = trajectory.kinematics
     spline = CubicHermiteSpline(trajectory.t, trajectory.q, trajectory.u)
-
-    def at_q(marker: str, q: FloatArray) -> FloatArray:
-        found = next(each for each in trajectory.mechanism.markers if each.name == marker)
-        return trajectory.kinematics.position(
-            trajectory.kinematics.point(found.body, found.point), q
-        )
-
+    rows = {m.name: kinematics.point(m.body, m.point) for m in trajectory.mechanism.markers}
     beside = {
-        name: motion.position - at_q(name, trajectory.q)
+        name: motion.position - kinematics.position(rows[name], trajectory.q)
         for name, motion in trajectory.markers.items()
     }
 
@@ -450,28 +382,20 @@ def resampled(trajectory: Trajectory) -> States:
             return np.interp(t, trajectory.t, values)
         return _linear(t, trajectory.t, values)
 
-    def each_linear(t: FloatArray, values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        return {name: linear(t, one) for name, one in values.items()}
-
     def at(t: FloatArray) -> Trajectory:
         t = np.clip(t, trajectory.t[0], trajectory.t[-1])
         q, u = np.asarray(spline(t)), np.asarray(spline(t, 1))
-        markers = {
-            name: PointMotion(at_q(name, q) + linear(t, beside[name]), linear(t, motion.velocity))
-            for name, motion in trajectory.markers.items()
+        markers: dict[str, PointMotion] = {}
+        for name, motion in trajectory.markers.items():
+            position = kinematics.position(rows[name], q) + linear(t, beside[name])
+            markers[name] = PointMotion(position, linear(t, motion.velocity))
+        energies = ("kinetic_energy", "potential_energy")
+        values = {name: linear(t, getattr(trajectory, name)) for name in energies}
+        forces = {
+            kind: {name: linear(t, force) for name, force in getattr(trajectory, kind).items()}
+            for kind in ("stop_torques", "joint_reactions", "joint_gaps")
         }
-        return dataclasses.replace(
-            trajectory,
-            t=t,
-            q=q,
-            u=u,
-            markers=markers,
-            kinetic_energy=linear(t, trajectory.kinetic_energy),
-            potential_energy=linear(t, trajectory.potential_energy),
-            stop_torques=each_linear(t, trajectory.stop_torques),
-            joint_reactions=each_linear(t, trajectory.joint_reactions),
-            joint_gaps=each_linear(t, trajectory.joint_gaps),
-        )
+        return dataclasses.replace(trajectory, t=t, q=q, u=u, markers=markers, **values, **forces)
 
     return at
 

@@ -1,8 +1,11 @@
-"""Parts of a drawing: points that move with bodies, and shapes over indices of these points.
+"""Draws any mechanism from its description: points that move with bodies, and shapes over them.
 
-Every renderer (canvas in a page, SVG, raster) draws the same shapes from the positions of the
-points alone. So the drawing of a run with magnified deviations is that of the points z + k (z' -
-z), z the reference's and z' the run's.
+Every renderer (canvas in a page, Matplotlib for files) draws the same shapes from the positions of
+the points alone. So the drawing of a run with magnified deviations is that of the points z + k (z'
+- z), z the reference's and z' the run's.
+
+Bodies are beams, links, plates and masses, from their points, mass and inertia alone. An element
+that the tables of symbols do not know is refused by name.
 """
 
 from __future__ import annotations
@@ -15,21 +18,32 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from ....models.arrays import ComplexArray, FloatArray, as_vectors
 from ....models.elements import (
     FORCE_ELEMENTS,
     GROUND,
+    JOINTS,
+    STOPS,
     AnyJoint,
     ConstantForce,
     ConstantTorque,
     CubicTorsionSpring,
     ElementTable,
+    FreeJoint,
+    PinJoint,
+    PointStop,
+    PrismaticJoint,
     RotationalSpringDamper,
+    SlotJoint,
     SpringDamper,
+    Stop,
+    WeldJoint,
 )
 from ....models.kinematics import Kinematics, PointCoefficients
-from ....models.mechanism import Mechanism
+from ....models.mechanism import Body, Mechanism
+from ....models.mjcf.appearance import distinct, loaded_rod, on_a_line
 from ....models.spec import Vector
 
 Kind = Literal["line", "area", "disc", "hatch", "between", "spiral", "wheel", "arrow", "turn"]
@@ -49,25 +63,15 @@ turn: an arc with a head about a point, `size` the radius, `path[0][0]` the swee
 positive.
 """
 Role = Literal[
-    "ground",
-    "guide",
-    "stop",
-    "rope",
-    "body",
-    "spring",
-    "damper",
-    "mass",
-    "centre",
-    "joint",
-    "load",
-    "marker",
-]
+    "ground", "guide", "stop", "rope", "body", "spring", "damper", "mass", "centre", "joint",
+    "load", "marker",
+]  # fmt: skip
 ROLES: tuple[Role, ...] = Role.__args__
 """From what is drawn first, farthest behind, to what is drawn last."""
 MOVING: frozenset[Role] = frozenset({"rope", "body", "mass", "spring", "damper", "marker"})
 """Roles that are drawn again for each run, over the reference."""
-Box = tuple[float, float, float, float]
-"""Least x and y, greatest x and y [m]."""
+Box = tuple[float, float, float, float]  # least x and y, greatest x and y [m]
+Path = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True)
@@ -75,11 +79,9 @@ class FramePoint:
     """A point of a body, or at an arm from it that turns with another body's frame."""
 
     body: str
-    at: complex
-    """Place in the body's frame [m]."""
+    at: complex  # place in the body's frame [m]
     frame: str = GROUND
-    arm: complex = 0j
-    """Vector in the frame of `frame` [m]."""
+    arm: complex = 0j  # vector in the frame of `frame` [m]
 
     def coefficients(self, kinematics: Kinematics) -> PointCoefficients:
         """Its position's coefficients."""
@@ -96,9 +98,8 @@ class Shape:
     role: Role
     points: tuple[int, ...]
     size: float = 0.0
-    path: tuple[tuple[float, float], ...] = ()
-    stop: str = ""
-    """The stop that it shows; it is gone when that has opened for good."""
+    path: Path = ()
+    stop: str = ""  # the stop that it shows; it is gone when that has opened for good
 
 
 @dataclass(frozen=True)
@@ -108,19 +109,16 @@ class Drawing:
     mechanism: Mechanism
     points: tuple[FramePoint, ...]
     shapes: tuple[Shape, ...]
-    markers: dict[str, int]
-    """Index of each marker's point, by name."""
+    markers: dict[str, int]  # index of each marker's point, by name
     compared: tuple[int, ...]
     """Indices of the points whose distance from the reference's counts: the markers', else the
     bodies' centres of mass."""
-    joints: dict[str, int]
-    """Index of the point at which each joint's force acts."""
+    joints: dict[str, int]  # index of the point at which each joint's force acts
     stops: dict[str, tuple[int, int]]
     """Index of the point at which each stop acts; for a stop on a point also of a point along its
     normal, else the same index again."""
     box: Box
-    size: float
-    """A length [m] of the whole, from which the sizes of symbols follow."""
+    size: float  # a length [m] of the whole, from which the sizes of symbols follow
 
     @cached_property
     def kinematics(self) -> Kinematics:
@@ -147,9 +145,8 @@ class Drawing:
         phasors = np.exp(-1j * q)
         change = np.where(kinematics.is_angle > 0, phasors * turned, d)
         for k, c in kinematics.carried:
-            change[..., k] = phasors[..., c] * (
-                (q[..., k] + d[..., k]) * turned[..., c] + d[..., k]
-            )
+            slid = (q[..., k] + d[..., k]) * turned[..., c] + d[..., k]
+            change[..., k] = phasors[..., c] * slid
         coefficients = np.array([row.coefficients for row in self.rows])
         return as_vectors(change @ coefficients.T)
 
@@ -160,10 +157,11 @@ def positions(
     """World positions [m] of points in states q of shape (n, n_q); shape (n, n_points, 2)."""
     rows = tuple(rows)
     offsets = np.array([row.offset for row in rows])
-    return as_vectors(
-        offsets + kinematics.phasors(q) @ np.array([row.coefficients for row in rows]).T
-    )
+    coefficients = np.array([row.coefficients for row in rows])
+    return as_vectors(offsets + kinematics.phasors(q) @ coefficients.T)
 
+
+# --- Collecting points and shapes
 
 _FIXED_AT: ElementTable[Callable[[Any], Sequence[tuple[str, Vector]]]] = ElementTable(
     "the drawing",
@@ -190,21 +188,15 @@ class Sketch:
 
     def point(self, body: str, at: complex, frame: str = GROUND, arm: complex = 0j) -> int:
         """Index of a point; the same for the same point."""
-        return self.points.setdefault(
-            FramePoint(body, complex(at), frame, complex(arm)), len(self.points)
-        )
+        point = FramePoint(body, complex(at), frame, complex(arm))
+        return self.points.setdefault(point, len(self.points))
 
     def add(
-        self,
-        kind: Kind,
-        role: Role,
-        points: tuple[int, ...],
-        size: float = 0.0,
-        path: tuple[tuple[float, float], ...] = (),
+        self, kind: Kind, role: Role, points: Sequence[int], size: float, path: Path = (),
         stop: str = "",
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Add a shape."""
-        self.shapes.append(Shape(kind, role, points, size, path, stop))
+        self.shapes.append(Shape(kind, role, tuple(points), size, path, stop))
 
     @cached_property
     def kinematics(self) -> Kinematics:
@@ -219,30 +211,20 @@ class Sketch:
     @cached_property
     def size(self) -> float:
         """Longer side of what the bodies' points and centres sweep [m]; 1 for a point at rest."""
-        points = [(name, at) for name, ats in self.outlines.items() for at in ats]
-        points += [(body.name, complex(*body.centre)) for body in self.mechanism.bodies]
-        xy = positions(
-            self.kinematics,
-            (FramePoint(*each).coefficients(self.kinematics) for each in points),
-            self.q,
-        )
-        flat = xy.reshape(-1, 2)
-        spread = float(np.max(flat.max(axis=0) - flat.min(axis=0)))
+        points = [FramePoint(name, at) for name, ats in self.outlines.items() for at in ats]
+        points += [FramePoint(body.name, complex(*body.centre)) for body in self.mechanism.bodies]
+        xy = self.positions(points).reshape(-1, 2)
+        spread = float(np.max(xy.max(axis=0) - xy.min(axis=0)))
         return spread if math.isfinite(spread) and spread > 0 else 1.0
+
+    @property
+    def unit(self) -> float:
+        """A hundredth of the whole, less where many bodies must find room [m]."""
+        return 0.01 * self.size * min(1.0, 12.0 / len(self.mechanism.bodies))
 
     @cached_property
     def outlines(self) -> dict[str, list[complex]]:
         """Points of each body, and of the ground, at which something is fixed, each once."""
-        points: dict[str, list[complex]] = {body.name: [] for body in self.mechanism.bodies} | {
-            GROUND: []
-        }
-        for name, at in self._attachments():
-            if not any(abs(at - other) <= 1e-12 * (1 + abs(at)) for other in points[name]):
-                points[name].append(at)
-        return points
-
-    def _attachments(self) -> list[tuple[str, complex]]:
-        """Bodies and points at which joints, markers, stops and force elements are fixed."""
         mechanism = self.mechanism
         fixed: list[tuple[str, complex]] = []
         for joint in mechanism.joints:
@@ -253,7 +235,12 @@ class Sketch:
             fixed.append((each.body, complex(*each.point)))
         for element in mechanism.force_elements:
             fixed += [(body, complex(*at)) for body, at in _FIXED_AT[element](element)]
-        return fixed
+        points: dict[str, list[complex]] = {body.name: [] for body in mechanism.bodies}
+        points[GROUND] = []
+        for name, at in fixed:
+            if not any(abs(at - other) <= 1e-12 * (1 + abs(at)) for other in points[name]):
+                points[name].append(at)
+        return points
 
     def guide(self, joint: AnyJoint) -> list[complex]:
         """Ends of what the motion uses of a joint's line, in the parent's frame; a pin's point."""
@@ -261,9 +248,8 @@ class Sketch:
         if len(joint.free_directions) != 1:
             return [at]
         (axis,) = joint.free_directions
-        along = self.component(
-            axis, joint.parent, joint.child, joint.child_point, joint.parent_point
-        )
+        ends = joint.child_point, joint.parent_point
+        along = self.component(axis, joint.parent, joint.child, *ends)
         return [at + axis * along.min(), at + axis * along.max()]
 
     def component(
@@ -273,26 +259,396 @@ class Sketch:
         vector = self.kinematics.between(body, point, of, origin)
         return self.kinematics.component(direction, of, vector).value(self.q)
 
-    def hinge(self, body: str, other: str) -> tuple[complex, AnyJoint]:
-        """Where a body turns against another one, in its frame: their joint, or else its own one.
+    def hinge(self, body: str, other: str) -> complex:
+        """Where a body turns against another one, in its frame: their joint, or else its own."""
+        joint = self.mechanism.joint_of(body)
+        for between in self.mechanism.joints:
+            if {between.parent, between.child} == {body, other}:
+                joint = between
+                break
+        return complex(*(joint.child_point if joint.child == body else joint.parent_point))
 
-        The joint comes with it.
-        """
-        joints = self.mechanism.joints
-        both = {body, other}
-        joint = next(
-            (j for j in joints if {j.parent, j.child} == both), self.mechanism.joint_of(body)
-        )
-        return complex(*(joint.child_point if joint.child == body else joint.parent_point)), joint
-
-    def positions(self) -> FloatArray:
-        """Positions of all points so far, during the motion [m], shape (n, n_points, 2)."""
-        return positions(
-            self.kinematics, (p.coefficients(self.kinematics) for p in self.points), self.q
-        )
+    def positions(self, points: Iterable[FramePoint]) -> FloatArray:
+        """Positions of points during the motion [m], shape (n, n_points, 2)."""
+        rows = (point.coefficients(self.kinematics) for point in points)
+        return positions(self.kinematics, rows, self.q)
 
 
+# --- Bodies
+
+_LEAST_SHARE = 0.01  # of a body's mass, below which a point mass in it is not drawn
+_UNIFORM = 0.02  # by which the inertia of a rod may differ from a uniform one's
+
+
+def add_bodies(sketch: Sketch) -> None:
+    """All bodies, with sizes that compare their masses: widths and radii grow as the cube root."""
+    parts = _Parts(sketch)
+    for body in sketch.mechanism.bodies:
+        parts.add(body)
+    # Beams, plates and masses are added last: their sizes are in proportion to the largest.
+    size = sketch.size * parts.crowd
+    widest = max((mass for _, mass, _ in parts.beams), default=1.0)
+    for points, mass, plate in parts.beams:
+        share = max(mass / widest, 0.0) ** (1 / 3) if widest > 0 else 0.0
+        role: Role = "body" if share > 0.05 else "rope"
+        sketch.add("area" if plate else "line", role, points, size * (0.006 + 0.012 * share))
+    heaviest = max((mass for _, mass in parts.masses), default=1.0)
+    for index, mass in parts.masses:
+        radius = size * max(0.01, 0.04 * (mass / heaviest) ** (1 / 3))
+        sketch.add("disc", "mass", (index,), radius)
+
+
+@dataclass
+class _Parts:
+    """Beams, plates and point masses that bodies are drawn as."""
+
+    sketch: Sketch
+    beams: list[tuple[tuple[int, ...], float, bool]] = field(
+        default_factory=list[tuple[tuple[int, ...], float, bool]]
+    )
+    """Points, mass [kg], and whether it is a plate."""
+    masses: list[tuple[int, float]] = field(default_factory=list[tuple[int, float]])
+    """Point and mass [kg]."""
+
+    def add(self, body: Body) -> None:
+        """A body, by what is known of it."""
+        sketch, name, centre = self.sketch, body.name, complex(*body.centre)
+        points = distinct(sketch.outlines[name], centre, sketch.size)
+        # A disc would say little where a joint holds its angle, or a stop its centre.
+        shows_no_turn = sketch.mechanism.joint_of(name).holds_angle
+        for stop in sketch.mechanism.point_stops:
+            shows_no_turn |= stop.body == name and complex(*stop.point) == centre
+        if body.inertia == 0 or (not points and shows_no_turn):
+            # A mass on ropes or light links.
+            end = sketch.point(name, centre)
+            for point in points:
+                ends = sketch.point(name, point), end
+                sketch.add("line", "rope", ends, 0.004 * sketch.size)
+            self.masses.append((end, body.mass))
+        elif not points:
+            # A uniform disc of the body's inertia, with a spoke that shows how it turns.
+            radius = min(math.sqrt(2 * body.inertia / body.mass), sketch.size)
+            middle, rim = sketch.point(name, centre), sketch.point(name, centre + radius)
+            sketch.add("disc", "body", (middle,), radius)
+            sketch.add("line", "centre", (middle, rim), 0.004 * sketch.size)
+            self.centre(middle)
+        elif len(points) == 1:
+            self._rod(body, points[0], centre)
+        elif on_a_line(np.array([*points, centre])):
+            self._loaded_rod(body, [*points, centre], centre)
+        else:
+            corners = [*points, centre]
+            hull = ConvexHull([(corner.real, corner.imag) for corner in corners]).vertices
+            indices = tuple(sketch.point(name, corners[k]) for k in hull)
+            self.beams.append((indices, body.mass, True))
+            self.centre(sketch.point(name, centre))
+
+    def _rod(self, body: Body, point: complex, centre: complex) -> None:
+        """A uniform rod of the body's inertia through its point; else a bob on a link."""
+        sketch, arm = self.sketch, centre - point
+        half = math.sqrt(3 * body.inertia / body.mass)
+        if half >= abs(arm) * (1 - _UNIFORM):
+            half = abs(arm) if half < abs(arm) * (1 + _UNIFORM) else half
+            along = arm / abs(arm) * half
+            ends = tuple(sketch.point(body.name, centre + sign * along) for sign in (-1, 1))
+            self.beams.append((ends, body.mass, False))
+            self.centre(sketch.point(body.name, centre))
+            return
+        ends = tuple(sketch.point(body.name, at) for at in (point, centre))
+        sketch.add("line", "rope", ends, 0.006 * sketch.size)
+        self.masses.append((ends[1], body.mass))
+
+    def _loaded_rod(self, body: Body, points: list[complex], centre: complex) -> None:
+        """A uniform rod with point masses at its ends, if the body is one; else a beam."""
+        far = max(points, key=lambda point: abs(point - points[0]))
+        ends = max(points, key=lambda point: abs(point - far)), far
+        indices = tuple(self.sketch.point(body.name, end) for end in ends)
+        rod, *at_ends = loaded_rod(body, *ends) or (1.0, 0.0, 0.0)
+        self.beams.append((indices, rod * body.mass, False))
+        if rod > 1 - _LEAST_SHARE:
+            self.centre(self.sketch.point(body.name, centre))
+        for index, share in zip(indices, at_ends, strict=True):
+            if share > _LEAST_SHARE:
+                self.masses.append((index, share * body.mass))
+
+    @property
+    def crowd(self) -> float:
+        """Less than 1 where many bodies must find room."""
+        return min(1.0, 9.0 / len(self.sketch.mechanism.bodies))
+
+    def centre(self, index: int) -> None:
+        """The sign of a centre of mass."""
+        self.sketch.add("disc", "centre", (index,), 0.005 * self.sketch.size * self.crowd)
+
+
+# --- Symbols of elements
+
+_TEETH = 9
+_FAR = 0.4  # of the size: a wall that stays farther away is not drawn
+_LEVEL = 0.1  # a ground's slot whose direction has less of gravity's is a track for a wheel
+
+
+def _add_pin(sketch: Sketch, joint: PinJoint) -> None:
+    """A disc, on a support where the pin is fixed to the ground."""
+    index = sketch.point(joint.child, complex(*joint.child_point))
+    sketch.add("disc", "joint", (index,), sketch.unit * 0.7)
+    _add_support(sketch, joint)
+
+
+def _add_support(sketch: Sketch, joint: AnyJoint) -> None:
+    """A foot on hatched ground, where the joint's parent is the ground."""
+    if joint.parent != GROUND:
+        return
+    at, unit, down = complex(*joint.parent_point), sketch.unit, sketch.down
+
+    def feet(aside: float) -> tuple[int, int]:
+        left = sketch.point(GROUND, at + unit * (4 * down - aside * (1j * down)))
+        return left, sketch.point(GROUND, at + unit * (4 * down + aside * (1j * down)))
+
+    left, right = feet(2.4)
+    sketch.add("area", "ground", (sketch.point(GROUND, at), left, right), 0.3 * unit)
+    sketch.add("hatch", "ground", feet(3.6), unit)
+
+
+def _guide(sketch: Sketch, joint: SlotJoint | PrismaticJoint) -> tuple[complex, complex, complex]:
+    """Direction of a joint's line, and the ends of what is drawn of it, in the parent's frame."""
+    (axis,) = joint.free_directions
+    a, b = sketch.guide(joint)
+    beyond = 4 * sketch.unit * axis
+    return axis, a - beyond, b + beyond
+
+
+def _add_rails(sketch: Sketch, body: str, a: complex, b: complex, apart: float) -> None:
+    """Two lines beside the line from a to b."""
+    across = 1j * (b - a) / abs(b - a) * apart
+    for side in (-across, across):
+        ends = sketch.point(body, a + side), sketch.point(body, b + side)
+        sketch.add("line", "guide", ends, 0.3 * sketch.unit)
+
+
+def _add_slider(sketch: Sketch, joint: PrismaticJoint) -> None:
+    """A block between two rails."""
+    unit, at = sketch.unit, complex(*joint.child_point)
+    axis, a, b = _guide(sketch, joint)
+    sketch.point(joint.child, at)
+    _add_rails(sketch, joint.parent, a, b, 1.6 * unit)
+    along = axis * cmath.exp(1j * joint.angle) * unit  # in the frame of the child
+    corners = [
+        sketch.point(joint.child, at + along * complex(2.6 * x, 1.3 * y))
+        for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    ]
+    sketch.add("area", "joint", corners, 0.3 * unit)
+
+
+def _add_slot(sketch: Sketch, joint: SlotJoint) -> None:
+    """A wheel on a level track of the ground, else a pin between two rails."""
+    unit, down = sketch.unit, sketch.down
+    axis, a, b = _guide(sketch, joint)
+    pin = sketch.point(joint.child, complex(*joint.child_point))
+    if joint.parent != GROUND or abs((axis.conjugate() * down).real) >= _LEVEL:
+        _add_rails(sketch, joint.parent, a, b, 1.1 * unit)
+        sketch.add("disc", "joint", (pin,), unit)
+        return
+    # The strokes of the hatch are on the right-hand side of its line: below.
+    if ((-1j * (b - a)).conjugate() * down).real <= 0:
+        a, b = b, a
+    radius, zero = 2.2 * unit, complex(*joint.parent_point)
+    track = [sketch.point(GROUND, end + radius * down) for end in (a, b)]
+    sketch.add("hatch", "ground", track, 1.4 * unit)
+    along = sketch.point(GROUND, zero), sketch.point(GROUND, zero + (b - a))
+    sketch.add("wheel", "joint", (pin, *along), radius)
+
+
+def _add_nothing(sketch: Sketch, joint: FreeJoint) -> None:
+    """A free joint holds nothing, so nothing is drawn."""
+
+
+def _add_wall(sketch: Sketch, stop: PointStop) -> tuple[int, int]:
+    """A hatched line; returns the points at which the stop acts, and along its normal."""
+    normal, unit, at = complex(*stop.normal), sketch.unit, complex(*stop.point)
+    along = -1j * normal
+    reached = sketch.component(along, stop.relative_to, stop.body, stop.point)
+    ends = float(reached.min() - 12 * unit), float(reached.max() + 12 * unit)
+    points = [sketch.point(stop.relative_to, normal * stop.offset + along * end) for end in ends]
+    if sketch.kinematics.gaps[stop.name].value(sketch.q).min() < _FAR * sketch.size:
+        sketch.add("hatch", "stop", points, 1.4 * unit, stop=stop.name)
+    acts = sketch.point(stop.body, at)
+    return acts, sketch.point(stop.body, at, stop.relative_to, normal * sketch.size)
+
+
+def _add_rest(sketch: Sketch, stop: Stop) -> tuple[int, int]:
+    """A bracket beside the body's line at gap zero, on the side that the body cannot go to."""
+    pivot, unit = sketch.hinge(stop.body, stop.relative_to), sketch.unit
+    centre = complex(*sketch.mechanism.body(stop.body).centre)
+    arms = [at - pivot for at in (*sketch.outlines[stop.body], centre)]
+    arm = max(arms, key=abs, default=0j)
+    length, reach, direction = abs(arm), 9 * unit, 1.0 + 0j
+    if length > 0:
+        reach, direction = min(reach, 0.6 * length), arm / length
+    contact = direction * cmath.exp(-1j * stop.sense * stop.limit)
+    away = 1j * stop.sense * contact * unit
+    corners = (
+        contact * reach * 0.35 + away,
+        contact * reach + away,
+        contact * reach * 0.95 + 2.6 * away,
+    )
+    points = [sketch.point(stop.body, pivot, stop.relative_to, corner) for corner in corners]
+    sketch.add("area", "stop", points, 0.3 * unit, stop=stop.name)
+    at = sketch.point(stop.body, pivot)
+    return at, at
+
+
+def _add_force(sketch: Sketch, element: ConstantForce) -> None:
+    """An arrow."""
+    direction, at = complex(*element.force), complex(*element.point)
+    if direction:
+        arm = 10 * sketch.unit * direction / abs(direction)
+        ends = sketch.point(element.body, at), sketch.point(element.body, at, GROUND, arm)
+        sketch.add("arrow", "load", ends, 2.4 * sketch.unit)
+
+
+def _add_torque(sketch: Sketch, element: ConstantTorque) -> None:
+    """An arc with a head."""
+    if element.torque:
+        centre, *_ = _directions(sketch, element)
+        sweep = math.copysign(4.4, element.torque)
+        sketch.add("turn", "load", (centre,), 5 * sketch.unit, ((sweep, 0.0),))
+
+
+def _add_torsion_spring(
+    sketch: Sketch, element: RotationalSpringDamper | CubicTorsionSpring
+) -> None:
+    """A spiral."""
+    stiff = element.stiffness or getattr(element, "cubic_stiffness", 0.0)
+    role: Role = "spring" if stiff else "damper"
+    sketch.add("spiral", role, _directions(sketch, element), 6 * sketch.unit)
+
+
+def _directions(
+    sketch: Sketch, element: RotationalSpringDamper | CubicTorsionSpring | ConstantTorque
+) -> tuple[int, int, int]:
+    """Where two bodies turn against each other, and a point beyond it along each frame's x axis."""
+    pivot = sketch.hinge(element.body, element.relative_to)
+    along_other = sketch.point(element.body, pivot, element.relative_to, sketch.size)
+    along_body = sketch.point(element.body, pivot, element.body, sketch.size)
+    return sketch.point(element.body, pivot), along_other, along_body
+
+
+def _add_spring_damper(sketch: Sketch, element: SpringDamper) -> None:
+    """A zigzag, a dashpot (rod and piston, and the cylinder), or both beside each other."""
+    ends = (
+        sketch.point(element.relative_to, complex(*element.relative_point)),
+        sketch.point(element.body, complex(*element.point)),
+    )
+    width, line = 1.4 * sketch.unit, 0.35 * sketch.unit
+    side = width * 1.3 if element.stiffness > 0 and element.damping > 0 else 0.0
+    if element.stiffness > 0 or not element.damping:
+        start, end = (0, 0), (1, 0)
+        teeth = [(0.2 + 0.6 * (k + 0.5) / _TEETH, side + width * (-1) ** (k + 1))
+                 for k in range(_TEETH)]  # fmt: skip
+        zigzag = (start, (0.1, 0), (0.1, side), (0.2, side), *teeth, (0.8, side), (0.9, side),
+                  (0.9, 0), end)  # fmt: skip
+        sketch.add("between", "spring", ends, line, zigzag)
+    if element.damping > 0:
+        width *= 0.8
+        side = -side
+        up, down, tip = side + width, side - width, 0.7 * width
+        rod = (0, 0), (0.1, 0), (0.1, side), (0.5, side), (0.5, side + tip), (0.5, side - tip)
+        cylinder = (0.35, up), (0.65, up), (0.65, side), (0.9, side), (0.9, 0), (1, 0)
+        for path in (rod, cylinder, ((0.65, side), (0.65, down), (0.35, down))):
+            sketch.add("between", "damper", ends, line, path)
+
+
+JOINT_SYMBOLS: ElementTable[Callable[[Sketch, Any], None]] = ElementTable(
+    "the drawing",
+    JOINTS,
+    {
+        PinJoint: _add_pin,
+        WeldJoint: _add_support,
+        SlotJoint: _add_slot,
+        PrismaticJoint: _add_slider,
+        FreeJoint: _add_nothing,
+    },
+)
+STOP_SYMBOLS: ElementTable[Callable[[Sketch, Any], tuple[int, int]]] = ElementTable(
+    "the drawing", STOPS, {Stop: _add_rest, PointStop: _add_wall}
+)
+FORCE_SYMBOLS: ElementTable[Callable[[Sketch, Any], None]] = ElementTable(
+    "the drawing",
+    FORCE_ELEMENTS,
+    {
+        SpringDamper: _add_spring_damper,
+        RotationalSpringDamper: _add_torsion_spring,
+        CubicTorsionSpring: _add_torsion_spring,
+        ConstantForce: _add_force,
+        ConstantTorque: _add_torque,
+    },
+)
+
+
+# --- The drawing
+
+_MARGIN = 0.03  # around the motion, in parts of its size
+_BESIDE = 0.1  # of the size, by which stops widen the view at most
+_ENDS = {"disc": 1, "spiral": 1, "wheel": 1, "turn": 1}
+"""Number of a shape's points that are drawn; the others give directions. Not listed: all."""
 _MOST_HATCHES = 400
+
+
+def draw(mechanism: Mechanism, q: FloatArray | None = None) -> Drawing:
+    """Draw a mechanism.
+
+    Args:
+        mechanism: any.
+        q: its motion, shape (n, n_q), from which the view and the lengths of guides and walls
+            follow; the start where left out.
+    """
+    q = np.array([mechanism.start], dtype=np.float64) if q is None else q
+    sketch = Sketch(mechanism, q)
+    joints = {j.name: sketch.point(j.child, complex(*j.child_point)) for j in mechanism.joints}
+    add_bodies(sketch)
+    for joint in mechanism.joints:
+        JOINT_SYMBOLS[joint](sketch, joint)
+    stops = {stop.name: STOP_SYMBOLS[stop](sketch, stop) for stop in mechanism.stops}
+    for element in mechanism.force_elements:
+        FORCE_SYMBOLS[element](sketch, element)
+    markers = {m.name: sketch.point(m.body, complex(*m.point)) for m in mechanism.markers}
+    for index in markers.values():
+        sketch.add("disc", "marker", (index,), 0.004 * sketch.size)
+    centres = tuple(sketch.point(body.name, complex(*body.centre)) for body in mechanism.bodies)
+    compared = tuple(dict.fromkeys(markers.values())) or centres
+    shapes = tuple(sorted(sketch.shapes, key=lambda shape: ROLES.index(shape.role)))
+    points, box = tuple(sketch.points), _box(sketch, shapes)
+    return Drawing(mechanism, points, shapes, markers, compared, joints, stops, box, sketch.size)
+
+
+def _box(sketch: Sketch, shapes: tuple[Shape, ...]) -> Box:
+    """Box around all that is drawn during the motion, but for stops far beside the rest."""
+    xy = sketch.positions(sketch.points)
+    least, most = xy.min(axis=0), xy.max(axis=0)
+
+    def around(shapes: list[Shape]) -> tuple[FloatArray, FloatArray]:
+        indices: list[int] = []
+        reach: list[list[float]] = []  # how far a shape extends from its points [m]
+        for shape in shapes:
+            extent = shape.size
+            if shape.kind not in ("disc", "spiral", "wheel", "turn", "hatch"):
+                extent = max((abs(aside) for _, aside in shape.path), default=shape.size / 2)
+            drawn = shape.points[: _ENDS.get(shape.kind)]
+            indices += drawn
+            reach += [[extent]] * len(drawn)
+        low, high = least[indices] - np.array(reach), most[indices] + np.array(reach)
+        return low.min(axis=0), high.max(axis=0)
+
+    low, high = around([shape for shape in shapes if shape.role != "stop"])
+    stops = [shape for shape in shapes if shape.role == "stop"]
+    if stops:
+        beside = around(stops)
+        low = np.maximum(np.minimum(low, beside[0]), low - _BESIDE * sketch.size)
+        high = np.minimum(np.maximum(high, beside[1]), high + _BESIDE * sketch.size)
+    margin = _MARGIN * sketch.size
+    (left, lower), (right, upper) = (low - margin).tolist(), (high + margin).tolist()
+    return left, lower, right, upper
 
 
 def polylines(shape: Shape, z: ComplexArray) -> list[ComplexArray]:
@@ -302,45 +658,37 @@ def polylines(shape: Shape, z: ComplexArray) -> list[ComplexArray]:
         shape: but for arrows and turns.
         z: positions of the shape's points.
     """
-    if shape.kind == "area":
-        return [np.append(z, z[0])]
-    if shape.kind == "line":
-        return [z]
-    if shape.kind == "between":
-        return [_between(shape, *z)]
-    if shape.kind == "spiral":
-        return [_spiral(shape.size, *z)]
-    if shape.kind == "wheel":
-        return _spokes(shape.size, *z)
-    return _hatch(shape.size, *z) if shape.kind == "hatch" else []
-
-
-def _between(shape: Shape, a: complex, b: complex) -> ComplexArray:
-    way = np.array(shape.path)
-    length = abs(b - a) or math.inf
-    return a + way[:, 0] * (b - a) + 1j * way[:, 1] * (b - a) / length
-
-
-def _spiral(size: float, centre: complex, a: complex, b: complex) -> ComplexArray:
-    start = cmath.phase(a - centre)
-    part = np.linspace(0.0, 1.0, 61)
-    sweep = cmath.phase(b - centre) - start + 4 * math.pi
-    return np.asarray(
-        centre + size * (0.25 + 0.75 * part) * np.exp(1j * (start + sweep * part)),
-        dtype=np.complex128,
-    )
-
-
-def _spokes(size: float, centre: complex, origin: complex, along: complex) -> list[ComplexArray]:
-    direction = (along - origin) / abs(along - origin)
-    rolled = ((centre - origin) * direction.conjugate()).real / size
-    arms = (0.92 * size * cmath.exp(1j * (k * math.pi / 3 - rolled)) for k in range(3))
-    return [np.array([centre - arm, centre + arm]) for arm in arms]
-
-
-def _hatch(size: float, a: complex, b: complex) -> list[ComplexArray]:
-    length = abs(b - a)
-    count = min(max(round(length / size), 1), _MOST_HATCHES)
-    stroke = 0.75 * size * (1 + 1j) * (b - a) / (length or 1.0)
-    feet = (a + (k + 1) / count * (b - a) for k in range(count))
-    return [np.array([a, b]), *(np.array([foot, foot - stroke]) for foot in feet)]
+    size, lines = shape.size, list[ComplexArray]()
+    match shape.kind:
+        case "area":
+            lines = [np.append(z, z[0])]
+        case "line":
+            lines = [z]
+        case "between":
+            (a, b), way = z, np.array(shape.path)
+            length = abs(b - a) or math.inf
+            lines = [a + way[:, 0] * (b - a) + 1j * way[:, 1] * (b - a) / length]
+        case "spiral":
+            centre, a, b = z
+            start = cmath.phase(a - centre)
+            part = np.linspace(0.0, 1.0, 61)
+            sweep = cmath.phase(b - centre) - start + 4 * math.pi
+            turns = np.exp(1j * (start + sweep * part))
+            line = centre + size * (0.25 + 0.75 * part) * turns
+            lines = [np.asarray(line, dtype=np.complex128)]
+        case "wheel":  # its spokes
+            centre, origin, along = z
+            direction = (along - origin) / abs(along - origin)
+            rolled = ((centre - origin) * direction.conjugate()).real / size
+            arms = [0.92 * size * cmath.exp(1j * (k * math.pi / 3 - rolled)) for k in range(3)]
+            lines = [np.array([centre - arm, centre + arm]) for arm in arms]
+        case "hatch":
+            a, b = z
+            length = abs(b - a)
+            count = min(max(round(length / size), 1), _MOST_HATCHES)
+            stroke = 0.75 * size * (1 + 1j) * (b - a) / (length or 1.0)
+            feet = [a + (k + 1) / count * (b - a) for k in range(count)]
+            lines = [np.array([a, b]), *(np.array([foot, foot - stroke]) for foot in feet)]
+        case _:
+            pass
+    return lines

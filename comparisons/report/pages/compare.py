@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -23,24 +23,15 @@ from ....reference.solution import Solution
 from ...compare.study import Comparison
 from ...runs.balance import sampled_balance
 from ...runs.metrics import LEAST_START
-from ...runs.results import (
-    COMPARED,
-    FAILURES,
-    Equality,
-    Machine,
-    Metric,
-    Outcome,
-    Pair,
-    Results,
-    Run,
-)
+from ...runs.results import COMPARED, FAILURES, Machine, Metric, Outcome, Pair, Results, Run
 from ...runs.study import REFERENCE as REFERENCE_ENGINE
 from .. import document as doc
+from ..document import format_number, format_settings, format_step, sentence
 from ..drawing.scene import Scene
-from ..numbers import format_number, format_settings, format_step, sentence
 from ..plots import REFERENCE, Axis, Panels, Plot, Rule, Series, Style, motion_scene, run_style
 from .tables import (
     MARKS,
+    anchor,
     capital,
     cause_text,
     certified_figures,
@@ -78,7 +69,8 @@ def document(comparison: Comparison) -> doc.Document:
     """The whole; a terminal has the tables in short, what broke, and the verdict at its end."""
     results = comparison.results
     machines = results.machines
-    first_verdict, last_verdict = verdict_blocks(verdict(results), doc.mark_of(results.passed))
+    line = verdict(results)
+    first_verdict, last_verdict = verdict_blocks(line, doc.mark_of(results.passed))
     blocks: list[doc.Block] = [first_verdict, _tiles(results)]
     if machines:
         blocks.append(motion(comparison))
@@ -86,25 +78,42 @@ def document(comparison: Comparison) -> doc.Document:
     if any(run.wall_time for run in results.ran):
         blocks.append(work_precision(machines, results.runs))
     for machine in machines:
-        blocks += _chapter(comparison, machine)
+        runs = _runs(results, machine)
+        blocks += [
+            chapter(machine.model),
+            doc.Text(" ".join(_reference_sentences(machine)), medium="page"),
+            doc.Text(predictable(machine)),
+            agreement(machine, runs),
+            *partings(machine, runs),
+            figures(comparison, machine),
+        ]
     if any(run.outcome is not Outcome.AGREES for run in results.runs):
         blocks.append(doc.Heading("What differs, and why", 2, "why"))
-        blocks += map(doc.page_only, _differing(results))
+    sections, findings = _differing(results)
+    blocks += sections
     for machine in machines:
-        blocks += _evidence(comparison, machine)
-    runs = ((run.model, run.label, run.engine_version, run.settings) for run in results.runs)
-    mechanisms = [(machine.model, machine.mechanism) for machine in machines]
+        blocks += _evidence(results, machine)
+    stated = {run.label: run.supplied for run in results.runs if run.supplied is not None}
+    assistance = [
+        doc.Text(supplied_sentence(parts), lead=f"{label}:")
+        for label, parts in sorted(stated.items())
+    ]
+    settings = ((run.model, run.label, run.engine_version, run.settings) for run in results.runs)
     blocks += [
         doc.Heading("How the comparison is made", 2),
         doc.Note(_INTRODUCTION),
         doc.Note(_EQUIVALENCE),
-        doc.page_only(_assistance(results)),
-        *provenance(results, runs, mechanisms),
-        doc.terminal_only(doc.Listing(tuple(_findings(results)))),
+        doc.Listing(tuple(assistance), medium="page"),
+        *provenance(results, settings, machines),
+        findings,
         last_verdict,
     ]
     window = f"trebucheck: {', '.join(machine.model for machine in machines)}"
-    return doc.Document(_QUESTION, tuple(blocks), window, verdict=verdict(results))
+    return doc.Document(_QUESTION, tuple(blocks), window, verdict=line)
+
+
+def _runs(results: Results, machine: Machine) -> list[Run]:
+    return [run for run in results.runs if run.model == machine.model]
 
 
 # --- Verdicts
@@ -115,7 +124,9 @@ def verdict(results: Results) -> str:
     counted = Counter(run.outcome for run in results.runs)
     plurals = {Outcome.AGREES: "agree", Outcome.DISAGREES: "disagree"}
     outcomes = ", ".join(
-        f"{counted[each]} {plurals.get(each, each.value)}" for each in Outcome if counted[each]
+        f"{counted[outcome]} {plurals.get(outcome, outcome.value)}"
+        for outcome in Outcome
+        if counted[outcome]
     )
     judged = sum(len(run.judged) for run in results.runs)
     held = judged - sum(len(run.broken) for run in results.runs)
@@ -124,98 +135,71 @@ def verdict(results: Results) -> str:
     models = f"{sum(check.holds for check in exposed)} of {len(exposed)} built models equivalent"
     if len(exposed) < len(checks):
         models += f", {len(checks) - len(exposed)} not checked"
+    headline = "Agreement holds"
+    if not judged:
+        headline = "Nothing was judged"
+    elif not results.passed:
+        headline = "Agreement does not hold"
+    elif counted[Outcome.NOT_JUDGED]:
+        headline = "Nothing disagrees, but not all could be judged"
     quantities = f"{held} of {judged} judged quantities hold"
-    headline = _headline(results, judged > 0)
     return f"{headline}. Runs: {outcomes or 'none'}; {quantities}; {models}."
 
 
-def _headline(results: Results, judged: bool) -> str:
-    if not judged:
-        return "Nothing was judged"
-    if not results.passed:
-        return "Agreement does not hold"
-    if any(run.outcome is Outcome.NOT_JUDGED for run in results.runs):
-        return "Nothing disagrees, but not all could be judged"
-    return "Agreement holds"
-
-
-def _findings(results: Results) -> Iterator[doc.Text]:
-    """Broken tolerances and failed runs, with causes."""
+def _differing(results: Results) -> tuple[list[doc.Block], doc.Listing]:
+    """Broken tolerances, failures and causes: a page's sections by run, a terminal's listing."""
+    sections: list[doc.Block] = []
+    findings: list[doc.Text] = []
     for run in results.runs:
         name = f"{run.model}, {run.label}"
-        for line in complaints(run, _MOST):
-            yield doc.Text(line, "bad", lead=f"{name}:")
-        if run.message:
-            text = f"{run.outcome.value}: {run.message}"
-            yield doc.Text(text, MARKS[run.outcome], lead=f"{name}:")
-        if run.unjudged:
-            yield doc.Text(_unjudged(run), "warning", lead=f"{name}:")
-        for line in diagnosis(run):
-            yield doc.Text(line, "strong", lead=f"{name}, why:")
-
-
-def _differing(results: Results) -> Iterator[doc.Block]:
-    """A section for each run that does not agree: broken tolerances and causes."""
-    for run in results.runs:
-        if run.outcome is Outcome.AGREES:
-            continue
-        yield doc.Heading(f"{run.model}, {run.label}: {run.outcome.value}", 3, _why_anchor(run))
-        yield from why(run)
         items = [doc.Text(line, "bad") for line in complaints(run, _MOST)]
+        findings += [replace(item, lead=f"{name}:") for item in items]
         if run.message:
-            items.append(doc.Text(capital(run.message), MARKS[run.outcome]))
+            mark = MARKS[run.outcome]
+            items.append(doc.Text(capital(run.message), mark))
+            findings.append(doc.Text(f"{run.outcome.value}: {run.message}", mark, f"{name}:"))
         if run.unjudged:
-            items.append(doc.Text(_unjudged(run), "unjudged"))
-        yield doc.Listing(tuple(items))
-
-
-def _unjudged(run: Run) -> str:
-    labels = ", ".join(metric.label for metric in run.unjudged)
-    return f"not judged: {labels} ({run.unjudged[0].note})."
-
-
-def _assistance(results: Results) -> doc.Listing:
-    """Assistance of trebucheck, by engine and preset."""
-    stated = {run.label: run.supplied for run in results.runs if run.supplied is not None}
-    items = (doc.Text(supplied_sentence(s), lead=f"{name}:") for name, s in sorted(stated.items()))
-    return doc.Listing(tuple(items))
+            labels = ", ".join(metric.label for metric in run.unjudged)
+            text = f"not judged: {labels} ({run.unjudged[0].note})."
+            items.append(doc.Text(text, "unjudged"))
+            findings.append(doc.Text(text, "warning", f"{name}:"))
+        findings += [doc.Text(line, "strong", f"{name}, why:") for line in diagnosis(run)]
+        if run.outcome is not Outcome.AGREES:
+            title = f"{name}: {run.outcome.value}"
+            sections += [
+                doc.Heading(title, 3, _why_anchor(run)),
+                *map(doc.page_only, why(run)),
+                doc.Listing(tuple(items), medium="page"),
+            ]
+    return sections, doc.Listing(tuple(findings), medium="terminal")
 
 
 def _tiles(results: Results) -> doc.Tiles:
     """Verdicts counted, and the engines at both ends of the ranking by distance."""
     counted = Counter(run.outcome for run in results.runs)
-    failed = sum(counted[each] for each in (*FAILURES, Outcome.NOT_EQUIVALENT))
-    rest = sum(counted[each] for each in (Outcome.NOT_JUDGED, Outcome.ABSENT, Outcome.UNSUPPORTED))
+    failed = sum(counted[outcome] for outcome in (*FAILURES, Outcome.NOT_EQUIVALENT))
+    unjudged = (Outcome.NOT_JUDGED, Outcome.ABSENT, Outcome.UNSUPPORTED)
     counts: list[tuple[int, str, doc.Mark]] = [
         (counted[Outcome.AGREES], "agree", "good"),
         (counted[Outcome.DISAGREES], "disagree", "bad"),
     ]
     if failed:
         counts.append((failed, "failed or not equivalent", "bad"))
-    counts.append((rest, "not judged", "warning"))
+    counts.append((sum(counted[outcome] for outcome in unjudged), "not judged", "warning"))
     tiles = [doc.Tile(str(n), label, mark if n else "plain") for n, label, mark in counts]
-    ranked = _ranking(results)
-    if len(ranked) > 1:
-        ends = ((ranked[0], "nearest to the reference"), (ranked[-1], "farthest from it"))
-        for (run, distance), label in ends:
-            detail = f"at most {format_number(distance)} m"
-            tiles.append(doc.Tile(run.label, label, detail=detail))
-    return doc.Tiles(tuple(tiles))
-
-
-def _ranking(results: Results) -> list[tuple[Run, float]]:
-    """Runs from the nearest to the reference to the farthest, with a marker's largest distance [m].
-
-    Runs of one engine and preset on several machines count by their worst.
-    """
-    worst: dict[str, tuple[Run, float]] = {}
+    # Runs of one engine and preset on several machines count by their worst.
+    worst: dict[str, float] = {}
     for run in results.ran:
         distance = _POSITION.value(run)
-        if run.engine == REFERENCE_ENGINE or distance is None:
-            continue
-        if distance >= worst.get(run.label, (run, -1.0))[1]:
-            worst[run.label] = (run, distance)
-    return sorted(worst.values(), key=lambda each: each[1])
+        if run.engine != REFERENCE_ENGINE and distance is not None:
+            worst[run.label] = max(distance, worst.get(run.label, 0.0))
+    if len(worst) > 1:
+        ranked = sorted(worst, key=worst.__getitem__)
+        ends = {ranked[0]: "nearest to the reference", ranked[-1]: "farthest from it"}
+        for label, place in ends.items():
+            detail = f"at most {format_number(worst[label])} m"
+            tiles.append(doc.Tile(label, place, detail=detail))
+    return doc.Tiles(tuple(tiles))
 
 
 # --- Plots over time
@@ -236,8 +220,7 @@ class Line:
     """A run as drawn: up to the end of the compared motion."""
 
     trajectory: Trajectory
-    reference: Trajectory
-    """At the run's own times up to that end."""
+    reference: Trajectory  # at the run's own times up to that end
 
     @property
     def label(self) -> str:
@@ -283,8 +266,8 @@ def thinned(t: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     return t[edges[1:] - 1], np.array([values[a:b].max() for a, b in pairwise(edges)])
 
 
-def _runs_of(comparison: Comparison, machine: Machine) -> dict[str, Trajectory]:
-    """Trajectories of a machine's runs, by label."""
+def _trajectories(comparison: Comparison, machine: Machine) -> dict[str, Trajectory]:
+    """Motions of a machine's runs, by label."""
     return {
         label: trajectory
         for (model, label), trajectory in comparison.trajectories.items()
@@ -299,7 +282,7 @@ def motion(comparison: Comparison) -> doc.AnimationBlock:
         return tuple(
             motion_scene(
                 comparison.solutions[machine.model].trajectory,
-                _runs_of(comparison, machine),
+                _trajectories(comparison, machine),
                 end=machine.compared_to,
                 thrown=machine.thrown,
                 launch=machine.launch_time,
@@ -313,29 +296,21 @@ def motion(comparison: Comparison) -> doc.AnimationBlock:
 
 def figures(comparison: Comparison, machine: Machine) -> doc.Grid:
     """All plots of one machine over time, drawn when a page needs them; they zoom together."""
+    model = machine.model
 
     @cache
     def drawn() -> tuple[Solution, list[Line]]:
-        solution = comparison.solutions[machine.model]
-        return solution, lines(solution, _runs_of(comparison, machine), machine.compared_to)
+        solution = comparison.solutions[model]
+        return solution, lines(solution, _trajectories(comparison, machine), machine.compared_to)
 
     def panels(draw: _Draw) -> Panels:
         return draw(*drawn())
 
-    model = machine.model
-    blocks = tuple(
-        doc.Figure(
-            partial(panels, draw), name.capitalize(), caption, anchor(model, name), model,
-            columns=min(columns, _COLUMNS),
-        )
-        for name, caption, columns, draw in _figures(machine)
-    )  # fmt: skip
-    return doc.Grid(blocks)
-
-
-def anchor(model: str, name: str) -> str:
-    """Anchor of a machine's figure or section of that name."""
-    return f"{model}-{name}".lower().replace(" ", "-")
+    blocks: list[doc.Figure] = []
+    for name, caption, count, draw in _figures(machine):
+        plot, place, columns = partial(panels, draw), anchor(model, name), min(count, _COLUMNS)
+        blocks.append(doc.Figure(plot, name.capitalize(), caption, place, model, columns))
+    return doc.Grid(tuple(blocks))
 
 
 _Draw = Callable[[Solution, Sequence[Line]], Panels]
@@ -343,53 +318,51 @@ _Draw = Callable[[Solution, Sequence[Line]], Panels]
 
 def _figures(machine: Machine) -> Iterator[tuple[str, str, int, _Draw]]:
     """Name, sentence, number of quantities, and what draws it."""
-    end = machine.compared_to
-    marks = tuple(
+    mechanism, end = machine.mechanism, machine.compared_to
+    rules = tuple(
         Rule(time, f"{name} opens")
         for name, time in machine.release_times.items()
         if time is not None and time <= end
     )
-    markers = {marker.name: position(marker.name) for marker in machine.mechanism.markers}
+    markers = {marker.name: position(marker.name) for marker in mechanism.markers}
     if markers:
         text = (
             "Of each marker from the reference, at the engine's own times; no sample is "
             f"interpolated. Of each {_POINTS}th of the motion the largest is drawn."
         )
-        draw = partial(_over_time, quantities=markers, unit="m", marks=marks)
+        draw = partial(_over_time, quantities=markers, unit="m", rules=rules)
         yield DISTANCES, text, len(markers), draw
-    for name, text, unit, quantities in _quantities(machine):
+
+    def force(joint: str) -> Sampled:
+        return lambda run: np.linalg.norm(run.joint_reaction(joint), axis=1)
+
+    def coordinate(index: int) -> Sampled:
+        return lambda run: run.q[:, index]
+
+    loads: dict[str, dict[str, Sampled]] = {"N m": {}, "N": {}}
+    for stop in mechanism.stops:
+        if stop.closed:
+            loads[stop.force_unit][stop.name] = methodcaller("stop_torque", stop.name)
+    forces = {joint.name: force(joint.name) for joint in mechanism.joints if joint.held_directions}
+    angles = {name: coordinate(index) for index, name in enumerate(mechanism.angles)}
+    active = "At least 0 while the contact of the stop is active, 0 once it is released."
+    over_time = (
+        (TORQUES, active, "N m", loads["N m"]),
+        (FORCES, active, "N", loads["N"]),
+        (JOINT_FORCES, "Magnitude of the force on each joint's child.", "N", forces),
+        (COORDINATES, "Absolute angles, positive clockwise.", "rad", angles),
+    )
+    rows = "Upper row: the reference, and runs that part from its line. Lower row: differences."
+    for name, text, unit, quantities in over_time:
         if quantities:
-            rows = "Upper row: the reference, and runs that part from its line. Lower row: "
-            draw = partial(_over_time, quantities=quantities, unit=unit, marks=marks, end=end)
-            yield name, f"{text} {rows}differences.", len(quantities), draw
+            draw = partial(_over_time, quantities=quantities, unit=unit, rules=rules, end=end)
+            yield name, f"{text} {rows}", len(quantities), draw
     text = (
         "Total energy less the work of dampers, constant forces and torques, as a share of the "
         "energy at the start (where that is near zero: of the largest kinetic energy). Any drift "
         "but at impacts is numerical."
     )
-    yield ENERGY, text, 1, partial(_energy_drift, marks=marks)
-
-
-def _quantities(machine: Machine) -> Iterator[tuple[str, str, str, dict[str, Sampled]]]:
-    """Name, sentence, unit and quantities of the plots over time."""
-    mechanism = machine.mechanism
-    text = "At least 0 while the contact of the stop is active, 0 once it is released."
-    for name, unit in ((TORQUES, "N m"), (FORCES, "N")):
-        closed = (s.name for s in mechanism.stops if s.closed and s.force_unit == unit)
-        yield name, text, unit, {stop: methodcaller("stop_torque", stop) for stop in closed}
-    held = (joint.name for joint in mechanism.joints if joint.held_directions)
-    forces: dict[str, Sampled] = {name: partial(_joint_force, name=name) for name in held}
-    yield JOINT_FORCES, "Magnitude of the force on each joint's child.", "N", forces
-    angles = {name: partial(_coordinate, index=i) for i, name in enumerate(mechanism.angles)}
-    yield COORDINATES, "Absolute angles, positive clockwise.", "rad", dict(angles)
-
-
-def _coordinate(run: Trajectory, index: int) -> FloatArray:
-    return run.q[:, index]
-
-
-def _joint_force(run: Trajectory, name: str) -> FloatArray:
-    return np.linalg.norm(run.joint_reaction(name), axis=1)
+    yield ENERGY, text, 1, partial(_energy_drift, rules=rules)
 
 
 def position(name: str) -> Sampled:
@@ -402,7 +375,7 @@ def _over_time(
     runs: Sequence[Line],
     quantities: Mapping[str, Sampled],
     unit: str,
-    marks: tuple[Rule, ...],
+    rules: tuple[Rule, ...],
     end: float | None = None,
 ) -> Panels:
     """Quantities up to `end` [s], then their differences to the reference; without it only these.
@@ -415,28 +388,24 @@ def _over_time(
         reference = solution.trajectory(np.linspace(0.0, end, _POINTS))
         for name, quantity in quantities.items():
             series = [Series("reference", reference.t, quantity(reference), REFERENCE)]
-            series += _observed(runs, methodcaller("values", quantity))
-            panels.append(Plot(_TIME, Axis("", unit), tuple(series), name, rules=marks, height=230))
+            for run in runs:
+                with suppress(ValueError):
+                    seen = run.values(quantity)
+                    series += [] if seen is None else [seen]
+            values = Axis("", unit)
+            panels.append(Plot(_TIME, values, tuple(series), name, rules=rules, height=230))
         axis = Axis("difference", unit, logarithmic=True)
-        marks = tuple(Rule(mark.at) for mark in marks)
+        rules = tuple(Rule(rule.at) for rule in rules)
     for name, quantity in quantities.items():
-        series = _observed(runs, methodcaller("difference", quantity))
-        panels.append(Plot(_TIME, axis, tuple(series), name, rules=marks, height=250))
+        series = []
+        for run in runs:
+            with suppress(ValueError):
+                series.append(run.difference(quantity))
+        panels.append(Plot(_TIME, axis, tuple(series), name, rules=rules, height=250))
     return tuple(panels)
 
 
-def _observed(runs: Iterable[Line], draw: Callable[[Line], Series | None]) -> list[Series]:
-    """Series of the runs that tell a quantity and can be seen."""
-    series: list[Series] = []
-    for run in runs:
-        with suppress(ValueError):
-            one = draw(run)
-            if one is not None:
-                series.append(one)
-    return series
-
-
-def _energy_drift(solution: Solution, runs: Sequence[Line], marks: tuple[Rule, ...]) -> Panels:
+def _energy_drift(solution: Solution, runs: Sequence[Line], rules: tuple[Rule, ...]) -> Panels:
     """Energy drift relative to the energy at the start, or to the largest kinetic energy."""
     end = max((run.reference.t[-1] for run in runs), default=0.0)
     known = solution.trajectory(np.linspace(0.0, end, _POINTS))
@@ -452,31 +421,26 @@ def _energy_drift(solution: Solution, runs: Sequence[Line], marks: tuple[Rule, .
     axis = Axis(f"|E - E(0)| / {name}", "1", logarithmic=True)
     if not size:
         axis = Axis("|E - E(0)|", "J", logarithmic=True)
-    return (Plot(_TIME, axis, tuple(series), height=250, rules=marks),)
+    return (Plot(_TIME, axis, tuple(series), height=250, rules=rules),)
 
 
 def work_precision(machines: Sequence[Machine], runs: Sequence[Run]) -> doc.Figure:
     """Error of every run against its wall time: a panel a machine."""
     time = Axis("wall time", "s", logarithmic=True)
     distance = Axis("largest distance of a marker", "m", logarithmic=True)
-    panels: list[Plot] = []
-    for machine in machines:
-        own = (run for run in runs if run.model == machine.model)
-        panels.append(Plot(time, distance, tuple(_priced(own)), machine.model))
+    series: dict[str, list[Series]] = {machine.model: [] for machine in machines}
+    for run in runs:
+        error = largest(m.value for m in run.metrics if m.name == "position_max" and m.observed)
+        if run.model in series and run.wall_time and error is not None:
+            style, hints = run_style(run.engine, run.preset), (f"{run.steps} steps",)
+            x, y = np.array([run.wall_time]), np.array([error])
+            series[run.model].append(Series(run.label, x, y, style, "points", hints))
+    panels = tuple(Plot(time, distance, tuple(points), model) for model, points in series.items())
     text = (
         "Further left is quicker, further down more accurate. Wall times are of this computer, "
         "with everything that the run does: build, simulation, read-out."
     )
-    return doc.Figure(tuple(panels), "Error against wall time", text, "work-precision")
-
-
-def _priced(runs: Iterable[Run]) -> Iterator[Series]:
-    for run in runs:
-        distance = largest(m.value for m in run.metrics if m.name == "position_max" and m.observed)
-        if run.wall_time and distance is not None:
-            style, hints = run_style(run.engine, run.preset), (f"{run.steps} steps",)
-            x, y = np.array([run.wall_time]), np.array([distance])
-            yield Series(run.label, x, y, style, "points", hints)
+    return doc.Figure(panels, "Error against wall time", text, "work-precision")
 
 
 # --- Agreement
@@ -497,16 +461,11 @@ class ErrorColumn:
     unit: str
     metric: str
     subject: str | None = None
-    judged: str = ""
-    """Metric that has the verdict, if that is another one."""
-    otherwise: str = ""
-    """Metric in the place of one that the run has not."""
-    short: str = ""
-    """Title in a terminal; '' leaves the column out there."""
+    judged: str = ""  # metric that has the verdict, if that is another one
+    otherwise: str = ""  # metric in the place of one that the run has not
+    short: str = ""  # title in a terminal; '' leaves the column out there
     rank: int = 1
-    """Rank of its column."""
-    plot: str = ""
-    """Name of the figure that shows it over time."""
+    plot: str = ""  # name of the figure that shows it over time
 
     @property
     def column(self) -> doc.Column:
@@ -518,9 +477,9 @@ class ErrorColumn:
 
     def metrics(self, run: Run) -> list[Metric]:
         """Those it stands for."""
-        own = [m for m in run.metrics if m.observed and self.subject in (None, m.subject)]
-        named = [m for m in own if m.name == self.metric]
-        return named or [m for m in own if m.name == self.otherwise]
+        observed = [m for m in run.metrics if m.observed and self.subject in (None, m.subject)]
+        named = [m for m in observed if m.name == self.metric]
+        return named or [m for m in observed if m.name == self.otherwise]
 
     def value(self, run: Run) -> float | None:
         """The largest; None if one is missing, or the run has none."""
@@ -543,26 +502,14 @@ class ErrorColumn:
             for m in judged[:_HINTS]
         )
         mark = doc.mark_of(all(m.holds is not False for m in judged))
-        return doc.Cell(text, mark, hint=hint, heat=_heat(judged))
-
-    def linked(self, run: Run) -> doc.Cell:
-        """The cell with a link to its plot, for a page; a dash where the engine tells nothing."""
-        cell = self.cell(run)
-        if cell.text:
-            return replace(cell, link=anchor(run.model, self.plot) if self.plot else "")
-        if run.metrics:
-            return doc.Cell("–", hint="not observed, or not part of this motion")
-        return doc.Cell("")
-
-
-def _heat(judged: Sequence[Metric]) -> float | None:
-    """From -1 to 1: the worst, 8 decades within its tolerance or 3 beyond it at the ends."""
-    worst = max((m.share for m in judged if m.share is not None), default=None)
-    if worst is None:
-        return None
-    if worst > 1:
-        return min(1.0, 0.3 + 0.7 * math.log10(worst) / 3)
-    return -min(1.0, 0.1 - 0.9 * math.log10(worst) / 8) if worst > 0 else -1.0
+        # The worst: 8 decades within its tolerance are -1, 3 beyond it 1.
+        worst = max((m.share for m in judged if m.share is not None), default=None)
+        heat = None
+        if worst is not None and worst > 1:
+            heat = min(1.0, 0.3 + 0.7 * math.log10(worst) / 3)
+        elif worst is not None:
+            heat = -min(1.0, 0.1 - 0.9 * math.log10(worst) / 8) if worst > 0 else -1.0
+        return doc.Cell(text, mark, hint=hint, heat=heat)
 
 
 def largest(values: Iterable[float | None]) -> float | None:
@@ -581,14 +528,10 @@ _QUANTITIES = (
     ErrorColumn("launch time", "s", "launch_time", plot=DISTANCES),
     ErrorColumn("launch speed", "m/s", "launch_speed", short="speed", rank=4, plot=DISTANCES),
     ErrorColumn("stop torque", "N m", "stop_torque_max", short="torque", rank=2, plot=TORQUES),
-    ErrorColumn(
-        "joint force", "1", "joint_reaction_relative", judged="joint_reaction_max",
-        plot=JOINT_FORCES,
-    ),
-    ErrorColumn(
-        "energy", "1", "energy_drift", judged="energy_balance", otherwise="energy_drift_kinetic",
-        short="energy", rank=3, plot=ENERGY,
-    ),
+    ErrorColumn("joint force", "1", "joint_reaction_relative", judged="joint_reaction_max",
+                plot=JOINT_FORCES),
+    ErrorColumn("energy", "1", "energy_drift", judged="energy_balance", short="energy", rank=3,
+                otherwise="energy_drift_kinetic", plot=ENERGY),
 )  # fmt: skip
 OVERVIEW = (_POSITION, *_QUANTITIES)
 """One value of each quantity, whatever markers the mechanism has."""
@@ -609,7 +552,7 @@ _WALL = doc.Column("wall", "s", of=_wall_time, rank=6)
 def quantities(machine: Machine) -> tuple[ErrorColumn, ...]:
     """Quantities of the agreement table: each marker's position, then what all mechanisms have."""
     markers = machine.mechanism.markers
-    positions = (ErrorColumn(each.name, "m", "position_max", each.name) for each in markers)
+    positions = (ErrorColumn(marker.name, "m", "position_max", marker.name) for marker in markers)
     return (*positions, *_QUANTITIES)
 
 
@@ -635,8 +578,9 @@ def agreement(machine: Machine, runs: Iterable[Run]) -> doc.Table:
 
 
 def overview(results: Results) -> doc.Table:
-    """Every run of every machine against every quantity, for a page."""
+    """Every run of every machine against every quantity; numbers lead to the plots with them."""
     shown = [each for each in OVERVIEW if any(each.metrics(run) for run in results.runs)]
+    named = {quantity.judged or quantity.metric for quantity in shown}
     heads = (
         _ENGINE,
         doc.Column("verdict", align="left", wrap=False, of=verdict_cell),
@@ -649,20 +593,30 @@ def overview(results: Results) -> doc.Table:
     for machine in results.machines:
         if len(results.machines) > 1:
             rows.append(doc.row(f"{machine.model} machine"))
-        plots = {anchor(machine.model, name) for name, *_ in _figures(machine)}
-        own = (run for run in results.runs if run.model == machine.model)
-        rows += [_overview_row(run, shown, plots) for run in own]
+        plots = {name for name, *_ in _figures(machine)}
+        for run in _runs(results, machine):
+            cells: list[doc.Cell] = []
+            for quantity in shown:
+                cell = quantity.cell(run)
+                if cell.text and quantity.plot in plots:
+                    cell = replace(cell, link=anchor(run.model, quantity.plot))
+                elif run.metrics and not cell.text:
+                    cell = doc.Cell("–", hint="not observed, or not part of this motion")
+                cells.append(cell)
+            further = doc.Cell("")
+            rest = [metric for metric in run.judged if metric.name not in named]
+            if rest:
+                broken = [metric.label for metric in rest if metric.holds is False]
+                text = f"{len(rest) - len(broken)}/{len(rest)}"
+                mark, hint = doc.mark_of(not broken), ", ".join(broken)
+                further = doc.Cell(text, mark, hint=hint, link=_metrics_anchor(run))
+            agrees = run.outcome is Outcome.AGREES
+            outcome = replace(
+                verdict_cell(run), link=_metrics_anchor(run) if agrees else _why_anchor(run)
+            )
+            end, place = (_step(run), _wall_time(run)), anchor(run.model, run.label)
+            rows.append(doc.row(run.label, outcome, *cells, further, *end, anchor=place))
     return doc.page_only(doc.without_empty_columns(doc.table(heads, rows, _AGREEMENT)))
-
-
-def _overview_row(run: Run, shown: Sequence[ErrorColumn], plots: Container[str]) -> doc.Row:
-    """A row; its numbers lead to those of the page's plots that show them."""
-    cells = [quantity.linked(run) for quantity in shown]
-    linked = [cell if cell.link in plots else replace(cell, link="") for cell in cells]
-    link = _metrics_anchor(run) if run.outcome is Outcome.AGREES else _why_anchor(run)
-    verdict, end = replace(verdict_cell(run), link=link), (_step(run), _wall_time(run))
-    own_anchor = anchor(run.model, run.label)
-    return doc.row(run.label, verdict, *linked, _further(run, shown), *end, anchor=own_anchor)
 
 
 def _metrics_anchor(run: Run) -> str:
@@ -673,18 +627,6 @@ def _why_anchor(run: Run) -> str:
     return anchor("why", f"{run.model}-{run.label}")
 
 
-def _further(run: Run, shown: Sequence[ErrorColumn]) -> doc.Cell:
-    """How many of the judged metrics that have no column hold."""
-    named = {quantity.judged or quantity.metric for quantity in shown}
-    rest = [metric for metric in run.judged if metric.name not in named]
-    if not rest:
-        return doc.Cell("")
-    held = sum(metric.holds is True for metric in rest)
-    broken = ", ".join(metric.label for metric in rest if metric.holds is False)
-    mark = doc.mark_of(held == len(rest))
-    return doc.Cell(f"{held}/{len(rest)}", mark, hint=broken, link=_metrics_anchor(run))
-
-
 def verdict_cell(run: Run) -> doc.Cell:
     """The outcome, with how many of the judged quantities hold."""
     text = run.outcome.value
@@ -693,7 +635,7 @@ def verdict_cell(run: Run) -> doc.Cell:
     return doc.Cell(text, MARKS[run.outcome])
 
 
-# --- Chapters
+# --- The reference, and the evidence
 
 _LAWS = {
     StopLaw.RELEASE_ONCE: "A stop that has opened stays open (release-once).",
@@ -707,18 +649,10 @@ _KNOWN = (
     "position_max", "velocity_max", "release_time", "launch_time", "launch_speed",
     "stop_torque_max", "energy_balance",
 )  # fmt: skip
-
-
-def _chapter(comparison: Comparison, machine: Machine) -> list[doc.Block]:
-    runs = [run for run in comparison.results.runs if run.model == machine.model]
-    return [
-        chapter(machine.model),
-        doc.Text(" ".join(_reference_sentences(machine)), medium="page"),
-        doc.Text(predictable(machine)),
-        agreement(machine, runs),
-        *partings(machine, runs),
-        figures(comparison, machine),
-    ]
+_CHECKS = (
+    "total mass", "start", "centre of mass", "stop position", "mass matrix", "force",
+    "acceleration", "stop torque",
+)  # fmt: skip
 
 
 def _reference_sentences(machine: Machine) -> Iterator[str]:
@@ -742,32 +676,28 @@ def _reference_sentences(machine: Machine) -> Iterator[str]:
             yield f"The {name} opens at {time:.9f} s; its {stop.effort} at the start is {start}."
 
 
-def _evidence(comparison: Comparison, machine: Machine) -> list[doc.Block]:
+def _evidence(results: Results, machine: Machine) -> Iterator[doc.Block]:
     """Evidence for the machine's verdicts, folded away."""
-    runs = [run for run in comparison.results.runs if run.model == machine.model]
-    pairs = [pair for pair in comparison.results.pairs if pair.model == machine.model]
-    title = f"{machine.model.capitalize()} machine: the evidence"
-    blocks: list[doc.Block] = [
-        doc.Heading(title, 2, anchor(machine.model, "evidence")),
-        _uncertainty(machine),
-    ]
+    runs, model = _runs(results, machine), machine.model
+    title = f"{model.capitalize()} machine: the evidence"
+    yield doc.Heading(title, 2, anchor(model, "evidence"))
+    yield _uncertainty(machine)
+    pairs = [pair for pair in results.pairs if pair.model == model]
     if pairs:
-        blocks += _pairs(pairs)
+        yield from _pairs(pairs)
     checked = [run for run in runs if run.equality]
     caption = "Largest relative differences of the built models to the reference's equations"
     title = (
         "Model equivalence: each built model against the reference's equations, before any motion"
     )
-    checks = doc.table(_EQUIVALENCE_COLUMNS, checked, caption, "page")
-    blocks.append(doc.Fold(title, (checks,), anchor=anchor(machine.model, "equivalence")))
+    heads = ["engine", *_CHECKS, "states", "verdict"]
+    checks = doc.table(heads, map(_equivalence_row, checked), caption, "page")
+    yield doc.Fold(title, (checks,), anchor=anchor(model, "equivalence"))
     for run in runs:
         if run.metrics:
             held = f"{len(run.judged) - len(run.broken)} of {len(run.judged)} hold"
-            name = f"{machine.model}, {run.label}"
-            title = f"{name}: every quantity, tolerance and reason ({held})"
-            metrics = doc.table(_METRIC_COLUMNS, run.metrics, run.label)
-            blocks.append(doc.Fold(title, (metrics,), anchor=_metrics_anchor(run)))
-    return blocks
+            title = f"{model}, {run.label}: every quantity, tolerance and reason ({held})"
+            yield doc.Fold(title, (_metrics(run),), anchor=_metrics_anchor(run))
 
 
 def _uncertainty(machine: Machine) -> doc.Block:
@@ -789,46 +719,24 @@ def _uncertainty(machine: Machine) -> doc.Block:
         "tolerance finer than ten times the reference's uncertainty is refused."
     )
     values = doc.page_only(certified_figures(shown, "Certified values"))
-    title = "How far the reference is known: its certificate"
-    return doc.Fold(title, (values, doc.Note(text)))
+    return doc.Fold("How far the reference is known: its certificate", (values, doc.Note(text)))
 
 
-def _check(run: Run, kind: str) -> doc.Cell:
-    """The worst of a kind of checks; a dash where the engine does not expose it."""
-    checks = [check for check in run.equality.checks if check.name == kind] if run.equality else []
-    if not checks:
-        return doc.Cell("–")
-    text = format_number(largest(check.value for check in checks))
-    return doc.Cell(text, doc.mark_of(all(check.holds for check in checks)))
-
-
-def _equal(equality: Equality) -> doc.Cell:
-    if not equality.exposed:
-        return doc.Cell("not checked", "warning")
-    text = equality.note or ("equivalent" if equality.holds else "another model")
-    return doc.Cell(text, "good" if equality.holds else "bad")
-
-
-_CHECKS = (
-    "total mass", "start", "centre of mass", "stop position", "mass matrix", "force",
-    "acceleration", "stop torque",
-)  # fmt: skip
-_EQUIVALENCE_COLUMNS = (
-    _ENGINE,
-    *(doc.Column(kind, of=partial(_check, kind=kind)) for kind in _CHECKS),
-    doc.Column("states", of=lambda run: run.equality.states),
-    doc.Column("verdict", of=lambda run: _equal(run.equality)),
-)
-
-
-def _pairs(pairs: Sequence[Pair]) -> tuple[doc.Block, ...]:
-    """Engine against engine: all pairs on a page, those of tuned presets in a terminal."""
-    tuned = [pair for pair in pairs if is_tuned(pair.first) and is_tuned(pair.second)]
-    every = doc.table(_PAIR_COLUMNS, pairs, "Engine against engine, all pairs")
-    caption = "engine against engine (tuned; the report has all)"
-    short = doc.table(_PAIR_COLUMNS, tuned, caption, "terminal")
-    page = doc.Fold("Engine against engine", (_matrix(pairs), doc.without_empty_columns(every)))
-    return page, doc.without_empty_columns(short)
+def _equivalence_row(run: Run) -> tuple[object, ...]:
+    """The worst of each kind of checks; a dash where the engine does not expose it."""
+    equality = run.equality
+    assert equality is not None
+    cells: list[doc.Cell] = []
+    for kind in _CHECKS:
+        checks = [check for check in equality.checks if check.name == kind]
+        worst = largest(check.value for check in checks)
+        mark = doc.mark_of(all(check.holds for check in checks) if checks else None)
+        cells.append(doc.Cell(format_number(worst), mark))
+    outcome = doc.Cell("not checked", "warning")
+    if equality.exposed:
+        text = equality.note or ("equivalent" if equality.holds else "another model")
+        outcome = doc.Cell(text, doc.mark_of(equality.holds))
+    return run.label, *cells, equality.states, outcome
 
 
 _PAIR_COLUMNS = (
@@ -840,8 +748,12 @@ _PAIR_COLUMNS = (
 )
 
 
-def _matrix(pairs: Sequence[Pair]) -> doc.Table:
-    """Distances above the diagonal."""
+def _pairs(pairs: Sequence[Pair]) -> tuple[doc.Block, ...]:
+    """Engine against engine: all pairs on a page, those of tuned presets in a terminal."""
+    tuned = [pair for pair in pairs if is_tuned(pair.first) and is_tuned(pair.second)]
+    every = doc.table(_PAIR_COLUMNS, pairs, "Engine against engine, all pairs")
+    caption = "engine against engine (tuned; the report has all)"
+    short = doc.table(_PAIR_COLUMNS, tuned, caption, "terminal")
     distances = {(pair.first, pair.second): format_number(pair.position_max) for pair in pairs}
     labels = [*dict.fromkeys([*(pair.first for pair in pairs), *(pair.second for pair in pairs)])]
     rows = [
@@ -849,27 +761,21 @@ def _matrix(pairs: Sequence[Pair]) -> doc.Table:
         for first in labels[:-1]
     ]
     caption = "Largest distance between the two positions of a marker [m]"
-    return doc.table(["engine", *labels[1:]], rows, caption, "page")
+    above_diagonal = doc.table(["engine", *labels[1:]], rows, caption, "page")
+    blocks = above_diagonal, doc.without_empty_columns(every)
+    return doc.Fold("Engine against engine", blocks), doc.without_empty_columns(short)
 
 
-def _metric_value(metric: Metric) -> doc.Cell:
-    text = (metric.note or "–") if metric.value is None else f"{metric.value:.6e}"
-    return doc.Cell(text, doc.mark_of(metric.holds))
-
-
-def _reason(metric: Metric) -> str:
-    unjudged = f"follows from {metric.follows}" if metric.follows else metric.note or ""
-    return metric.reason or unjudged
-
-
-_METRIC_COLUMNS = (
-    doc.Column("metric", of=attrgetter("label")),
-    doc.Column("value", of=_metric_value),
-    doc.Column("unit", of=attrgetter("unit")),
-    doc.Column("tolerance", of=lambda metric: format_number(metric.tolerance)),
-    doc.Column("stated by", of=lambda m: m.source or ("" if m.observed else "not observed")),
-    doc.Column("reason", of=_reason),
-)
+def _metrics(run: Run) -> doc.Table:
+    """Every metric of a run, its tolerance and the reason of that."""
+    rows: list[tuple[object, ...]] = []
+    for m in run.metrics:
+        text = (m.note or "–") if m.value is None else f"{m.value:.6e}"
+        source = m.source or ("" if m.observed else "not observed")
+        reason = m.reason or (f"follows from {m.follows}" if m.follows else m.note or "")
+        value, tolerance = doc.Cell(text, doc.mark_of(m.holds)), format_number(m.tolerance)
+        rows.append((m.label, value, m.unit, tolerance, source, reason))
+    return doc.table("metric | value | unit | tolerance | stated by | reason", rows, run.label)
 
 
 # --- The summary, in some thirty lines of Markdown for a pull request
@@ -883,28 +789,47 @@ _SIGNS = (
 
 def summary(results: Results) -> doc.Document:
     """Verdict, errors of the runs, what broke and why, versions; the rest behind folds."""
-    first, rest = _most_important(results.runs)
-    broken = [*_broken(results.runs)]
+    # Last of all is the reference against itself; where there are too many runs, those that agree.
+    ordered = [*results.runs]
+    if len(ordered) > _ROWS:
+        ordered.sort(key=lambda run: run.outcome is Outcome.AGREES)
+    ordered.sort(key=lambda r: r.engine == REFERENCE_ENGINE and r.outcome is Outcome.AGREES)
+    others = [r for r in ordered if r.engine != REFERENCE_ENGINE or r.outcome is not Outcome.AGREES]
+    count = min(len(others) or len(ordered), _ROWS)
+    rest = ordered[count:]
+    broken: list[doc.Text] = []
+    all_complaints: list[doc.Text] = []
+    for run in results.runs:
+        # One line for each run that does not agree: the worst of it, and its likeliest cause.
+        parts, name = complaints(run, 1), f"{run.model}, {run.label}:"
+        if run.message:
+            parts.append(run.message)
+        if run.unjudged:
+            parts.append(f"not judged: {len(run.unjudged)} quantities")
+        if run.diagnosis is not None:
+            parts.append(cause_text(run.diagnosis))
+        if parts:
+            text = " ".join(map(sentence, parts))
+            broken.append(doc.Text(text, "bad" if run.broken else "warning", name))
+        all_complaints += [doc.Text(line, lead=name) for line in complaints(run, _COMPLAINTS)]
+    engines = {run.engine: run.engine_version for run in results.runs}
+    versions = ", ".join(f"{engine} {version}" for engine, version in engines.items())
+    here = f"trebucheck {results.trebucheck_version}, Python {results.python_version}"
     blocks: list[doc.Block] = [
         doc.Text(verdict(results), doc.mark_of(results.passed)),
-        _errors(first),
+        _errors(ordered[:count]),
         doc.Note(_SIGNS),
         doc.Listing(tuple(broken[:_CAUSES])),
-        doc.Text(_versions(results)),
+        doc.Text(f"Versions: {versions}; {here}, {results.platform}."),
     ]
     if results.command is not None:
         blocks.append(doc.Code("Made by:", results.command))
-    further = broken[_CAUSES:]
-    if rest or further:
-        shown = (_errors(rest), doc.Listing(tuple(further)))
+    if rest or broken[_CAUSES:]:
+        shown = (_errors(rest), doc.Listing(tuple(broken[_CAUSES:])))
         blocks.append(doc.Fold(f"Further runs ({len(rest)})", shown))
-    items = tuple(
-        doc.Text(line, lead=f"{run.model}, {run.label}:")
-        for run in results.runs
-        for line in complaints(run, _COMPLAINTS)
-    )
-    if items:
-        blocks.append(doc.Fold("Tolerances that are broken", (doc.Listing(items),)))
+    if all_complaints:
+        listing = doc.Listing(tuple(all_complaints))
+        blocks.append(doc.Fold("Tolerances that are broken", (listing,)))
     mechanisms = [(m.model, m.mechanism_hash[:16], f"{m.judged_to:.6g}") for m in results.machines]
     settings = [(run.model, run.label, format_settings(run.settings)) for run in results.runs]
     tables = (
@@ -913,21 +838,6 @@ def summary(results: Results) -> doc.Document:
     )
     blocks.append(doc.Fold("Mechanisms and settings", tables))
     return doc.Document("", tuple(blocks))
-
-
-def _most_important(runs: Sequence[Run]) -> tuple[Sequence[Run], Sequence[Run]]:
-    """Runs to be shown, and the rest.
-
-    The rest is the reference against itself, and where there are too many, runs that agree.
-    """
-    ordered = [*runs]
-    if len(runs) > _ROWS:
-        ordered.sort(key=lambda run: run.outcome is Outcome.AGREES)
-    own = [r for r in ordered if r.engine == REFERENCE_ENGINE and r.outcome is Outcome.AGREES]
-    others = [run for run in ordered if run not in own]
-    if not others:
-        return own[:_ROWS], own[_ROWS:]
-    return others[:_ROWS], [*others[_ROWS:], *own]
 
 
 def _errors(runs: Sequence[Run]) -> doc.Table:
@@ -939,26 +849,3 @@ def _errors(runs: Sequence[Run]) -> doc.Table:
         doc.Column("verdict", of=verdict_cell),
     )
     return doc.without_empty_columns(doc.table(heads, runs))
-
-
-def _broken(runs: Iterable[Run]) -> Iterator[doc.Text]:
-    """One line for each run that does not agree: the worst of it, and its likeliest cause."""
-    for run in runs:
-        parts = complaints(run, 1)
-        if run.message:
-            parts.append(run.message)
-        if run.unjudged:
-            parts.append(f"not judged: {len(run.unjudged)} quantities")
-        if run.diagnosis is not None:
-            parts.append(cause_text(run.diagnosis))
-        if parts:
-            mark: doc.Mark = "bad" if run.broken else "warning"
-            text = " ".join(map(sentence, parts))
-            yield doc.Text(text, mark, lead=f"{run.model}, {run.label}:")
-
-
-def _versions(results: Results) -> str:
-    engines = {run.engine: run.engine_version for run in results.runs}
-    names = ", ".join(f"{engine} {version}" for engine, version in engines.items())
-    own = f"trebucheck {results.trebucheck_version}, Python {results.python_version}"
-    return f"Versions: {names}; {own}, {results.platform}."

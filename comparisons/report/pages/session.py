@@ -18,8 +18,8 @@ from ....models.files import write_text
 from ....models.shown import Reported
 from ....models.trajectory import Trajectory
 from .. import html
-from ..document import Document
-from ..figures import figures_of, picture
+from ..document import Document, figures_of
+from ..plots import picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -109,12 +109,12 @@ def figure(result: Reported, name: str | None = None) -> Figure:
         )
     block = figures[chosen]
     drawn = picture(block.panels(), block.columns or 3, block.title)
+
+    def png() -> bytes:
+        out = io.BytesIO()
+        drawn.savefig(out, format="png", dpi=110)
+        return out.getvalue()
+
     # Notebooks show a figure that pyplot knows; this one it does not, so it brings its own picture.
-    vars(drawn)["_repr_png_"] = lambda: _png(drawn)
+    vars(drawn)["_repr_png_"] = png
     return drawn
-
-
-def _png(figure: Figure) -> bytes:
-    out = io.BytesIO()
-    figure.savefig(out, format="png", dpi=110)
-    return out.getvalue()

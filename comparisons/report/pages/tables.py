@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Protocol
 
 from ....models.mechanism import Mechanism
 from ....reference.certification.certificate import Figure
 from ...diagnosis.rank import SAME
-from ...runs.results import (
-    Diagnosis,
-    Machine,
-    Measured,
-    Metric,
-    Outcome,
-    RankedCause,
-    ResultFile,
-    Run,
-    SingularPosition,
-)
+from ...runs.results import Diagnosis, Machine, Measured, Outcome, RankedCause, ResultFile, Run
 from .. import document as doc
-from ..numbers import format_number, format_settings
+from ..document import format_number, format_settings
 
 Settings = tuple[str, str, str, Mapping[str, object]]
 """Machine, engine (and what else names the run), version, and settings."""
@@ -43,9 +34,6 @@ _HORIZON = (
 _BEYOND = "beyond it only invariants and the time of first parting are judged"
 
 
-# --- Verdicts and causes
-
-
 def verdict_blocks(text: str, mark: doc.Mark) -> tuple[doc.Block, doc.Block]:
     """The verdict in a line: first on a page, last in a terminal."""
     return doc.Text(text, mark, medium="page"), doc.Text(text, mark, medium="terminal")
@@ -56,9 +44,22 @@ def chapter(model: str) -> doc.Heading:
     return doc.Heading(f"{model.capitalize()} machine", 2, model)
 
 
+def anchor(model: str, name: str) -> str:
+    """Anchor of a machine's figure or section of that name."""
+    return f"{model}-{name}".lower().replace(" ", "-")
+
+
 def capital(text: str) -> str:
     """The text with a capital."""
     return text[:1].upper() + text[1:]
+
+
+def is_tuned(label: str) -> bool:
+    """Whether a run's label ends in the tuned preset."""
+    return label.endswith("tuned")
+
+
+# --- Verdicts and causes
 
 
 def complaints(run: Run, most: int | None = None) -> list[str]:
@@ -69,19 +70,17 @@ def complaints(run: Run, most: int | None = None) -> list[str]:
         most: how many have a sentence; None: all.
     """
     broken = sorted(run.broken, key=lambda metric: metric.share or 0.0)
-    sentences = [_complaint(metric) for metric in broken[::-1][:most]]
+    sentences: list[str] = []
+    for metric in broken[::-1][:most]:
+        measured = metric.note or f"{format_number(metric.value)} {metric.unit}"
+        allowed = f"{format_number(metric.tolerance)} {metric.unit}"
+        source = f"{metric.source}: {metric.reason}"
+        sentences.append(f"{metric.label}: {measured}, tolerance {allowed} ({source})")
     rest = len(broken) - len(sentences)
     if rest:
         judged = len(run.judged)
         sentences.append(f"{rest} more of {judged} judged quantities break their tolerance.")
     return sentences
-
-
-def _complaint(metric: Metric) -> str:
-    unit = metric.unit
-    measured = metric.note or f"{format_number(metric.value)} {unit}"
-    allowed = f"{format_number(metric.tolerance)} {unit} ({metric.source}: {metric.reason})"
-    return f"{metric.label}: {measured}, tolerance {allowed}"
 
 
 def diagnosis(run: Measured) -> list[str]:
@@ -98,28 +97,22 @@ def diagnosis(run: Measured) -> list[str]:
     only = ""
     if diagnosed.motion_agrees:
         only = " The motion follows the reference: only what is read from it differs."
-    first = f"differs from the reference {when}, first in {diagnosed.leads}.{only}"
-    return [f"{first} {_likeliest(diagnosed)}"]
-
-
-def _likeliest(diagnosed: Diagnosis) -> str:
-    """The causes that explain enough of the deviation; without one, what the suspects explain."""
-    shares = "; ".join(_share(cause) for cause in diagnosed.named or diagnosed.causes[:3])
+    # Each suspect with the share of the deviation that it explains.
+    shares = "; ".join(
+        f"{_amount(cause)}: {100 * cause.explained:.1f} % of it"
+        for cause in diagnosed.named or diagnosed.causes[:3]
+    )
+    likeliest = "Cause unknown: no suspect accounts for it."
     if diagnosed.named:
         others = diagnosed.causes[diagnosed.likeliest :]
         alike = ", ".join(cause.name for cause in others if cause.explained >= SAME)
-        return f"Likeliest: {shares}.{f' As well by: {alike}.' if alike else ''}"
-    if shares:
-        return (
+        likeliest = f"Likeliest: {shares}.{f' As well by: {alike}.' if alike else ''}"
+    elif shares:
+        likeliest = (
             "Cause unknown. No suspect accounts for enough of it, and clearly more than others: "
             f"{shares}."
         )
-    return "Cause unknown: no suspect accounts for it."
-
-
-def _share(cause: RankedCause) -> str:
-    """A suspect: what, how much of it, and how much of the deviation it explains."""
-    return f"{_amount(cause)}: {100 * cause.explained:.1f} % of it"
+    return [f"differs from the reference {when}, first in {diagnosed.leads}.{only} {likeliest}"]
 
 
 def _amount(cause: RankedCause) -> str:
@@ -138,11 +131,6 @@ def why(run: Measured) -> Iterator[doc.Text]:
     """When and why a run differs from the reference, as paragraphs."""
     for sentence in diagnosis(run):
         yield doc.Text(capital(sentence), lead="Why:")
-
-
-def is_tuned(label: str) -> bool:
-    """Whether a run's label ends in the tuned preset."""
-    return label.endswith("tuned")
 
 
 # --- Times
@@ -170,33 +158,27 @@ def compared_time(
 
 def predictable(machine: Machine) -> str:
     """The predictability horizon, the growth of errors on the way, and singular positions."""
-    return " ".join([_horizon(machine), *_singular_positions(machine.singular_positions)])
-
-
-def _singular_positions(passed: Sequence[SingularPosition]) -> Iterator[str]:
-    if passed:
-        times = ", ".join(f"{each.time:.9g}" for each in passed[:_LISTED])
-        more = f" and {len(passed) - _LISTED} times more" if len(passed) > _LISTED else ""
-        uncertain = max(each.time_uncertainty for each in passed)
-        adds = max(each.uncertainty for each in passed)
-        yield (
-            "The reference passes singular positions, in which its constraints lose rank, on the "
-            f"smooth branch of its motion: at {times} s{more} (uncertain by {uncertain:.1g} s); "
-            f"each adds at most {adds:.1g} of the longest arm to the uncertainty behind it. Beside "
-            "them no forces are compared."
-        )
-
-
-def _horizon(machine: Machine) -> str:
     text = f"Predictable to the end, {machine.compared_to:.6g} s."
     if machine.judged_to < machine.compared_to:
         text = f"Predictable until {machine.judged_to:.6g} s; {_BEYOND}: {_HORIZON}."
     horizon = machine.predictability
-    if horizon is None:
+    if horizon is not None:
+        rows = zip(horizon.times, horizon.parameters, horizon.start, strict=True)
+        grown = ", ".join(f"{_growth(p)} ({_growth(s)}) by {t:.4g} s" for t, p, s in rows)
+        text += f" Relative errors of parameters (of the start) are stretched {grown}."
+    passed = machine.singular_positions
+    if not passed:
         return text
-    rows = zip(horizon.times, horizon.parameters, horizon.start, strict=True)
-    grown = ", ".join(f"{_growth(p)} ({_growth(s)}) by {t:.4g} s" for t, p, s in rows)
-    return f"{text} Relative errors of parameters (of the start) are stretched {grown}."
+    times = ", ".join(f"{position.time:.9g}" for position in passed[:_LISTED])
+    more = f" and {len(passed) - _LISTED} times more" if len(passed) > _LISTED else ""
+    uncertain = max(position.time_uncertainty for position in passed)
+    adds = max(position.uncertainty for position in passed)
+    return (
+        f"{text} The reference passes singular positions, in which its constraints lose rank, on "
+        f"the smooth branch of its motion: at {times} s{more} (uncertain by {uncertain:.1g} s); "
+        f"each adds at most {adds:.1g} of the longest arm to the uncertainty behind it. Beside "
+        "them no forces are compared."
+    )
 
 
 def _growth(factor: float | None) -> str:
@@ -211,24 +193,26 @@ def partings(machine: Machine, runs: Iterable[Run]) -> Iterator[doc.Text]:
     for run in runs:
         time, error = run.metric("first_parting"), run.metric("base_error")
         if time and error:
-            times.append(f"{run.label} {_parting(time, error)}")
-    yield doc.Text(
-        "First parting from the reference, by a thousandth of a scale: "
-        f"{', '.join(times) or 'none'}."
-    )
-
-
-def _parting(time: Metric, base_error: Metric) -> str:
-    if time.value is None:
-        return "not by the end"
-    return f"at {time.value:.4g} s (base error {format_number(base_error.value)})"
+            parting = "not by the end"
+            if time.value is not None:
+                parting = f"at {time.value:.4g} s (base error {format_number(error.value)})"
+            times.append(f"{run.label} {parting}")
+    listed = ", ".join(times) or "none"
+    yield doc.Text(f"First parting from the reference, by a thousandth of a scale: {listed}.")
 
 
 # --- Evidence
 
 
+class _OfMechanism(Protocol):
+    @property
+    def model(self) -> str: ...
+    @property
+    def mechanism(self) -> Mechanism: ...
+
+
 def provenance(
-    result: ResultFile, runs: Iterable[Settings], mechanisms: Sequence[tuple[str, Mechanism]]
+    result: ResultFile, runs: Iterable[Settings], machines: Iterable[_OfMechanism]
 ) -> tuple[doc.Block, ...]:
     """The end of a page: versions, the settings of each run, and each machine's mechanism."""
     versions = f"trebucheck {result.trebucheck_version}, Python {result.python_version}"
@@ -240,15 +224,12 @@ def provenance(
         text = f"Wall times: {result.jobs} runs at once, which disturb each other."
         blocks.append(doc.Text(text))
     if result.command is not None:
-        code = doc.Code("The command that makes this again", result.command)
-        blocks.append(doc.page_only(code))
-    rows = [
-        (model, label, version, format_settings(settings))
-        for model, label, version, settings in runs
-    ]
+        title = "The command that makes this again"
+        blocks.append(doc.Code(title, result.command, medium="page"))
+    rows = [(*names, format_settings(settings)) for *names, settings in runs]
     heads = "machine | engine | version | settings"
     blocks.append(doc.table(heads, rows, "Settings of every run", "page"))
-    blocks += [mechanism_as_data(model, mechanism) for model, mechanism in mechanisms]
+    blocks += [mechanism_as_data(machine.model, machine.mechanism) for machine in machines]
     return tuple(blocks)
 
 
