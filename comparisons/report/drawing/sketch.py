@@ -43,7 +43,7 @@ from ....models.elements import (
 )
 from ....models.kinematics import Kinematics, PointCoefficients
 from ....models.mechanism import Body, Mechanism
-from ....models.sketch import distinct, loaded_rod, on_a_line
+from ....models.mjcf.appearance import distinct, loaded_rod, on_a_line
 from ....models.spec import Vector
 
 Kind = Literal["line", "area", "disc", "hatch", "between", "spiral", "wheel", "arrow", "turn"]

@@ -36,9 +36,9 @@ def _pages() -> dict[type, Callable[[Any], Document]]:
     from ....reference.certification.certificate import Certificate
     from ....reference.throw.throw import Throw
     from ...compare.study import Comparison
-    from ...converge.results import Studies
+    from ...converge import Studies
     from ...diff import Difference
-    from ...explain.results import Explanation
+    from ...explain import Explanation
     from ...recommend.results import Advice
     from . import compare, converge, diff, explain, recommend, run, throw
 

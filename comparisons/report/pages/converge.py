@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from ...converge.results import Curve, LimitPair, MachineStudies, PowerLaw, Studies, SweepStudy
+from ...converge import Curve, LimitPair, MachineStudies, PowerLaw, Studies, SweepStudy
 from .. import document as doc
 from ..document import format_number, format_settings
 from ..plots import Axis, Label, Panels, Plot, Series, Style, run_style
