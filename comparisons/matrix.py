@@ -18,8 +18,8 @@ from ..models.errors import InputError
 from ..models.library.registry import find_benchmark
 from ..models.spec import Positive, Real, Spec
 from .compare import format_of, read_results
-from .converge.results import FORMAT as CONVERGE
-from .converge.results import Studies
+from .converge import FORMAT as CONVERGE
+from .converge import Studies
 from .runs.quantities import QUANTITIES
 from .runs.results import FORMAT as COMPARE
 from .runs.results import (

@@ -31,11 +31,7 @@ RANKS: tuple[tuple[str, ...], ...] = (
     ("comparisons/report/drawing",),
     ("comparisons/report",),
     ("comparisons/diagnosis",),
-    (
-        "comparisons/converge",
-        "comparisons/data",
-        "comparisons/explain",
-    ),
+    ("comparisons/data",),
     ("comparisons",),  # the studies of one module: diff, matrix, ...
     ("comparisons/report/pages",),
     ("conformance",),
