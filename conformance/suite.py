@@ -397,16 +397,6 @@ class Suite:
         self._worker.close()
 
     @cached_property
-    def supplied(self) -> dict[str, str] | None:
-        """Parts of a run that trebucheck does, as the engine states; None if it does not."""
-        return supplied_in(self.target.engine, self.target.preset)
-
-    @cached_property
-    def version(self) -> str:
-        """Version of the engine."""
-        return str(self.target.engine_type.version())
-
-    @cached_property
     def _checks(self) -> dict[str, tuple[str, ...]]:
         """Names of the checks by problem."""
         checks, capabilities = {INTERFACE: tuple(_INTERFACE_CHECKS)}, self.target.capabilities
@@ -420,36 +410,32 @@ class Suite:
     @cached_property
     def ids(self) -> tuple[str, ...]:
         """Ids of all checks, in their order."""
-        return tuple(
-            self._id(problem, check) for problem in self._checks for check in self._checks[problem]
-        )
-
-    def _id(self, problem: str, check: str) -> str:
-        return f"{self.target.label}/{problem}/{check}"
+        ids: list[str] = []
+        for problem, checks in self._checks.items():
+            ids += [f"{self.target.label}/{problem}/{check}" for check in checks]
+        return tuple(ids)
 
     def verdict(self, id: str) -> CheckVerdict:
         """Verdict on a check; its problem is run now if this is its first one."""
         _, problem, check = id.rsplit("/", 2)
         if problem not in self._verdicts:
             self._verdicts[problem] = self._judge(problem)
-        return self._verdicts[problem][check]
+        return self._verdicts[problem][check].model_copy(update={"id": id})
 
     def verdicts(self) -> Iterable[CheckVerdict]:
         """Verdicts on all checks, each when it is asked for."""
         return map(self.verdict, self.ids)
 
-    def _verdict(self, problem: str, check: str, state: CheckState, text: str = "") -> CheckVerdict:
-        return CheckVerdict(id=self._id(problem, check), state=state, text=text)
+    # The verdicts below get their ids from :meth:`verdict`.
 
     def _all(self, problem: str, state: CheckState, text: str) -> dict[str, CheckVerdict]:
-        checks = self._checks[problem]
-        return {check: self._verdict(problem, check, state, text) for check in checks}
+        return dict.fromkeys(self._checks[problem], _plain(state, text))
 
     def _failed(self, problem: str, text: str, check: str = "runs") -> dict[str, CheckVerdict]:
         """One check broken, and the others without a motion to look at."""
         nothing = "there is no motion to judge; see the first check of this problem"
         others = self._all(problem, CheckState.SKIPPED, nothing)
-        return others | {check: self._verdict(problem, check, CheckState.BROKEN, text)}
+        return others | {check: _plain(CheckState.BROKEN, text)}
 
     def _judge(self, problem: str) -> dict[str, CheckVerdict]:
         cls = self.target.engine_type
@@ -478,7 +464,7 @@ class Suite:
                 text = str(error)
             except Exception as error:
                 text = f"{type(error).__name__}: {error}"
-            verdicts[name] = self._verdict(INTERFACE, name, state, text)
+            verdicts[name] = _plain(state, text)
         return verdicts
 
     def _run(self, problem: str) -> dict[str, CheckVerdict]:
@@ -520,20 +506,20 @@ class Suite:
         for metric in run.metrics:
             check = check_name(metric.name)
             metrics[check if check in metrics else runs].append(metric)
-        verdicts: dict[str, CheckVerdict] = {}
-        for check, judged in metrics.items():
-            changes: dict[str, object] = {"id": self._id(problem, check)}
-            verdict = judgement(judged, run)
-            if check == runs:
-                changes["wall_time"] = run.wall_time
-                if verdict.state is CheckState.SKIPPED:  # nothing else was judged: it ran
-                    changes |= {"state": CheckState.KEPT, "text": ""}
-            verdicts[check] = verdict.model_copy(update=changes)
-        state, text = CheckState.KEPT, ""
+        verdicts = {check: judgement(metrics[check], run) for check in metrics}
+        rest: dict[str, object] = {"wall_time": run.wall_time}
+        if verdicts[runs].state is CheckState.SKIPPED:  # nothing else was judged: it ran
+            rest |= {"state": CheckState.KEPT, "text": ""}
+        verdicts[runs] = verdicts[runs].model_copy(update=rest)
+        verdicts[model_check] = _plain(CheckState.KEPT)
         if run.equality is None or not run.equality.exposed:
-            state = CheckState.SKIPPED
             text = "it does not show its built model (`inspect`): only its motion tells"
-        return verdicts | {model_check: self._verdict(problem, model_check, state, text)}
+            verdicts[model_check] = _plain(CheckState.SKIPPED, text)
+        return verdicts
+
+
+def _plain(state: CheckState, text: str = "") -> CheckVerdict:
+    return CheckVerdict(id="", state=state, text=text)
 
 
 def judgement(metrics: Iterable[Metric], run: Run) -> CheckVerdict:
@@ -546,7 +532,7 @@ def judgement(metrics: Iterable[Metric], run: Run) -> CheckVerdict:
         # What was compared and has no tolerance is no success, and not merely absent.
         absent = "it has no tolerance" if unjudged else "there is no such event in this motion"
         state = CheckState.NOT_JUDGED if unjudged else CheckState.SKIPPED
-        return CheckVerdict(id="", state=state, text=notes[0] if notes else absent)
+        return _plain(state, notes[0] if notes else absent)
     worst, complaints = judged[-1], list[str]()
     for m in reversed(judged):
         if m.holds is False:
@@ -663,9 +649,10 @@ class Session:
     @property
     def results(self) -> Conformance:
         """The verdicts so far."""
+        targets = [suite.target for suite in self._suites]
         return Conformance.made_here(
-            engines={suite.target.label: suite.version for suite in self._suites},
-            supplied={suite.target.label: suite.supplied for suite in self._suites},
+            engines={t.label: str(t.engine_type.version()) for t in targets},
+            supplied={t.label: supplied_in(t.engine, t.preset) for t in targets},
             tier=self._tier,
             verdicts=tuple(self._found[id] for id in self.ids if id in self._found),
         )

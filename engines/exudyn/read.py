@@ -14,20 +14,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ...models import elements
 from ...models.arrays import ComplexArray, FloatArray
-from ...models.elements import (
-    FORCE_ELEMENTS,
-    GROUND,
-    AnyJoint,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
-    PointStop,
-    RotationalSpringDamper,
-    SpringDamper,
-    Stop,
-)
+from ...models.elements import FORCE_ELEMENTS, GROUND, AnyJoint, ElementTable
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Marker, Mechanism
 from ...models.spec import Vector
@@ -113,7 +102,7 @@ def on_joint(joint: AnyJoint) -> RelativePoint:
     return RelativePoint(child, "joint", joint.parent, joint.parent_point)
 
 
-def on_wall(stop: PointStop) -> RelativePoint:
+def on_wall(stop: elements.PointStop) -> RelativePoint:
     """The point of a stop from the origin of the wall's frame, in that."""
     point = Marker(name=stop.name, body=stop.body, point=stop.point)
     return RelativePoint(point, "stop", stop.relative_to, (0.0, 0.0))
@@ -149,7 +138,7 @@ class AngleLimit:
     force_sensor: ClassVar[str] = "Force"
     """Exudyn's name of the connector's force."""
 
-    stop: Stop
+    stop: elements.Stop
     spring: Spring | None
 
     @property
@@ -196,7 +185,7 @@ class LineContact:
     force_sensor: ClassVar[str] = "ForceLocal"
     sense: ClassVar[int] = 1
 
-    stop: PointStop
+    stop: elements.PointStop
     spring: Spring | None
 
     def torque(self, values: Values) -> FloatArray:
@@ -305,20 +294,22 @@ class System:
 
 
 def rest_displacement(
-    spring: RotationalSpringDamper | CubicTorsionSpring, mechanism: Mechanism
+    spring: elements.RotationalSpringDamper | elements.CubicTorsionSpring, mechanism: Mechanism
 ) -> float:
     """Displacement at the rest angle [rad]: anticlockwise as Exudyn's rotations, from the start."""
     angle = Kinematics(mechanism).angle(spring.body, spring.relative_to)
     return float(angle.value(np.array(mechanism.start))) - spring.rest_angle
 
 
-def _point_spring_energy(spring: SpringDamper, _: Mechanism, values: Values) -> FloatArray:
+def _point_spring_energy(spring: elements.SpringDamper, _: Mechanism, values: Values) -> FloatArray:
     distance = values(("spring", spring.name, "Distance"))[:, 0]
     return 0.5 * spring.stiffness * (distance - spring.rest_length) ** 2
 
 
 def _rotational_spring_energy(
-    spring: RotationalSpringDamper | CubicTorsionSpring, mechanism: Mechanism, values: Values
+    spring: elements.RotationalSpringDamper | elements.CubicTorsionSpring,
+    mechanism: Mechanism,
+    values: Values,
 ) -> FloatArray:
     displacement = values(("spring", spring.name, "Displacement"))[:, 0]
     stretch = displacement - rest_displacement(spring, mechanism)
@@ -336,11 +327,11 @@ ENERGIES: ElementTable[Callable[[Any, Mechanism, Values], FloatArray]] = Element
     "exudyn's reader",
     FORCE_ELEMENTS,
     {
-        SpringDamper: _point_spring_energy,
-        RotationalSpringDamper: _rotational_spring_energy,
-        CubicTorsionSpring: _rotational_spring_energy,
-        ConstantForce: _no_energy,
-        ConstantTorque: _no_energy,
+        elements.SpringDamper: _point_spring_energy,
+        elements.RotationalSpringDamper: _rotational_spring_energy,
+        elements.CubicTorsionSpring: _rotational_spring_energy,
+        elements.ConstantForce: _no_energy,
+        elements.ConstantTorque: _no_energy,
     },
 )
 """Potential energy of a force element by its connector's own distance or displacement [J], (n,)."""

@@ -206,8 +206,7 @@ def stop_constraints(mechanism: Mechanism, model: Any) -> dict[str, UnilateralCo
     return {stop.name: _STOPS[stop](model, names, stop) for stop in mechanism.stops}
 
 
-def stop_contacts(mechanism: Mechanism, model: Any) -> list[PointContact]:
-    """The contacts of the stops on points."""
+def _point_stops(mechanism: Mechanism, model: Any) -> list[PointContact]:
     names = mjcf_names(mechanism)
     return [_contact(model, names[stop.name]) for stop in mechanism.point_stops]
 
@@ -264,7 +263,7 @@ def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
     )
     model.pair_solref[:], model.pair_solimp[:] = of_points, options.solimp
     model.eq_solref[:], model.eq_solimp[:] = of_points, options.solimp
-    for contact in stop_contacts(mechanism, model):
+    for contact in _point_stops(mechanism, model):
         if options.moving_points or options.preload:  # the correction acts
             model.pair_margin[contact.index] = felt_from(mechanism, options.timestep)
         else:  # the MJCF's margin is the rounding error at the mechanism's size
@@ -278,7 +277,7 @@ def correction_of(
     """The correction of contacts and equalities; with stock options it does nothing."""
     if not (options.moving_points or options.preload) or not (model.npair or model.neq):
         return ReferenceAccelerationCorrection(model, velocity_term=False)
-    without_margin = {contact.geoms: 0.0 for contact in stop_contacts(mechanism, model)}
+    without_margin = {contact.geoms: 0.0 for contact in _point_stops(mechanism, model)}
     # The solver may lose its last digits in the cost of two walls pressed in.
     to_the_last_digit = options.solver == "Newton" and options.tolerance < np.finfo(float).eps
     between_walls = to_the_last_digit and bool(slot_contacts(mechanism, model))
