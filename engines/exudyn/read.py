@@ -306,17 +306,26 @@ def _point_spring_energy(spring: elements.SpringDamper, _: Mechanism, values: Va
     return 0.5 * spring.stiffness * (distance - spring.rest_length) ** 2
 
 
-def _rotational_spring_energy(
+def _stretch(
     spring: elements.RotationalSpringDamper | elements.CubicTorsionSpring,
     mechanism: Mechanism,
     values: Values,
 ) -> FloatArray:
     displacement = values(("spring", spring.name, "Displacement"))[:, 0]
-    stretch = displacement - rest_displacement(spring, mechanism)
-    quadratic = 0.5 * spring.stiffness * stretch**2
-    if spring.kind == "rotational-spring-damper":
-        return quadratic
-    return quadratic + spring.cubic_stiffness * (0.25 * stretch**4)
+    return displacement - rest_displacement(spring, mechanism)
+
+
+def _rotational_spring_energy(
+    spring: elements.RotationalSpringDamper, mechanism: Mechanism, values: Values
+) -> FloatArray:
+    return 0.5 * spring.stiffness * _stretch(spring, mechanism, values) ** 2
+
+
+def _cubic_spring_energy(
+    spring: elements.CubicTorsionSpring, mechanism: Mechanism, values: Values
+) -> FloatArray:
+    stretch = _stretch(spring, mechanism, values)
+    return 0.5 * spring.stiffness * stretch**2 + spring.cubic_stiffness * (0.25 * stretch**4)
 
 
 def _no_energy(*_: object) -> FloatArray:
@@ -329,7 +338,7 @@ ENERGIES: ElementTable[Callable[[Any, Mechanism, Values], FloatArray]] = Element
     {
         elements.SpringDamper: _point_spring_energy,
         elements.RotationalSpringDamper: _rotational_spring_energy,
-        elements.CubicTorsionSpring: _rotational_spring_energy,
+        elements.CubicTorsionSpring: _cubic_spring_energy,
         elements.ConstantForce: _no_energy,
         elements.ConstantTorque: _no_energy,
     },
