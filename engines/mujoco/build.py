@@ -49,7 +49,7 @@ class Limit:
     constraint: int
     """MuJoCo's type of its constraint rows."""
     range: tuple[float, float]
-    """Of the joint or tendon, before anything was removed [rad]."""
+    """Range of the joint or tendon before anything was removed [rad]."""
 
     def remove(self) -> None:
         """Remove the limit from the model; the other end of the range stays."""
@@ -119,11 +119,11 @@ class PointContact:
 
     model: Any
     index: int
-    """Of the pair of geoms."""
+    """Number of the pair of geoms."""
     geoms: tuple[int, int]
     """Wall and sphere in MuJoCo's order: a plane before the sphere, the sphere before a box."""
     margin: float
-    """Of the pair, before anything was removed [m]."""
+    """Margin of the pair before anything was removed [m]."""
 
     def remove(self) -> None:
         """Set the margin so low that the sphere never comes within it."""
