@@ -39,7 +39,6 @@ from .read import (
     exu,
     on_joint,
     on_wall,
-    rest_displacement,
 )
 from .solver import DEPENDENT, LoopConstraints
 
@@ -345,6 +344,7 @@ class _Builder:
                 markerNumbers=markers, stiffness=[spring.stiffness] * 2 + [0.0]
             )
         self._connect(item, "spring", spring.name, "Distance")
+        self.system.rests[spring.name] = "Distance", spring.rest_length
 
     def add_rotational_spring(self, spring: elements.RotationalSpringDamper) -> None:
         """Add a spring between two rotations: full turns count."""
@@ -365,13 +365,17 @@ class _Builder:
     def _add_torsion(
         self, spring: elements.RotationalSpringDamper | elements.CubicTorsionSpring, **fields: Any
     ) -> None:
+        angle = Kinematics(self.mechanism).angle(spring.body, spring.relative_to)
+        # Displacements count from the start, anticlockwise.
+        rest = float(angle.value(np.array(self.mechanism.start))) - spring.rest_angle
         item = items.ObjectConnectorCoordinateSpringDamper(
             markerNumbers=self._rotations(spring.relative_to, spring.body),
             stiffness=spring.stiffness,
-            offset=rest_displacement(spring, self.mechanism),
+            offset=rest,
             **fields,
         )
         self._connect(item, "spring", spring.name, "Displacement")
+        self.system.rests[spring.name] = "Displacement", rest
 
     # Stops.
 

@@ -243,17 +243,24 @@ class System:
     bodies: dict[str, int] = field(default_factory=dict[str, int])
     stops: dict[str, int] = field(default_factory=dict[str, int])
     """Items of the stops: all under the unilateral law, else those that touch at the start."""
-    constraints: dict[str, UnilateralConstraint] = field(
-        default_factory=dict[str, UnilateralConstraint]
-    )
+    constraints: dict[str, UnilateralConstraint] = field(default_factory=dict[str, Any])
     """Connectors and sensors of the same stops."""
     springs: Mapping[str, Spring] = field(default_factory=dict[str, Spring])
     """Stops that are springs; empty where they are constraints."""
+    rests: dict[str, tuple[str, float]] = field(default_factory=dict[str, tuple[str, float]])
+    """Springs of the mechanism: output of the connector, and its value at rest [m, rad]."""
     sensors: dict[SensorKey, int] = field(default_factory=dict[SensorKey, int])
     left_out: frozenset[str] = frozenset()
     """Loop joints whose held angle is not built, because it follows from the other conditions."""
     redundant: bool = False
     """Whether conditions of the loops, as they are built, follow from others at the start."""
+
+    def stretch(self, element: str, values: Values) -> FloatArray:
+        """Stretch of a spring by its connector [m, rad], shape (n,); zero if it is no spring."""
+        if element not in self.rests:
+            return np.zeros(1)
+        variable, rest = self.rests[element]
+        return values(("spring", element, variable))[:, 0] - rest
 
     def torque(self, stop: str) -> float:
         """Torque (or force) of a stop at the current state [N m, N]."""
@@ -293,57 +300,30 @@ class System:
         return [point[0] - centre[0], point[1] - centre[1], 0.0]
 
 
-def rest_displacement(
-    spring: elements.RotationalSpringDamper | elements.CubicTorsionSpring, mechanism: Mechanism
-) -> float:
-    """Displacement at the rest angle [rad]: anticlockwise as Exudyn's rotations, from the start."""
-    angle = Kinematics(mechanism).angle(spring.body, spring.relative_to)
-    return float(angle.value(np.array(mechanism.start))) - spring.rest_angle
+def _quadratic_energy(spring: Any, stretch: FloatArray) -> FloatArray:
+    return 0.5 * spring.stiffness * stretch**2
 
 
-def _point_spring_energy(spring: elements.SpringDamper, _: Mechanism, values: Values) -> FloatArray:
-    distance = values(("spring", spring.name, "Distance"))[:, 0]
-    return 0.5 * spring.stiffness * (distance - spring.rest_length) ** 2
+def _cubic_spring_energy(spring: elements.CubicTorsionSpring, stretch: FloatArray) -> FloatArray:
+    return _quadratic_energy(spring, stretch) + spring.cubic_stiffness * (0.25 * stretch**4)
 
 
-def _stretch(
-    spring: elements.RotationalSpringDamper | elements.CubicTorsionSpring,
-    mechanism: Mechanism,
-    values: Values,
-) -> FloatArray:
-    displacement = values(("spring", spring.name, "Displacement"))[:, 0]
-    return displacement - rest_displacement(spring, mechanism)
+def _no_energy(_: Any, stretch: FloatArray) -> FloatArray:
+    return np.zeros_like(stretch)
 
 
-def _rotational_spring_energy(
-    spring: elements.RotationalSpringDamper, mechanism: Mechanism, values: Values
-) -> FloatArray:
-    return 0.5 * spring.stiffness * _stretch(spring, mechanism, values) ** 2
-
-
-def _cubic_spring_energy(
-    spring: elements.CubicTorsionSpring, mechanism: Mechanism, values: Values
-) -> FloatArray:
-    stretch = _stretch(spring, mechanism, values)
-    return 0.5 * spring.stiffness * stretch**2 + spring.cubic_stiffness * (0.25 * stretch**4)
-
-
-def _no_energy(*_: object) -> FloatArray:
-    return np.zeros(1)
-
-
-ENERGIES: ElementTable[Callable[[Any, Mechanism, Values], FloatArray]] = ElementTable(
+ENERGIES: ElementTable[Callable[[Any, FloatArray], FloatArray]] = ElementTable(
     "exudyn's reader",
     FORCE_ELEMENTS,
     {
-        elements.SpringDamper: _point_spring_energy,
-        elements.RotationalSpringDamper: _rotational_spring_energy,
+        elements.SpringDamper: _quadratic_energy,
+        elements.RotationalSpringDamper: _quadratic_energy,
         elements.CubicTorsionSpring: _cubic_spring_energy,
         elements.ConstantForce: _no_energy,
         elements.ConstantTorque: _no_energy,
     },
 )
-"""Potential energy of a force element by its connector's own distance or displacement [J], (n,)."""
+"""Potential energy of a force element [J] by the stretch of its connector [m, rad], shape (n,)."""
 
 
 def coordinates(mechanism: Mechanism, values: Values, *, speeds: bool = False) -> FloatArray:
@@ -421,7 +401,7 @@ def recording(
     places = [plane("body", body.name, "CoordinatesTotal") for body in mechanism.bodies]
     heights = np.array(places) @ -np.array(mechanism.gravity_direction)
     weight = mechanism.gravity * np.array([body.mass for body in mechanism.bodies]) @ heights
-    springs = sum(ENERGIES[e](e, mechanism, values) for e in mechanism.force_elements)
+    energies = (ENERGIES[e](e, system.stretch(e.name, values)) for e in mechanism.force_elements)
 
     torques = dict[str, FloatArray]()
     for name, release in events.releases.items():
@@ -452,7 +432,7 @@ def recording(
         u=coordinates(mechanism, values, speeds=True),
         markers=markers,
         kinetic_energy=np.sum(kinetic, axis=0),
-        potential_energy=weight + springs,
+        potential_energy=weight + sum(energies),
         stop_torques=torques,
         release_times=events.releases,
         joint_reactions=reactions,
