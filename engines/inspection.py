@@ -12,7 +12,7 @@ from ..models.mechanism import Mechanism
 
 @dataclass(frozen=True)
 class State:
-    """A state to look at the built model in.
+    """A state to look at the built model in: coordinates and speeds, each of shape (n_q,).
 
     `closed` are stops whose gap and gap speed are zero there and that push; every other stop is
     open (its gap is positive). They are stops that are closed at the mechanism's start: an engine
@@ -20,9 +20,7 @@ class State:
     """
 
     q: FloatArray
-    """Generalized coordinates, shape (n_q,) [rad or m]."""
     u: FloatArray
-    """Generalized speeds, shape (n_q,)."""
     closed: tuple[str, ...] = ()
 
 
@@ -53,9 +51,8 @@ class Inspection:
     """The model that an engine has built, at the start and in each state asked for."""
 
     start: FloatArray
-    """q as the built model starts, shape (n_q,)."""
     start_speeds: FloatArray
-    """u as the built model starts, shape (n_q,)."""
+    """q and u as the built model starts, each of shape (n_q,)."""
     dynamics: tuple[Dynamics, ...]
     """One a state asked for, in the same order."""
     total_mass: float | None = None
