@@ -35,7 +35,7 @@ event again, up to the event. An engine whose time step must not change implemen
 from __future__ import annotations
 
 import functools
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
@@ -203,23 +203,22 @@ class Watch:
 class EventMotion(Protocol):
     """An engine in its present state; it records its samples itself."""
 
-    @property
-    def held(self) -> Contacts:
-        """Contacts that are held now."""
-        ...
+    held: Contacts
+    """Contacts that are held now."""
 
+    @abstractmethod
     def gap(self, stop: str) -> tuple[float, float]:
         """Gap of a stop now [rad, m], and its speed [rad/s, m/s]."""
-        ...
 
+    @abstractmethod
     def proceed(self, start: float, end: float, watch: Watch) -> Halt:
         """Move from one time [s] to the next event, or to another time [s].
 
         Records every sample on the way. At an impact the sample after it is recorded by
         :meth:`hold`, in place of one before it at the same time.
         """
-        ...
 
+    @abstractmethod
     def impact(
         self, touching: Contacts, rule: RestitutionRule, kept: frozenset[str]
     ) -> tuple[Mapping[str, float], Contacts]:
@@ -233,8 +232,8 @@ class EventMotion(Protocol):
         Returns:
             The impulse of each [N m s, N s], and those that rest afterwards.
         """
-        ...
 
+    @abstractmethod
     def hold(self, rest: Contacts, time: float) -> Contacts:
         """Hold of all contacts those at rest that push, and record the sample at this time [s].
 
@@ -244,11 +243,10 @@ class EventMotion(Protocol):
             The contacts that are held. One of the others may still be found to open now, by the
             next :attr:`Halt.opened`.
         """
-        ...
 
+    @abstractmethod
     def recording(self, events: ContactEvents) -> Recording:
         """The samples, with the run's events."""
-        ...
 
 
 class EventDriver:
@@ -338,7 +336,7 @@ class EventDriver:
             self.events.release([name], time)
 
 
-class SteppedMotion(ABC, Generic[S]):
+class SteppedMotion(EventMotion, Generic[S]):
     """EventMotion of an engine that takes steps of any length from a saved state `S`.
 
     Subclasses move, hold and record; this class locates events inside a step. Whole steps end at
@@ -409,20 +407,6 @@ class SteppedMotion(ABC, Generic[S]):
     @abstractmethod
     def record(self, time: float) -> None:
         """Add the present sample, in place of one at the same time [s]."""
-
-    @abstractmethod
-    def hold(self, rest: Contacts, time: float) -> Contacts:
-        """See :meth:`EventMotion.hold`."""
-
-    @abstractmethod
-    def impact(
-        self, touching: Contacts, rule: RestitutionRule, kept: frozenset[str]
-    ) -> tuple[Mapping[str, float], Contacts]:
-        """See :meth:`EventMotion.impact`; `kept` is empty."""
-
-    @abstractmethod
-    def recording(self, events: ContactEvents) -> Recording:
-        """See :meth:`EventMotion.recording`."""
 
     def ahead(self, first: int, n: int, watch: Watch) -> int:
         """Take up to n whole steps at once after the first ones, and record those without an event.

@@ -283,9 +283,7 @@ class Tolerance:
         )
 
 
-def no_snippets(*_: Any) -> dict[str, str]:
-    """No snippet beside trebucheck's own lines."""
-    return {}
+_Snippets = Callable[[Any, Mechanism, float], Mapping[str, str]]
 
 
 @dataclass(frozen=True)
@@ -302,7 +300,9 @@ class EngineStudy:
     option_sets: tuple[OptionSet, ...] = ()
     """From plain to tuned; none: one a preset."""
     tolerances: tuple[Tolerance, ...] = ()
-    snippets: Callable[[Any, Mechanism, float], Mapping[str, str]] = no_snippets
+    snippets: Callable[[Any, Mechanism, float], Mapping[str, str]] = (
+        lambda _engine, _mechanism, _duration: {}
+    )
     """Texts to paste by title, from engine, mechanism and a duration [s] that has most launches."""
     single_precision: bool = False
     """Whether its state, or what moves it, is rounded to single precision, whatever its options."""
