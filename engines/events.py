@@ -175,8 +175,7 @@ class Halt:
     time: float  # [s]
     opened: Mapping[str, float] = field(default_factory=dict[str, float])
     """Contacts that were held and have opened on the way or now, and when [s]."""
-    met: str | None = None
-    """Open stop whose gap falls through zero now."""
+    met: str | None = None  # open stop whose gap falls through zero now
     again: tuple[frozenset[str], frozenset[str]] | None = None
     """The last impact is to be resolved once more, with these contacts plastic (e = 0) and these
     kept at rest even if they would have to pull: they came back too soon for the engine's steps.
@@ -187,8 +186,7 @@ class Halt:
 class Watch:
     """Stops that may be met on the way."""
 
-    open: Contacts
-    """Open stops; none under the release-once law."""
+    open: Contacts  # open stops; none under the release-once law
     parted: frozenset[str]
     """Those of them that an impact opened. Others may have a small speed by drift or softness."""
     rebounds: Rebounds
@@ -203,8 +201,7 @@ class Watch:
 class EventMotion(Protocol):
     """An engine in its present state; it records its samples itself."""
 
-    held: Contacts
-    """Contacts that are held now."""
+    held: Contacts  # contacts that are held now
 
     @abstractmethod
     def gap(self, stop: str) -> tuple[float, float]:

@@ -34,8 +34,7 @@ _RANK = 1e-12  # of the largest singular value: redundant constraints have small
 # The same where errors of positions are undone: near singular positions they would grow.
 _NEARLY = 1e-6
 
-Contacts = tuple[str, ...]
-"""Names of stops, in the order of the mechanism's."""
+Contacts = tuple[str, ...]  # names of stops, in the order of the mechanism's
 
 
 # --- Which contacts push
@@ -132,12 +131,9 @@ def _complementary(matrix: FloatArray, offset: FloatArray) -> FloatArray | None:
 class Impact:
     """Speeds and impulses of one impact."""
 
-    speeds: FloatArray
-    """After it, shape (n_v,)."""
-    impulses: Mapping[str, float]
-    """Of the contacts that touch [N m s, or N s for one on a point]."""
-    left: Mapping[str, float]
-    """Speeds of their gaps after it [rad/s, m/s]."""
+    speeds: FloatArray  # after it, shape (n_v,)
+    impulses: Mapping[str, float]  # of the contacts that touch [N m s, or N s for one on a point]
+    left: Mapping[str, float]  # speeds of their gaps after it [rad/s, m/s]
 
 
 def inverse(mass: FloatArray) -> FloatArray:
@@ -159,10 +155,8 @@ def mass_matrix(kinematics: Kinematics, q: FloatArray) -> FloatArray:
 class Inertia:
     """Response of the speeds to impulses in one position."""
 
-    mass: FloatArray
-    """Full mass matrix, shape (n_v, n_v)."""
-    loops: FloatArray
-    """Jacobian of the joints that close loops, shape (n_loops, n_v)."""
+    mass: FloatArray  # full mass matrix, shape (n_v, n_v)
+    loops: FloatArray  # Jacobian of the joints that close loops, shape (n_loops, n_v)
 
     def without_drift(self, speeds: FloatArray, active: FloatArray) -> FloatArray:
         """Speeds (n_v,) that violate neither loops nor active contacts of Jacobian (n_active, n_v).

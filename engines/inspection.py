@@ -36,10 +36,8 @@ class Dynamics:
     """a, shape (n_q,) [rad/s^2 or m/s^2], the closed stops (and loops) held."""
     stop_torques: Mapping[str, float]
     """Of the closed stops [N m, or N of one on a point], positive where they push."""
-    mass_matrix: FloatArray | None = None
-    """M, shape (n_q, n_q)."""
-    forces: FloatArray | None = None
-    """f = Q - b, shape (n_q,)."""
+    mass_matrix: FloatArray | None = None  # M, shape (n_q, n_q)
+    forces: FloatArray | None = None  # f = Q - b, shape (n_q,)
     centres: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
     """Centre of mass of each body in the world [m], shape (2,)."""
     stop_gaps: Mapping[str, float] = field(default_factory=dict[str, float])
@@ -51,10 +49,8 @@ class Inspection:
     """The model that an engine has built, at the start and in each state asked for."""
 
     start: FloatArray
-    start_speeds: FloatArray
-    """q and u as the built model starts, each of shape (n_q,)."""
-    dynamics: tuple[Dynamics, ...]
-    """One a state asked for, in the same order."""
+    start_speeds: FloatArray  # q and u as the built model starts, each of shape (n_q,)
+    dynamics: tuple[Dynamics, ...]  # one a state asked for, in the same order
     total_mass: float | None = None
     """[kg]; None where the engine's bodies carry other masses by construction."""
     roundoff: float = 2.0**-53

@@ -56,22 +56,15 @@ _GROUP = Path("/sys/fs/cgroup")
 class Capabilities:
     """Observations that an engine makes, and mechanisms that it can move."""
 
-    joint_reactions: bool
-    """Forces of the joints, as vectors in the world frame."""
-    joint_gaps: bool
-    """Joints are constraints that can part, and the engine tells how far."""
-    located_releases: bool
-    """A release is found inside a step, not at its end."""
-    stop_laws: frozenset[StopLaw]
-    """Laws of the stops it can follow."""
-    formulation: str
-    """Coordinates and treatment of constraints, in a few words."""
-    stop_torques: bool = True
-    """Torques and forces of the stops."""
+    joint_reactions: bool  # forces of the joints, as vectors in the world frame
+    joint_gaps: bool  # joints are constraints that can part, and the engine tells how far
+    located_releases: bool  # a release is found inside a step, not at its end
+    stop_laws: frozenset[StopLaw]  # laws of the stops it can follow
+    formulation: str  # coordinates and treatment of constraints, in a few words
+    stop_torques: bool = True  # torques and forces of the stops
     features: frozenset[Feature] = frozenset()
     """Elements that it can build beside pins, slots in the ground and stops against it."""
-    lacking: frozenset[Basic] = frozenset()
-    """Elements of every mechanism that it cannot build."""
+    lacking: frozenset[Basic] = frozenset()  # elements of every mechanism that it cannot build
     elements: frozenset[type] = COVERED_BY_FEATURES
     """Classes of elements that it builds; those of later releases must be stated here."""
 

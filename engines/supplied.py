@@ -30,14 +30,12 @@ class Part(StrEnum):
 class Own(StrEnum):
     """How much of a run is the engine's."""
 
-    ALL = "all"
-    """Every part of it."""
+    ALL = "all"  # every part of it
     MOST = "most"
     """Trebucheck finds when stops open and are met, computes impulses, or adds or reads forces."""
     STEPS = "steps"
     """Its dynamics and its integrator; what stops, loops or springs do is trebucheck's."""
-    DYNAMICS = "dynamics"
-    """Mass matrix, forces, energies and points; the steps are trebucheck's."""
+    DYNAMICS = "dynamics"  # mass matrix, forces, energies and points; the steps are trebucheck's
 
 
 Supplied = Mapping[Part, str]
