@@ -13,53 +13,53 @@ import math
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Protocol, Self, TypeVar
 
 import numpy as np
 
-from ..models import elements
 from ..models.arrays import FloatArray
+from ..models.elements import AnyStop, refuse_unknown
 from ..models.errors import SimulationError, UnsupportedProblemError
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
-from ..models.spec import Spec
+from ..models.spec import Spec, number_units
 from ..models.trajectory import PointMotion
 from .inspection import Dynamics, Inspection, State
 from .protocol import Recording
 
 _Dimension = tuple[int, int, int]  # powers of length, mass and time
 _LENGTH_UNIT: _Dimension = (1, 0, 0)
-_MASS_UNIT: _Dimension = (0, 1, 0)
-_MOMENT: _Dimension = (2, 1, -2)
-_BODY = {"mass": _MASS_UNIT, "centre": _LENGTH_UNIT, "inertia": (2, 1, 0)}
-_MARKER = {"mass": _MASS_UNIT, "point": _LENGTH_UNIT}
-_JOINT = {"parent_point": _LENGTH_UNIT, "child_point": _LENGTH_UNIT}
-_SPRING = {
-    "point": _LENGTH_UNIT,
-    "relative_point": _LENGTH_UNIT,
-    "rest_length": _LENGTH_UNIT,
-    "stiffness": (0, 1, -2),
-    "damping": (0, 1, -1),
+_DIMENSIONS: Mapping[str, _Dimension] = {
+    "m": _LENGTH_UNIT,
+    "kg": (0, 1, 0),
+    "s": (0, 0, 1),
+    "N": (1, 1, -2),
+    "rad": (0, 0, 0),
 }
-DIMENSIONS: elements.ElementTable[Mapping[str, _Dimension]] = elements.ElementTable(
-    "units of engines",
-    elements.ELEMENTS,
-    {
-        elements.PinJoint: _JOINT,
-        elements.WeldJoint: _JOINT,
-        elements.SlotJoint: _JOINT,
-        elements.PrismaticJoint: _JOINT,
-        elements.FreeJoint: _JOINT,
-        elements.Stop: {},
-        elements.PointStop: {"point": _LENGTH_UNIT, "offset": _LENGTH_UNIT},
-        elements.SpringDamper: _SPRING,
-        elements.RotationalSpringDamper: {"stiffness": _MOMENT, "damping": (2, 1, -1)},
-        elements.CubicTorsionSpring: {"stiffness": _MOMENT, "cubic_stiffness": _MOMENT},
-        elements.ConstantForce: {"point": _LENGTH_UNIT, "force": (1, 1, -2)},
-        elements.ConstantTorque: {"torque": _MOMENT},
-    },
-)
-"""Dimensions of the fields of each class of elements; fields without one are left out."""
+
+
+def dimension(unit: str) -> _Dimension:
+    """Dimension of a unit such as "N m/rad^2": powers of length, mass and time.
+
+    Raises:
+        KeyError: the unit has a part that is not m, kg, s, N or rad.
+    """
+    total = np.zeros(3, dtype=int)
+    for sign, part in zip((1, -1), unit.partition("/")[::2], strict=True):
+        for factor in part.split():
+            name, _, power = factor.partition("^")
+            total += sign * int(power or 1) * np.array(_DIMENSIONS[name])
+    length, mass, time = total.tolist()
+    return length, mass, time
+
+
+@cache
+def dimensions_of(kind: type[Spec]) -> Mapping[str, _Dimension]:
+    """Dimensions of the numbers of a part of a mechanism by field; those without are left out."""
+    dimensions = {name: dimension(unit) for name, unit in number_units(kind).items()}
+    return {name: powers for name, powers in dimensions.items() if any(powers)}
+
 
 _LENGTHS, _MASSES = (0.25, 200.0), (0.05, 1e6)  # [m], [kg] mechanisms between these are built in SI
 _LENGTH, _MASS = 16.0, 1024.0  # [m], [kg] what others get: about Table I's
@@ -99,7 +99,7 @@ class Units:
         """Unit of energy [J] and moment [N m]."""
         return self.force * self.length
 
-    def effort(self, stop: elements.AnyStop) -> float:
+    def effort(self, stop: AnyStop) -> float:
         """Unit of a stop's torque or force [N m or N]."""
         return self.force if stop.effort == "force" else self.energy
 
@@ -149,24 +149,22 @@ class Units:
         """
         q = self.coordinates(mechanism)
         changes: dict[str, object] = {
-            "bodies": tuple(self._scaled(body, _BODY) for body in mechanism.bodies),
-            "markers": tuple(self._scaled(marker, _MARKER) for marker in mechanism.markers),
             "gravity": mechanism.gravity * self.time**2 / self.length,
             "start": tuple((np.array(mechanism.start) / q).tolist()),
         }
-        for group in ("joints", "stops", "force_elements"):
-            changes[group] = tuple(
-                self._scaled(element, DIMENSIONS[element]) for element in getattr(mechanism, group)
-            )
+        parts = (*mechanism.joints, *mechanism.stops, *mechanism.force_elements)
+        refuse_unknown("units of engines", parts)
+        for group in ("bodies", "markers", "joints", "stops", "force_elements"):
+            changes[group] = tuple(map(self._scaled, getattr(mechanism, group)))
         if mechanism.start_speeds:
             speeds = np.array(mechanism.start_speeds) * self.time / q
             changes["start_speeds"] = tuple(speeds.tolist())
         return mechanism.model_copy(update=changes)
 
-    def _scaled(self, part: _S, dimensions: Mapping[str, _Dimension]) -> _S:
+    def _scaled(self, part: _S) -> _S:
         """A part of a mechanism in these units."""
         changes = dict[str, object]()
-        for name, (length, mass, time) in dimensions.items():
+        for name, (length, mass, time) in dimensions_of(type(part)).items():
             unit = self.length**length * self.mass**mass * self.time**time
             value = getattr(part, name)
             if isinstance(value, tuple):
@@ -263,7 +261,7 @@ def units_of(mechanism: Mechanism) -> Units:
     for body in mechanism.bodies:
         length = max(length, math.hypot(*body.centre), math.sqrt(body.inertia / body.mass))
     for element in (*mechanism.joints, *mechanism.force_elements):
-        for name, dimension in DIMENSIONS[element].items():
+        for name, dimension in dimensions_of(type(element)).items():
             value = getattr(element, name)
             if dimension == _LENGTH_UNIT and isinstance(value, tuple):
                 length = max(length, math.hypot(*value))
@@ -275,7 +273,7 @@ def units_of(mechanism: Mechanism) -> Units:
     for i, u in enumerate(mechanism.start_speeds):
         rates.append(abs(u) if i < len(mechanism.angles) else abs(u) / length)
     for element in mechanism.force_elements:
-        for name, (lengths, masses, times) in DIMENSIONS[element].items():
+        for name, (lengths, masses, times) in dimensions_of(type(element)).items():
             if times == -2:
                 # Over mass and length, a force, a moment or a stiffness is the square of a rate.
                 value = getattr(element, name)

@@ -45,7 +45,7 @@ def document(advice: Advice) -> doc.Document:
         doc.Heading("How it was found", 2),
         doc.Text(compared_time(advice.launch_time, advice.compared_to, advice.judged_to)),
         doc.Text(sentence(advice.rule)),
-        *provenance(advice, runs, [(model, mechanism)]),
+        *provenance(advice, runs, [advice]),
     ]
     verdict, window = f"{model}: {'; '.join(verdicts)}", f"trebucheck recommend: {model}"
     return doc.Document("Settings that reach the target", tuple(blocks), window, verdict=verdict)
