@@ -47,16 +47,16 @@ from ..models.shown import Reported, report_with
 from ..models.spec import NonNegative, Positive, Real, Spec, Vector, schema_text
 from ..models.trajectory import Trajectory, write_dataset
 from ..reference.certification.certificate import load_certificate, reference_uncertainty
-from ..reference.certification.certify import MinimalMotion
-from ..reference.certification.quantities import (
+from ..reference.certification.certify import (
     BEYOND_LAUNCH,
     Key,
+    MinimalMotion,
     Motion,
     Plan,
-    PointState,
     read_quantities,
     vacuum_range,
 )
+from ..reference.certification.constrained import PointState
 from ..reference.equations import Equations
 from ..reference.perturbed import solve_scheduled
 from ..reference.solution import Solution
@@ -66,6 +66,7 @@ from ..reference.taylor.solve import solve_taylor
 from ..reference.throw.flight import (
     Air,
     Flight,
+    Projectile,
     Release,
     Surroundings,
     World,
@@ -73,9 +74,9 @@ from ..reference.throw.flight import (
     fall_time,
     fly,
     range_rate,
+    swing,
     world,
 )
-from ..reference.throw.release import Projectile, swing
 from ..reference.throw.throw import surroundings_of, throw
 
 __all__ = [

@@ -319,7 +319,8 @@ class Chosen:
                 )
             if "l2" in values:
                 raise InputError("--beam chooses l2 itself; leave out --set l2, or --beam.")
-            values["l2"] = short_end(float(values.get("l1", fields["l1"].default)), self.beam)
+            l1 = values["l1"] if "l1" in values else float(fields["l1"].default)
+            values["l2"] = short_end(l1, self.beam)
         return kind(**values)
 
     def whipper(self, name: str) -> TrebuchetParameters | None:

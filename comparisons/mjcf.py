@@ -10,9 +10,9 @@ import numpy as np
 from ..models.errors import InputError, SimulationError
 from ..models.library.registry import Model, model_of, named_parameters
 from ..models.mechanism import Mechanism
+from ..models.mjcf import as_spec as spec_of
 from ..models.mjcf import writer
-from ..models.mjcf.paths import as_spec as spec_of
-from ..models.mjcf.recorded import Keyframe, RecordedMotion, event_names, stored_motion
+from ..models.mjcf.scene import Keyframe, RecordedMotion, event_names, stored_motion
 from ..models.mjcf.variants import Variant
 from ..models.problem import Problem, StopLaw, mechanism_of
 from .runs.runner import Runner

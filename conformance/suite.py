@@ -18,7 +18,7 @@ import numpy as np
 
 from ..comparisons.compare.study import MachineRuns, RunKey
 from ..comparisons.report.document import format_number
-from ..comparisons.report.pages.compare import diagnosis
+from ..comparisons.report.pages.tables import diagnosis
 from ..comparisons.runs.balance import keeps_horizontal_momentum
 from ..comparisons.runs.metrics import THROWN
 from ..comparisons.runs.process import Worker, simulate

@@ -19,11 +19,9 @@ Names = str | Iterable[str]
 class ChosenEngines:
     """Engines by name, their presets, and options over the presets'."""
 
-    names: tuple[str, ...] | None
-    """None: every known engine."""
+    names: tuple[str, ...] | None  # None: every known engine
     presets: tuple[str, ...]
-    options: Mapping[str, Any]
-    """Of every engine that has them, or of one, as 'mujoco.solref'."""
+    options: Mapping[str, Any]  # of every engine that has them, or of one, as 'mujoco.solref'
 
 
 def engines_of(
@@ -44,25 +42,34 @@ def engines_of(
         default: presets where none are said.
 
     Raises:
-        InputError: something is no engine, no engine has such a name, or engines that are objects
-            have other presets than were asked for.
+        InputError: something is no engine, no engine has such a name, an object's class is not the
+            one known by its name, or objects have other presets than were asked for.
     """
     several = [] if given is None else [given] if isinstance(given, str | Engine) else list(given)
-    own: dict[str, Any] = {}
-    found: dict[str, None] = {}
-    for each in several:
-        if isinstance(each, Engine):
-            found[each.name] = None
-            own.update(_own_options(each))
-        elif isinstance(each, str):  # pyright: ignore[reportUnnecessaryIsInstance] - of users
-            engine_class(each)
-            found[each] = None
+    names: dict[str, None] = {}
+    own_presets: dict[str, None] = {}
+    own_options: dict[str, Any] = {}
+    for item in several:
+        if isinstance(item, Engine):
+            names[item.name] = own_presets[item.preset] = None
+            usual = engine(item.name, item.preset)
+            if type(item) is not type(usual):
+                raise InputError(
+                    f"engine {item.name!r} is not the one that is known by that name; a class of "
+                    "your own is taken by `trebucheck conform`, or installed as a plug-in."
+                )
+            for option, value in item.settings.items():
+                if option not in usual.settings or usual.settings[option] != value:
+                    own_options[f"{item.name}.{option}"] = value
+        elif isinstance(item, str):  # pyright: ignore[reportUnnecessaryIsInstance] - of users
+            engine_class(item)
+            names[item] = None
         else:
             raise InputError(
-                f"{each!r} is no engine; there are: {', '.join(engine_names())}, or an engine as "
+                f"{item!r} is no engine; there are: {', '.join(engine_names())}, or an engine as "
                 "trebucheck.engine makes it."
             )
-    made = tuple(dict.fromkeys(each.preset for each in several if isinstance(each, Engine)))
+    made = tuple(own_presets)
     chosen = names_of(presets) if presets is not None else made or default
     if made and chosen != made:
         raise InputError(
@@ -74,28 +81,10 @@ def engines_of(
             f"engines of the presets {', '.join(made)} are given; give their names, and "
             "presets and options beside them."
         )
-    return ChosenEngines(None if given is None else tuple(found), chosen, {**own, **options})
+    every = None if given is None else tuple(names)
+    return ChosenEngines(every, chosen, {**own_options, **options})
 
 
 def names_of(given: Names) -> tuple[str, ...]:
     """One or several names as a tuple, each once."""
     return (given,) if isinstance(given, str) else tuple(dict.fromkeys(given))
-
-
-def _own_options(made: Engine) -> dict[str, Any]:
-    """Options of an engine that are not its preset's, as 'mujoco.solref'.
-
-    Raises:
-        InputError: the engine's class is not known by its name here.
-    """
-    if type(made) is not type(engine(made.name, made.preset)):
-        raise InputError(
-            f"engine {made.name!r} is not the one that is known by that name; a class of your own "
-            "is taken by `trebucheck conform`, or installed as a plug-in."
-        )
-    usual = engine(made.name, made.preset).settings
-    return {
-        f"{made.name}.{name}": value
-        for name, value in made.settings.items()
-        if name not in usual or usual[name] != value
-    }

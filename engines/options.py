@@ -32,9 +32,8 @@ class OptionField:
 
     name: str
     values: str = ""
-    """Values it can have, in words; empty where the class does not say."""
+    """Values it can have, in words; this and the meaning are empty where the class is silent."""
     meaning: str = ""
-    """Empty where the class does not say."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,6 @@ class OptionRow:
     defaults: Mapping[str, JsonValue]
     """By preset; a preset whose settings do not tell the option is left out."""
     values: str = ""
-    """As :attr:`OptionField.values`."""
     meaning: str = ""
 
 
@@ -72,10 +70,8 @@ def option_fields(cls: object) -> tuple[OptionField, ...] | None:
 
 def current_name(option: str, known: Collection[str] | None) -> str:
     """The present name of an option that had another one, of an engine with these options."""
-    new = RENAMED_OPTIONS.get(option)
-    if new is None or known is None or option in known or new not in known:
-        return option
-    return new
+    new = RENAMED_OPTIONS.get(option, option)
+    return new if known is not None and option not in known and new in known else option
 
 
 def settings_of(engine: object, options: Mapping[str, Any]) -> dict[str, JsonValue]:
@@ -83,7 +79,7 @@ def settings_of(engine: object, options: Mapping[str, Any]) -> dict[str, JsonVal
 
     Args:
         engine: as a plug-in makes it.
-        options: that it was made with: all that is known of one whose class does not tell them.
+        options: those it was made with: all that is known where its class does not tell them.
     """
     fields = option_fields(type(engine))
     if isinstance(engine, Spec):
@@ -128,6 +124,10 @@ def default_text(value: JsonValue) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
+_TYPES = {bool: "true or false", int: "integer", float: "number", str: "text", NoneType: "null"}
+_BOUNDS = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
+
+
 def _values(annotation: Any, metadata: Sequence[object] = ()) -> str:
     """Values that an annotation allows, in words; empty for types that have none here.
 
@@ -144,12 +144,8 @@ def _values(annotation: Any, metadata: Sequence[object] = ()) -> str:
         return " or ".join(filter(None, (_values(part, metadata) for part in parts)))
     if origin is tuple and Ellipsis not in parts:
         return f"{len(parts)} values ({'; '.join(map(_values, parts))})"
-    words = {bool: "true or false", int: "integer", float: "number", str: "text", NoneType: "null"}
     bounds = _bounds(metadata) if annotation in (int, float) else ""
-    return f"{words.get(annotation, '')} {bounds}".strip()
-
-
-_BOUNDS = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
+    return f"{_TYPES.get(annotation, '')} {bounds}".strip()
 
 
 def _bounds(metadata: Sequence[object]) -> str:
@@ -158,13 +154,10 @@ def _bounds(metadata: Sequence[object]) -> str:
     for entry in metadata:
         for part in entry.metadata if isinstance(entry, FieldInfo) else (entry,):
             for kind in _BOUNDS:
-                value = getattr(part, kind, None)
-                if value is not None:
-                    bounds[kind] = value
+                if getattr(part, kind, None) is not None:
+                    bounds[kind] = getattr(part, kind)
     if bounds.get("ge", -math.inf) > bounds.get("gt", math.inf):  # of the type, and of the field
         del bounds["gt"]
     if bounds.keys() == {"ge", "le"}:
         return f"from {bounds['ge']:g} to {bounds['le']:g}"
-    return " and ".join(
-        f"{word} {bounds[kind]:g}" for kind, word in _BOUNDS.items() if kind in bounds
-    )
+    return " and ".join(f"{_BOUNDS[kind]} {bounds[kind]:g}" for kind in _BOUNDS if kind in bounds)

@@ -10,7 +10,6 @@ mass.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -18,7 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from ..models.arrays import FloatArray
-from ..models.elements import GROUND, AnyJoint, PinJoint
+from ..models.elements import GROUND, PinJoint
 from ..models.mechanism import Body, Mechanism
 from ..models.spec import Vector
 
@@ -35,8 +34,7 @@ LeastInertia = Annotated[
 
 _ADDED = 1e-5
 """Least inertia in all cases, of m d^2; for a body without a pin it changes the motion."""
-_LENT = 0.5
-"""Most that a body gives of its mass and of its inertia for one pin."""
+_LENT = 0.5  # most that a body gives of its mass and of its inertia for one pin
 
 
 @dataclass
@@ -61,23 +59,32 @@ class NoPointMasses:
 
     def __post_init__(self) -> None:
         """Move the masses outwards from the ground: a body has its inertia before it lends any."""
-        self._bodies = {body.name: body for body in self.original.bodies}
+        bodies = {body.name: body for body in self.original.bodies}
         self.moved = {}
-        for body in self.original.bodies:
-            self._fill_up(body.name)
-        bodies = tuple(self._added(body) for body in self._bodies.values())
+        for name in bodies:
+            self._fill_up(name, bodies)
+        for body in bodies.values():
+            points = [
+                joint.child_point for joint in self.original.joints if joint.child == body.name
+            ]
+            points += [
+                joint.parent_point for joint in self.original.joints if joint.parent == body.name
+            ]
+            reach2 = max(_distance2(body, point) for point in points) or 1.0
+            least = _ADDED * body.mass * reach2
+            if body.inertia < least:
+                bodies[body.name] = body.model_copy(update={"inertia": least})
         # Not validated: what it is made of was.
-        self.mechanism = self.original.model_copy(update={"bodies": bodies})
+        self.mechanism = self.original.model_copy(update={"bodies": tuple(bodies.values())})
 
     @property
     def extra_potential_energy(self) -> float:
         """Potential energy beyond the original's [J], a constant of mass from the ground."""
-        weights = [
-            self.moved.get(j.name, 0.0) * np.array(j.parent_point)
-            for j in self._joints
-            if j.parent == GROUND
-        ]
-        return -float(sum(weights, np.zeros(2)) @ np.array(self.original.gravity_vector))
+        weight = np.zeros(2)
+        for joint in self.original.joints:
+            if joint.parent == GROUND:
+                weight += self.moved.get(joint.name, 0.0) * np.array(joint.parent_point)
+        return -float(weight @ np.array(self.original.gravity_vector))
 
     def reaction(self, joint: str, force: FloatArray, acceleration: FloatArray) -> FloatArray:
         """A joint's force on its child in the original mechanism [N].
@@ -91,42 +98,31 @@ class NoPointMasses:
             acceleration - np.array(self.original.gravity_vector)
         )
 
-    @property
-    def _joints(self) -> Iterable[AnyJoint]:
-        return self.original.joints
-
-    def _fill_up(self, name: str) -> None:
+    def _fill_up(self, name: str, bodies: dict[str, Body]) -> None:
         """Move mass to a body along the first of its pins that can bring inertia."""
-        for joint in self._joints:
-            body = self._bodies[name]
+        for joint in self.original.joints:
+            body = bodies[name]
             distance2 = _distance2(body, joint.child_point)
             if joint.child != name or not isinstance(joint, PinJoint) or not distance2:
                 continue
+            # Mass that the joint's parent can lend at it [kg].
+            most = np.inf
+            if joint.parent != GROUND:
+                parent = bodies[joint.parent]
+                parent2 = _distance2(parent, joint.parent_point)
+                reduced = _LENT * parent.inertia / parent2 if parent2 else np.inf
+                spare = parent.mass / (parent.mass / reduced + 1.0) if reduced else 0.0
+                most = min(_LENT * parent.mass, spare)
             missing = self.least * body.mass - body.inertia / distance2
-            lent = min(body.mass * missing / (body.mass - missing), self._most(joint))
+            lent = min(body.mass * missing / (body.mass - missing), most)
             if missing > 0.0 and lent > 0.0:
-                self._bodies[name] = _with_mass(body, lent, joint.child_point)
+                bodies[name] = _with_mass(body, lent, joint.child_point)
                 if joint.parent != GROUND:
-                    self._bodies[joint.parent] = _with_mass(
-                        self._bodies[joint.parent], -lent, joint.parent_point
+                    bodies[joint.parent] = _with_mass(
+                        bodies[joint.parent], -lent, joint.parent_point
                     )
                 self.moved[joint.name] = lent
                 return
-
-    def _most(self, joint: PinJoint) -> float:
-        """Mass that a joint's parent can lend at it [kg]."""
-        if joint.parent == GROUND:
-            return np.inf
-        body = self._bodies[joint.parent]
-        distance2 = _distance2(body, joint.parent_point)
-        reduced = _LENT * body.inertia / distance2 if distance2 else np.inf
-        return min(_LENT * body.mass, body.mass / (body.mass / reduced + 1.0) if reduced else 0.0)
-
-    def _added(self, body: Body) -> Body:
-        points = [joint.child_point for joint in self._joints if joint.child == body.name]
-        points += [joint.parent_point for joint in self._joints if joint.parent == body.name]
-        least = _ADDED * body.mass * (max(_distance2(body, point) for point in points) or 1.0)
-        return body if body.inertia >= least else body.model_copy(update={"inertia": least})
 
 
 def _distance2(body: Body, point: Vector) -> float:

@@ -7,7 +7,7 @@ import importlib.util
 import os
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -44,34 +44,27 @@ from .study import EngineStudy
 from .supplied import Supplied
 
 _MOST_STEPS = 20_000_000
-
-
 # Of a run's samples while it is read, sent from its process, compared and written: seven were
 # measured for an engine while it is read (pymunk, Exudyn), and about as many for what follows.
 _COPIES = 16
 _ABSENT = "not installed"
+_MEMINFO = Path("/proc/meminfo")
+_GROUP = Path("/sys/fs/cgroup")
 
 
 @dataclass(frozen=True)
 class Capabilities:
     """Observations that an engine makes, and mechanisms that it can move."""
 
-    joint_reactions: bool
-    """Forces of the joints, as vectors in the world frame."""
-    joint_gaps: bool
-    """Joints are constraints that can part, and the engine tells how far."""
-    located_releases: bool
-    """A release is found inside a step, not at its end."""
-    stop_laws: frozenset[StopLaw]
-    """Laws of the stops it can follow."""
-    formulation: str
-    """Coordinates and treatment of constraints, in a few words."""
-    stop_torques: bool = True
-    """Torques and forces of the stops."""
+    joint_reactions: bool  # forces of the joints, as vectors in the world frame
+    joint_gaps: bool  # joints are constraints that can part, and the engine tells how far
+    located_releases: bool  # a release is found inside a step, not at its end
+    stop_laws: frozenset[StopLaw]  # laws of the stops it can follow
+    formulation: str  # coordinates and treatment of constraints, in a few words
+    stop_torques: bool = True  # torques and forces of the stops
     features: frozenset[Feature] = frozenset()
     """Elements that it can build beside pins, slots in the ground and stops against it."""
-    lacking: frozenset[Basic] = frozenset()
-    """Elements of every mechanism that it cannot build."""
+    lacking: frozenset[Basic] = frozenset()  # elements of every mechanism that it cannot build
     elements: frozenset[type] = COVERED_BY_FEATURES
     """Classes of elements that it builds; those of later releases must be stated here."""
 
@@ -122,8 +115,7 @@ class Simulator(Protocol):
 class Engine(Simulator, Protocol):
     """Extension point: an engine with its numerical options.
 
-    It is determined by its name, its preset and its settings: `engine(name, preset, **settings)`
-    makes it again.
+    Name, preset and settings determine it: `engine(name, preset, **settings)` makes it again.
     """
 
     @property
@@ -170,11 +162,7 @@ def _version_of(package: str) -> str:
 
 
 class EngineOptions(Spec):
-    """Numerical options of an engine: frozen, validated, recorded with every trajectory.
-
-    Raises:
-        InputError: an option is unknown or outside its range.
-    """
+    """Numerical options of an engine: frozen, validated, recorded with every trajectory."""
 
     preset: str = Field(default="tuned", description="the preset these options were made from")
     timestep: Positive = Field(default=1e-3, le=1.0, description="step size [s]")
@@ -199,11 +187,7 @@ class EngineOptions(Spec):
 
 
 class BuiltinEngine(EngineOptions, ABC):
-    """Base class of engines; fields are numerical options, their defaults the tuned preset.
-
-    Raises:
-        InputError: an option is unknown or outside its range.
-    """
+    """Base class of engines; fields are numerical options, their defaults the tuned preset."""
 
     name: ClassVar[str]
     package: ClassVar[str]
@@ -256,52 +240,46 @@ class BuiltinEngine(EngineOptions, ABC):
 
         Raises:
             EngineNotInstalledError: the engine's package is not here.
-            UnsupportedProblemError: the engine cannot build the mechanism or follow the law of its
-            stops.
+            UnsupportedProblemError: the engine cannot build the mechanism or follow its stops' law.
             SimulationError: the engine gave up, crashed or left the finite numbers.
         """
         self._refuse_what_cannot_run(problem)
+        # Stops whose gap nothing can change have no unique force: the engine runs without them.
+        mechanism, idle = problem.mechanism, immovable_stops(problem.mechanism)
+        movable = problem
+        if idle:
+            movable = problem.model_copy(update={"mechanism": without_stops(mechanism, idle)})
         started = time.perf_counter()
         try:
             # Overflow on the way to a divergence is reported once, by the check of the result.
             with np.errstate(all="ignore"):
-                recording = self._run_with_movable_stops(problem)
+                recording = self._run(movable)
         except TrebucheckError:
             raise
         except Exception as error:
             raise SimulationError(f"{self.name} failed: {type(error).__name__}: {error}") from error
         wall = time.perf_counter() - started
-        self._refuse_wrong_shapes(problem, recording)
-        self._refuse_divergence(recording)
-        return Trajectory(
-            mechanism=problem.mechanism,
-            provenance=self._provenance(problem, recording, wall),
-            **{key: value for key, value in vars(recording).items() if key != "steps"},
-        )
-
-    def _run_with_movable_stops(self, problem: Problem) -> Recording:
-        """Run without stops whose gap nothing can change: they have no unique force."""
-        idle = immovable_stops(problem.mechanism)
-        if not idle:
-            return self._recorded(problem)
-        recording = self._recorded(
-            problem.model_copy(update={"mechanism": without_stops(problem.mechanism, idle)})
-        )
-        return replace(
-            recording,
-            stop_torques={**recording.stop_torques}
-            | dict.fromkeys(idle, np.zeros(len(recording.t))),
-            release_times={**recording.release_times} | dict.fromkeys(idle),
-        )
-
-    def _recorded(self, problem: Problem) -> Recording:
-        """The result of `_run`, which must be a recording."""
-        recording = cast("object", self._run(problem))
-        if not isinstance(recording, Recording):
-            raise SimulationError(
-                f"{self.name}: _run returned {type(recording).__name__}; a Recording is needed."
+        self._refuse_wrong_result(problem, recording)
+        if idle:
+            no_torques = dict.fromkeys(idle, np.zeros(len(recording.t)))
+            recording = replace(
+                recording,
+                stop_torques={**recording.stop_torques, **no_torques},
+                release_times={**recording.release_times, **dict.fromkeys(idle)},
             )
-        return recording
+        provenance = Provenance(
+            engine=self.name,
+            engine_version=self.version(),
+            preset=self.preset,
+            settings=self.settings,
+            mechanism_hash=mechanism.content_hash,
+            duration=problem.duration,
+            stop_law=problem.stop_law.value,
+            steps=recording.steps,
+            wall_time=wall,
+        )
+        fields = {key: value for key, value in vars(recording).items() if key != "steps"}
+        return Trajectory(mechanism=mechanism, provenance=provenance, **fields)
 
     @property
     def lacking(self) -> frozenset[Basic | Feature]:
@@ -323,11 +301,7 @@ class BuiltinEngine(EngineOptions, ABC):
         return f"engine {cls.name!r} is not installed here; `pip install {cls.package}` brings it."
 
     def refuse_absence(self) -> None:
-        """Say that the engine is not here, before its library is missed.
-
-        Raises:
-            EngineNotInstalledError: the engine's package is not here.
-        """
+        """Raise EngineNotInstalledError if the engine is not here, before its library is missed."""
         if not self.is_installed():
             raise EngineNotInstalledError(self.absence())
 
@@ -363,8 +337,12 @@ class BuiltinEngine(EngineOptions, ABC):
                 f"{self.timestep * need / available:.3g} s is needed."
             )
 
-    def _refuse_wrong_shapes(self, problem: Problem, recording: Recording) -> None:
-        """Check coordinates and speeds; everything else is judged with the trajectory."""
+    def _refuse_wrong_result(self, problem: Problem, recording: Recording) -> None:
+        """Check type, coordinates and speeds; everything else is judged with the trajectory."""
+        if not isinstance(recording, Recording):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise SimulationError(
+                f"{self.name}: _run returned {type(recording).__name__}; a Recording is needed."
+            )
         needed = (*np.shape(recording.t), len(problem.mechanism.coordinates))
         for name in ("q", "u"):
             if (shape := np.shape(getattr(recording, name))) != needed:
@@ -372,8 +350,6 @@ class BuiltinEngine(EngineOptions, ABC):
                     f"{self.name}: {name} has shape {shape}; {needed}, (samples, coordinates), "
                     f"is needed."
                 )
-
-    def _refuse_divergence(self, recording: Recording) -> None:
         finite = np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.u).all(axis=1)
         if not finite.all():
             first = float(recording.t[int(np.argmin(finite))])
@@ -381,26 +357,9 @@ class BuiltinEngine(EngineOptions, ABC):
                 f"{self.name} diverged: its state is not finite at t = {first:.6g} s."
             )
 
-    def _provenance(self, problem: Problem, recording: Recording, wall: float) -> Provenance:
-        return Provenance(
-            engine=self.name,
-            engine_version=self.version(),
-            preset=self.preset,
-            settings=self.settings,
-            mechanism_hash=problem.mechanism.content_hash,
-            duration=problem.duration,
-            stop_law=problem.stop_law.value,
-            steps=recording.steps,
-            wall_time=wall,
-        )
-
 
 def refuse_no_problem(given: object) -> None:
-    """Refuse a mechanism, or anything else, that is given for a problem.
-
-    Raises:
-        InputError: what is given is no problem.
-    """
+    """Raise InputError for a mechanism, or anything else, that is given for a problem."""
     if not isinstance(given, Problem):
         what = "a Mechanism" if isinstance(given, Mechanism) else type(given).__name__
         raise InputError(
@@ -417,25 +376,17 @@ def _sample_size(mechanism: Mechanism) -> int:
     return 8 * columns * _COPIES
 
 
-# --- Available memory, so that a run that would not fit is refused before it starts
-
-_MEMINFO = Path("/proc/meminfo")
-_GROUP = Path("/sys/fs/cgroup")
-
-
 def available_memory() -> float:
     """Memory that can be taken without swapping [B]; infinite if unknown."""
-    return min(_memory_limits(), default=float("inf"))
-
-
-def _memory_limits() -> Iterator[float]:
+    limits = [float("inf")]
     with suppress(OSError, ValueError):  # Linux; counts what is only cached as available
         for line in _MEMINFO.read_text().splitlines():
             if line.startswith("MemAvailable:"):
-                yield 1024.0 * int(line.split()[1])
+                limits.append(1024.0 * int(line.split()[1]))
     with suppress(OSError, ValueError):  # a container's limit; "max" where it has none
         limit, used = (int((_GROUP / f"memory.{name}").read_text()) for name in ("max", "current"))
-        yield float(limit - used)
+        limits.append(float(limit - used))
     if not _MEMINFO.exists():
         with suppress(OSError, ValueError, AttributeError):
-            yield float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+            limits.append(float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")))
+    return min(limits)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 import importlib
 import importlib.metadata
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import Any, Protocol, cast, runtime_checkable
 
@@ -78,44 +79,35 @@ def engine_names() -> tuple[str, ...]:
 
 def _installed() -> tuple[importlib.metadata.EntryPoint, ...]:
     """Engines of installed distributions; read again when a folder of `sys.path` has changed."""
-    return _points_in(
-        tuple((path, _changed(path)) for path in (Path(name).absolute() for name in sys.path))
-    )
-
-
-def _changed(path: Path) -> int | None:
-    """When a folder (or an archive) was changed [ns]; None if there is none."""
-    try:
-        return path.stat().st_mtime_ns
-    except OSError:
-        return None
+    changed: list[tuple[Path, int]] = []
+    for path in map(Path, sys.path):
+        with suppress(OSError):  # there is no such folder or archive
+            changed.append((path.absolute(), path.stat().st_mtime_ns))
+    return _points_in(tuple(changed))
 
 
 @lru_cache(maxsize=1)
-def _points_in(_: tuple[tuple[Path, int | None], ...]) -> tuple[importlib.metadata.EntryPoint, ...]:
+def _points_in(_: tuple[tuple[Path, int], ...]) -> tuple[importlib.metadata.EntryPoint, ...]:
     return tuple(importlib.metadata.entry_points(group=PLUGIN_GROUP))
 
 
 def _announced() -> dict[str, importlib.metadata.EntryPoint]:
     """Entry points that the environment variable announces, by name."""
-    pairs = (part.partition("=") for part in os.environ.get(ANNOUNCED, "").split())
-    return {
-        name: importlib.metadata.EntryPoint(name, path, PLUGIN_GROUP) for name, _, path in pairs
-    }
+    points: dict[str, importlib.metadata.EntryPoint] = {}
+    for pair in os.environ.get(ANNOUNCED, "").split():
+        name, _, path = pair.partition("=")
+        points[name] = importlib.metadata.EntryPoint(name, path, PLUGIN_GROUP)
+    return points
 
 
 def announce(path: str) -> str:
-    """Make an engine's class known by its name, here and in processes started from now on.
+    """Make a class known by its engine's name, here and in processes started from now on.
 
     Args:
         path: of the class, as 'package.module:Class'.
 
-    Returns:
-        The engine's name.
-
     Raises:
-        InputError: there is no such class, it has no name, or its name is that of an engine of this
-            package.
+        InputError: there is no such class, or its name is missing, unusable or a built-in engine's.
     """
     cls = _loaded(importlib.metadata.EntryPoint(path, path, PLUGIN_GROUP))
     name: object = getattr(cls, "name", None)
@@ -128,69 +120,47 @@ def announce(path: str) -> str:
             f"engine {path}: its name {name!r} is that of an engine of trebucheck; another one "
             f"is needed."
         )
-    known = {known: point.value for known, point in _announced().items()} | {name: path}
-    os.environ[ANNOUNCED] = " ".join(f"{known}={value}" for known, value in known.items())
+    known = {point.name: point.value for point in _announced().values()} | {name: path}
+    os.environ[ANNOUNCED] = " ".join(f"{name}={value}" for name, value in known.items())
     return name
 
 
 def _loaded(point: importlib.metadata.EntryPoint) -> EngineClass:
+    """A plug-in's class; one that lacks a part is refused before that is missed somewhere else."""
+    name = f"engine {point.name!r}"
     try:
-        cls = point.load()
+        cls: object = point.load()
     except Exception as error:
+        raise InputError(f"{name} comes from a plug-in that cannot be loaded: {error}.") from error
+    declared = getattr(cls, "capabilities", None)
+    if not isinstance(declared, Capabilities):
+        has = f"has capabilities of type {type(declared).__name__}"
+        if declared is None:
+            has = "has no `capabilities`"
+        raise InputError(f"{name}: its class {has}; a trebucheck.Capabilities is needed.")
+    if not callable(getattr(cls, "presets", None)):
         raise InputError(
-            f"engine {point.name!r} comes from a plug-in that cannot be loaded: {error}."
-        ) from error
-    _refuse_incomplete(point.name, cls)
+            f"{name}: its class has no `presets()`; makers by name, 'tuned' and 'stock', are "
+            "needed."
+        )
+    if isinstance(cls, type) and issubclass(cls, BuiltinEngine) and not hasattr(cls, "package"):
+        version = getattr(cls.version, "__func__", None)
+        if version is BuiltinEngine.version.__func__:
+            raise InputError(
+                f"{name}: its class has no `package`, the distribution whose version is reported; "
+                "an engine that is none has is_installed() and version() of its own."
+            )
     return cast("EngineClass", cls)
 
 
-def _refuse_incomplete(name: str, cls: object) -> None:
-    """Refuse a plug-in's class that lacks a part, before it is missed somewhere else."""
-    declared = getattr(cls, "capabilities", None)
-    if not isinstance(declared, Capabilities):
-        if declared is None:
-            given = "has no `capabilities`"
-        else:
-            given = f"has capabilities of type {type(declared).__name__}"
-        raise InputError(
-            f"engine {name!r}: its class {given}; a trebucheck.Capabilities is needed."
-        )
-    if not callable(getattr(cls, "presets", None)):
-        raise InputError(
-            f"engine {name!r}: its class has no `presets()`; makers by name, 'tuned' and "
-            f"'stock', are needed."
-        )
-    own_version = (
-        getattr(getattr(cls, "version", None), "__func__", None)
-        is not BuiltinEngine.version.__func__
-    )
-    if (
-        isinstance(cls, type)
-        and issubclass(cls, BuiltinEngine)
-        and not own_version
-        and not hasattr(cls, "package")
-    ):
-        raise InputError(
-            f"engine {name!r}: its class has no `package`, the distribution whose version is "
-            "reported; an engine that is none has is_installed() and version() of its own."
-        )
-
-
 def engine_class(name: str) -> EngineClass:
-    """The class of an engine.
-
-    Raises:
-        InputError: no engine has that name, or its plug-in cannot be loaded; the sentence lists the
-            names there are.
-    """
+    """The class of an engine; InputError if none has that name, or its plug-in cannot be loaded."""
     if name in _BUILTIN:
         module, cls = _BUILTIN[name]
         return cast("EngineClass", getattr(importlib.import_module(f".{module}", __package__), cls))
-    for point in (
-        *filter(None, [_announced().get(name)]),
-        *(point for point in _installed() if point.name == name),
-    ):
-        return _loaded(point)
+    for point in (*_announced().values(), *_installed()):
+        if point.name == name:
+            return _loaded(point)
     known = engine_names()
     close = get_close_matches(name, known, n=1)
     hint = f" (did you mean {close[0]!r}?)" if close else ""
@@ -215,23 +185,17 @@ def causes_of(engine: Engine, mechanism: Mechanism | None = None) -> tuple[Cause
     """Causes of error that an engine with these options may have, in the order of removal.
 
     Nothing is run. A cause whose options are already set as its removal would set them is left out.
-    Of an engine without a table (a plug-in) only the time step is known, if it has one.
-
-    Args:
-        mechanism: that it moves: some causes are there only where points are held, by stops or by
-            loops of joints.
+    Some are there only where the mechanism holds points, by stops or by loops of joints.
     """
     settings = engine.settings
-    every = engine_study(engine.name).causes(settings, ConstraintKinds.of(mechanism))
-    ways = ((cause, (cause.removal, cause.scaling)) for cause in every)
-    causes = [
-        cause
-        for cause, both in ways
-        if any(way is not None and way.changes(settings) for way in both)
-    ]
+    causes: list[Cause] = []
+    for cause in engine_study(engine.name).causes(settings, ConstraintKinds.of(mechanism)):
+        ways = (cause.removal, cause.scaling)
+        if any(way is not None and way.changes(settings) for way in ways):
+            causes.append(cause)
     names = {cause.name for cause in causes}
     return tuple(
-        dataclasses.replace(cause, after=tuple(n for n in cause.after if n in names))
+        replace(cause, after=tuple(name for name in cause.after if name in names))
         for cause in causes
     )
 
@@ -249,14 +213,12 @@ class EngineStatus:
 
 def engines() -> dict[str, EngineStatus]:
     """Every known engine by name, installed or not, without importing any engine's library."""
-    return {name: _status(name) for name in engine_names()}
-
-
-def _status(name: str) -> EngineStatus:
-    cls = engine_class(name)
-    return EngineStatus(
-        name, cls.is_installed(), cls.version(), tuple(cls.presets()), cls.capabilities
-    )
+    status: dict[str, EngineStatus] = {}
+    for name in engine_names():
+        cls = engine_class(name)
+        version, presets = cls.version(), tuple(cls.presets())
+        status[name] = EngineStatus(name, cls.is_installed(), version, presets, cls.capabilities)
+    return status
 
 
 def engine(name: str, preset: str = "tuned", **options: Any) -> Engine:
@@ -291,37 +253,27 @@ def option_names(name: str) -> tuple[str, ...] | None:
 
 
 def option_table(name: str) -> tuple[OptionRow, ...]:
-    """Every option of an engine, a plug-in's among them.
-
-    Options of a class that does not tell them are those of the settings of its presets.
-
-    Raises:
-        InputError: there is no such engine, or its plug-in cannot be loaded.
-    """
+    """Every option of an engine; of a class that does not tell them, those that its presets set."""
     cls = engine_class(name)
     settings = {preset: engine(name, preset).settings for preset in cls.presets()}
     fields = option_fields(cls)
     if fields is None:
-        names = dict.fromkeys(option for own in settings.values() for option in own)
-        fields = tuple(map(OptionField, names))
-    return tuple(
-        OptionRow(
-            field.name,
-            {preset: own[field.name] for preset, own in settings.items() if field.name in own},
-            field.values,
-            field.meaning,
-        )
-        for field in fields
-    )
+        fields = tuple(map(OptionField, dict.fromkeys(chain.from_iterable(settings.values()))))
+    rows: list[OptionRow] = []
+    for field in fields:
+        defaults = {
+            preset: values[field.name]
+            for preset, values in settings.items()
+            if field.name in values
+        }
+        rows.append(OptionRow(field.name, defaults, field.values, field.meaning))
+    return tuple(rows)
 
 
 def options_for(name: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """Options of one engine among those of several.
 
-    Args:
-        name: of the engine.
-        options: by name, for every engine that has it, or as 'mujoco.solref' for one, which goes
-            first.
+    Names without an engine are for every one that has them; 'mujoco.solref' goes first.
     """
     known = option_names(name)
     shared, own = dict[str, Any](), dict[str, Any]()
@@ -336,11 +288,7 @@ def options_for(name: str, options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def refuse_unknown_options(options: Mapping[str, Any], names: Sequence[str]) -> None:
-    """Refuse options that none of these engines has; values are checked where an engine is made.
-
-    Raises:
-        InputError: an option belongs to no engine, or to one that is not among these.
-    """
+    """Raise InputError if an option belongs to none of these engines; values are checked later."""
     refuse_reserved({key.rpartition(".")[2]: value for key, value in options.items()})
     for key in options:
         owner, dot, option = key.rpartition(".")
@@ -355,11 +303,7 @@ def refuse_unknown_options(options: Mapping[str, Any], names: Sequence[str]) -> 
 
 
 def with_options(base: Engine, changes: Mapping[str, JsonValue]) -> Engine:
-    """The engine made again, with some options set otherwise.
-
-    Raises:
-        InputError: an option is not valid, or the engine takes no options.
-    """
+    """The engine made again, with options set otherwise; InputError if it cannot take them."""
     if not changes:
         return base
     try:
@@ -371,11 +315,7 @@ def with_options(base: Engine, changes: Mapping[str, JsonValue]) -> Engine:
 
 
 def capabilities_of(name: str, preset: str) -> Capabilities:
-    """Capabilities of an engine with the options of a preset.
-
-    Raises:
-        InputError: there is no engine of that name, or it cannot be loaded.
-    """
+    """Capabilities of an engine with the options of a preset."""
     try:
         return able(engine(name, preset))
     except Exception:  # of a class that cannot be made, which is said where it is to move something
@@ -430,15 +370,8 @@ class CompletedEngine:
     def simulate(self, problem: Problem) -> Trajectory:
         """Move the mechanism by the plug-in's engine."""
         refuse_no_problem(problem)
-        left = able(self)
-        refuse_features(
-            problem.mechanism,
-            left.features,
-            self.name,
-            left.lacking,
-            problem.stop_law,
-            left.elements,
-        )
+        mechanism, law, can = problem.mechanism, problem.stop_law, able(self)
+        refuse_features(mechanism, can.features, self.name, can.lacking, law, can.elements)
         return self.simulator.simulate(problem)
 
 
@@ -452,13 +385,7 @@ class CompletedInspectable(CompletedEngine):
 
 
 def completed(simulator: Simulator, preset: str, options: Mapping[str, Any]) -> CompletedEngine:
-    """An engine with its preset, its settings and its time step.
-
-    Args:
-        simulator: as the plug-in makes it.
-        preset: that it was made from.
-        options: that it was given.
-    """
+    """A plug-in's engine, made from a preset with options, as :class:`.protocol.Engine` asks."""
     settings = settings_of(simulator, options)
     step = getattr(simulator, "timestep", settings.get("timestep"))
     cls = CompletedInspectable if isinstance(simulator, Inspectable) else CompletedEngine
@@ -474,22 +401,16 @@ class Viewable(Protocol):
 
     def view(self, mechanism: Mechanism) -> None:
         """Open a window on the mechanism, and return when it is closed."""
-        ...
 
 
 def has_viewer(name: str) -> bool:
     """Whether an engine of that name is here and has a viewer."""
-    known = engine_class(name)
-    return hasattr(known, "view") and known.is_installed()
+    cls = engine_class(name)
+    return hasattr(cls, "view") and cls.is_installed()
 
 
 def view(engine: Engine, mechanism: Mechanism) -> None:
-    """Open an engine's own viewer, and return when it is closed.
-
-    Raises:
-        InputError: the engine has none, or there is no display.
-        EngineNotInstalledError: the engine's package is not here.
-    """
+    """Open an engine's own viewer until it is closed; InputError without viewer or display."""
     if not isinstance(engine, Viewable):
         raise InputError(
             f"{engine.name} has no viewer of its own; `trebucheck animate` writes a page to play."

@@ -13,71 +13,53 @@ import math
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Protocol, Self, TypeVar
 
 import numpy as np
 
 from ..models.arrays import FloatArray
-from ..models.elements import (
-    ELEMENTS,
-    AnyStop,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
-    FreeJoint,
-    PinJoint,
-    PointStop,
-    PrismaticJoint,
-    RotationalSpringDamper,
-    SlotJoint,
-    SpringDamper,
-    Stop,
-    WeldJoint,
-)
+from ..models.elements import AnyStop, refuse_unknown
 from ..models.errors import SimulationError, UnsupportedProblemError
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
-from ..models.spec import Spec
+from ..models.spec import Spec, number_units
 from ..models.trajectory import PointMotion
 from .inspection import Dynamics, Inspection, State
 from .protocol import Recording
 
-_Dimension = tuple[int, int, int]
-"""Powers of length, mass and time."""
+_Dimension = tuple[int, int, int]  # powers of length, mass and time
 _LENGTH_UNIT: _Dimension = (1, 0, 0)
-_MASS_UNIT: _Dimension = (0, 1, 0)
-_FORCE: _Dimension = (1, 1, -2)
-_MOMENT: _Dimension = (2, 1, -2)
-_BODY = {"mass": _MASS_UNIT, "centre": _LENGTH_UNIT, "inertia": (2, 1, 0)}
-_MARKER = {"mass": _MASS_UNIT, "point": _LENGTH_UNIT}
-_POINTS = {"parent_point": _LENGTH_UNIT, "child_point": _LENGTH_UNIT}
+_DIMENSIONS: Mapping[str, _Dimension] = {
+    "m": _LENGTH_UNIT,
+    "kg": (0, 1, 0),
+    "s": (0, 0, 1),
+    "N": (1, 1, -2),
+    "rad": (0, 0, 0),
+}
 
-DIMENSIONS: ElementTable[Mapping[str, _Dimension]] = ElementTable(
-    "units of engines",
-    ELEMENTS,
-    {
-        PinJoint: _POINTS,
-        WeldJoint: _POINTS,
-        SlotJoint: _POINTS,
-        PrismaticJoint: _POINTS,
-        FreeJoint: _POINTS,
-        Stop: {},
-        PointStop: {"point": _LENGTH_UNIT, "offset": _LENGTH_UNIT},
-        SpringDamper: {
-            "point": _LENGTH_UNIT,
-            "relative_point": _LENGTH_UNIT,
-            "rest_length": _LENGTH_UNIT,
-            "stiffness": (0, 1, -2),
-            "damping": (0, 1, -1),
-        },
-        RotationalSpringDamper: {"stiffness": _MOMENT, "damping": (2, 1, -1)},
-        CubicTorsionSpring: {"stiffness": _MOMENT, "cubic_stiffness": _MOMENT},
-        ConstantForce: {"point": _LENGTH_UNIT, "force": _FORCE},
-        ConstantTorque: {"torque": _MOMENT},
-    },
-)
-"""Dimensions of the fields of each class of elements; fields without one are left out."""
+
+def dimension(unit: str) -> _Dimension:
+    """Dimension of a unit such as "N m/rad^2": powers of length, mass and time.
+
+    Raises:
+        KeyError: the unit has a part that is not m, kg, s, N or rad.
+    """
+    total = np.zeros(3, dtype=int)
+    for sign, part in zip((1, -1), unit.partition("/")[::2], strict=True):
+        for factor in part.split():
+            name, _, power = factor.partition("^")
+            total += sign * int(power or 1) * np.array(_DIMENSIONS[name])
+    length, mass, time = total.tolist()
+    return length, mass, time
+
+
+@cache
+def dimensions_of(kind: type[Spec]) -> Mapping[str, _Dimension]:
+    """Dimensions of the numbers of a part of a mechanism by field; those without are left out."""
+    dimensions = {name: dimension(unit) for name, unit in number_units(kind).items()}
+    return {name: powers for name, powers in dimensions.items() if any(powers)}
+
 
 _LENGTHS, _MASSES = (0.25, 200.0), (0.05, 1e6)  # [m], [kg] mechanisms between these are built in SI
 _LENGTH, _MASS = 16.0, 1024.0  # [m], [kg] what others get: about Table I's
@@ -166,37 +148,29 @@ class Units:
         It is not validated: its numbers are the same but for their exponents.
         """
         q = self.coordinates(mechanism)
-        speeds = (
-            np.array(mechanism.start_speeds) * self.time / q if mechanism.start_speeds else q[:0]
-        )
-        return mechanism.model_copy(
-            update={
-                "bodies": tuple(self._scaled(body, _BODY) for body in mechanism.bodies),
-                "markers": tuple(self._scaled(marker, _MARKER) for marker in mechanism.markers),
-                "joints": tuple(map(self._element, mechanism.joints)),
-                "stops": tuple(map(self._element, mechanism.stops)),
-                "force_elements": tuple(map(self._element, mechanism.force_elements)),
-                "gravity": mechanism.gravity * self.time**2 / self.length,
-                "start": tuple((np.array(mechanism.start) / q).tolist()),
-                "start_speeds": tuple(speeds.tolist()),
-            }
-        )
+        changes: dict[str, object] = {
+            "gravity": mechanism.gravity * self.time**2 / self.length,
+            "start": tuple((np.array(mechanism.start) / q).tolist()),
+        }
+        parts = (*mechanism.joints, *mechanism.stops, *mechanism.force_elements)
+        refuse_unknown("units of engines", parts)
+        for group in ("bodies", "markers", "joints", "stops", "force_elements"):
+            changes[group] = tuple(map(self._scaled, getattr(mechanism, group)))
+        if mechanism.start_speeds:
+            speeds = np.array(mechanism.start_speeds) * self.time / q
+            changes["start_speeds"] = tuple(speeds.tolist())
+        return mechanism.model_copy(update=changes)
 
-    def _element(self, element: _S) -> _S:
-        return self._scaled(element, DIMENSIONS[element])
-
-    def _scaled(self, part: _S, dimensions: Mapping[str, _Dimension]) -> _S:
+    def _scaled(self, part: _S) -> _S:
         """A part of a mechanism in these units."""
         changes = dict[str, object]()
-        for name, (length, mass, time) in dimensions.items():
+        for name, (length, mass, time) in dimensions_of(type(part)).items():
             unit = self.length**length * self.mass**mass * self.time**time
             value = getattr(part, name)
-            if value is not None:
-                changes[name] = (
-                    tuple(each / unit for each in value)
-                    if isinstance(value, tuple)
-                    else value / unit
-                )
+            if isinstance(value, tuple):
+                changes[name] = tuple(number / unit for number in value)
+            elif value is not None:
+                changes[name] = value / unit
         return part.model_copy(update=changes)
 
     def problem(self, problem: Problem) -> Problem:
@@ -208,19 +182,19 @@ class Units:
 
     def recording(self, recording: Recording, problem: Problem) -> Recording:
         """A recording in these units, converted to SI."""
-        mechanism = problem.mechanism
-        q, speed = self.coordinates(mechanism), self.length / self.time
-        efforts = {stop.name: self.effort(stop) for stop in mechanism.stops}
+        q, speed = self.coordinates(problem.mechanism), self.length / self.time
+        efforts = {stop.name: self.effort(stop) for stop in problem.mechanism.stops}
         impulses = {name: effort * self.time for name, effort in efforts.items()}
+        markers: dict[str, PointMotion] = {}
+        for name, motion in recording.markers.items():
+            markers[name] = PointMotion(motion.position * self.length, motion.velocity * speed)
         # The last time is the problem's end to the bit: the units are powers of two.
-        return Recording(
+        return replace(
+            recording,
             t=recording.t * self.time,
             q=recording.q * q,
             u=recording.u * q / self.time,
-            markers={
-                name: PointMotion(motion.position * self.length, motion.velocity * speed)
-                for name, motion in recording.markers.items()
-            },
+            markers=markers,
             kinetic_energy=recording.kinetic_energy * self.energy,
             potential_energy=recording.potential_energy * self.energy,
             stop_torques=_in_units(recording.stop_torques, efforts),
@@ -234,7 +208,6 @@ class Units:
                 (time * self.time, _in_units(of_stops, impulses))
                 for time, of_stops in recording.impacts
             ),
-            steps=recording.steps,
         )
 
     def states(self, mechanism: Mechanism, states: Sequence[State]) -> list[State]:
@@ -244,26 +217,29 @@ class Units:
 
     def inspection(self, inspection: Inspection, mechanism: Mechanism) -> Inspection:
         """An inspection in these units, converted to SI."""
-        q = self.coordinates(mechanism)
-        return Inspection(
-            start=inspection.start * q,
-            start_speeds=inspection.start_speeds * q / self.time,
-            dynamics=tuple(self._dynamics(dynamics, mechanism) for dynamics in inspection.dynamics),
-            total_mass=None if inspection.total_mass is None else inspection.total_mass * self.mass,
-        )
-
-    def _dynamics(self, dynamics: Dynamics, mechanism: Mechanism) -> Dynamics:
         q, inertia = self.coordinates(mechanism), self.mass * self.length**2
         efforts = {stop.name: self.effort(stop) for stop in mechanism.stops}
         gaps = {s.name: self.length if s.gap_unit == "m" else 1.0 for s in mechanism.stops}
-        mass, forces = dynamics.mass_matrix, dynamics.forces
-        return Dynamics(
-            accelerations=dynamics.accelerations * q / self.time**2,
-            stop_torques=_in_units(dynamics.stop_torques, efforts),
-            mass_matrix=None if mass is None else mass * inertia / np.outer(q, q),
-            forces=None if forces is None else forces * self.energy / q,
-            centres=_in_units(dynamics.centres, self.length),
-            stop_gaps=_in_units(dynamics.stop_gaps, gaps),
+        dynamics: list[Dynamics] = []
+        for seen in inspection.dynamics:
+            mass, forces = seen.mass_matrix, seen.forces
+            dynamics.append(
+                Dynamics(
+                    accelerations=seen.accelerations * q / self.time**2,
+                    stop_torques=_in_units(seen.stop_torques, efforts),
+                    mass_matrix=None if mass is None else mass * inertia / np.outer(q, q),
+                    forces=None if forces is None else forces * self.energy / q,
+                    centres=_in_units(seen.centres, self.length),
+                    stop_gaps=_in_units(seen.stop_gaps, gaps),
+                )
+            )
+        total = inspection.total_mass
+        return replace(
+            inspection,
+            start=inspection.start * q,
+            start_speeds=inspection.start_speeds * q / self.time,
+            dynamics=tuple(dynamics),
+            total_mass=None if total is None else total * self.mass,
         )
 
 
@@ -279,41 +255,34 @@ SI = Units()
 
 def units_of(mechanism: Mechanism) -> Units:
     """SI, but for mechanisms that are very small, light, large, heavy or slow."""
-    length, mass = _length(mechanism), max(body.mass for body in mechanism.bodies)
+    # The farthest point from its body's origin, or the largest radius of gyration [m].
+    mass = max(body.mass for body in mechanism.bodies)
+    length = 0.0
+    for body in mechanism.bodies:
+        length = max(length, math.hypot(*body.centre), math.sqrt(body.inertia / body.mass))
+    for element in (*mechanism.joints, *mechanism.force_elements):
+        for name, dimension in dimensions_of(type(element)).items():
+            value = getattr(element, name)
+            if dimension == _LENGTH_UNIT and isinstance(value, tuple):
+                length = max(length, math.hypot(*value))
     if length <= 0:
         return SI
-    units, rate = SI, _rate(mechanism, length, mass)
+
+    # The fastest rate that speeds, gravity, springs and forces give a body of that size [1/s].
+    rates = [math.sqrt(mechanism.gravity / length)]
+    for i, u in enumerate(mechanism.start_speeds):
+        rates.append(abs(u) if i < len(mechanism.angles) else abs(u) / length)
+    for element in mechanism.force_elements:
+        for name, (lengths, masses, times) in dimensions_of(type(element)).items():
+            if times == -2:
+                # Over mass and length, a force, a moment or a stiffness is the square of a rate.
+                value = getattr(element, name)
+                size = math.hypot(*value) if isinstance(value, tuple) else abs(value)
+                rates.append(math.sqrt(size / (mass**masses * length**lengths)))
+    rate, units = max(rates), SI
     if not (_LENGTHS[0] <= length <= _LENGTHS[1] and _MASSES[0] <= mass <= _MASSES[1]):
         time = 2.0 ** round(math.log2(length / _LENGTH) / 2)
         units = Units(time**2, 2.0 ** round(math.log2(mass / _MASS)), time)
     if 0 < rate * units.time < _SLOW:
         return replace(units, time=2.0 ** -round(math.log2(rate)))
     return units
-
-
-def _length(mechanism: Mechanism) -> float:
-    """The farthest point from its body's origin, or the largest radius of gyration [m]."""
-    length = max(math.hypot(*body.centre) for body in mechanism.bodies)
-    for element in (*mechanism.joints, *mechanism.force_elements):
-        for name, dimension in DIMENSIONS[element].items():
-            value = getattr(element, name)
-            if dimension == _LENGTH_UNIT and isinstance(value, tuple):
-                length = max(length, math.hypot(*value))
-    return max(length, *(math.sqrt(body.inertia / body.mass) for body in mechanism.bodies))
-
-
-def _rate(mechanism: Mechanism, length: float, mass: float) -> float:
-    """The fastest rate that speeds, gravity, springs and forces give a body of that size [1/s]."""
-    angles, squares = len(mechanism.angles), [mechanism.gravity / length]
-    speeds = [
-        abs(u) if i < angles else abs(u) / length for i, u in enumerate(mechanism.start_speeds)
-    ]
-    for element in mechanism.force_elements:
-        for name, (lengths, masses, times) in DIMENSIONS[element].items():
-            if times != -2:
-                continue
-            # Over mass and length, a force, a moment or a stiffness is the square of a rate.
-            value = getattr(element, name)
-            size = math.hypot(*value) if isinstance(value, tuple) else abs(value)
-            squares.append(size / (mass**masses * length**lengths))
-    return max(*speeds, math.sqrt(max(squares))) if speeds else math.sqrt(max(squares))

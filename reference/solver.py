@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from scipy.integrate import DenseOutput, OdeSolution
@@ -21,13 +20,7 @@ from scipy.optimize import brentq
 
 from ..models.arrays import FloatArray
 from ..models.elements import (
-    FORCE_ELEMENTS,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
-    RotationalSpringDamper,
-    SpringDamper,
+    refuse_unknown,
 )
 from ..models.errors import InputError, SimulationError
 from ..models.kinematics import initial_state
@@ -427,27 +420,6 @@ def _root(function: Callable[[float], float], start: float, end: float) -> float
     return float(brentq(function, start, end, xtol=1e-15, rtol=1e-15))
 
 
-def _damping(element: SpringDamper | RotationalSpringDamper) -> float:
-    return element.damping
-
-
-def _no_damping(element: object) -> float:
-    return 0.0
-
-
-_DAMPING: ElementTable[Callable[[Any], float]] = ElementTable(
-    "The reference's limit of steps",
-    FORCE_ELEMENTS,
-    {
-        SpringDamper: _damping,
-        RotationalSpringDamper: _damping,
-        CubicTorsionSpring: _no_damping,
-        ConstantForce: _no_damping,
-        ConstantTorque: _no_damping,
-    },
-)
-
-
 def longest_step(equations: Equations, q: FloatArray, closed: Sequence[str]) -> float:
     """Longest step in a position, shape (n_q,) [s]; infinite without dampers.
 
@@ -460,7 +432,8 @@ def longest_step(equations: Equations, q: FloatArray, closed: Sequence[str]) -> 
         closed: active stops.
     """
     elements = equations.mechanism.force_elements
-    if not any(_DAMPING[element](element) > 0 for element in elements):
+    refuse_unknown("The reference's limit of steps", elements)
+    if not any(element.dissipates for element in elements):
         return np.inf
     units = np.eye(len(q))
     # Accelerations are quadratic in speeds: dampers are what is odd in them.

@@ -22,20 +22,7 @@ from ...engines.protocol import Engine
 from ...engines.units import units_of
 from ...models.arrays import FloatArray
 from ...models.elements import (
-    ELEMENTS,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
-    FreeJoint,
-    PinJoint,
-    PointStop,
-    PrismaticJoint,
-    RotationalSpringDamper,
-    SlotJoint,
-    SpringDamper,
-    Stop,
-    WeldJoint,
+    refuse_unknown,
 )
 from ...models.errors import EngineNotInstalledError, SimulationError, UnsupportedProblemError
 from ...models.kinematics import immovable_stops, without_stops
@@ -157,27 +144,6 @@ joint angles. In single precision that is 6e-5, below the smallest seeded fault 
 _EXACT_REASON = "the engine's own quantities, to rounding"
 
 
-_SHOWN: ElementTable[str] = ElementTable(
-    "The model-equivalence check",
-    ELEMENTS,
-    {
-        PinJoint: "acceleration",
-        WeldJoint: "acceleration",
-        SlotJoint: "acceleration",
-        PrismaticJoint: "acceleration",
-        FreeJoint: "acceleration",
-        Stop: "stop torque",
-        PointStop: "stop torque",
-        SpringDamper: "acceleration",
-        RotationalSpringDamper: "acceleration",
-        CubicTorsionSpring: "acceleration",
-        ConstantForce: "acceleration",
-        ConstantTorque: "acceleration",
-    },
-)
-"""The check in which an element shows that is built wrongly, of those that every engine has."""
-
-
 def check_model(engine: Engine, mechanism: Mechanism) -> Equality:
     """Compare an engine's built model with the reference's equations.
 
@@ -189,8 +155,8 @@ def check_model(engine: Engine, mechanism: Mechanism) -> Equality:
             build the mechanism.
         TrebucheckError: the engine is not installed, or its solver finds no accelerations.
     """
-    for element in (*mechanism.joints, *mechanism.stops, *mechanism.force_elements):
-        _SHOWN[element]
+    elements = (*mechanism.joints, *mechanism.stops, *mechanism.force_elements)
+    refuse_unknown("The model-equivalence check", elements)
     if not isinstance(engine, Inspectable):
         return Equality(
             exposed=False,

@@ -7,9 +7,8 @@ there; over the reference by Gauss's rule on its dense output, to rounding.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from scipy.integrate import cumulative_simpson, cumulative_trapezoid
@@ -17,14 +16,8 @@ from scipy.integrate import cumulative_simpson, cumulative_trapezoid
 from ...models.applied_forces import AppliedForces
 from ...models.arrays import FloatArray
 from ...models.elements import (
-    FORCE_ELEMENTS,
     GROUND,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
-    RotationalSpringDamper,
-    SpringDamper,
+    refuse_unknown,
 )
 from ...models.mechanism import Mechanism
 from ...models.trajectory import Trajectory
@@ -34,35 +27,10 @@ from ...reference.solution import Segment, Solution
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
-_DOES_WORK: ElementTable[Callable[[Any], bool]] = ElementTable(
-    "The balance of energy",
-    FORCE_ELEMENTS,
-    {
-        SpringDamper: lambda spring: spring.dissipates,
-        RotationalSpringDamper: lambda spring: spring.dissipates,
-        CubicTorsionSpring: lambda _: False,
-        ConstantForce: lambda _: True,
-        ConstantTorque: lambda _: True,
-    },
-)
-"""Whether a force element may change the sum of kinetic and potential energy."""
-_PUSHES_ALONG_X: ElementTable[Callable[[Any], bool]] = ElementTable(
-    "The balance of momentum",
-    FORCE_ELEMENTS,
-    {
-        SpringDamper: lambda spring: GROUND in spring.bodies,
-        RotationalSpringDamper: lambda _: False,
-        CubicTorsionSpring: lambda _: False,
-        ConstantForce: lambda given: given.force[0] != 0,
-        ConstantTorque: lambda _: False,
-    },
-)
-"""Whether a force element acts on the mechanism from outside along x."""
-
-
 def does_work(mechanism: Mechanism) -> bool:
     """Whether a damper, a constant force or a constant torque may change the energy."""
-    return any(_DOES_WORK[element](element) for element in mechanism.force_elements)
+    refuse_unknown("The balance of energy", mechanism.force_elements)
+    return any(element.works for element in mechanism.force_elements)
 
 
 def keeps_horizontal_momentum(mechanism: Mechanism) -> bool:
@@ -74,7 +42,8 @@ def keeps_horizontal_momentum(mechanism: Mechanism) -> bool:
         for d in joint.held_directions
     )
     walls = (stop.normal[0] for stop in mechanism.point_stops if stop.relative_to == GROUND)
-    pushed = any(_PUSHES_ALONG_X[element](element) for element in mechanism.force_elements)
+    refuse_unknown("The balance of momentum", mechanism.force_elements)
+    pushed = any(element.pushes_along_x for element in mechanism.force_elements)
     along = (*held, *walls, mechanism.gravity_vector[0])
     return not pushed and all(component == 0 for component in along)
 

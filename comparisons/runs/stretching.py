@@ -33,13 +33,7 @@ from numpy.typing import NDArray
 
 from ...models.arrays import BoolArray, FloatArray
 from ...models.elements import (
-    FORCE_ELEMENTS,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
-    RotationalSpringDamper,
-    SpringDamper,
+    refuse_unknown,
 )
 from ...models.errors import TrebucheckError
 from ...models.kinematics import initial_state
@@ -73,18 +67,6 @@ _SAMPLES = 400
 _NEAR = 0.1  # of the interval of the samples
 # Most bodies whose inertias are changed one by one; random combinations of more
 _EACH, _COMBINATIONS = (6, 3)
-_NUMBERS: ElementTable[tuple[str, ...]] = ElementTable(
-    "The growth of errors",
-    FORCE_ELEMENTS,
-    {
-        SpringDamper: ("stiffness", "damping", "rest_length"),
-        RotationalSpringDamper: ("stiffness", "damping", "rest_angle"),
-        CubicTorsionSpring: ("stiffness", "cubic_stiffness", "rest_angle"),
-        ConstantForce: ("force",),
-        ConstantTorque: ("torque",),
-    },
-)
-"""Numbers of a force element that are changed, in the order of the random signs."""
 _ROWS = 4  # of each body before those of forces: place, velocity, angle and its speed
 # Of the end: how far a changed mechanism is moved that cannot be moved to the end
 _SHORTER = (1.0, 0.75, 0.5, 0.25)
@@ -254,6 +236,8 @@ def _with_inertia(mechanism: Mechanism, body: Body, sign: float) -> Body:
 
 def _with_other_forces(mechanism: Mechanism) -> Iterator[Mechanism]:
     """All numbers of all force elements changed by a part of themselves, up or down at random."""
+    refuse_unknown("The growth of errors", mechanism.force_elements)
+    # One sign a number, in the order of the elements and of their fields.
     signs = np.random.default_rng(len(mechanism.force_elements))
 
     def changed(value: Any) -> Any:
@@ -263,7 +247,7 @@ def _with_other_forces(mechanism: Mechanism) -> Iterator[Mechanism]:
 
     elements = tuple(
         element.model_copy(
-            update={name: changed(getattr(element, name)) for name in _NUMBERS[element]}
+            update={name: changed(getattr(element, name)) for name in element.numbers()}
         )
         for element in mechanism.force_elements
     )

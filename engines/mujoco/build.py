@@ -17,8 +17,7 @@ from ...models.elements import STOPS, ElementTable, Feature, PointStop, Stop
 from ...models.errors import SimulationError, UnsupportedProblemError
 from ...models.mechanism import Mechanism
 from ...models.mjcf.elements import RAIL_SIDES, Points, felt_from, rail_contact, torque_sensor
-from ...models.mjcf.recorded import HOME
-from ...models.mjcf.scene import scene
+from ...models.mjcf.scene import HOME, scene
 from ...models.mjcf.writer import FAR, MARGIN, mjcf, mjcf_names, model_file
 from .compat import (
     CALLBACK,

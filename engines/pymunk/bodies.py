@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -32,25 +32,9 @@ import numpy as np
 import pymunk
 from pymunk import constraints
 
+from ...models import elements
 from ...models.arrays import FloatArray
-from ...models.elements import (
-    ELEMENTS,
-    GROUND,
-    AnyJoint,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
-    FreeJoint,
-    PinJoint,
-    PointStop,
-    PrismaticJoint,
-    RotationalSpringDamper,
-    SlotJoint,
-    SpringDamper,
-    Stop,
-    WeldJoint,
-)
+from ...models.elements import GROUND
 from ...models.errors import UnsupportedProblemError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Body, Mechanism
@@ -67,17 +51,17 @@ def same_point(a: complex, b: complex) -> bool:
     return abs(a - b) <= _SAME_POINT
 
 
-def is_weld(joint: AnyJoint) -> bool:
+def is_weld(joint: elements.AnyJoint) -> bool:
     """Whether a joint makes its two bodies one, if it is of the tree."""
     return joint.holds_angle and not joint.free_directions
 
 
-def is_pin(joint: AnyJoint) -> bool:
+def is_pin(joint: elements.AnyJoint) -> bool:
     """Whether a joint holds a point and leaves the angle free."""
     return not (joint.holds_angle or joint.free_directions)
 
 
-def is_brace(mechanism: Mechanism, stop: Stop, body: str) -> bool:
+def is_brace(mechanism: Mechanism, stop: elements.Stop, body: str) -> bool:
     """Whether a stop is between a body and the one that it is pinned to."""
     return set(stop.bodies) == {body, mechanism.joint_of(body).parent}
 
@@ -90,10 +74,8 @@ class Placement:
     """Where a body's frame is in that of the body (or of the ground) that carries it."""
 
     carrier: str
-    origin: complex = 0j
-    """[m]"""
-    angle: float = 0.0
-    """The body's angle less its carrier's [rad], clockwise."""
+    origin: complex = 0j  # [m]
+    angle: float = 0.0  # the body's angle less its carrier's [rad], clockwise
 
     def direction(self, local: complex) -> complex:
         """A direction of the body's frame in its carrier's."""
@@ -102,9 +84,6 @@ class Placement:
     def point(self, local: Vector) -> Vector:
         """A point of the body's frame in its carrier's [m]."""
         return _pair(self.origin + self.direction(complex(*local)))
-
-
-_Placements = Mapping[str, Placement]
 
 
 @dataclass(frozen=True)
@@ -125,7 +104,7 @@ class LumpedMass:
         return LumpedMass(total, centre, inertia)
 
 
-def without_welds(mechanism: Mechanism) -> tuple[Mechanism, _Placements]:
+def without_welds(mechanism: Mechanism) -> tuple[Mechanism, Mapping[str, Placement]]:
     """The mechanism with welded bodies as one, and where each of its bodies is in that one.
 
     The coordinates are the same. What is welded to the ground is the ground. The mechanism is not
@@ -179,72 +158,56 @@ _ENDS = {
     "relative_to": "relative_point",
 }
 """Fields of elements that name a body, with those of the point in that body's frame."""
+_TURNED_FIELDS: elements.ElementTable[tuple[str, ...]] = elements.ElementTable(
+    "pymunk's welds",
+    elements.ELEMENTS,
+    {
+        elements.PinJoint: (),
+        elements.WeldJoint: ("angle",),
+        elements.SlotJoint: ("axis",),
+        elements.PrismaticJoint: ("angle", "axis"),
+        elements.FreeJoint: (),
+        elements.Stop: ("limit",),
+        elements.PointStop: ("normal", "offset"),
+        elements.SpringDamper: (),
+        elements.RotationalSpringDamper: ("rest_angle",),
+        elements.CubicTorsionSpring: ("rest_angle",),
+        elements.ConstantForce: (),
+        elements.ConstantTorque: (),
+    },
+)
+"""Fields of elements, besides their points, that depend on their bodies' frames."""
 
 
-def _moved(element: Any, placements: _Placements) -> Any:
+def _moved(element: Any, placements: Mapping[str, Placement]) -> Any:
     """An element in the frames of the bodies that carry those that it is attached to."""
-    changes = _OTHER_FIELDS[element](element, placements)
-    known = type(element).model_fields
+    turned_fields, known = _TURNED_FIELDS[element], type(element).model_fields
+    places: dict[str, Placement] = {}
+    changes: dict[str, object] = {}
     for end, point in _ENDS.items():
         if end in known:
-            place = placements[getattr(element, end)]
+            place = places[end] = placements[getattr(element, end)]
             changes[end] = place.carrier
             if point in known:
                 changes[point] = place.point(getattr(element, point))
+    for name in turned_fields:
+        value = getattr(element, name)
+        match name:
+            case "angle":
+                value = value + places["parent"].angle - places["child"].angle
+            case "axis":
+                value = _pair(places["parent"].direction(complex(*value)))
+            case "normal":
+                value = _pair(places["relative_to"].direction(complex(*value)))
+            case "offset":
+                wall = places["relative_to"]
+                normal = wall.direction(complex(*element.normal))
+                value = value + (normal.conjugate() * wall.origin).real
+            case _:  # the angle of a stop or of a spring at rest
+                turned = places["body"].angle - places["relative_to"].angle
+                value = value - (element.sense if name == "limit" else 1) * turned
+        changes[name] = value
     return element.model_copy(update=changes)
-
-
-def _nothing_else(_: Any, __: _Placements) -> dict[str, object]:
-    return {}
-
-
-def _held_angle(joint: WeldJoint | PrismaticJoint, placements: _Placements) -> dict[str, object]:
-    parent, child = placements[joint.parent], placements[joint.child]
-    return {"angle": joint.angle + parent.angle - child.angle}
-
-
-def _axis(joint: SlotJoint | PrismaticJoint, placements: _Placements) -> dict[str, object]:
-    return {"axis": _pair(placements[joint.parent].direction(complex(*joint.axis)))}
-
-
-def _limit(stop: Stop, placements: _Placements) -> dict[str, object]:
-    turned = placements[stop.body].angle - placements[stop.relative_to].angle
-    return {"limit": stop.limit - stop.sense * turned}
-
-
-def _wall(stop: PointStop, placements: _Placements) -> dict[str, object]:
-    place = placements[stop.relative_to]
-    normal = place.direction(complex(*stop.normal))
-    offset = stop.offset + (normal.conjugate() * place.origin).real
-    return {"normal": _pair(normal), "offset": offset}
-
-
-def _rest_angle(
-    element: RotationalSpringDamper | CubicTorsionSpring, placements: _Placements
-) -> dict[str, object]:
-    turned = placements[element.body].angle - placements[element.relative_to].angle
-    return {"rest_angle": element.rest_angle - turned}
-
-
-_OTHER_FIELDS: ElementTable[Callable[[Any, _Placements], dict[str, object]]] = ElementTable(
-    "pymunk's welds",
-    ELEMENTS,
-    {
-        PinJoint: _nothing_else,
-        WeldJoint: _held_angle,
-        SlotJoint: _axis,
-        PrismaticJoint: lambda joint, places: _held_angle(joint, places) | _axis(joint, places),
-        FreeJoint: _nothing_else,
-        Stop: _limit,
-        PointStop: _wall,
-        SpringDamper: _nothing_else,
-        RotationalSpringDamper: _rest_angle,
-        CubicTorsionSpring: _rest_angle,
-        ConstantForce: _nothing_else,
-        ConstantTorque: _nothing_else,
-    },
-)
-"""New values of an element's fields besides its bodies and points."""
 
 
 def _pair(z: complex) -> Vector:
@@ -260,10 +223,8 @@ class BodyPart:
 
     name: str
     body: pymunk.Body
-    reference: complex
-    """The engine body's centre, in the mechanism's body frame [m]."""
-    pin: complex
-    """Where the body is pinned, in its own frame [m]."""
+    reference: complex  # the engine body's centre, in the mechanism's body frame [m]
+    pin: complex  # where the body is pinned, in its own frame [m]
     turns: bool
     """Whether the engine body's angle is that of the mechanism's; a bob has none of its own."""
 
@@ -273,8 +234,7 @@ class Rod:
     """A PinJoint with the distance that it is to keep."""
 
     joint: constraints.PinJoint
-    length: float
-    """[m]"""
+    length: float  # [m]
     axis: complex | None = None
     """Line, in the frame of a, along which the end on a follows the other; None: it is fixed."""
 
@@ -287,8 +247,7 @@ class Assembly:
     mechanism: Mechanism
     rigid: Mechanism
     """The mechanism with each group of welded bodies as one body: what the space is made of."""
-    placements: _Placements
-    """Places of all bodies of the mechanism in those."""
+    placements: Mapping[str, Placement]  # places of all bodies of the mechanism in those
     parts: dict[str, BodyPart] = field(default_factory=dict[str, BodyPart])
     """Bodies of the space, in the order of those of `rigid`."""
     rods: list[Rod] = field(default_factory=list[Rod])
@@ -402,7 +361,7 @@ def _is_bob(mechanism: Mechanism, body: str, mass: LumpedMass) -> bool:
 
 
 def _with_inertia(
-    mass: LumpedMass, joint: AnyJoint, masses: dict[str, LumpedMass], pivot_mass: float
+    mass: LumpedMass, joint: elements.AnyJoint, masses: dict[str, LumpedMass], pivot_mass: float
 ) -> LumpedMass:
     """Mass of a turning body: a point mass gets an inertia by mass at its pin.
 

@@ -26,26 +26,8 @@ from typing import Any
 import pymunk
 from pymunk import constraints
 
-from ...models.elements import (
-    FORCE_ELEMENTS,
-    GROUND,
-    JOINTS,
-    STOPS,
-    AnyJoint,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
-    FreeJoint,
-    PinJoint,
-    PointStop,
-    PrismaticJoint,
-    RotationalSpringDamper,
-    SlotJoint,
-    SpringDamper,
-    Stop,
-    WeldJoint,
-)
+from ...models import elements
+from ...models.elements import GROUND
 from ...models.errors import UnsupportedProblemError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
@@ -130,10 +112,10 @@ class _Builder:
 
     # --- Joints
 
-    def add_nothing(self, joint: FreeJoint | WeldJoint) -> None:
+    def add_nothing(self, joint: elements.FreeJoint | elements.WeldJoint) -> None:
         """Nothing is held by a free joint, nor by a weld of the tree: its bodies are one."""
 
-    def add_tree_pin(self, joint: PinJoint) -> None:
+    def add_tree_pin(self, joint: elements.PinJoint) -> None:
         """Add a rod to a bob, else a pivot."""
         part, at = self.assembly.parts[joint.child], complex(*joint.parent_point)
         if not part.turns:
@@ -154,7 +136,7 @@ class _Builder:
         for direction in (1, 1j):
             self.add_rod(still, at, turning, point + direction, 1.0)
 
-    def add_loop_pin(self, joint: PinJoint | WeldJoint) -> None:
+    def add_loop_pin(self, joint: elements.PinJoint | elements.WeldJoint) -> None:
         """Add a pivot that closes a loop, and what holds a weld's angle."""
         parts = self.assembly.parts
         parent, at = joint.parent, complex(*joint.parent_point)
@@ -175,7 +157,7 @@ class _Builder:
         if joint.turned_by is not None:
             self.hold_angle(joint, joint.turned_by)
 
-    def add_slide(self, joint: SlotJoint | PrismaticJoint) -> None:
+    def add_slide(self, joint: elements.SlotJoint | elements.PrismaticJoint) -> None:
         """Add a rod across the joint's line, and what holds a slider's angle."""
         line = complex(*joint.parent_point), complex(*joint.axis)
         rod = self.sliding_rod(joint.parent, *line, joint.child, joint.child_point)
@@ -206,7 +188,7 @@ class _Builder:
     def can_turn(self, name: str) -> bool:
         return name != GROUND and self.assembly.parts[name].body.moment < math.inf
 
-    def hold_angle(self, joint: AnyJoint, turned_by: float) -> None:
+    def hold_angle(self, joint: elements.AnyJoint, turned_by: float) -> None:
         """Keep the angle between two bodies, if one of them can turn."""
         if self.can_turn(joint.parent) or self.can_turn(joint.child):
             gear = self.gear(joint.parent, joint.child)
@@ -220,7 +202,7 @@ class _Builder:
 
     # --- Stops
 
-    def point_contact(self, stop: PointStop) -> tuple[constraints.Constraint, Rod]:
+    def point_contact(self, stop: elements.PointStop) -> tuple[constraints.Constraint, Rod]:
         """A rod across the wall."""
         normal = complex(*stop.normal)
         rod = self.sliding_rod(
@@ -228,7 +210,7 @@ class _Builder:
         )
         return rod.joint, rod
 
-    def angle_limit(self, stop: Stop) -> tuple[constraints.Constraint, Rod | None]:
+    def angle_limit(self, stop: elements.Stop) -> tuple[constraints.Constraint, Rod | None]:
         """A gear between two bodies that turn, or a brace of a bob."""
         ends, parts = (stop.body, stop.relative_to), self.assembly.parts
         bobs = [name for name in ends if name != GROUND and not parts[name].turns]
@@ -254,16 +236,16 @@ class _Builder:
 
     # --- Force elements
 
-    def constant_force(self, element: ConstantForce) -> None:
+    def constant_force(self, element: elements.ConstantForce) -> None:
         """Add a load."""
         point, force = self.point(element.body, complex(*element.point)), complex(*element.force)
         self.assembly.loads.append(lambda bodies: point.push(bodies, force))
 
-    def constant_torque(self, element: ConstantTorque) -> None:
+    def constant_torque(self, element: elements.ConstantTorque) -> None:
         """Add a load."""
         self.add_twist(element, lambda _angle, _speed: element.torque)
 
-    def point_spring(self, element: SpringDamper) -> None:
+    def point_spring(self, element: elements.SpringDamper) -> None:
         """Add Chipmunk's spring where it has both points; else, and of the damper, a load."""
         ends = (
             (element.relative_to, complex(*element.relative_point)),
@@ -282,7 +264,7 @@ class _Builder:
             vector = self.point(*ends[1]) - self.point(*ends[0])
             self.assembly.loads.append(pull(element, vector, stiffness))
 
-    def rotational_spring(self, element: RotationalSpringDamper) -> None:
+    def rotational_spring(self, element: elements.RotationalSpringDamper) -> None:
         """Add Chipmunk's spring where it has both angles; else, and of the damper, a load."""
         stiffness, damping, rest = element.stiffness, element.damping, element.rest_angle
         parts = [self.assembly.parts.get(name) for name in element.bodies]
@@ -301,7 +283,7 @@ class _Builder:
         if stiffness or damping:
             self.add_twist(element, torque)
 
-    def cubic_spring(self, element: CubicTorsionSpring) -> None:
+    def cubic_spring(self, element: elements.CubicTorsionSpring) -> None:
         """Add the torque of the angle at the step's end, as Chipmunk's own springs have it."""
 
         def torque(angle: float, _speed: float) -> float:
@@ -312,7 +294,9 @@ class _Builder:
 
     def add_twist(
         self,
-        element: ConstantTorque | RotationalSpringDamper | CubicTorsionSpring,
+        element: elements.ConstantTorque
+        | elements.RotationalSpringDamper
+        | elements.CubicTorsionSpring,
         torque: Callable[[float, float], float],
     ) -> None:
         angle, other = self.angle(element.body), self.angle(element.relative_to)
@@ -350,39 +334,43 @@ class _Builder:
         return RodAngle(rod, part.reference - part.pin, start)
 
 
-TREE_JOINT_BUILDERS: ElementTable[Callable[[_Builder, Any], None]] = ElementTable(
+TREE_JOINT_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = elements.ElementTable(
     "pymunk",
-    JOINTS,
+    elements.JOINTS,
     {
-        PinJoint: _Builder.add_tree_pin,
-        WeldJoint: _Builder.add_nothing,
-        SlotJoint: _Builder.add_slide,
-        PrismaticJoint: _Builder.add_slide,
-        FreeJoint: _Builder.add_nothing,
+        elements.PinJoint: _Builder.add_tree_pin,
+        elements.WeldJoint: _Builder.add_nothing,
+        elements.SlotJoint: _Builder.add_slide,
+        elements.PrismaticJoint: _Builder.add_slide,
+        elements.FreeJoint: _Builder.add_nothing,
     },
 )
-LOOP_JOINT_BUILDERS: ElementTable[Callable[[_Builder, Any], None]] = ElementTable(
+LOOP_JOINT_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = elements.ElementTable(
     "pymunk's loops",
-    JOINTS,
+    elements.JOINTS,
     {
-        PinJoint: _Builder.add_loop_pin,
-        WeldJoint: _Builder.add_loop_pin,
-        SlotJoint: _Builder.add_slide,
-        PrismaticJoint: _Builder.add_slide,
+        elements.PinJoint: _Builder.add_loop_pin,
+        elements.WeldJoint: _Builder.add_loop_pin,
+        elements.SlotJoint: _Builder.add_slide,
+        elements.PrismaticJoint: _Builder.add_slide,
     },
-    {FreeJoint: "a free joint closes no loop"},
+    {elements.FreeJoint: "a free joint closes no loop"},
 )
-STOP_BUILDERS: ElementTable[
+STOP_BUILDERS: elements.ElementTable[
     Callable[[_Builder, Any], tuple[constraints.Constraint, Rod | None]]
-] = ElementTable("pymunk", STOPS, {Stop: _Builder.angle_limit, PointStop: _Builder.point_contact})
-FORCE_BUILDERS: ElementTable[Callable[[_Builder, Any], None]] = ElementTable(
+] = elements.ElementTable(
     "pymunk",
-    FORCE_ELEMENTS,
+    elements.STOPS,
+    {elements.Stop: _Builder.angle_limit, elements.PointStop: _Builder.point_contact},
+)
+FORCE_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = elements.ElementTable(
+    "pymunk",
+    elements.FORCE_ELEMENTS,
     {
-        SpringDamper: _Builder.point_spring,
-        RotationalSpringDamper: _Builder.rotational_spring,
-        CubicTorsionSpring: _Builder.cubic_spring,
-        ConstantForce: _Builder.constant_force,
-        ConstantTorque: _Builder.constant_torque,
+        elements.SpringDamper: _Builder.point_spring,
+        elements.RotationalSpringDamper: _Builder.rotational_spring,
+        elements.CubicTorsionSpring: _Builder.cubic_spring,
+        elements.ConstantForce: _Builder.constant_force,
+        elements.ConstantTorque: _Builder.constant_torque,
     },
 )

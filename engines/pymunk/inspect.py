@@ -27,8 +27,7 @@ from .bodies import Assembly, Rod, is_pin
 from .build import build
 from .leapfrog import STEP, settled_increment
 from .options import PymunkOptions
-from .reactions import forces_of
-from .read import MotionReading, reading_of
+from .read import MotionReading, forces_of, reading_of
 
 
 def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkOptions) -> Inspection:

@@ -72,11 +72,7 @@ class CorrectedRod(ABC):
         self.joint.distance = self._length - 2.0 * stretch
 
     def meet(self, half: Row) -> None:
-        """Correct the same increment so that the first step ends at the rod's length.
-
-        Args:
-            half: the bodies at the start, with their velocities of half a step later.
-        """
+        """Correct the same increment so that the first step, from `half`, ends at the length."""
         self.joint.distance = self._length - 2.0 * self._stretch(half, self._h)
 
     def begin(self, earlier: Row, first: Row) -> None:
@@ -241,8 +237,7 @@ class Stepper:
         self.assembly, self.h, self.leapfrog = assembly, h, False
         self.rows: list[Row] = []
         self._initial: Row = []
-        self._half: Row = []
-        """The state at the start, and with the velocities of half a step later."""
+        self._half: Row = []  # the state at the start, and with the velocities of half a step later
         self._space, self._buffer = assembly.space, cast("Any", pymunk.batch.Buffer())
         pymunk.batch.get_space_bodies(self._space, pymunk.batch.BodyFields.BODY_ID, self._buffer)
         identities = memoryview(self._buffer.int_buf()).cast("P").tolist()
@@ -436,8 +431,9 @@ def settled_increment(assembly: Assembly) -> FloatArray:
     increment, change, enough = np.full_like(before, np.inf), math.inf, _ENOUGH
     for doublings in range(_ROUNDS):
         # The step is repeated from the same state, and starts with the impulses found so far.
-        _step_to(assembly, places, before, STEP, _FIRST_PASSES * 2**doublings)
-        taken += _FIRST_PASSES * 2**doublings
+        passes = _FIRST_PASSES * 2**doublings
+        _step_to(assembly, places, before, STEP, passes)
+        taken += passes
         last, increment = increment, assembly.rates - before
         size, previous = max(float(np.abs(increment).max()), reach), change
         difference = float(np.abs(increment - last).max())

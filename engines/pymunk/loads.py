@@ -67,8 +67,7 @@ class Term:
 
     weight: complex
     body: pymunk.Body
-    arm: complex
-    """From the body's centre, in its frame [m]."""
+    arm: complex  # from the body's centre, in its frame [m]
 
 
 @dataclass(frozen=True)
@@ -130,12 +129,9 @@ class EngineAngle:
 class RodAngle:
     """Clockwise angle of a point mass on a massless rod; a couple is two forces on its ends."""
 
-    rod: Combination
-    """From the rod's pin to the mass."""
-    arm: complex
-    """The same in the body's frame [m]."""
-    near: float
-    """The angle at the last call, which counts full turns [rad]."""
+    rod: Combination  # from the rod's pin to the mass
+    arm: complex  # the same in the body's frame [m]
+    near: float  # the angle at the last call, which counts full turns [rad]
 
     def value_and_speed(self, bodies: LoadedBodies) -> tuple[float, float]:
         """[rad] and [rad/s]."""

@@ -44,8 +44,7 @@ from .build import build
 from .leapfrog import STARTED, STEP, Stepper, settled_increment
 from .options import PymunkOptions
 from .passes import MOST_PASSES, TRACKED, Convergence, convergence, growth
-from .reactions import forces_of
-from .read import MotionReading, reading_of
+from .read import MotionReading, forces_of, reading_of
 
 _CHUNK = 64  # steps between checks of the gaps; at most these are repeated at an impact
 _SETTLING_SAMPLES = 3  # after which a contact that has opened must have a gap, or is met
@@ -129,21 +128,15 @@ def _active_at_start(mechanism: Mechanism, h: float, pivot_mass: float) -> Conta
 
 
 class SteppedSegment:
-    """Steps of an assembly from a start to a given time, and the releases in them."""
+    """Steps of a mechanism from its start state at one time to another [s], and the releases."""
 
     def __init__(
         self, mechanism: Mechanism, options: PymunkOptions, start: float, end: float
     ) -> None:
-        """Build the assembly and find which of its closed stops push.
-
-        Args:
-            mechanism: in its state at the start.
-            options: how to step.
-            start, end: times [s].
-        """
         self.options, self.begins, self.ends = options, start, end
         self.n = max(1, math.ceil((end - start) / options.timestep * (1 - 1e-12)))
         self.h = h = (end - start) / self.n
+        self.times = np.linspace(start, end, self.n + 1)  # times of the samples [s]
         active = _active_at_start(mechanism, h, options.pivot_mass)
         self.assembly = assembly = build(mechanism, active, options.error_bias, options.pivot_mass)
         self.stepper = Stepper(assembly, h, options.hold_lengths)
@@ -156,18 +149,16 @@ class SteppedSegment:
         self._impulses: dict[str, float] = {}
         self._grown = 1.0
         """Growth of the slowest mode's error since passes were last enough to let it decay."""
-
-    def begin(self) -> None:
-        """The first sample, and without the leapfrog the first step."""
-        stepper, mechanism = self.stepper, self.assembly.mechanism
-        closed = self._checks_passes
-        passes = self._passes(self._convergence(*initial_state(mechanism)) if closed else None)
+        # The first sample, and without the leapfrog the first step.
+        stepper, closed, passes = self.stepper, self._checks_passes, options.iterations
+        if closed:
+            _, passes = self._convergence(*initial_state(mechanism))
         # Stops that meet the joints as well as a trebuchet's do start with the option's passes.
-        settle = closed and (bool(mechanism.loop_joints) or passes > self.options.iterations)
-        stepper.start(max(self.options.start_iterations, passes), self.options.leapfrog, settle)
-        if not self.options.leapfrog:
+        settle = closed and (bool(mechanism.loop_joints) or passes > options.iterations)
+        stepper.start(max(options.start_iterations, passes), options.leapfrog, settle)
+        if not options.leapfrog:
             # The first step has no impulses to start from; a leapfrog has found them at the start.
-            stepper.run(1, self.options.start_iterations)
+            stepper.run(1, options.start_iterations)
             self._release_before_next(1)
 
     def advance(self, last: int) -> None:
@@ -180,8 +171,7 @@ class SteppedSegment:
         while self._checks_passes and self.stepper.steps < last:
             first = self.stepper.steps
             q, u, _ = self.reading(first, first).motion
-            here = self._convergence(q[0], u[0])
-            passes = self._passes(here)
+            here, passes = self._convergence(q[0], u[0])
             rate = 0.0 if here is None else growth(here.left_after(passes))
             # Singular positions are passed in a few steps, during which impulses need not converge.
             end = min(last, first + (_CHECKED if rate < 1.0 else 1))
@@ -193,7 +183,7 @@ class SteppedSegment:
         self, k: int, here: Convergence | None, passes: int, rate: float
     ) -> None:
         """Raise SimulationError at sample k if loops are open, or an unseen mode has grown."""
-        mechanism, time = self.assembly.mechanism, self.times()[k]
+        mechanism, time = self.assembly.mechanism, self.times[k]
         if passes >= MOST_PASSES:
             gaps = self.reading(k, k).gaps()
             for joint in mechanism.loop_joints:
@@ -223,17 +213,17 @@ class SteppedSegment:
         closed = bool(self.assembly.mechanism.loop_joints or self.assembly.stops)
         return self.options.hold_lengths and closed
 
-    def _passes(self, here: Convergence | None) -> int:
-        """Passes that a step needs, up to `MOST_PASSES`, and no less than the option says."""
-        needed = 1 if here is None else min(here.passes_to(TRACKED), MOST_PASSES)
-        return max(needed, self.options.iterations)
+    def _convergence(self, q: FloatArray, u: FloatArray) -> tuple[Convergence | None, int]:
+        """Convergence in a state, None where joints are lost, and the passes that a step needs.
 
-    def _convergence(self, q: FloatArray, u: FloatArray) -> Convergence | None:
-        """Convergence in a state, shapes (n_q,); None where the run has lost its joints."""
+        These are `MOST_PASSES` at most, and no less than the option says.
+        """
+        least = self.options.iterations
         if not np.isfinite([q, u]).all():
-            return None
+            return None, least
         there, active = _placed(self.assembly.mechanism, q, u), tuple(self.assembly.stops)
-        return convergence(build(there, active, 0.0, self.options.pivot_mass))
+        here = convergence(build(there, active, 0.0, self.options.pivot_mass))
+        return here, max(least, min(here.passes_to(TRACKED), MOST_PASSES))
 
     def _take_steps(self, last: int, iterations: int) -> None:
         while self.assembly.stops and self.stepper.steps < last:
@@ -270,10 +260,6 @@ class SteppedSegment:
             name: time for name, time in self.releases.items() if time is not None and time <= end
         }
 
-    def times(self) -> FloatArray:
-        """Times of the samples [s], shape (n + 1,)."""
-        return np.linspace(self.begins, self.ends, self.n + 1)
-
     def reading(self, first: int, last: int, near: FloatArray | None = None) -> MotionReading:
         """Samples from one to another, both included; `near` tells full turns of the first."""
         return MotionReading(self.assembly, self.stepper.samples(first, last), near)
@@ -285,7 +271,7 @@ class SteppedSegment:
             SimulationError: impulses that did not converge have separated the bodies although all
                 numbers are finite.
         """
-        t, reading = self.times()[: last + 1], self.reading(0, last)
+        t, reading = self.times[: last + 1], self.reading(0, last)
         mechanism, gaps = self.assembly.mechanism, reading.gaps()
         for name, gap in gaps.items():
             lost = np.flatnonzero(~(gap <= _reach(mechanism)))
@@ -341,16 +327,13 @@ def _foreseen(torque: FloatArray) -> float | None:
 class _ContactEvent:
     """The first open contact that is met in a segment."""
 
-    time: float
-    """[s]"""
+    time: float  # [s]
     q: FloatArray
-    u: FloatArray
-    """State there, before the impact, each of shape (n_q,)."""
+    u: FloatArray  # state there, before the impact, each of shape (n_q,)
     active: Contacts
     touching: Contacts
     met: str
-    sample: int
-    """The one before it, in its segment."""
+    sample: int  # the one before it, in its segment
 
 
 class PymunkMotion:
@@ -389,7 +372,6 @@ class PymunkMotion:
     def proceed(self, start: float, end: float, watch: Watch) -> Halt:
         """Move through a segment, to the next impact or to the end."""
         segment = SteppedSegment(self._start, self.options, start, end)
-        segment.begin()
         if not self.unilateral:
             segment.advance(segment.n)
         event = self._step_to_event(segment, watch) if self.unilateral else None
@@ -410,7 +392,7 @@ class PymunkMotion:
             self._plastic |= set(event.touching) & set(self._touching)
             return Halt(event.time, again=(self._plastic, self._kept))
         last = event.sample
-        if event.time - segment.times()[last] < SAME_TIME:
+        if event.time - segment.times[last] < SAME_TIME:
             last -= 1  # at the time of an impact the state after it is recorded
         if last >= 0:
             self._recordings.append(segment.recording(last))
@@ -430,41 +412,26 @@ class PymunkMotion:
             q, u, a = segment.reading(first, last, near).motion
             events: list[_ContactEvent] = []
             for stop in self.mechanism.stops:
-                k = self._first_penetration(stop.name, segment, first, q, u, parted)
-                if k is not None:
-                    i = max(k - 1 - first, 0)
-                    state = q[i], u[i], a[i]
-                    events.append(self._located(stop.name, segment, first + i, state, watch))
+                name = stop.name
+                opened = next((k for k, active in segment.regimes if name not in active), None)
+                if opened is None:  # still active
+                    continue
+                gaps = self.kinematics.gap(name, q)
+                speeds = np.sum(self.kinematics.gap_jacobian(name, q) * u, axis=-1)
+                for k in range(max(first, opened), last + 1):
+                    i = k - first
+                    if gaps[i] > 0:
+                        parted.add(name)
+                    settled = name in parted or k >= opened + _SETTLING_SAMPLES
+                    if settled and gaps[i] < 0 and speeds[i] < 0:
+                        i = max(i - 1, 0)
+                        state = q[i], u[i], a[i]
+                        events.append(self._located(name, segment, first + i, state, watch))
+                        break
             if events:
                 event = min(events, key=lambda event: event.time)
                 return event if event.time < segment.ends - SAME_TIME else None
             first, near = last, q[-1]
-        return None
-
-    def _first_penetration(
-        self,
-        name: str,
-        segment: SteppedSegment,
-        first: int,
-        q: FloatArray,
-        u: FloatArray,
-        parted: set[str],
-    ) -> int | None:
-        """The sample before which a contact is met, among those from `first` on.
-
-        Contacts that have a gap are added to `parted`.
-        """
-        opened = next((since for since, active in segment.regimes if name not in active), None)
-        if opened is None:  # still active
-            return None
-        gaps = self.kinematics.gap(name, q)
-        speeds = np.sum(self.kinematics.gap_jacobian(name, q) * u, axis=-1)
-        for k in range(max(first, opened), first + len(q)):
-            gap, speed = float(gaps[k - first]), float(speeds[k - first])
-            if gap > 0:
-                parted.add(name)
-            elif gap < 0 and speed < 0 and (name in parted or k >= opened + _SETTLING_SAMPLES):
-                return k
         return None
 
     def _located(
@@ -484,7 +451,7 @@ class PymunkMotion:
         after = segment.h if gap(0.0) > 0 else 0.0
         if gap(0.0) > 0 > gap(segment.h):
             after = float(brentq(gap, 0.0, segment.h, xtol=1e-16))
-        time, q_event = float(segment.times()[k]) + after, q + after * (u + after / 2 * a)
+        time, q_event = float(segment.times[k]) + after, q + after * (u + after / 2 * a)
         regime = next(active for first, active in reversed(segment.regimes) if first <= k)
         active = tuple(other for other in regime if (segment.releases[other] or np.inf) > time)
         touching = watch.touching(
@@ -527,12 +494,10 @@ class PymunkMotion:
 class TrialImpact:
     """Result of an impact in which a set of contacts takes part."""
 
-    u: FloatArray
-    """Generalized speeds after it, shape (n_q,)."""
+    u: FloatArray  # generalized speeds after it, shape (n_q,)
     impulses: Mapping[str, float]
     """Impulse of each contact that touches [N m s, or N s for one on a point]."""
-    resting: Contacts
-    """Those of them whose gap does not move after it."""
+    resting: Contacts  # those of them whose gap does not move after it
     violated: str | None
     """A contact that would have to pull or goes on closing: other contacts take part."""
 
@@ -546,17 +511,16 @@ def resolve_impact(
     """The impact of the contacts that touch.
 
     Args:
-        placed: the mechanism at its position there, with the speeds before; stops that touch are
-        closed in it.
+        placed: the mechanism there, with the speeds before; stops that touch are closed in it.
         restitution: e of each of them.
         pivot_mass: as the engine's option.
         held: those that come to rest even if they have to pull, which is not recorded: forces bring
-            them back to their walls at once. They are left to the others' impact where that
-            contradicts itself.
+            them back to their walls at once.
 
     Raises:
         SimulationError: the impulses do not converge, or no set of contacts takes part.
     """
+    # Held contacts are left to the others' impact where that contradicts itself.
     weightless = placed.model_copy(update={"gravity": 0.0, "force_elements": ()})
     attempts: list[tuple[Mapping[str, float], Collection[str]]] = [(restitution, ())]
     if held:

@@ -44,8 +44,7 @@ _DRIFT = 1e-7  # of the largest singular value: drift (1e-8 m) of redundant join
 class Convergence:
     """Share of a velocity error that passes of the impulse solver leave in one position."""
 
-    one_pass: FloatArray
-    """Q in an orthonormal basis of what impulses can change, shape (r, r)."""
+    one_pass: FloatArray  # Q in an orthonormal basis of what impulses can change, shape (r, r)
     basis: FloatArray
     """Columns of that basis: (x, y, angle) speeds times roots of mass, (3 n_bodies, r)."""
     bodies: tuple[str, ...]

@@ -4,42 +4,23 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...models.mechanism import Mechanism
-from ..study import (
-    HALF_THE_STEP,
-    REFINEMENT,
-    STOCK_SET,
-    TUNED_SET,
-    Cause,
-    ConstraintKinds,
-    EngineStudy,
-    Intervention,
-    Options,
-    OptionSet,
-    Refinement,
-    StepOrder,
-    SweptParameter,
-    Tolerance,
-    filled_template,
-    geometric,
-    multiplied,
-    time_step_cause,
-    with_readout,
-)
+from .. import study
+from ..study import Cause, Intervention, OptionSet, Refinement, SweptParameter, Tolerance
 
 PYTHON = "pymunk in Python"
-_MANY_PASSES, _MANY_START_PASSES, _HEAVY_PIVOT = 400, 5_000, 1e4
+_BIAS_STEP = 4e-3  # [s] shorter steps need a bias below 1e-300 for short lags, which is zero
+_NEED = "second order: leapfrog read at its own times"
 
 
-def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
+def _causes(settings: Any, _: study.ConstraintKinds) -> tuple[Cause, ...]:
     # Twice the passes square what they leave. Mass on a fixed pivot moves nothing: it only helps
     # them converge.
     passes = {
-        "iterations": max(_MANY_PASSES, 2 * settings["iterations"]),
-        "start_iterations": max(_MANY_START_PASSES, 2 * settings["start_iterations"]),
-        "pivot_mass": max(_HEAVY_PIVOT, settings["pivot_mass"]),
+        "iterations": max(400, 2 * settings["iterations"]),
+        "start_iterations": max(5_000, 2 * settings["start_iterations"]),
+        "pivot_mass": max(1e4, settings["pivot_mass"]),
     }
-    return with_readout(
+    return study.with_readout(
         Cause("solver passes",
               "impulses that have not converged in a step's passes, above all in the first step",
               Intervention(passes)),
@@ -53,14 +34,11 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
               Intervention({"hold_lengths": True})),
         Cause("event location", "a stop is let go a step after its torque has vanished",
               Intervention({"locate_releases": True})),
-        time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
+        study.time_step_cause({"timestep": float(settings["timestep"]) / study.REFINEMENT}),
     )  # fmt: skip
 
 
-_BIAS_STEP = 4e-3  # [s] shorter steps need a bias below 1e-300 for short lags, which is zero
-
-
-def _bias(lag: float) -> Options:
+def _bias(lag: float) -> study.Options:
     """The bias at which an error stands for a mean time `lag` beyond the step it arises in.
 
     Chipmunk undoes the share c = 1 - bias^h of an error in each step, so (1 - c)^k of it are left k
@@ -69,90 +47,68 @@ def _bias(lag: float) -> Options:
     return {"error_bias": (lag / (lag + _BIAS_STEP)) ** (1.0 / _BIAS_STEP)}
 
 
-_SWEPT = (
-    SweptParameter(
-        name="iterations", title="iterations of the impulse solver", unit="1",
-        values=(1, 3, 10, 30, 100, 300, 1000), options=lambda n: {"iterations": round(n)},
-        base={"timestep": 1e-3}, without={"iterations": 2000},
-        why="Gauss-Seidel converges geometrically, not by a power, and starts warm",
-    ),
-    SweptParameter(
-        name="error_bias", title="lag of the joints' correction h bias^h / (1 - bias^h)", unit="s",
-        values=geometric(0.3, 3e-4, 13), options=_bias, expected=1.0, base={"timestep": _BIAS_STEP},
-        without={"error_bias": 0.0},
-        why="joints drift at a steady rate, and a share 1 - bias^h of it is undone in a step: the "
-            "rest lags",
-    ),
-    SweptParameter(
-        name="pivot_mass", title="mass of a body pinned to the ground", unit="of its own",
-        values=geometric(1, 1e8, 9), options=lambda mass: {"pivot_mass": mass},
-        base={"timestep": 1e-3}, without={"pivot_mass": 1e9},
-        why="the mass only conditions the solver: its effect should vanish as it grows",
-    ),
-)  # fmt: skip
-
-_REFINEMENTS = (
-    HALF_THE_STEP,
-    Refinement("solver's iterations", "four times the iterations", multiplied("iterations", 4)),
-    Refinement(
-        "first step's iterations",
-        "four times the first step's iterations",
-        multiplied("start_iterations", 4),
-    ),
-    Refinement(
-        "mass of the pinned body", "ten times the pivot mass", multiplied("pivot_mass", 10.0)
-    ),
-)
-
-_OPTION_SETS = (
-    STOCK_SET,
-    OptionSet(
-        "leapfrog",
-        "stock, without error_bias, started and read as a leapfrog",
-        "stock",
-        {"error_bias": 0.0, "leapfrog": True},
-    ),
-    OptionSet(
-        "converged leapfrog",
-        "the same, with 50 iterations, a heavy pivot and releases foreseen",
-        "tuned",
-        {"iterations": 50, "hold_lengths": False},
-    ),
-    OptionSet(
-        "held lengths", "the same, with rods held to their lengths", "tuned", {"iterations": 50}
-    ),
-    TUNED_SET,
-)
-
-_NEED = "second order: leapfrog read at its own times"
-_TOLERANCES = (
-    Tolerance("tuned", "position_max", 2e-3, 1e-3, 2, _NEED, model="fixed"),
-    Tolerance("tuned", "position_max", 3e-3, 1e-3, 2, _NEED),
-    Tolerance("tuned", "position_max", 2.5e-5, 1e-4, 2, _NEED),
-    Tolerance("tuned", "stop_torque_max", 1e-4, 1e-3, 2, _NEED, per="peak"),
-    Tolerance("tuned", "release_time", 1e-5, 1e-3, 2, _NEED),
-)
-
-
-def _snippets(engine: Any, _: Mechanism, __: float) -> dict[str, str]:
-    return {PYTHON: filled_template(__name__, "pymunk.py.j2", options=engine)}
-
-
-STUDY = EngineStudy(
+STUDY = study.EngineStudy(
     causes=_causes,
-    swept_parameters=_SWEPT,
+    swept_parameters=(
+        SweptParameter(
+            name="iterations", title="iterations of the impulse solver", unit="1",
+            values=(1, 3, 10, 30, 100, 300, 1000), options=lambda n: {"iterations": round(n)},
+            base={"timestep": 1e-3}, without={"iterations": 2000},
+            why="Gauss-Seidel converges geometrically, not by a power, and starts warm",
+        ),
+        SweptParameter(
+            name="error_bias", unit="s",
+            title="lag of the joints' correction h bias^h / (1 - bias^h)",
+            values=study.geometric(0.3, 3e-4, 13), options=_bias, expected=1.0,
+            base={"timestep": _BIAS_STEP}, without={"error_bias": 0.0},
+            why="joints drift at a steady rate, and a share 1 - bias^h of it is undone in a step: "
+                "the rest lags",
+        ),
+        SweptParameter(
+            name="pivot_mass", title="mass of a body pinned to the ground", unit="of its own",
+            values=study.geometric(1, 1e8, 9), options=lambda mass: {"pivot_mass": mass},
+            base={"timestep": 1e-3}, without={"pivot_mass": 1e9},
+            why="the mass only conditions the solver: its effect should vanish as it grows",
+        ),
+    ),
     step_orders={
-        "tuned": StepOrder(2.0, "leapfrog read at its own times", "leapfrog, impulses"),
-        "stock": StepOrder(
+        "tuned": study.StepOrder(2.0, "leapfrog read at its own times", "leapfrog, impulses"),
+        "stock": study.StepOrder(
             1.0,
             "positions and speeds half a step apart, joints corrected at a rate that is not the "
             "step's",
             "semi-implicit Euler, impulses",
         ),
     },
-    refinements=_REFINEMENTS,
-    option_sets=_OPTION_SETS,
-    tolerances=_TOLERANCES,
-    snippets=_snippets,
+    refinements=(
+        study.HALF_THE_STEP,
+        Refinement("solver's iterations", "four times the iterations",
+                   study.multiplied("iterations", 4)),
+        Refinement("first step's iterations", "four times the first step's iterations",
+                   study.multiplied("start_iterations", 4)),
+        Refinement("mass of the pinned body", "ten times the pivot mass",
+                   study.multiplied("pivot_mass", 10.0)),
+    ),
+    option_sets=(
+        study.STOCK_SET,
+        OptionSet("leapfrog", "stock, without error_bias, started and read as a leapfrog", "stock",
+                  {"error_bias": 0.0, "leapfrog": True}),
+        OptionSet("converged leapfrog",
+                  "the same, with 50 iterations, a heavy pivot and releases foreseen", "tuned",
+                  {"iterations": 50, "hold_lengths": False}),
+        OptionSet("held lengths", "the same, with rods held to their lengths", "tuned",
+                  {"iterations": 50}),
+        study.TUNED_SET,
+    ),
+    tolerances=(
+        Tolerance("tuned", "position_max", 2e-3, 1e-3, 2, _NEED, model="fixed"),
+        Tolerance("tuned", "position_max", 3e-3, 1e-3, 2, _NEED),
+        Tolerance("tuned", "position_max", 2.5e-5, 1e-4, 2, _NEED),
+        Tolerance("tuned", "stop_torque_max", 1e-4, 1e-3, 2, _NEED, per="peak"),
+        Tolerance("tuned", "release_time", 1e-5, 1e-3, 2, _NEED),
+    ),
+    snippets=lambda engine, _mechanism, _duration: {
+        PYTHON: study.filled_template(__name__, "pymunk.py.j2", options=engine)
+    },
     colour="#D55E00",
-)
+)  # fmt: skip

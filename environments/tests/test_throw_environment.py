@@ -26,8 +26,12 @@ from trebucheck.models.errors import SimulationError  # noqa: E402
 from trebucheck.models.mjcf.variants import PROJECTILE  # noqa: E402
 from trebucheck.models.problem import StopLaw  # noqa: E402
 from trebucheck.reference.solver import characteristic_time  # noqa: E402
-from trebucheck.reference.throw.flight import Air, Release, fly  # noqa: E402
-from trebucheck.reference.throw.release import swing  # noqa: E402
+from trebucheck.reference.throw.flight import (  # noqa: E402
+    Air,
+    Release,
+    fly,
+    swing,
+)
 from trebucheck.reference.throw.throw import surroundings_of  # noqa: E402
 from trebucheck_environments import HOLD, RELEASE, ThrowEnv  # noqa: E402
 from trebucheck_environments.motion import Motion  # noqa: E402

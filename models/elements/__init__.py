@@ -1,19 +1,29 @@
 """Elements of a mechanism: every class of joint, stop and force element, in one table.
 
 A consumer (the reference, an engine's builder, a drawing, ...) owns an
-:class:`~.table.ElementTable` over one of these groups; what it meets and does not know, it refuses
+:class:`~.base.ElementTable` over one of these groups; what it meets and does not know, it refuses
 by name. To add an element: one module here, one row in a group below and in its union, and a line
 in each consumer's table (docs/extending.md).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated, cast
 
 from pydantic import Discriminator, Field, Tag
 
+from ..errors import UnsupportedProblemError
 from .angle_stop import Stop
-from .base import GROUND, Basic, Feature, TwoBodyForceElement
+from .base import (
+    CONSUMERS,
+    GROUND,
+    Basic,
+    ElementTable,
+    Feature,
+    TwoBodyForceElement,
+    refusal,
+)
 from .constant_force import ConstantForce
 from .constant_torque import ConstantTorque
 from .cubic_torsion_spring import CubicTorsionSpring
@@ -24,7 +34,6 @@ from .prismatic import PrismaticJoint
 from .rotational_spring_damper import RotationalSpringDamper
 from .slot import SlotJoint
 from .spring_damper import SpringDamper
-from .table import CONSUMERS, ElementTable
 from .weld import WeldJoint
 
 __all__ = [
@@ -56,6 +65,7 @@ __all__ = [
     "Stop",
     "TwoBodyForceElement",
     "WeldJoint",
+    "refuse_unknown",
 ]
 
 JOINTS: tuple[type, ...] = (PinJoint, WeldJoint, SlotJoint, PrismaticJoint, FreeJoint)
@@ -68,6 +78,20 @@ FORCE_ELEMENTS: tuple[type, ...] = (
     ConstantTorque,
 )
 ELEMENTS: tuple[type, ...] = (*JOINTS, *STOPS, *FORCE_ELEMENTS)
+
+
+def refuse_unknown(consumer: str, elements: Iterable[object]) -> None:
+    """Refuse elements of classes that are in no group, by name.
+
+    For consumers that need nothing but what an element says of itself.
+
+    Raises:
+        UnsupportedProblemError: one is of such a class; `consumer` begins the sentence.
+    """
+    for element in elements:
+        if type(element) not in ELEMENTS:
+            raise UnsupportedProblemError(refusal(consumer, element, None))
+
 
 AnyJoint = PinJoint | WeldJoint | SlotJoint | PrismaticJoint | FreeJoint
 Joint = Annotated[AnyJoint, Field(discriminator="kind")]

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from ..arrays import ComplexArray, FloatArray
+from ..functions import PointCoefficients
 from ..spec import Vector
-from .base import BaseForceElement, Feature
-
-if TYPE_CHECKING:
-    from ..functions import PointCoefficients
-    from .base import Geometry
+from .base import BaseForceElement, Feature, Geometry
 
 
 class ConstantForce(BaseForceElement):
@@ -27,8 +24,11 @@ class ConstantForce(BaseForceElement):
     point: Vector = Field(description="of the body, in its frame [m]")
     force: Vector = Field(description="in the world's directions [N]")
 
+    @property
+    def pushes_along_x(self) -> bool:
+        return self.force[0] != 0
+
     def direction(self, geometry: Geometry) -> PointCoefficients:
-        """The point that it acts on."""
         return geometry.point(self.body, self.point)
 
     def generalized(
@@ -46,7 +46,6 @@ class ConstantForce(BaseForceElement):
     def body_forces(
         self, geometry: Geometry, direction: PointCoefficients, q: FloatArray, u: FloatArray
     ) -> Iterator[tuple[str, ComplexArray]]:
-        """The force itself."""
         yield self.body, np.full(q.shape[:-1], complex(*self.force))
 
     def power(

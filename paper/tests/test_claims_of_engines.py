@@ -16,8 +16,7 @@ from trebucheck.comparisons.runs.process import Worker
 from trebucheck.engines.registry import engine_class, engine_names
 from trebucheck.models.arrays import FloatArray
 from trebucheck.reference.certification.certificate import load_certificate
-from trebucheck.reference.certification.certify import MinimalMotion
-from trebucheck.reference.certification.quantities import Key
+from trebucheck.reference.certification.certify import Key, MinimalMotion
 from trebucheck.reference.solver import solve
 from trebucheck_paper.curves import series
 from trebucheck_paper.drag.motion import AngleReading, DragInterval

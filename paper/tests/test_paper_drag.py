@@ -13,8 +13,7 @@ import pytest
 from trebucheck.models.errors import InputError
 from trebucheck.models.library.trebuchet import fixed
 from trebucheck.reference.solver import solve_to_launch
-from trebucheck.reference.throw.flight import fly, world
-from trebucheck.reference.throw.release import Projectile
+from trebucheck.reference.throw.flight import Projectile, fly, world
 from trebucheck_paper.drag.motion import (
     AngleReading,
     DragInterval,

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.reference.solver import solve, solve_to_launch
-from trebucheck.reference.throw.flight import Surroundings, fly
-from trebucheck.reference.throw.release import Projectile
+from trebucheck.reference.throw.flight import Projectile, Surroundings, fly
 from trebucheck_paper.design.first_forward_swing import Reading, first_forward_swing_of
 from trebucheck_paper.design.search import NEARNESS, RANGE, Family
 from trebucheck_paper.design.study import (

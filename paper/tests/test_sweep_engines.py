@@ -10,7 +10,7 @@ from functools import cache
 import pytest
 import trebucheck as tb
 from trebucheck.reference.solver import solve, solve_to_launch
-from trebucheck.reference.throw.release import Projectile
+from trebucheck.reference.throw.flight import Projectile
 from trebucheck_paper.design.first_forward_swing import FirstForwardSwing, first_forward_swing_of
 from trebucheck_paper.design.study import QUANTITIES, confirmed
 from trebucheck_paper.evidence.claims import EngineValue

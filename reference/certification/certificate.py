@@ -22,7 +22,6 @@ from ...models.mechanism import Mechanism
 from ...models.problem import LONGEST, Problem
 from ...models.shown import Reported
 from ...models.spec import NonNegative, Real, Spec
-from ...models.trajectory import Trajectory
 from ..solution import Solution
 from ..solver import solve
 
@@ -69,7 +68,7 @@ class Figure(Spec):
 
     @property
     def label(self) -> str:
-        """Name, subject and instant in one."""
+        """Name, subject and instant in one text."""
         subject = "" if self.subject is None else f" ({self.subject})"
         return f"{self.name}{subject}, {self.at}" if self.at else f"{self.name}{subject}"
 
@@ -113,11 +112,8 @@ class Certificate(Reported, Spec):
     def figure(self, name: str, subject: str | None = None, at: str | None = None) -> Figure | None:
         """The first figure of that name (and subject, and instant); None if there is none."""
         for figure in self.figures:
-            if (
-                figure.name == name
-                and subject in (None, figure.subject)
-                and at in (None, figure.at)
-            ):
+            wanted = subject in (None, figure.subject) and at in (None, figure.at)
+            if figure.name == name and wanted:
                 return figure
         return None
 
@@ -171,25 +167,6 @@ def covering_certificate(solution: Solution, end: float | None = None) -> Certif
     return load_certificate(solution.problem.mechanism)
 
 
-def certified(certificate: Certificate) -> Uncertainties:
-    """A certificate's uncertainties by metric: the largest over the instants certified."""
-    uncertainties: dict[str, float] = defaultdict(float)
-    for figure in certificate.figures:
-        metric = _METRICS.get(figure.name)
-        if metric is None:
-            continue
-        relative = abs(figure.value) if figure.name == "total_energy" else 1.0
-        value = figure.uncertainty / relative if relative else 0.0
-        # x and y together: their uncertainties add at most as a sum does.
-        value *= math.sqrt(2) if metric == "position_max" else 1.0
-        # Only the projectile's positions are certified; it is last in the chain, so they bound
-        # every marker's.
-        keys = (metric,) if metric == "position_max" else (metric, f"{metric} ({figure.subject})")
-        for key in keys:
-            uncertainties[key] = max(uncertainties[key], value)
-    return Uncertainties(source="certificate", values=dict(uncertainties))
-
-
 _METRICS = {
     "release_time": "release_time",
     "launch_time": "launch_time",
@@ -199,6 +176,26 @@ _METRICS = {
     "position_y": "position_max",
     "total_energy": "energy_drift",
 }
+"""Metric that a figure's uncertainty enters, by name of the figure."""
+
+
+def certified(certificate: Certificate) -> Uncertainties:
+    """A certificate's uncertainties by metric: the largest over the instants certified."""
+    uncertainties: dict[str, float] = defaultdict(float)
+    for figure in certificate.figures:
+        metric = _METRICS.get(figure.name)
+        if metric is None:
+            continue
+        value, keys = figure.uncertainty, [metric, f"{metric} ({figure.subject})"]
+        if metric == "energy_drift":  # relative
+            value = value / abs(figure.value) if figure.value else 0.0
+        elif metric == "position_max":
+            # x and y together: their uncertainties add at most as a sum does. Only the projectile's
+            # positions are certified; it is last in the chain, so they bound every marker's.
+            value, keys = value * math.sqrt(2), [metric]
+        for key in keys:
+            uncertainties[key] = max(uncertainties[key], value)
+    return Uncertainties(source="certificate", values=dict(uncertainties))
 
 
 def estimate_uncertainty(solution: Solution, end: float | None = None) -> Uncertainties:
@@ -222,70 +219,52 @@ def estimate_uncertainty(solution: Solution, end: float | None = None) -> Uncert
     )
     t = np.linspace(0.0, min(end, problem.duration), _SAMPLES)
     fine, coarse = solution.trajectory(t), other.trajectory(t)
-    uncertainties = _along(fine, coarse) | _events(solution, other, end)
-    if launch is not None and other.launch is not None:
-        speed, other_speed = (
-            np.linalg.norm(motion.marker(_PROJECTILE).velocity, axis=1) for motion in (fine, coarse)
-        )
-        _enter(uncertainties, "launch_speed", None, speed, other_speed)
-    elif launch is not None:
-        uncertainties["launch_speed"] = launch.speed
-    return Uncertainties(source="estimate", values=uncertainties)
-
-
-def _along(fine: Trajectory, coarse: Trajectory) -> dict[str, float]:
-    """Positions, torques and energy at the same times."""
     uncertainties: dict[str, float] = {}
-    for name, motion in fine.markers.items():
-        _enter(uncertainties, "position_max", name, motion.position, coarse.marker(name).position)
+
+    def enter(metric: str, subject: str | None, first: FloatArray, second: FloatArray) -> None:
+        value = float(_SAFETY * np.abs(first - second).max() + _ROUNDING * np.abs(first).max())
+        if subject is not None:
+            uncertainties[f"{metric} ({subject})"] = value
+        uncertainties[metric] = max(uncertainties.get(metric, 0.0), value)
+
+    for name, marker in fine.markers.items():
+        enter("position_max", name, marker.position, coarse.marker(name).position)
     for name, torque in fine.stop_torques.items():
-        _enter(uncertainties, "stop_torque_max", name, torque, coarse.stop_torque(name))
+        enter("stop_torque_max", name, torque, coarse.stop_torque(name))
     start = abs(float(fine.total_energy[0]))
     if start > 0:
         size = float((np.abs(fine.kinetic_energy) + np.abs(fine.potential_energy)).max())
         # An energy is compared with that of the start, a closed form: only rounding is in it.
         uncertainties["energy_drift"] = float(np.finfo(np.float64).eps) * size / start
-    return uncertainties
-
-
-def _enter(
-    entries: dict[str, float],
-    metric: str,
-    subject: str | None,
-    fine: FloatArray,
-    coarse: FloatArray,
-) -> None:
-    value = float(_SAFETY * np.abs(fine - coarse).max() + _ROUNDING * np.abs(fine).max())
-    if subject is not None:
-        entries[f"{metric} ({subject})"] = value
-    entries[metric] = max(entries.get(metric, 0.0), value)
+    uncertainties |= _events(solution, other, end)
+    if launch is not None and other.launch is not None:
+        velocities = fine.marker(_PROJECTILE).velocity, coarse.marker(_PROJECTILE).velocity
+        enter("launch_speed", None, *(np.linalg.norm(v, axis=1) for v in velocities))
+    elif launch is not None:
+        uncertainties["launch_speed"] = launch.speed
+    return Uncertainties(source="estimate", values=uncertainties)
 
 
 def _events(fine: Solution, coarse: Solution, end: float) -> dict[str, float]:
     """Uncertainty [s] of each release and of the launch."""
-    pairs: dict[str, tuple[float | None, float | None]] = {
-        f"release_time ({name})": (time, coarse.release_times[name])
-        for name, time in fine.release_times.items()
-    }
-    pairs["launch_time"] = (_launch_time(fine), _launch_time(coarse))
-    happen: list[str] = []
+    pairs: dict[str, tuple[float | None, float | None]] = {}
+    for name, time in fine.release_times.items():
+        pairs[f"release_time ({name})"] = time, coarse.release_times[name]
+    launch, other = (None if s.launch is None else s.launch.time for s in (fine, coarse))
+    pairs["launch_time"] = launch, other
     known: dict[str, float] = {}
+    # An event that only one solution has is as uncertain as the motion is long.
+    values: dict[str, float] = {}
     for event, (first, second) in pairs.items():
         if any(time is not None and time <= end for time in (first, second)):
-            happen.append(event)
+            values[event] = end
             if first is not None and second is not None:
                 known[event] = abs(first - second)
-    shared = _SAFETY * max(known.values(), default=0.0) + _ROUNDING * end
-    # An event that only one solution has is as uncertain as the motion is long.
-    values = {event: shared if event in known else end for event in happen}
+    values |= dict.fromkeys(known, _SAFETY * max(known.values(), default=0.0) + _ROUNDING * end)
     releases = [value for event, value in values.items() if event != "launch_time"]
     if releases:
         values["release_time"] = max(releases)
     return values
-
-
-def _launch_time(solution: Solution) -> float | None:
-    return None if solution.launch is None else solution.launch.time
 
 
 def refusal(

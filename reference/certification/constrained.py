@@ -10,7 +10,6 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from itertools import combinations, pairwise
 from typing import Protocol
 
@@ -32,20 +31,17 @@ _LEAST_STEPS = 150
 _FIT = 14  # degree of the polynomial on which the launch is looked for, step by step
 _AT_REST = 1e-8  # of the speed at a step's end: a start from rest is no launch
 _MOST_STOPS = 10  # all subsets are tried: 1024 of them
+PointState = tuple[FloatArray, FloatArray, FloatArray]
+"""Position [m], velocity [m/s], acceleration [m/s^2] of a point, each (2,)."""
 
 
 class ConstrainedSystem(Protocol):
     """First-order equations y' = f(y) under a set of active stops."""
 
-    @property
-    def start(self) -> FloatArray:
-        """State at t = 0."""
-        ...
-
-    @property
-    def stops(self) -> tuple[str, ...]:
-        """Stops that touch at the start."""
-        ...
+    start: FloatArray
+    """State at t = 0."""
+    stops: tuple[str, ...]
+    """Stops that touch at the start."""
 
     def rates(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
         """dy/dt."""
@@ -106,15 +102,17 @@ class ConstrainedMotion:
 
         Its candidates are the real roots of a polynomial through Chebyshev's points of each step.
         """
-
-        def across(t: float, step: _Step) -> float:
-            vx, vy = velocity(np.asarray(step.dense(t)))
-            return float(vy * np.cos(LAUNCH_ANGLE) - vx * np.sin(LAUNCH_ANGLE))
-
-        for step in self.steps if after is not None else ():
-            if step.end <= (after or 0.0):
+        if after is None:
+            return None
+        for step in self.steps:
+            if step.end <= after:
                 continue
-            for time in _falls(partial(across, step=step), max(step.start, after or 0.0), step.end):
+
+            def across(t: float, step: _Step = step) -> float:
+                vx, vy = velocity(np.asarray(step.dense(t)))
+                return float(vy * np.cos(LAUNCH_ANGLE) - vx * np.sin(LAUNCH_ANGLE))
+
+            for time in _falls(across, max(step.start, after), step.end):
                 fastest = np.abs(velocity(np.asarray(step.dense(step.end)))).max()
                 if velocity(np.asarray(step.dense(time))).sum() > _AT_REST * fastest:
                     vx, vy = velocity(self.state(time)).tolist()
@@ -128,6 +126,24 @@ class ConstrainedMotion:
             )
         ends = [step.end for step in self.steps[:-1]]
         return self.steps[bisect_right(ends, t)]
+
+
+def _falls(function: Callable[[float], float], start: float, end: float) -> list[float]:
+    """All instants between start and end [s] at which a smooth function falls through zero."""
+    fit = Chebyshev.interpolate(np.vectorize(function, otypes=[np.float64]), _FIT, (start, end))
+    if np.abs(fit.coef[0]) > 1.001 * np.abs(fit.coef[1:]).sum():
+        return []
+    inside = sorted(float(root) for root in fit.roots().real if start < root < end)
+    # Between two roots the sign is that of their middle; beside the first and the last, that of the
+    # ends.
+    samples = [start, *(0.5 * (a + b) for a, b in pairwise(inside)), end]
+    signs = [function(time) for time in samples]
+    falls: list[float] = []
+    for i in range(len(samples) - 1):
+        if signs[i] > 0 >= signs[i + 1]:
+            xtol = 1e-15 * (end - start)
+            falls.append(brentq(function, samples[i], samples[i + 1], xtol=xtol, rtol=1e-15))
+    return falls
 
 
 def integrate(system: ConstrainedSystem, duration: float, tolerance: float) -> ConstrainedMotion:
@@ -167,25 +183,19 @@ def _until_release(
     tolerance: float,
 ) -> list[_Step]:
     """Steps to the first release, the last of them cut there, or to the end."""
+
+    def rates(_: float, y: FloatArray) -> FloatArray:
+        return system.rates(y, active)
+
     longest = duration / _LEAST_STEPS
-    stepper = Integrator(
-        lambda _, y: system.rates(y, active),
-        t,
-        y,
-        duration,
-        (tolerance, tolerance),
-        longest=longest,
-    )
+    stepper = Integrator(rates, t, y, duration, (tolerance, tolerance), longest=longest)
     steps: list[_Step] = []
     while stepper.status == "running":
         started = stepper.t
         stepper.step()
         step = _Step(started, stepper.t, active, stepper.dense_output())
-        crossings = [
-            _downward_zero_crossing(step, started, _torque_of(system, i))
-            for i in range(len(active))
-        ]
-        first = min((time for time in crossings if time is not None), default=None)
+        releases = [_release(system, step, i) for i in range(len(active))]
+        first = min((time for time in releases if time is not None), default=None)
         if first is not None:
             return [*steps, _Step(started, first, active, step.dense)]
         steps.append(step)
@@ -196,41 +206,18 @@ def _until_release(
     return steps
 
 
-def _torque_of(system: ConstrainedSystem, i: int) -> Callable[[FloatArray, tuple[str, ...]], float]:
-    return lambda y, active: float(system.torques(y, active)[i])
+def _release(system: ConstrainedSystem, step: _Step, i: int) -> float | None:
+    """When the torque of a step's i-th active stop first falls through zero in it [s]."""
 
+    def torque(t: float) -> float:
+        return float(system.torques(np.asarray(step.dense(t)), step.active)[i])
 
-def _falls(function: Callable[[float], float], start: float, end: float) -> list[float]:
-    """All instants between start and end [s] at which a smooth function falls through zero."""
-    fit = Chebyshev.interpolate(np.vectorize(function, otypes=[np.float64]), _FIT, (start, end))
-    if np.abs(fit.coef[0]) > 1.001 * np.abs(fit.coef[1:]).sum():
-        return []
-    inside = sorted(float(root) for root in fit.roots().real if start < root < end)
-    # Between two roots the sign is that of their middle; beside the first and the last, that of the
-    # ends.
-    looks = [start, *(0.5 * (a + b) for a, b in pairwise(inside)), end]
-    signs = [function(time) for time in looks]
-    return [
-        float(brentq(function, looks[i], looks[i + 1], xtol=1e-15 * (end - start), rtol=1e-15))
-        for i in range(len(looks) - 1)
-        if signs[i] > 0 >= signs[i + 1]
-    ]
-
-
-def _downward_zero_crossing(
-    step: _Step, start: float, value: Callable[[FloatArray, tuple[str, ...]], float]
-) -> float | None:
-    """Where value(y, active) first falls through zero between `start` and the step's end [s]."""
-
-    def at(t: float) -> float:
-        return value(np.asarray(step.dense(t)), step.active)
-
-    before, from_time = at(start), start
-    for time in start + _SAMPLES * (step.end - start):
-        after = at(float(time))
-        if before >= 0 > after:
-            return float(brentq(at, from_time, float(time), xtol=1e-15, rtol=1e-15))
-        before, from_time = after, float(time)
+    last, start = torque(step.start), step.start
+    for time in step.start + _SAMPLES * (step.end - step.start):
+        value = torque(float(time))
+        if last >= 0 > value:
+            return float(brentq(torque, start, float(time), xtol=1e-15, rtol=1e-15))
+        last, start = value, float(time)
     return None
 
 
@@ -246,24 +233,15 @@ def _active_contacts(
     best, least = touching, np.inf
     for size in range(len(touching), -1, -1):
         for active in combinations(touching, size):
-            violation = _violation(
-                system, y, active, tuple(name for name in touching if name not in active)
-            )
+            opened = tuple(name for name in touching if name not in active)
+            torques = system.torques(y, active)
+            accelerations = system.gap_accelerations(y, active, opened)
+            violation = 0.0  # relative to the largest of each kind
+            for values in (torques, accelerations):
+                if len(values) and values.min() < 0:
+                    violation = max(violation, float(-(values / np.abs(values).max()).min()))
             if violation == 0:
                 return active
             if violation < least:
                 best, least = active, violation
     return best
-
-
-def _violation(
-    system: ConstrainedSystem, y: FloatArray, active: tuple[str, ...], opened: tuple[str, ...]
-) -> float:
-    torques = system.torques(y, active)
-    accelerations = system.gap_accelerations(y, active, opened)
-    scaled = [
-        values / np.abs(values).max()
-        for values in (torques, accelerations)
-        if np.abs(values).max(initial=0) > 0
-    ]
-    return max((float(-values.min()) for values in scaled if values.min() < 0), default=0.0)

@@ -19,8 +19,7 @@ import sympy as sp
 from ...models.arrays import FloatArray
 from ...models.launch import Launch
 from ...models.library.trebuchet import ARM_STOP, HANGER_REST, SLING_REST, TrebuchetParameters
-from .constrained import ConstrainedMotion, integrate
-from .quantities import COUNTERWEIGHT, PROJECTILE, PointState
+from .constrained import ConstrainedMotion, PointState, integrate
 
 # Signs by which the paper's multipliers become torques, and its constraints gaps: G1 is minus the
 # sling's gap.
@@ -35,21 +34,11 @@ class PaperEquations:
 
     rolling: bool
 
-    @cached_property
-    def _symbols(self) -> dict[str, Any]:
-        return {name: sp.Symbol(name, positive=True) for name in _PARAMETERS}
-
-    @cached_property
-    def _coordinates(self) -> list[Any]:
-        t = sp.Symbol("t")
-        names = ("theta", "phi", "alpha", "x_p") if self.rolling else ("theta", "phi", "alpha")
-        return [sp.Function(name)(t) for name in names]
-
-    def _energies(self) -> tuple[Any, Any]:
+    def _energies(self, coordinates: list[Any], s: dict[str, Any]) -> tuple[Any, Any]:
         """T and U, Eqs. (2)-(5) fixed, Eqs. (3), (4), (8)-(10) rolling."""
-        s, t = self._symbols, sp.Symbol("t")
-        theta, phi, alpha = self._coordinates[:3]
-        x_p = self._coordinates[3] if self.rolling else sp.Integer(0)
+        t = sp.Symbol("t")
+        theta, phi, alpha = coordinates[:3]
+        x_p = coordinates[3] if self.rolling else sp.Integer(0)
         x_b = x_p + s["l1"] * sp.cos(theta) + s["r"] * sp.cos(phi)  # (4a), (10a)
         y_b = -s["l1"] * sp.sin(theta) - s["r"] * sp.sin(phi)  # (4b)
         x_cw = x_p - s["l2"] * sp.cos(theta) + s["h"] * sp.cos(alpha)  # (4c), (10b)
@@ -73,22 +62,24 @@ class PaperEquations:
     @cached_property
     def _functions(self) -> tuple[Callable[..., Any], Callable[..., Any]]:
         """M(q) and the forces f(q, u) of M a = f + (dG/dq)^T lambda, as NumPy functions."""
-        t, q = sp.Symbol("t"), self._coordinates
-        kinetic, potential = self._energies()
+        t = sp.Symbol("t")
+        names = ("theta", "phi", "alpha", "x_p") if self.rolling else ("theta", "phi", "alpha")
+        q = [sp.Function(name)(t) for name in names]
+        symbols: dict[str, Any] = {name: sp.Symbol(name, positive=True) for name in _PARAMETERS}
+        kinetic, potential = self._energies(q, symbols)
         lagrangian = kinetic - potential  # (1), the constraint terms being linear in q
         u = [sp.diff(c, t) for c in q]
         plain_q, plain_u = sp.symbols(f"q0:{len(q)}"), sp.symbols(f"u0:{len(q)}")
         plain_a = sp.symbols(f"a0:{len(q)}")
         swap: dict[Any, Any] = dict(zip([sp.diff(v, t) for v in u], plain_a, strict=True))
         swap |= dict(zip(u, plain_u, strict=True)) | dict(zip(q, plain_q, strict=True))
-        left = [
-            sp.diff(sp.diff(lagrangian, v), t) - sp.diff(lagrangian, c)
-            for c, v in zip(q, u, strict=True)
-        ]
+        left: list[Any] = []
+        for c, v in zip(q, u, strict=True):
+            left.append(sp.diff(sp.diff(lagrangian, v), t) - sp.diff(lagrangian, c))
         residual = sp.Matrix([sp.sympify(expression).subs(swap) for expression in left])
         mass = residual.jacobian(list(plain_a))
         forces = -residual.subs(dict.fromkeys(plain_a, 0))
-        arguments = [list(self._symbols.values()), list(plain_q), list(plain_u)]
+        arguments = [list(symbols.values()), list(plain_q), list(plain_u)]
         return sp.lambdify(arguments, mass, "numpy"), sp.lambdify(arguments, forces, "numpy")
 
     def solve(
@@ -101,9 +92,7 @@ class PaperEquations:
     ) -> tuple[FloatArray, FloatArray]:
         """Accelerations (n_q,), and multipliers of the active constraints, G1 (sling) first."""
         values = [getattr(parameters, name) for name in _PARAMETERS]
-        mass, forces = (
-            np.array(function(values, q, u), dtype=np.float64) for function in self._functions
-        )
+        mass, forces = (np.array(f(values, q, u), dtype=np.float64) for f in self._functions)
         g1, g2 = np.zeros(len(q)), np.zeros(len(q))
         g1[:2] = 1.0, -1.0  # (6): G1 = theta - phi + phi_0
         g2[[0, 2]] = 1.0, -1.0  # (7): G2 = theta - alpha + alpha_0
@@ -115,24 +104,15 @@ class PaperEquations:
         return solution[: len(q)], solution[len(q) :]
 
 
-@dataclass(frozen=True)
 class PaperSystem:
     """States y = (q, u) of the paper's machine; q = (theta, phi, alpha) and, rolling, x_p."""
 
-    parameters: TrebuchetParameters
-    equations: PaperEquations
-
-    @property
-    def stops(self) -> tuple[str, ...]:
-        """The two rests, as the paper numbers their constraints."""
-        return (SLING_REST, HANGER_REST)
-
-    @property
-    def start(self) -> FloatArray:
-        """At rest at the start angles."""
-        p = self.parameters
-        q = [p.theta0, p.phi0, p.alpha0] + [0.0] * self.equations.rolling
-        return np.array(q + [0.0] * len(q))
+    def __init__(self, parameters: TrebuchetParameters, equations: PaperEquations) -> None:
+        self.parameters, self.equations = parameters, equations
+        self.stops: tuple[str, ...] = (SLING_REST, HANGER_REST)  # in the order of their constraints
+        angles = [parameters.theta0, parameters.phi0, parameters.alpha0]
+        q = angles + [0.0] * equations.rolling
+        self.start = np.array(q + [0.0] * len(q))  # at rest
 
     def rates(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
         """dy/dt."""
@@ -148,10 +128,8 @@ class PaperSystem:
         self, y: FloatArray, active: tuple[str, ...], of: tuple[str, ...]
     ) -> FloatArray:
         """Second derivatives of gaps [rad/s^2]."""
-        return (
-            np.array([_GAPS[name] for name in of]).reshape(len(of), 3)
-            @ self._solve(y, active)[0][:3]
-        )
+        rows = np.array([_GAPS[name] for name in of]).reshape(len(of), 3)
+        return rows @ self._solve(y, active)[0][:3]
 
     def projected(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
         """The state itself: its linear constraints are kept to rounding."""
@@ -159,14 +137,13 @@ class PaperSystem:
 
     def _solve(self, y: FloatArray, active: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
         q, u = np.split(y, 2)
-        return self.equations.solve(
-            self.parameters, q, u, SLING_REST in active, HANGER_REST in active
-        )
+        sling, hanger = SLING_REST in active, HANGER_REST in active
+        return self.equations.solve(self.parameters, q, u, sling, hanger)
 
 
 @dataclass(frozen=True)
 class PaperMotion:
-    """A motion by the paper's equations (:class:`.quantities.Motion`)."""
+    """A motion by the paper's equations (:class:`.certify.Motion`)."""
 
     system: PaperSystem
     motion: ConstrainedMotion
@@ -193,24 +170,20 @@ class PaperMotion:
     def energy(self, t: float) -> float:
         """T + U, Eqs. (2), (3), (8) [J], summed over the three masses."""
         p, y = self.system.parameters, self.motion.state(t)
-        none, speeds = np.zeros(len(y) // 2), y[len(y) // 2 :]
+        at_rest, speeds = np.zeros(len(y) // 2), y[len(y) // 2 :]
         total = p.m_a * (p.l1 + p.l2) ** 2 / 24 * speeds[0] ** 2  # (9), half of it
-        for name, mass in ((PROJECTILE, p.m_b), (COUNTERWEIGHT, p.m_cw), ("arm centre", p.m_a)):
-            position, velocity, _ = self._point(name, y, none)
+        for name, mass in (("projectile", p.m_b), ("counterweight", p.m_cw), ("arm centre", p.m_a)):
+            position, velocity, _ = self._point(name, y, at_rest)
             total += mass * (velocity @ velocity / 2 + p.g * position[1])
         return float(total)
 
     @property
     def launch(self) -> Launch | None:
         """Velocity of the projectile at 45 degrees, after its rest has opened."""
-        return self._launch
-
-    @cached_property
-    def _launch(self) -> Launch | None:
-        none = np.zeros(len(self.system.start) // 2)
+        at_rest = np.zeros(len(self.system.start) // 2)
 
         def velocity(y: FloatArray) -> FloatArray:
-            return self._point(PROJECTILE, y, none)[1]
+            return self._point("projectile", y, at_rest)[1]
 
         return self.motion.first_launch(velocity, self.release_times[SLING_REST])
 
@@ -218,8 +191,8 @@ class PaperMotion:
         """Eq. (4), (10): lengths along the arm and along sling or hanger, differentiated twice."""
         p, (q, u) = self.system.parameters, np.split(y, 2)
         lengths = {
-            PROJECTILE: (p.l1, p.r, 0.0),
-            COUNTERWEIGHT: (-p.l2, 0.0, p.h),
+            "projectile": (p.l1, p.r, 0.0),
+            "counterweight": (-p.l2, 0.0, p.h),
             "arm centre": ((p.l1 - p.l2) / 2, 0.0, 0.0),
         }[name]
         position, velocity, acceleration = np.zeros(2), np.zeros(2), np.zeros(2)

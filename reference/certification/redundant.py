@@ -21,7 +21,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -52,12 +51,281 @@ from ...models.launch import Launch, rest_opened
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.spec import Vector
-from .constrained import ConstrainedMotion, integrate
-from .quantities import PointState
+from .constrained import ConstrainedMotion, PointState, integrate
 
 # Of the largest singular value: constraints more nearly dependent follow from each other.
 _DEPENDENT = 1e-6
 _PROJECTIONS = 3  # Newton converges in one from the rounding of a step; the start may need another
+BodyPoint = tuple[str, Vector]
+"""A body (or the ground) and a point in its frame [m]."""
+
+_CLOCKWISE = np.array([1.0, -1.0])
+
+
+def _right_angle(vectors: FloatArray) -> FloatArray:
+    """Vectors (..., 2) turned by a right angle clockwise: the derivative of a clockwise turn."""
+    return vectors[..., ::-1] * _CLOCKWISE
+
+
+def _turned(vectors: FloatArray, angles: FloatArray | float) -> FloatArray:
+    """Vectors (..., 2) turned clockwise by angles (...) [rad]."""
+    return vectors * np.cos(angles)[..., None] + _right_angle(vectors) * np.sin(angles)[..., None]
+
+
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    products = a * b
+    return products[..., 0] + products[..., 1]
+
+
+@dataclass(frozen=True)
+class _Ends:
+    """Both ends of m vectors, the leading one first: arrays (m, 2, 2), spins (m, 2)."""
+
+    centres: FloatArray
+    arms: FloatArray
+    centre_speeds: FloatArray
+    spins: FloatArray
+
+    @property
+    def vectors(self) -> FloatArray:
+        """Shape (m, 2) [m]."""
+        points = self.centres + self.arms
+        return points[:, 0] - points[:, 1]
+
+    @property
+    def rates(self) -> FloatArray:
+        """Rates of the vectors, shape (m, 2) [m/s]."""
+        speeds = self.centre_speeds + self.spins[..., None] * _right_angle(self.arms)
+        return speeds[:, 0] - speeds[:, 1]
+
+
+class _Vectors:
+    r"""Vectors to points of bodies from points of others.
+
+    A state is x = (centre x, centre y, angle) body by body and its rate v, each of shape
+    (3 n_bodies,). With the arm r of a point from its body's centre, turned clockwise by the angle,
+    the vector from a point to another one is d = c_1 + r_1 - c_0 - r_0, and a function e . d of it
+    has the derivatives
+
+        d(e . d)/dt   = e . (v_1 + w_1 r_1' - v_0 - w_0 r_0')  [+ w_0 e' . d]
+        d2(e . d)/dt2 = the same of accelerations  - e . (w_1^2 r_1 - w_0^2 r_0)
+                        [+ 2 w_0 e' . dd/dt - w_0^2 e . d],
+
+    where r' is r turned by a right angle clockwise; what stands in brackets is there if e turns
+    with the second body.
+    """
+
+    def __init__(self, mechanism: Mechanism, ends: Sequence[tuple[BodyPoint, BodyPoint]]) -> None:
+        self._n = 3 * len(mechanism.bodies)
+        indices = {body.name: i for i, body in enumerate(mechanism.bodies)}
+        indices[GROUND] = len(mechanism.bodies)
+        centres = {body.name: body.centre for body in mechanism.bodies} | {GROUND: (0.0, 0.0)}
+        bodies = np.array([[indices[body] for body, _ in pair] for pair in ends], dtype=int)
+        offsets = [[np.subtract(point, centres[body]) for body, point in pair] for pair in ends]
+        self._offsets = np.array(offsets, dtype=np.float64).reshape(-1, 2, 2)
+        self._columns = 3 * bodies.reshape(-1, 2)[..., None] + np.arange(3)
+        self._number = np.arange(len(ends))[:, None]
+
+    def __len__(self) -> int:
+        return len(self._columns)
+
+    def ends(self, x: FloatArray, v: FloatArray) -> _Ends:
+        states = np.zeros((2, self._n + 3))  # the ground is the last body
+        states[0, : self._n], states[1, : self._n] = x, v
+        at, moving = states[:, self._columns]
+        arms = _turned(self._offsets, at[..., 2])
+        return _Ends(at[..., :2], arms, moving[..., :2], moving[..., 2])
+
+    def rows(self, ends: _Ends, along: FloatArray, turning: FloatArray | None = None) -> FloatArray:
+        """Gradients of components along directions (m, 2), shape (m, 3 n_bodies).
+
+        Args:
+            turning: which directions turn with the second body, shape (m,); None: none.
+        """
+        rows = np.zeros((len(self), self._n + 3))
+        moments = _dot(along[:, None], _right_angle(ends.arms))
+        rows[self._number, self._columns[:, 0, :2]] = along
+        rows[self._number[:, 0], self._columns[:, 0, 2]] = moments[:, 0]
+        rows[self._number, self._columns[:, 1, :2]] -= along
+        if turning is not None:
+            moments[:, 1] -= np.where(turning, _dot(_right_angle(along), ends.vectors), 0.0)
+        rows[self._number[:, 0], self._columns[:, 1, 2]] -= moments[:, 1]
+        return rows[:, : self._n]
+
+
+class _Components(_Vectors):
+    """Components of vectors along directions of the ground, or of the body that they start from."""
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        ends: Sequence[tuple[BodyPoint, BodyPoint]],
+        directions: Sequence[complex],
+        turning: Sequence[bool],
+    ) -> None:
+        super().__init__(mechanism, ends)
+        pairs = [(direction.real, direction.imag) for direction in directions]
+        self._directions = np.array(pairs, dtype=np.float64).reshape(-1, 2)
+        self._turning = np.array(turning, dtype=bool) if any(turning) else None
+
+    def along(self, x: FloatArray) -> FloatArray:
+        """The directions in the world, shape (m, 2)."""
+        if self._turning is None:
+            return self._directions
+        angles = np.append(x, np.zeros(3))[self._columns[:, 1, 2]]
+        return _turned(self._directions, np.where(self._turning, angles, 0.0))
+
+    def values(self, x: FloatArray) -> FloatArray:
+        """Shape (m,) [m]."""
+        ends = self.ends(x, x)
+        projected = _dot(self.along(x)[:, None], ends.centres + ends.arms)
+        return projected[:, 0] - projected[:, 1]
+
+    def jacobian(self, x: FloatArray) -> FloatArray:
+        """Shape (m, 3 n_bodies)."""
+        return self.rows(self.ends(x, x), self.along(x), self._turning)
+
+    def derivatives(self, x: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Jacobian, and minus the second derivatives without accelerations, (m,) [m/s^2]."""
+        ends, along = self.ends(x, v), self.along(x)
+        centripetal = _dot(along[:, None], ends.arms) * ends.spins**2
+        inward = centripetal[:, 0] - centripetal[:, 1]
+        if self._turning is not None:
+            spin = np.where(self._turning, ends.spins[:, 1], 0.0)
+            coriolis = 2 * spin * _dot(_right_angle(along), ends.rates)
+            inward += spin**2 * _dot(along, ends.vectors) - coriolis
+        return self.rows(ends, along, self._turning), inward
+
+
+def _angle_rows(mechanism: Mechanism, pairs: Sequence[tuple[str, str]]) -> FloatArray:
+    """Gradients of bodies' angles less those of others, shape (m, 3 n_bodies)."""
+    index = {body.name: 3 * i + 2 for i, body in enumerate(mechanism.bodies)}
+    rows = np.zeros((len(pairs), 3 * len(mechanism.bodies)))
+    for row, (body, other) in zip(rows, pairs, strict=True):
+        for name, sign in ((body, 1.0), (other, -1.0)):
+            if name != GROUND:
+                row[index[name]] += sign
+    return rows
+
+
+class _AngleGap:
+    """Gap of a stop on an angle, linear in the bodies' angles."""
+
+    def __init__(self, mechanism: Mechanism, stop: Stop) -> None:
+        self._row = stop.sense * _angle_rows(mechanism, [(stop.body, stop.relative_to)])
+
+    def derivatives(self, x: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Its gradient (1, 3 n_bodies), and minus its gamma (1,)."""
+        return self._row, np.zeros(1)
+
+
+def _point_gap(mechanism: Mechanism, stop: PointStop) -> _Components:
+    ends: tuple[BodyPoint, BodyPoint] = ((stop.body, stop.point), (stop.relative_to, (0.0, 0.0)))
+    return _Components(mechanism, [ends], [complex(*stop.normal)], [stop.relative_to != GROUND])
+
+
+_GAPS: ElementTable[Callable[[Mechanism, Any], _AngleGap | _Components]] = ElementTable(
+    "The redundant formulation", STOPS, {Stop: _AngleGap, PointStop: _point_gap}
+)
+_HELD: ElementTable[Callable[[Any], tuple[complex, ...]]] = ElementTable(
+    "The redundant formulation",
+    JOINTS,
+    {
+        PinJoint: lambda joint: (1.0, 1j),
+        WeldJoint: lambda joint: (1.0, 1j),
+        SlotJoint: lambda joint: (1j * complex(*joint.axis),),
+        PrismaticJoint: lambda joint: (1j * complex(*joint.axis),),
+        FreeJoint: lambda joint: (),
+    },
+)
+"""Directions, in the parent's frame, in which each joint holds the child's point."""
+
+_FORCES: ElementTable[str] = ElementTable(
+    "The redundant formulation",
+    FORCE_ELEMENTS,
+    {
+        SpringDamper: "springs",
+        RotationalSpringDamper: "twists",
+        CubicTorsionSpring: "cubics",
+        ConstantForce: "forces",
+        ConstantTorque: "motors",
+    },
+)
+
+BUILT: frozenset[type] = frozenset({*_HELD.handlers, *_GAPS.handlers, *_FORCES.handlers})
+"""Classes of elements that the redundant formulation has."""
+
+
+def _columns(rows: Sequence[tuple[float, ...]]) -> FloatArray:
+    return np.array(rows, dtype=np.float64).reshape(-1, 3).T
+
+
+class _AppliedCartesian:
+    """Weights and the forces of springs, dampers and motors on three coordinates a body.
+
+    Nothing here calls a force element's own methods, on purpose.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._any = bool(mechanism.force_elements)
+        kinds: dict[str, list[Any]] = {kind: [] for kind in _FORCES.handlers.values()}
+        for element in mechanism.force_elements:
+            kinds[_FORCES[element]].append(element)
+        gravity = mechanism.gravity_vector
+        weights = [(*np.multiply(body.mass, gravity), 0.0) for body in mechanism.bodies]
+        self._weight = np.ravel(weights)
+
+        def angles(kind: str) -> FloatArray:
+            return _angle_rows(mechanism, [(e.body, e.relative_to) for e in kinds[kind]])
+
+        springs, forces = kinds["springs"], kinds["forces"]
+        ends = [((e.body, e.point), (e.relative_to, e.relative_point)) for e in springs]
+        self._springs = _Vectors(mechanism, ends)
+        self._spring_data = _columns([(e.stiffness, e.damping, e.rest_length) for e in springs])
+        self._twists, self._cubics = angles("twists"), angles("cubics")
+        twists = [(e.stiffness, e.damping, e.rest_angle) for e in kinds["twists"]]
+        cubics = [(e.stiffness, e.cubic_stiffness, e.rest_angle) for e in kinds["cubics"]]
+        self._twist_data, self._cubic_data = _columns(twists), _columns(cubics)
+        self._torque = np.array([e.torque for e in kinds["motors"]]) @ angles("motors")
+        self._pulled = _Vectors(
+            mechanism, [((e.body, e.point), (GROUND, (0.0, 0.0))) for e in forces]
+        )
+        self._pulls = np.array([e.force for e in forces], dtype=np.float64).reshape(-1, 2)
+
+    def generalized(self, x: FloatArray, v: FloatArray) -> FloatArray:
+        """Forces and torques on all coordinates, shape (3 n_bodies,) [N, N m]."""
+        if not self._any:
+            return self._weight
+        pulls = self._pulled.rows(self._pulled.ends(x, v), self._pulls).sum(axis=0)
+        stiffness, damping, rest = self._twist_data
+        torques = stiffness * (self._twists @ x - rest) + damping * (self._twists @ v)
+        forces = self._weight + pulls + self._torque + -torques @ self._twists
+        # A spring pulls both ends together; without a length it has no direction and no force.
+        stiffness, damping, rest = self._spring_data
+        ends = self._springs.ends(x, v)
+        lengths = np.hypot(ends.vectors[:, 0], ends.vectors[:, 1])
+        along = ends.vectors / np.where(lengths > 0, lengths, 1.0)[:, None]
+        tension = stiffness * (lengths - rest) + damping * _dot(along, ends.rates)
+        forces = forces + -tension @ self._springs.rows(ends, along)
+        if len(self._cubics):
+            linear, cubic, rest = self._cubic_data
+            twist = self._cubics @ x - rest
+            forces -= (linear * twist + cubic * twist**3) @ self._cubics
+        return forces
+
+    def potential_energy(self, x: FloatArray) -> float:
+        """Energy of gravity, zero at the world's origin, and of springs [J]."""
+        energy = -float(self._weight @ x)
+        if self._any:
+            stiffness, _, rest = self._spring_data
+            vectors = self._springs.ends(x, x).vectors
+            energy += float(stiffness @ (np.hypot(vectors[:, 0], vectors[:, 1]) - rest) ** 2) / 2
+            stiffness, _, rest = self._twist_data
+            energy += float(stiffness @ (self._twists @ x - rest) ** 2) / 2
+            linear, cubic, rest = self._cubic_data
+            twist = self._cubics @ x - rest
+            energy += float(linear @ twist**2) / 2 + float(cubic @ twist**4) / 4
+        return energy
 
 
 class RedundantSystem:
@@ -74,35 +342,35 @@ class RedundantSystem:
         self._index = {body.name: i for i, body in enumerate(mechanism.bodies)}
         masses = [(body.mass, body.mass, body.inertia) for body in mechanism.bodies]
         self._mass = np.diag(np.ravel(masses))
-        self._applied = AppliedCartesian(mechanism)
-        held = [
-            (joint, direction) for joint in mechanism.joints for direction in _HELD[joint](joint)
-        ]
-        self._held = _components(mechanism, held)
+        self._applied = _AppliedCartesian(mechanism)
+
+        def components(parts: list[tuple[AnyJoint, complex]]) -> _Components:
+            """Components of the vectors from the parents' points to the children's."""
+            ends = [
+                ((joint.child, joint.child_point), (joint.parent, joint.parent_point))
+                for joint, _ in parts
+            ]
+            turning = [bool(j.free_directions) and j.parent != GROUND for j, _ in parts]
+            return _Components(mechanism, ends, [direction for _, direction in parts], turning)
+
+        self._held = components([(j, along) for j in mechanism.joints for along in _HELD[j](j)])
+        self._free = components([(slide.joint, slide.direction) for slide in mechanism.slides])
         rigid = [joint for joint in mechanism.joints if joint.turned_by is not None]
-        self._rigid = angle_rows(mechanism, [(joint.child, joint.parent) for joint in rigid])
-        self._free = _components(
-            mechanism, [(slide.joint, slide.direction) for slide in mechanism.slides]
-        )
+        self._rigid = _angle_rows(mechanism, [(joint.child, joint.parent) for joint in rigid])
         self._turning = np.array([body.angle is not None for body in mechanism.bodies])
         self._gaps = {stop.name: _GAPS[stop](mechanism, stop) for stop in mechanism.stops}
         self.stops = tuple(stop.name for stop in mechanism.stops if stop.closed)
         self._ranks: dict[tuple[str, ...], int] = {}
-        self._start = self._placed()
-        angles = (self._rigid @ self._start[: self.n]).tolist()
-        # Of a joint that closes a loop the angle may be full turns apart.
-        apart = [
-            math.remainder(a - (joint.turned_by or 0.0), 2 * math.pi)
-            for a, joint in zip(angles, rigid, strict=True)
+        self.start = self._start()
+        angles = (self._rigid @ self.start[: self.n]).tolist()
+        # Of a joint that closes a loop the angle may be full turns off.
+        errors = [
+            math.remainder(angle - (joint.turned_by or 0.0), 2 * math.pi)
+            for angle, joint in zip(angles, rigid, strict=True)
         ]
-        self._turned_by = np.array(angles) - np.array(apart)
+        self._turned_by = np.array(angles) - np.array(errors)
 
-    @property
-    def start(self) -> FloatArray:
-        """State at t = 0."""
-        return self._start
-
-    def _placed(self) -> FloatArray:
+    def _start(self) -> FloatArray:
         """The state at t = 0, bodies placed from the ground outwards."""
         mechanism = self.mechanism
         q = dict(zip(mechanism.coordinates, mechanism.start, strict=True))
@@ -110,16 +378,19 @@ class RedundantSystem:
         x, v = np.zeros(self.n), np.zeros(self.n)
         for joint in mechanism.tree_joints:
             i, name = 3 * self._index[joint.child], mechanism.body(joint.child).angle
-            angle, spin = self._turn(x, joint.parent), self._turn(v, joint.parent)
+            angle = spin = 0.0
+            if joint.parent != GROUND:
+                parent = 3 * self._index[joint.parent] + 2
+                angle, spin = float(x[parent]), float(v[parent])
             position, speed = self._point(x, v, joint.parent, joint.parent_point)
             for coordinate, free in zip(joint.slides, joint.free_directions, strict=True):
-                along = turned(np.array(_vector(free)), angle)
+                along = _turned(np.array((free.real, free.imag)), angle)
                 position = position + q[coordinate] * along
-                speed = speed + u[coordinate] * along + q[coordinate] * spin * right_angle(along)
+                speed = speed + u[coordinate] * along + q[coordinate] * spin * _right_angle(along)
             x[i + 2] = q[name] if name is not None else angle + (joint.turned_by or 0.0)
             v[i + 2] = u[name] if name is not None else spin
-            arm, turn = self._arm(x[i + 2], joint.child, joint.child_point)
-            x[i : i + 2], v[i : i + 2] = position - arm, speed - v[i + 2] * turn
+            arm, slope = self._arm(x[i + 2], joint.child, joint.child_point)
+            x[i : i + 2], v[i : i + 2] = position - arm, speed - v[i + 2] * slope
         return np.concatenate([x, v])
 
     def rates(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
@@ -141,16 +412,16 @@ class RedundantSystem:
     def projected(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
         """The nearest state, in the mass metric, that fulfils constraints and their rates."""
         x, v = y[: self.n].copy(), y[self.n :]
-        nothing = np.zeros(self.n)
+        no_forces = np.zeros(self.n)
         for _ in range(_PROJECTIONS):
             error = np.concatenate([self.joint_errors(x), [self.gap(x, name) for name in active]])
-            x += self._kkt(active, self._constraints(x, v, active)[0], nothing, -error)[: self.n]
+            jacobian = self._constraints(x, v, active)[0]
+            x += self._kkt(active, jacobian, no_forces, -error)[: self.n]
             if np.abs(error).max(initial=0.0) < 1e-12:
                 break
         jacobian = self._constraints(x, v, active)[0]
-        return np.concatenate(
-            [x, v + self._kkt(active, jacobian, nothing, -jacobian @ v)[: self.n]]
-        )
+        v = v + self._kkt(active, jacobian, no_forces, -jacobian @ v)[: self.n]
+        return np.concatenate([x, v])
 
     def joint_errors(self, x: FloatArray) -> FloatArray:
         """Errors of the joints' constraints [m, rad]."""
@@ -158,14 +429,15 @@ class RedundantSystem:
 
     def gap(self, x: FloatArray, name: str) -> float:
         """Gap of a stop [rad, or m for one on a point]."""
+
+        def angle(body: str) -> float:
+            return float(x[3 * self._index[body] + 2])
+
+        def point(body: str, local: Vector) -> complex:
+            return complex(*self._point(x, x, body, local)[0])
+
         stop = self.mechanism.stop(name)
-        return (
-            stop.component(
-                lambda body: float(x[3 * self._index[body] + 2]),
-                lambda body, point: complex(*self._point(x, x, body, point)[0]),
-            )
-            - stop.position
-        )
+        return stop.component(angle, point) - stop.position
 
     def coordinates(self, x: FloatArray) -> FloatArray:
         """The mechanism's own coordinates q, shape (n_q,) [rad or m]."""
@@ -182,17 +454,15 @@ class RedundantSystem:
         jacobian, inward = self._free.derivatives(x, v)
         return np.concatenate([a[2::3][self._turning], jacobian @ a - inward])
 
-    def point(
-        self, y: FloatArray, a: FloatArray, body: str, point: Vector
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def point(self, y: FloatArray, a: FloatArray, body: str, point: Vector) -> PointState:
         """Position [m], velocity [m/s] and acceleration [m/s^2] of a body's point, each (2,)."""
         x, v = y[: self.n], y[self.n :]
         position, speed = self._point(x, v, body, point)
         if body == GROUND:
             return position, speed, np.zeros(2)
         i = 3 * self._index[body]
-        arm, turn = self._arm(x[i + 2], body, point)
-        return position, speed, a[i : i + 2] + a[i + 2] * turn - v[i + 2] ** 2 * arm
+        arm, slope = self._arm(x[i + 2], body, point)
+        return position, speed, a[i : i + 2] + a[i + 2] * slope - v[i + 2] ** 2 * arm
 
     def energy(self, y: FloatArray) -> float:
         """Total energy, of gravity (zero at the world's origin) and springs [J]."""
@@ -203,21 +473,16 @@ class RedundantSystem:
         """Force of each joint on its child, world frame [N], (2,): the multipliers themselves."""
         multipliers = self._solve(y, active)[self.n :]
         rows = multipliers[: len(self._held), None] * self._held.along(y[: self.n])
-        ends = np.cumsum([len(_HELD[joint](joint)) for joint in self.mechanism.joints])
-        parts = np.split(rows, ends[:-1])
-        return {
-            joint.name: part.sum(axis=0)
-            for joint, part in zip(self.mechanism.joints, parts, strict=True)
-        }
-
-    def _turn(self, x: FloatArray, body: str) -> float:
-        """Angle of a body or the ground [rad], or what stands in its place in x."""
-        return 0.0 if body == GROUND else float(x[3 * self._index[body] + 2])
+        forces: dict[str, FloatArray] = {}
+        for joint in self.mechanism.joints:
+            n = len(_HELD[joint](joint))
+            forces[joint.name], rows = rows[:n].sum(axis=0), rows[n:]
+        return forces
 
     def _arm(self, angle: float, body: str, point: Vector) -> tuple[FloatArray, FloatArray]:
         """A point's offset from its body's centre in the world, and its derivative by the angle."""
-        arm = turned(np.subtract(point, self.mechanism.bodies[self._index[body]].centre), angle)
-        return arm, right_angle(arm)
+        arm = _turned(np.subtract(point, self.mechanism.bodies[self._index[body]].centre), angle)
+        return arm, _right_angle(arm)
 
     def _point(
         self, x: FloatArray, v: FloatArray, body: str, point: Vector
@@ -225,19 +490,20 @@ class RedundantSystem:
         if body == GROUND:
             return np.array(point), np.zeros(2)
         i = 3 * self._index[body]
-        arm, turn = self._arm(x[i + 2], body, point)
-        return x[i : i + 2] + arm, v[i : i + 2] + v[i + 2] * turn
+        arm, slope = self._arm(x[i + 2], body, point)
+        return x[i : i + 2] + arm, v[i : i + 2] + v[i + 2] * slope
 
     def _constraints(
         self, x: FloatArray, v: FloatArray, active: tuple[str, ...]
     ) -> tuple[FloatArray, FloatArray]:
         """G, and minus gamma."""
         held, inward = self._held.derivatives(x, v)
-        stops = [self._gaps[name].derivatives(x, v) for name in active]
-        rows = np.vstack([held, self._rigid, *(row for row, _ in stops)])
-        return rows, np.concatenate(
-            [inward, np.zeros(len(self._rigid)), *(gamma for _, gamma in stops)]
-        )
+        rows, right = [held, self._rigid], [inward, np.zeros(len(self._rigid))]
+        for name in active:
+            row, gamma = self._gaps[name].derivatives(x, v)
+            rows.append(row)
+            right.append(gamma)
+        return np.vstack(rows), np.concatenate(right)
 
     def _kkt(
         self, active: tuple[str, ...], jacobian: FloatArray, forces: FloatArray, right: FloatArray
@@ -245,88 +511,29 @@ class RedundantSystem:
         """Accelerations and multipliers; of dependent constraints the multipliers of least norm."""
         if active not in self._ranks:
             self._ranks[active] = int(np.linalg.matrix_rank(jacobian, rtol=_DEPENDENT))
-        rank = self._ranks[active]
-        if rank == len(jacobian):
-            return self._solved(jacobian, forces, right)
-        independent = np.linalg.svd(jacobian)[0][:, :rank]
-        solution = self._solved(independent.T @ jacobian, forces, independent.T @ right)
-        return np.concatenate([solution[: self.n], independent @ solution[self.n :]])
-
-    def _solved(self, jacobian: FloatArray, forces: FloatArray, right: FloatArray) -> FloatArray:
+        rank, independent = self._ranks[active], None
+        if rank < len(jacobian):
+            independent = np.linalg.svd(jacobian)[0][:, :rank]
+            jacobian, right = independent.T @ jacobian, independent.T @ right
         n, m = self.n, len(jacobian)
         matrix = np.zeros((n + m, n + m))
         matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = self._mass, -jacobian.T, jacobian
         try:
-            return np.asarray(
-                np.linalg.solve(matrix, np.concatenate([forces, right])), dtype=np.float64
-            )
+            right = np.concatenate([forces, right])
+            solution = np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
         except np.linalg.LinAlgError:
-            name = self.mechanism.name
             raise SimulationError(
-                f"{name!r} has no unique accelerations in a state it comes to."
+                f"{self.mechanism.name!r} has no unique accelerations in a state it comes to."
             ) from None
+        if independent is None:
+            return solution
+        return np.concatenate([solution[:n], independent @ solution[n:]])
 
     def _solve(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
         """Accelerations, then multipliers."""
         x, v = y[: self.n], y[self.n :]
         jacobian, right = self._constraints(x, v, active)
         return self._kkt(active, jacobian, self._applied.generalized(x, v), right)
-
-
-def _components(mechanism: Mechanism, of: list[tuple[AnyJoint, complex]]) -> Components:
-    """Components of the vectors from the parents' points to the children's."""
-    ends = [
-        ((joint.child, joint.child_point), (joint.parent, joint.parent_point)) for joint, _ in of
-    ]
-    turning = [bool(joint.free_directions) and joint.parent != GROUND for joint, _ in of]
-    return Components(mechanism, ends, [direction for _, direction in of], turning)
-
-
-def _both_directions(joint: AnyJoint) -> tuple[complex, ...]:
-    return (1.0, 1j)
-
-
-def _across_axis(joint: SlotJoint | PrismaticJoint) -> tuple[complex, ...]:
-    return (1j * complex(*joint.axis),)
-
-
-def _no_direction(joint: FreeJoint) -> tuple[complex, ...]:
-    return ()
-
-
-_HELD: ElementTable[Callable[[Any], tuple[complex, ...]]] = ElementTable(
-    "The redundant formulation",
-    JOINTS,
-    {
-        PinJoint: _both_directions,
-        WeldJoint: _both_directions,
-        SlotJoint: _across_axis,
-        PrismaticJoint: _across_axis,
-        FreeJoint: _no_direction,
-    },
-)
-"""Directions, in the parent's frame, in which each joint holds the child's point."""
-
-
-class _AngleGap:
-    """Gap of a stop on an angle, linear in the bodies' angles."""
-
-    def __init__(self, mechanism: Mechanism, stop: Stop) -> None:
-        self._row = stop.sense * angle_rows(mechanism, [(stop.body, stop.relative_to)])
-
-    def derivatives(self, x: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Its gradient (1, 3 n_bodies), and minus its gamma (1,)."""
-        return self._row, np.zeros(1)
-
-
-def _distance(mechanism: Mechanism, stop: PointStop) -> Components:
-    ends: tuple[BodyPoint, BodyPoint] = ((stop.body, stop.point), (stop.relative_to, (0.0, 0.0)))
-    return Components(mechanism, [ends], [complex(*stop.normal)], [stop.relative_to != GROUND])
-
-
-_GAPS: ElementTable[Callable[[Mechanism, Any], _AngleGap | Components]] = ElementTable(
-    "The redundant formulation", STOPS, {Stop: _AngleGap, PointStop: _distance}
-)
 
 
 @dataclass(frozen=True)
@@ -357,12 +564,9 @@ class RedundantMotion:
 
     def marker(self, name: str, t: float) -> PointState:
         """Position [m], velocity [m/s] and acceleration [m/s^2] of a marker, each (2,)."""
-        marker_model = next(
-            marker for marker in self.system.mechanism.markers if marker.name == name
-        )
-        return self.system.point(
-            self.motion.state(t), self.accelerations(t), marker_model.body, marker_model.point
-        )
+        marker = next(m for m in self.system.mechanism.markers if m.name == name)
+        y, a = self.motion.state(t), self.accelerations(t)
+        return self.system.point(y, a, marker.body, marker.point)
 
     def stop_torques(self, t: float) -> dict[str, float]:
         """Torque of every stop [N m]; 0 where it is open."""
@@ -381,25 +585,17 @@ class RedundantMotion:
     @property
     def launch(self) -> Launch | None:
         """The launch at 45 degrees after the projectile's stops have opened."""
-        return self._launch
-
-    @cached_property
-    def _launch(self) -> Launch | None:
-        mechanism = self.system.mechanism
-        projectile = mechanism.marker("projectile")
+        system = self.system
+        projectile = system.mechanism.marker("projectile")
         if projectile is None:
             return None
-        after = rest_opened(mechanism, projectile.body, self.release_times)
-        none = np.zeros(self.system.n)
+        after = rest_opened(system.mechanism, projectile.body, self.release_times)
+        at_rest = np.zeros(system.n)
 
         def velocity(y: FloatArray) -> FloatArray:
-            return self.system.point(y, none, projectile.body, projectile.point)[1]
+            return system.point(y, at_rest, projectile.body, projectile.point)[1]
 
         return self.motion.first_launch(velocity, after)
-
-
-def _vector(direction: complex) -> Vector:
-    return direction.real, direction.imag
 
 
 def solve_redundant(problem: Problem, tolerance: float = 3e-14) -> RedundantMotion:
@@ -423,264 +619,3 @@ def solve_redundant(problem: Problem, tolerance: float = 3e-14) -> RedundantMoti
         raise SimulationError(
             f"in redundant coordinates, which pass no singular position, {error}"
         ) from None
-
-
-BodyPoint = tuple[str, Vector]
-"""A body (or the ground) and a point in its frame [m]."""
-
-_CLOCKWISE = np.array([1.0, -1.0])
-
-
-def right_angle(vectors: FloatArray) -> FloatArray:
-    """Vectors (..., 2) turned by a right angle clockwise: the derivative of a clockwise turn."""
-    return vectors[..., ::-1] * _CLOCKWISE
-
-
-def turned(vectors: FloatArray, angles: FloatArray | float) -> FloatArray:
-    """Vectors (..., 2) turned clockwise by angles (...) [rad]."""
-    return vectors * np.cos(angles)[..., None] + right_angle(vectors) * np.sin(angles)[..., None]
-
-
-def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    products = a * b
-    return products[..., 0] + products[..., 1]
-
-
-@dataclass(frozen=True)
-class _Ends:
-    """Both ends of m vectors, the leading one first: arrays (m, 2, 2), spins (m, 2)."""
-
-    centres: FloatArray
-    arms: FloatArray
-    speeds: FloatArray
-    """Of the centres."""
-    spins: FloatArray
-
-    @property
-    def places(self) -> FloatArray:
-        """Places of the points, shape (m, 2, 2) [m]."""
-        return self.centres + self.arms
-
-    @property
-    def vectors(self) -> FloatArray:
-        """Shape (m, 2) [m]."""
-        places = self.places
-        return places[:, 0] - places[:, 1]
-
-    @property
-    def rates(self) -> FloatArray:
-        """Rates of the vectors, shape (m, 2) [m/s]."""
-        speeds = self.speeds + self.spins[..., None] * right_angle(self.arms)
-        return speeds[:, 0] - speeds[:, 1]
-
-
-class Vectors:
-    r"""Vectors to points of bodies from points of others.
-
-    A state is x = (centre x, centre y, angle) body by body and its rate v, each of shape
-    (3 n_bodies,). With the arm r of a point from its body's centre, turned clockwise by the angle,
-    the vector from a point to another one is d = c_1 + r_1 - c_0 - r_0, and a function e . d of it
-    has the derivatives
-
-        d(e . d)/dt   = e . (v_1 + w_1 r_1' - v_0 - w_0 r_0')  [+ w_0 e' . d]
-        d2(e . d)/dt2 = the same of accelerations  - e . (w_1^2 r_1 - w_0^2 r_0)
-                        [+ 2 w_0 e' . dd/dt - w_0^2 e . d],
-
-    where r' is r turned by a right angle clockwise; what stands in brackets is there if e turns
-    with the second body.
-    """
-
-    def __init__(self, mechanism: Mechanism, ends: Sequence[tuple[BodyPoint, BodyPoint]]) -> None:
-        self._n = 3 * len(mechanism.bodies)
-        indices = {body.name: i for i, body in enumerate(mechanism.bodies)} | {
-            GROUND: len(mechanism.bodies)
-        }
-        centres = {body.name: body.centre for body in mechanism.bodies} | {GROUND: (0.0, 0.0)}
-        bodies = np.array(
-            [[indices[body] for body, _ in pair] for pair in ends], dtype=int
-        ).reshape(-1, 2)
-        offsets = [[np.subtract(point, centres[body]) for body, point in pair] for pair in ends]
-        self._offsets = np.array(offsets, dtype=np.float64).reshape(-1, 2, 2)
-        self._columns = 3 * bodies[..., None] + np.arange(3)
-        self._number = np.arange(len(bodies))[:, None]
-
-    def __len__(self) -> int:
-        return len(self._columns)
-
-    def ends(self, x: FloatArray, v: FloatArray) -> _Ends:
-        """Both ends of each."""
-        states = np.zeros((2, self._n + 3))  # the ground is the last body
-        states[0, : self._n], states[1, : self._n] = x, v
-        at, moving = states[:, self._columns]
-        return _Ends(
-            at[..., :2], turned(self._offsets, at[..., 2]), moving[..., :2], moving[..., 2]
-        )
-
-    def rows(self, ends: _Ends, along: FloatArray, turning: FloatArray | None = None) -> FloatArray:
-        """Gradients of components along directions (m, 2), shape (m, 3 n_bodies).
-
-        Args:
-            turning: which of the directions turn with the second body, shape (m,); none if left
-                out.
-        """
-        rows = np.zeros((len(self), self._n + 3))
-        moments = _dot(along[:, None], right_angle(ends.arms))
-        rows[self._number, self._columns[:, 0, :2]] = along
-        rows[self._number[:, 0], self._columns[:, 0, 2]] = moments[:, 0]
-        rows[self._number, self._columns[:, 1, :2]] -= along
-        if turning is not None:
-            moments[:, 1] -= np.where(turning, _dot(right_angle(along), ends.vectors), 0.0)
-        rows[self._number[:, 0], self._columns[:, 1, 2]] -= moments[:, 1]
-        return rows[:, : self._n]
-
-
-class Components(Vectors):
-    """Components of vectors along directions of the ground, or of the body that they start from."""
-
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        ends: Sequence[tuple[BodyPoint, BodyPoint]],
-        directions: Sequence[complex],
-        turning: Sequence[bool],
-    ) -> None:
-        super().__init__(mechanism, ends)
-        self._directions = np.array(
-            [(d.real, d.imag) for d in directions], dtype=np.float64
-        ).reshape(-1, 2)
-        self._turning = np.array(turning, dtype=bool) if any(turning) else None
-
-    def along(self, x: FloatArray) -> FloatArray:
-        """The directions in the world, shape (m, 2)."""
-        if self._turning is None:
-            return self._directions
-        angles = np.append(x, np.zeros(3))[self._columns[:, 1, 2]]
-        return turned(self._directions, np.where(self._turning, angles, 0.0))
-
-    def values(self, x: FloatArray) -> FloatArray:
-        """Shape (m,) [m]."""
-        projected = _dot(self.along(x)[:, None], self.ends(x, x).places)
-        return projected[:, 0] - projected[:, 1]
-
-    def jacobian(self, x: FloatArray) -> FloatArray:
-        """Shape (m, 3 n_bodies)."""
-        return self.rows(self.ends(x, x), self.along(x), self._turning)
-
-    def derivatives(self, x: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Jacobian, and minus the second derivatives without accelerations, (m,) [m/s^2]."""
-        ends, along = self.ends(x, v), self.along(x)
-        centripetal = _dot(along[:, None], ends.arms) * ends.spins**2
-        inward = centripetal[:, 0] - centripetal[:, 1]
-        if self._turning is not None:
-            spin = np.where(self._turning, ends.spins[:, 1], 0.0)
-            inward += spin**2 * _dot(along, ends.vectors) - 2 * spin * _dot(
-                right_angle(along), ends.rates
-            )
-        return self.rows(ends, along, self._turning), inward
-
-
-def angle_rows(mechanism: Mechanism, pairs: Sequence[tuple[str, str]]) -> FloatArray:
-    """Gradients of bodies' angles less those of others, shape (m, 3 n_bodies)."""
-    index = {body.name: 3 * i + 2 for i, body in enumerate(mechanism.bodies)}
-    rows = np.zeros((len(pairs), 3 * len(mechanism.bodies)))
-    for row, (body, other) in zip(rows, pairs, strict=True):
-        for name, sign in ((body, 1.0), (other, -1.0)):
-            if name != GROUND:
-                row[index[name]] += sign
-    return rows
-
-
-_KINDS: ElementTable[str] = ElementTable(
-    "The redundant formulation",
-    FORCE_ELEMENTS,
-    {
-        SpringDamper: "springs",
-        RotationalSpringDamper: "twists",
-        CubicTorsionSpring: "cubics",
-        ConstantForce: "forces",
-        ConstantTorque: "motors",
-    },
-)
-
-BUILT: frozenset[type] = frozenset({*_HELD.handlers, *_GAPS.handlers, *_KINDS.handlers})
-"""Classes of elements that the redundant formulation has."""
-
-
-class AppliedCartesian:
-    """Weights and the forces of springs, dampers and motors on three coordinates a body.
-
-    Nothing here calls a force element's own methods, on purpose.
-    """
-
-    def __init__(self, mechanism: Mechanism) -> None:
-        elements = mechanism.force_elements
-        kinds: dict[str, list[Any]] = {kind: [] for kind in _KINDS.handlers.values()}
-        for element in elements:
-            kinds[_KINDS[element]].append(element)
-        self._weight = np.ravel(
-            [(*np.multiply(body.mass, mechanism.gravity_vector), 0.0) for body in mechanism.bodies]
-        )
-        springs, twists, motors, forces = (
-            kinds[kind] for kind in ("springs", "twists", "motors", "forces")
-        )
-        cubics: list[CubicTorsionSpring] = kinds["cubics"]
-        self._any = bool(elements)
-        self._springs = Vectors(
-            mechanism, [((e.body, e.point), (e.relative_to, e.relative_point)) for e in springs]
-        )
-        self._spring_data = _columns([(e.stiffness, e.damping, e.rest_length) for e in springs])
-        self._twists = angle_rows(mechanism, [(e.body, e.relative_to) for e in twists])
-        self._twist_data = _columns([(e.stiffness, e.damping, e.rest_angle) for e in twists])
-        self._cubics = angle_rows(mechanism, [(e.body, e.relative_to) for e in cubics])
-        self._cubic_data = _columns(
-            [(e.stiffness, e.cubic_stiffness, e.rest_angle) for e in cubics]
-        )
-        self._torque = np.array([e.torque for e in motors]) @ angle_rows(
-            mechanism, [(e.body, e.relative_to) for e in motors]
-        )
-        self._pulled = Vectors(
-            mechanism, [((e.body, e.point), (GROUND, (0.0, 0.0))) for e in forces]
-        )
-        self._pulls = np.array([e.force for e in forces], dtype=np.float64).reshape(-1, 2)
-
-    def generalized(self, x: FloatArray, v: FloatArray) -> FloatArray:
-        """Forces and torques on all coordinates, shape (3 n_bodies,) [N, N m]."""
-        if not self._any:
-            return self._weight
-        pulls = self._pulled.rows(self._pulled.ends(x, v), self._pulls).sum(axis=0)
-        stiffness, damping, rest = self._twist_data
-        twisting = (
-            -(stiffness * (self._twists @ x - rest) + damping * (self._twists @ v)) @ self._twists
-        )
-        forces = self._weight + pulls + self._torque + twisting + self._of_springs(x, v)
-        if len(self._cubics):
-            linear, cubic, rest = self._cubic_data
-            twist = self._cubics @ x - rest
-            forces -= (linear * twist + cubic * twist**3) @ self._cubics
-        return forces
-
-    def _of_springs(self, x: FloatArray, v: FloatArray) -> FloatArray:
-        stiffness, damping, rest = self._spring_data
-        ends = self._springs.ends(x, v)
-        lengths = np.hypot(ends.vectors[:, 0], ends.vectors[:, 1])
-        along = ends.vectors / np.where(lengths > 0, lengths, 1.0)[:, None]
-        tension = stiffness * (lengths - rest) + damping * _dot(along, ends.rates)
-        return -tension @ self._springs.rows(ends, along)
-
-    def potential_energy(self, x: FloatArray) -> float:
-        """Energy of gravity, zero at the world's origin, and of springs [J]."""
-        energy = -float(self._weight @ x)
-        if self._any:
-            stiffness, _, rest = self._spring_data
-            vectors = self._springs.ends(x, x).vectors
-            energy += float(stiffness @ (np.hypot(vectors[:, 0], vectors[:, 1]) - rest) ** 2) / 2
-            stiffness, _, rest = self._twist_data
-            energy += float(stiffness @ (self._twists @ x - rest) ** 2) / 2
-            linear, cubic, rest = self._cubic_data
-            twist = self._cubics @ x - rest
-            energy += float(linear @ twist**2) / 2 + float(cubic @ twist**4) / 4
-        return energy
-
-
-def _columns(rows: Sequence[tuple[float, ...]]) -> FloatArray:
-    return np.array(rows, dtype=np.float64).reshape(-1, 3).T

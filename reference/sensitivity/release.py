@@ -3,21 +3,21 @@
 The state's derivatives are those of :mod:`.tangent`, of any mechanism; here the release's time
 follows by the implicit function theorem, the flight in closed form, and the whipper's numbers from
 its parameters by a complex step. Of other machines the derivatives are by all their physical
-numbers (:mod:`.numbers`).
+numbers, which have names that can be read.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, cast
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.elements import AnyJoint
+from ...models.elements import AnyJoint, refuse_unknown
 from ...models.errors import InputError, UnsupportedProblemError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.launch import LAUNCH_ANGLE, lead
@@ -25,21 +25,162 @@ from ...models.library.registry import model
 from ...models.library.trebuchet import TrebuchetParameters
 from ...models.mechanism import Marker, Mechanism
 from ...models.problem import Problem
+from ...models.spec import Spec, number_units
+from ..equations import Equations, least_step
 from ..solution import Solution
 from ..solver import solve, solve_to_launch
-from ..throw.flight import LEVEL
-from ..throw.release import Projectile
+from ..throw.flight import LEVEL, Projectile
 from ..throw.throw import Held, Performance, Sensitivity, origin
-from .dual import Dual
-from .kinks import one_sided, sides
-from .numbers import physical_numbers
-from .tangent import PointTangent, StateTangent, marker_tangent, state_tangent
-from .variational import Direction, VariationalEquations, moved, numbers
+from .tangent import PointTangent, StateTangent, marker_tangent, one_sided, sides, state_tangent
+from .variational import (
+    Direction,
+    Dual,
+    VariationalEquations,
+    consistent_directions,
+    movable,
+    moved,
+    numbers,
+)
 
 _STEP = 1e-200  # of the complex step: its square underflows, so nothing is truncated
 _SAME = 1e-14  # relative: the two formulas may round differently, by a few units in the last place
 _ORIGIN = "where ranges are measured from"
 _GRAZES = 1e-9  # relative: the time of a release whose condition changes more slowly is lost
+_HELD = 1e-9  # a coordinate of which less is free than this cannot be chosen
+_PLACES = {
+    "point": "body",
+    "relative_point": "relative_to",
+    "parent_point": "parent",
+    "child_point": "child",
+}
+"""The field with the body on which a point is."""
+_UNIT_VECTORS = ("axis", "normal")
+
+
+@dataclass(frozen=True)
+class PhysicalNumber:
+    """One number of a mechanism, and how the mechanism changes with it."""
+
+    name: str
+    """Such as "stiffness of strut spring"."""
+    unit: str
+    value: float
+    direction: Direction
+
+
+def physical_numbers(
+    mechanism: Mechanism, thrown: str | None = None
+) -> tuple[list[PhysicalNumber], list[str]]:
+    """All numbers that change a motion, and sentences on those along which none is possible.
+
+    With a number the start changes by the least that keeps loops closed and closed stops touching.
+    With a coordinate of the start the closed stops move along, and the others of a loop follow.
+    Unit vectors turn, anticlockwise.
+
+    Args:
+        mechanism: whose motion it is.
+        thrown: the marker whose motion counts; all markers if left out.
+    """
+    described = [*_of_elements(mechanism, thrown)]
+    described.append(PhysicalNumber("gravity", "m/s^2", mechanism.gravity, {"gravity": 1.0}))
+    directions = consistent_directions(mechanism, [number.direction for number in described])
+    known: list[PhysicalNumber] = []
+    for number, direction in zip(described, directions, strict=True):
+        known.append(replace(number, direction=direction))
+    known += _starts(mechanism)
+    speeds = initial_state(mechanism)[1]
+    for i, (name, value) in enumerate(zip(mechanism.coordinates, speeds, strict=True)):
+        unit = "rad/s" if i < len(mechanism.angles) else "m/s"
+        direction = {f"start_speeds.{i}": 1.0}
+        known.append(PhysicalNumber(f"start speed of {name}", unit, float(value), direction))
+    # Without those that tear loops apart, whatever the start does.
+    equations = VariationalEquations(mechanism, [number.direction for number in known])
+    q = mechanism.start
+    start = Dual(np.array(q), equations.along_each("start", len(q)))
+    closed = movable(equations, [stop.name for stop in mechanism.stops if stop.closed])
+    torn = equations.misfits(start, closed)
+    sentences = [
+        f"there is no derivative by the {known[j].name}: a change of it alone would lock the "
+        "mechanism or open a loop"
+        for j in torn
+    ]
+    return [number for j, number in enumerate(known) if j not in torn], sentences
+
+
+def _of_elements(mechanism: Mechanism, thrown: str | None) -> Iterator[PhysicalNumber]:
+    elements = (*mechanism.joints, *mechanism.stops, *mechanism.force_elements)
+    refuse_unknown("The table of sensitivities", elements)
+    for kind in ("bodies", "joints", "stops", "force_elements", "markers"):
+        for part in getattr(mechanism, kind):
+            if kind != "markers" or thrown in (None, part.name):
+                yield from _of_fields(part, f"{kind}.{part.name}")
+
+
+def _of_fields(part: Spec, path: str) -> Iterator[PhysicalNumber]:
+    """The numbers of a part of a mechanism, in the order of its fields."""
+    for field, unit in number_units(type(part)).items():
+        value = getattr(part, field)
+        if value is None or (isinstance(part, Marker) and field == "mass"):
+            continue  # a marker's mass is a part of its body's
+        name = _name_of_number(part, field)
+        if field in _UNIT_VECTORS:
+            x, y = value
+            turned = {f"{path}.{field}.0": -y, f"{path}.{field}.1": x}
+            yield PhysicalNumber(name, "rad", math.atan2(y, x), turned)
+        elif isinstance(value, tuple):
+            for i, component in enumerate("xy"):
+                direction = {f"{path}.{field}.{i}": 1.0}
+                yield PhysicalNumber(f"{name}, {component}", unit, value[i], direction)
+        else:
+            yield PhysicalNumber(name, unit, value, {f"{path}.{field}": 1.0})
+
+
+def _name_of_number(part: Any, field: str) -> str:
+    """Such as "stiffness of strut spring", "place of knee on thigh" or "direction of rail"."""
+    name = part.name
+    if "spring" in getattr(part, "kind", "") and "spring" not in name.lower():
+        name += " spring"
+    if field in _PLACES:
+        return f"place of {name} on {getattr(part, _PLACES[field])}"
+    if field in _UNIT_VECTORS:
+        return f"direction of {name}"
+    if field == "centre":
+        return f"centre of mass of {name}"
+    return f"{field.replace('_', ' ')} of {name}"
+
+
+def _starts(mechanism: Mechanism) -> Iterator[PhysicalNumber]:
+    """The coordinates that loops let choose; closed stops stay where they touch."""
+    equations, q = Equations(mechanism), initial_state(mechanism)[0]
+    closed = [stop for stop in mechanism.stops if stop.closed]
+    jacobian = equations.constraint_jacobian(q, [stop.name for stop in closed])
+    loops, gaps = jacobian[: equations.n_loops], jacobian[equations.n_loops :]
+    for i, name in enumerate(mechanism.coordinates):
+        dq = np.eye(len(q))[i]
+        if len(loops):
+            dq = dq - least_step(loops, loops @ dq, equations.rank(q, ()))
+        if dq[i] < _HELD:
+            continue
+        dq = dq / dq[i]
+        direction = {f"start.{k}": float(value) for k, value in enumerate(dq)}
+        for stop, gap in zip(closed, gaps, strict=True):
+            direction[f"stops.{stop.name}.{stop.position_field}"] = float(gap @ dq)
+        kind, unit = ("angle", "rad") if i < len(mechanism.angles) else ("position", "m")
+        yield PhysicalNumber(f"start {kind} {name}", unit, float(q[i]), direction)
+
+
+def scaled_directions(
+    values: FloatArray, directions: Iterable[Direction]
+) -> tuple[FloatArray, list[dict[str, float]]]:
+    """Sizes of the values, and directions of relative changes of the large ones.
+
+    One absolute tolerance of the integrator then suits all directions.
+    """
+    scale = np.maximum(1.0, np.abs(values))
+    scaled: list[dict[str, float]] = []
+    for direction, size in zip(directions, scale, strict=True):
+        scaled.append({name: slope * size for name, slope in direction.items()})
+    return scale, scaled
 
 
 @dataclass(frozen=True)
@@ -102,12 +243,12 @@ def whipper_sensitivities(
 
     Raises:
         InputError: the machine does not launch within the duration, or `build` makes another
-        machine.
+            machine.
         SimulationError: an integrator's step size collapsed.
     """
     p = parameters or TrebuchetParameters()
     mechanism = build(p)
-    directions = parameter_directions(build, p) | _start_directions(mechanism)
+    values, directions = _whipper_directions(build, p, mechanism)
     if duration is None:
         solution = solve_to_launch(mechanism)
     else:
@@ -119,42 +260,29 @@ def whipper_sensitivities(
             "projectile's velocity never comes down to 45 degrees; another machine or a longer "
             "duration is needed."
         )
-    values = np.array([_value(mechanism, p, name) for name in directions])
-    return _of_the_release(
-        solution,
-        tuple(directions),
-        values,
-        tuple(directions.values()),
-        Moment(solution.launch.time),
-    )
+    return _of_the_release(solution, values, directions, Moment(solution.launch.time))
 
 
-def _start_directions(mechanism: Mechanism) -> dict[str, Direction]:
+def _whipper_directions(
+    build: Callable[[TrebuchetParameters], Mechanism], p: TrebuchetParameters, mechanism: Mechanism
+) -> tuple[FloatArray, dict[str, Direction]]:
+    """Values of the parameters, start speeds and start slides, and a direction of each by name."""
+    directions = parameter_directions(build, p)
+    values = [float(getattr(p, name)) for name in directions]
     names, n_angles = mechanism.coordinates, len(mechanism.angles)
-    speeds: dict[str, Direction] = {
-        f"u_{name}": {f"start_speeds.{i}": 1.0} for i, name in enumerate(names)
-    }
-    slides: dict[str, Direction] = {
-        f"{name}0": {f"start.{n_angles + i}": 1.0} for i, name in enumerate(names[n_angles:])
-    }
-    return speeds | slides
-
-
-def _value(mechanism: Mechanism, parameters: TrebuchetParameters, name: str) -> float:
-    if name in TrebuchetParameters.model_fields:
-        return float(getattr(parameters, name))
-    if name.startswith("u_"):
-        return float(
-            initial_state(mechanism)[1][mechanism.coordinates.index(name.removeprefix("u_"))]
-        )
-    return mechanism.start[mechanism.coordinates.index(name.removesuffix("0"))]
+    for i, name in enumerate(names):
+        directions[f"u_{name}"] = {f"start_speeds.{i}": 1.0}
+    values += initial_state(mechanism)[1].tolist()
+    for i, name in enumerate(names[n_angles:], start=n_angles):
+        directions[f"{name}0"] = {f"start.{i}": 1.0}
+    values += mechanism.start[n_angles:]
+    return np.array(values), directions
 
 
 def _of_the_release(
     solution: Solution,
-    names: tuple[str, ...],
     values: FloatArray,
-    directions: Sequence[Direction],
+    directions: Mapping[str, Direction],
     moment: Moment,
     ground: float = 0.0,
     measured_from: AnyJoint | None = None,
@@ -163,7 +291,7 @@ def _of_the_release(
 
     Args:
         solution: the motion.
-        names, values, directions: of what it is differentiated by.
+        values, directions: of what it is differentiated by.
         moment: the release.
         ground: where the projectile lands [m].
         measured_from: with whose place at the start the ground and the origin of the range move;
@@ -172,19 +300,24 @@ def _of_the_release(
     Raises:
         UnsupportedProblemError: the motion or the release does not depend smoothly on the numbers.
     """
-    # Large values per relative change, so that the integrator's one absolute tolerance suits all
-    # directions.
-    scale = np.maximum(1.0, np.abs(values))
-    scaled = [{k: v * s for k, v in d.items()} for d, s in zip(directions, scale, strict=True)]
-    mechanism = solution.problem.mechanism
+    names, mechanism = tuple(directions), solution.problem.mechanism
+    scale, scaled = scaled_directions(values, directions.values())
     if measured_from is not None:
-        mechanism, scaled = _with_origin(mechanism, measured_from, scaled)
+        # A marker where the joint holds its child moves with the joint's numbers.
+        known, body = f"joints.{measured_from.name}.child_point", measured_from.child
+        for direction in scaled:
+            for i in (0, 1):
+                direction[f"markers.{_ORIGIN}.point.{i}"] = direction.get(f"{known}.{i}", 0.0)
+        marker = Marker(name=_ORIGIN, body=body, point=measured_from.child_point)
+        mechanism = mechanism.model_copy(update={"markers": (*mechanism.markers, marker)})
     equations = VariationalEquations(mechanism, scaled, names)
     state = state_tangent(solution, equations, moment.time)
+    d_origin = np.zeros((len(scaled), 2))
     if measured_from is not None:
-        d_origin = _d_origin(equations, len(state.q))
-    else:
-        d_origin = np.zeros((len(scaled), 2))
+        start_tangents = equations.along_each("start", len(state.q))
+        start: Any = Dual(initial_state(mechanism)[0], start_tangents)
+        place: Any = equations.kinematics.position(equations.data.markers[_ORIGIN], start)
+        d_origin = place.tangents.T
     point = marker_tangent(equations, state)
     # What is held at the release's time t(p) fixes t; what is read there moves with p and with t.
     d_time = release_time_tangent(solution, equations, state, point, moment)
@@ -192,12 +325,11 @@ def _of_the_release(
     d_position = point.d_position + d_time[:, None] * point.velocity
     d_velocity = point.d_velocity + d_time[:, None] * point.acceleration
     speed = math.hypot(*point.velocity)
-    (vx, vy), (sideways, upwards) = point.velocity, equations.mechanism.gravity_vector
+    (vx, vy), (sideways, upwards) = point.velocity, mechanism.gravity_vector
     gravity = -upwards if abs(sideways) <= LEVEL * abs(upwards) else 0.0  # tilted: no landing
     above = d_position - [0.0, 1.0] * d_origin
-    landing, d_landing = _landing(
-        point, above, d_velocity, gravity, equations.along("gravity"), ground
-    )
+    d_gravity = equations.along("gravity")
+    landing, d_landing = _landing(point, above, d_velocity, gravity, d_gravity, ground)
     return Sensitivities(
         names=names,
         values=values,
@@ -213,25 +345,6 @@ def _of_the_release(
     )
 
 
-def _with_origin(
-    mechanism: Mechanism, joint: AnyJoint, directions: Sequence[Direction]
-) -> tuple[Mechanism, list[dict[str, float]]]:
-    """The mechanism with a marker where a joint holds its child, moving with its numbers."""
-    marker, known = f"markers.{_ORIGIN}.point", f"joints.{joint.name}.child_point"
-    moving = [
-        dict(d) | {f"{marker}.{i}": d.get(f"{known}.{i}", 0.0) for i in (0, 1)} for d in directions
-    ]
-    markers = (*mechanism.markers, Marker(name=_ORIGIN, body=joint.child, point=joint.child_point))
-    return mechanism.model_copy(update={"markers": markers}), moving
-
-
-def _d_origin(equations: VariationalEquations, n_q: int) -> FloatArray:
-    """Derivatives of that marker's place at the start, shape (m, 2)."""
-    start = Dual(initial_state(equations.mechanism)[0], equations.along_each("start", n_q))
-    place: Any = equations.kinematics.position(equations.data.markers[_ORIGIN], cast("Any", start))
-    return place.tangents.T
-
-
 def release_time_tangent(
     solution: Solution,
     equations: VariationalEquations,
@@ -242,37 +355,32 @@ def release_time_tangent(
     """Derivatives of the release's time, by the implicit function theorem, shape (m,)."""
     if moment.held == "time":
         return np.zeros(len(equations.directions))
+    why = None
     if any(time == moment.time for time, _ in solution.impacts):
-        raise _not_smooth(moment, "an impact turns the velocity through its angle")
-    if moment.held == "velocity":
+        rate, changes = 0.0, np.zeros(0)
+        why = "an impact turns the velocity through its angle"
+    elif moment.held == "velocity":
         rate, changes = lead(point.acceleration, moment.angle), lead(point.d_velocity, moment.angle)
         if abs(rate) <= _GRAZES * math.hypot(*point.acceleration):
-            raise _not_smooth(moment, "the velocity only grazes its angle")
-        return -changes / rate
-    rate, changes = _sling(Projectile(solution), equations, state)
-    if abs(rate) <= _GRAZES * np.abs(state.u).max():
-        raise _not_smooth(moment, "the sling only grazes its angle")
+            why = "the velocity only grazes its angle"
+    else:  # the sling's angle
+        projectile = Projectile(solution)
+        names = projectile.body.name, projectile.arm or projectile.body.name
+        angle = equations.kinematics.angle(*names)
+        start = float(angle.value(state.q))
+        rate = float(angle.value(state.q + state.u)) - start
+        turned: list[float] = []
+        for direction, dq in zip(equations.directions, state.dq, strict=True):
+            other = Kinematics(moved(equations.mechanism, direction)).angle(*names)
+            turned.append(float(other.value(state.q + dq)))
+        changes = np.array(turned) - start
+        if abs(rate) <= _GRAZES * np.abs(state.u).max():
+            why = "the sling only grazes its angle"
+    if why is not None:
+        raise UnsupportedProblemError(
+            f"the release at t = {moment.time:.6g} s has no derivatives: {why}."
+        )
     return -changes / rate
-
-
-def _sling(
-    projectile: Projectile, equations: VariationalEquations, state: StateTangent
-) -> tuple[float, FloatArray]:
-    """The sling angle's rate [rad/s], and its derivatives at a fixed time, shape (m,)."""
-    names = projectile.body.name, projectile.arm or projectile.body.name
-    angle = equations.kinematics.angle(*names)
-    turned = [
-        float(Kinematics(moved(equations.mechanism, direction)).angle(*names).value(state.q + dq))
-        for direction, dq in zip(equations.directions, state.dq, strict=True)
-    ]
-    start = float(angle.value(state.q))
-    return float(angle.value(state.q + state.u)) - start, np.array(turned) - start
-
-
-def _not_smooth(moment: Moment, why: str) -> UnsupportedProblemError:
-    return UnsupportedProblemError(
-        f"the release at t = {moment.time:.6g} s has no derivatives: {why}."
-    )
 
 
 def _landing(
@@ -339,19 +447,7 @@ def parameter_directions(
             `models/trebuchet.py`.
     """
     values = {name: float(getattr(parameters, name)) for name in TrebuchetParameters.model_fields}
-    _refuse_another_machine(build, parameters)
-    directions: dict[str, Direction] = {}
-    for name in values:
-        stepped = whipper_numbers({k: complex(v, _STEP * (k == name)) for k, v in values.items()})
-        directions[name] = {k: complex(v).imag / _STEP for k, v in stepped.items()}
-    return directions
-
-
-def _refuse_another_machine(
-    build: Callable[[TrebuchetParameters], Mechanism], parameters: TrebuchetParameters
-) -> None:
-    """Compare all numbers at two sets of parameters, which shows what depends on them."""
-    values = {name: float(getattr(parameters, name)) for name in TrebuchetParameters.model_fields}
+    # All numbers at two sets of parameters show what depends on them.
     other = {name: value * 1.01 + 0.001 * (i + 1) for i, (name, value) in enumerate(values.items())}
     first = numbers(build(parameters))
     second = numbers(build(parameters.model_copy(update=other)))
@@ -362,9 +458,14 @@ def _refuse_another_machine(
             if a is None or b is None or abs(a - b) > _SAME * max(1.0, abs(a), abs(b)):
                 raise InputError(
                     f"build makes {name} = {a!r} where the whipper trebuchet has {b!r}; "
-                    "sensitivities to its "
-                    "parameters are known for the fixed and the rolling machine."
+                    "sensitivities to its parameters are known for the fixed and the rolling "
+                    "machine."
                 )
+    directions: dict[str, Direction] = {}
+    for name in values:
+        stepped = whipper_numbers({k: complex(v, _STEP * (k == name)) for k, v in values.items()})
+        directions[name] = {k: complex(v).imag / _STEP for k, v in stepped.items()}
+    return directions
 
 
 def sensitivities_of(
@@ -387,52 +488,43 @@ def sensitivities_of(
     moment = Moment(release.time, performance.held, release.angle)
     solution, ground = performance.solution, performance.surroundings.ground
     mechanism = solution.problem.mechanism
-    units, sentences, joint = dict[str, str](), list[str](), None
+    sentences, joint = list[str](), None
     if name is None:
         joint = origin(mechanism)
         known, sentences = physical_numbers(mechanism, performance.projectile.name)
-        units = {each.name: each.unit for each in known}
-        values = np.array([each.value for each in known])
-        directions = {each.name: each.direction for each in known}
+        units = {number.name: number.unit for number in known}
+        values = np.array([number.value for number in known])
+        directions = {number.name: number.direction for number in known}
     else:
         p = parameters or TrebuchetParameters()
-        directions = parameter_directions(lambda p: model(name, p), p) | _start_directions(
-            mechanism
-        )
-        values = np.array([_value(mechanism, p, each) for each in directions])
+        values, directions = _whipper_directions(lambda p: model(name, p), p, mechanism)
+        units = {parameter: _unit(parameter) for parameter in directions}
     try:
-        found = _of_the_release(
-            solution, tuple(directions), values, tuple(directions.values()), moment, ground, joint
-        )
+        result = _of_the_release(solution, values, directions, moment, ground, joint)
     except UnsupportedProblemError as error:
         return (), (f"there are no sensitivities: {str(error).removesuffix('.')}",)
-    listed = _listed(found, units)
-    return (tuple(sorted(listed, key=_effect)) if name is None else listed), (
-        *sentences,
-        *found.one_sided,
-    )
+    listed: list[Sensitivity] = []
+    for i, number in enumerate(result.names):
+        if not math.isnan(result.d_launch_time[i]):
+            sensitivity = Sensitivity(
+                name=number,
+                value=float(result.values[i]),
+                unit=units[number],
+                launch_time=float(result.d_launch_time[i]),
+                launch_speed=float(result.d_launch_speed[i]),
+                launch_angle=float(result.d_launch_angle[i]),
+                range=None if math.isnan(result.d_range[i]) else float(result.d_range[i]),
+            )
+            listed.append(sensitivity)
+    if name is None:
+        listed.sort(key=_effect)
+    return tuple(listed), (*sentences, *result.one_sided)
 
 
-def _listed(found: Sensitivities, units: Mapping[str, str]) -> tuple[Sensitivity, ...]:
-    return tuple(
-        Sensitivity(
-            name=each,
-            value=float(found.values[i]),
-            unit=units[each] if each in units else _unit(each),
-            launch_time=float(found.d_launch_time[i]),
-            launch_speed=float(found.d_launch_speed[i]),
-            launch_angle=float(found.d_launch_angle[i]),
-            range=None if math.isnan(found.d_range[i]) else float(found.d_range[i]),
-        )
-        for i, each in enumerate(found.names)
-        if not math.isnan(found.d_launch_time[i])
-    )
-
-
-def _effect(each: Sensitivity) -> tuple[float, float]:
+def _effect(sensitivity: Sensitivity) -> tuple[float, float]:
     """Sort key: the effect of one per cent on the range (or speed), then of one unit."""
-    slope = abs(each.launch_speed if each.range is None else each.range)
-    return -abs(each.value) * slope, -slope
+    slope = sensitivity.launch_speed if sensitivity.range is None else sensitivity.range
+    return -abs(sensitivity.value) * abs(slope), -abs(slope)
 
 
 def _unit(name: str) -> str:
@@ -441,4 +533,6 @@ def _unit(name: str) -> str:
         unit = re.search(r"\[(.+)\]", TrebuchetParameters.model_fields[name].description or "")
         return unit.group(1) if unit else ""
     slide = "x_p" in name
-    return ("m/s" if slide else "rad/s") if name.startswith("u_") else "m" if slide else "rad"
+    if name.startswith("u_"):
+        return "m/s" if slide else "rad/s"
+    return "m" if slide else "rad"

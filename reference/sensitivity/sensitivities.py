@@ -17,10 +17,8 @@ from ...models.shown import Shown
 from ..motion import problem_of
 from ..solution import Solution
 from ..solver import solve
-from .kinks import one_sided, sides
-from .numbers import PhysicalNumber, physical_numbers
-from .release import Moment, release_time_tangent
-from .tangent import StateTangent, marker_tangent, state_tangent
+from .release import Moment, physical_numbers, release_time_tangent, scaled_directions
+from .tangent import StateTangent, marker_tangent, one_sided, sides, state_tangent
 from .variational import VariationalEquations
 
 if TYPE_CHECKING:
@@ -140,40 +138,30 @@ def sensitivities(
         SimulationError: an integrator gave up.
     """
     solution = solve(problem_of(mechanism, duration, stop_law))
-    described = solution.problem.mechanism
-    launch = solution.launch
+    described, launch = solution.problem.mechanism, solution.launch
     if at is None:
         at = solution.segments[-1].end if launch is None else launch.time
-    known, notes = physical_numbers(described)
-    chosen = _chosen(known, numbers)
-    # Large values by their relative change, so that one absolute tolerance suits all directions.
-    scale = np.maximum(1.0, np.abs([number.value for number in chosen]))
-    directions = [
-        {name: slope * size for name, slope in number.direction.items()}
-        for number, size in zip(chosen, scale, strict=True)
-    ]
-    equations = VariationalEquations(described, directions, [number.name for number in chosen])
+    chosen, notes = physical_numbers(described)
+    if numbers is not None:
+        by_name = {number.name: number for number in chosen}
+        chosen = []
+        for name in numbers:
+            if name not in by_name:
+                raise InputError(f"there is no number {name!r}; there are: {', '.join(by_name)}.")
+            chosen.append(by_name[name])
+    names = tuple(number.name for number in chosen)
+    values = np.array([number.value for number in chosen])
+    scale, directions = scaled_directions(values, [number.direction for number in chosen])
+    equations = VariationalEquations(described, directions, names)
     state = state_tangent(solution, equations, at)
     none = np.isnan(sides(state.kinks, len(chosen)))
     rows: list[Derivative] = []
     for quantity, of, unit, slopes in _quantities(solution, equations, state):
-        values = np.where(none, np.nan, slopes / scale)
-        for number, value in zip(chosen, values.tolist(), strict=True):
+        derivatives = np.where(none, np.nan, slopes / scale)
+        for number, value in zip(chosen, derivatives.tolist(), strict=True):
             row = quantity, of, unit, number.name, number.unit, number.value, value
             rows.append(Derivative(*row))
-    named = tuple(number.name for number in chosen)
-    return DerivativeTable(described, at, tuple(rows), (*notes, *one_sided(state.kinks, named)))
-
-
-def _chosen(known: list[PhysicalNumber], names: Iterable[str] | None) -> list[PhysicalNumber]:
-    if names is None:
-        return known
-    by_name = {number.name: number for number in known}
-    wanted = list(names)
-    for name in wanted:
-        if name not in by_name:
-            raise InputError(f"there is no number {name!r}; there are: {', '.join(by_name)}.")
-    return [by_name[name] for name in wanted]
+    return DerivativeTable(described, at, tuple(rows), (*notes, *one_sided(state.kinks, names)))
 
 
 def _quantities(
@@ -181,9 +169,8 @@ def _quantities(
 ) -> Iterator[tuple[str, str, str, FloatArray]]:
     """Kind, subject and unit of each quantity, and its derivatives along the directions, (m,)."""
     mechanism = solution.problem.mechanism
-    n_angles = len(mechanism.angles)
     for i, name in enumerate(mechanism.coordinates):
-        unit = "rad" if i < n_angles else "m"
+        unit = "rad" if i < len(mechanism.angles) else "m"
         yield "coordinate", name, unit, state.dq[:, i]
         yield "speed", name, f"{unit}/s", state.du[:, i]
     for marker in mechanism.markers:

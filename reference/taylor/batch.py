@@ -1,7 +1,7 @@
 """Launches of many machines at once, each in a lane of the processor's vectors.
 
-One compiled batch integrator serves all active sets (:mod:`.compiled`), so a lane changes its stops
-without regard to the others; a lane whose machine has launched takes the next one.
+One compiled batch integrator serves all active sets (:mod:`.expressions`), so a lane changes its
+stops without regard to the others; a lane whose machine has launched takes the next one.
 """
 
 from __future__ import annotations
@@ -25,8 +25,7 @@ from ...models.spec import Spec
 from ..contact import ActiveSet, starts_at_rest
 from ..equations import Equations, scales_of
 from ..reactions import refuse_dependent
-from .compiled import batch_pool, jacobian_function, torque_function
-from .expressions import heyoka
+from .expressions import batch_pool, heyoka, jacobian_function, torque_function
 from .numbers import (
     PROJECTILE,
     Structure,
@@ -40,6 +39,10 @@ from .solve import taylor_quantities
 
 BATCH_TOLERANCE = 1e-12
 _CHUNK = 4096  # machines whose numbers are held at a time
+# Singular value below which a lane is near: there the other integrators try a window.
+_NEAR = 0.15
+_POSITIONS = 32  # random ones, for the largest arms
+_SAMPLES = np.linspace(0.0, 1.0, 17)  # of a step
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,7 @@ class BatchLaunches:
 
     release_times: Mapping[str, FloatArray]
     """[s], each of shape (n,)."""
-    launched: np.ndarray[Any, np.dtype[np.bool_]]
+    launched: BoolArray
     """Whether there was a launch within the duration, shape (n,)."""
     time: FloatArray
     """[s], shape (n,)."""
@@ -93,30 +96,25 @@ def launch_batch(
     if not 2.3e-16 <= tolerance <= 1e-2:
         raise InputError(f"tolerance = {tolerance!r} is not between 2.3e-16 and 0.01.")
     source, kind, parts = iter(mechanisms), None, list[BatchLaunches]()
-    machines: _Machines | None = None
+    structure: Structure | None = None
     lanes = int(heyoka().recommended_simd_size())
     while chunk := list(islice(source, _CHUNK)):
         kind = kind or _Kind(chunk[0], duration)
-        machines = _Machines(chunk, kind, len(parts) * _CHUNK, machines and machines.structure)
-        with batch_pool(machines.structure, tolerance, lanes).lend() as integrator:
+        machines = _Machines(chunk, kind, len(parts) * _CHUNK, structure)
+        structure = machines.structure
+        with batch_pool(structure, tolerance, lanes).lend() as integrator:
             parts.append(_Lanes(integrator, machines, duration, tolerance).run())
     if not parts:
         raise InputError("mechanisms is empty; at least one is needed.")
-    return _joined(parts)
-
-
-def _joined(parts: Sequence[BatchLaunches]) -> BatchLaunches:
-    def joined(name: str) -> Any:
-        return np.concatenate([getattr(part, name) for part in parts])
-
-    releases = {
-        name: np.concatenate([part.release_times[name] for part in parts])
-        for name in parts[0].release_times
-    }
-    failures = {
-        k * _CHUNK + i: text for k, part in enumerate(parts) for i, text in part.failures.items()
-    }
-    columns = {name: joined(name) for name in ("launched", "time", "velocity", "q", "u")}
+    columns: dict[str, Any] = {}
+    for name in ("launched", "time", "velocity", "q", "u"):
+        columns[name] = np.concatenate([getattr(part, name) for part in parts])
+    releases: dict[str, FloatArray] = {}
+    for name in parts[0].release_times:
+        releases[name] = np.concatenate([part.release_times[name] for part in parts])
+    failures: dict[int, str] = {}
+    for k, part in enumerate(parts):
+        failures |= {k * _CHUNK + i: text for i, text in part.failures.items()}
     return BatchLaunches(release_times=releases, failures=failures, **columns)
 
 
@@ -124,7 +122,8 @@ class _Kind:
     """Properties that all machines of a batch share with the first one."""
 
     def __init__(self, first: Mechanism, duration: float) -> None:
-        self.name, self.problem, self._what = first.name, Problem(first, duration), self._of(first)
+        self._name, self.problem = first.name, Problem(first, duration)
+        self._properties = self._of(first)
         if first.marker(PROJECTILE) is None:
             raise InputError(
                 f"mechanism {first.name!r} has no marker 'projectile' that could be launched."
@@ -134,33 +133,31 @@ class _Kind:
         """Problem of a valid mechanism: not validated again, which takes as long as its motion."""
         return self.problem.model_copy(update={"mechanism": mechanism})
 
-    def refuse_other(self, mechanism: Mechanism, index: int) -> None:
-        """Raise InputError if a machine is of another kind."""
-        if self._of(mechanism) != self._what:
-            raise self.refusal(mechanism, index)
+    def includes(self, mechanism: Mechanism) -> bool:
+        return self._of(mechanism) == self._properties
 
     def refusal(self, mechanism: Mechanism, index: int) -> InputError:
-        """One sentence for a machine of another kind."""
         return InputError(
-            f"mechanisms[{index}] ({mechanism.name!r}) differs from the first ({self.name!r}) in "
-            "its coordinates, "
-            "stops, loops, force elements or projectile; a batch needs machines of one kind."
+            f"mechanisms[{index}] ({mechanism.name!r}) differs from the first ({self._name!r}) in "
+            "its coordinates, stops, loops, force elements or projectile; a batch needs machines "
+            "of one kind."
         )
 
     @staticmethod
     def _of(mechanism: Mechanism) -> tuple[object, ...]:
         stops = [(type(stop), _reader(type(stop))(vars(stop))) for stop in mechanism.stops]
         thrown = [marker.body for marker in mechanism.markers if marker.name == PROJECTILE]
-        return (
-            mechanism.coordinates,
-            stops,
-            thrown,
-            [(j.name, j.kind) for j in mechanism.loop_joints],
-        )
+        loops = [(joint.name, joint.kind) for joint in mechanism.loop_joints]
+        return mechanism.coordinates, stops, thrown, loops
 
 
 class _Machines:
-    """The machines' parameters and starts as arrays, one column for each."""
+    """The machines' parameters and starts as arrays, one column for each.
+
+    Args:
+        first: index of the first of these machines among all.
+        before: structure of the machines before them, if there are any.
+    """
 
     def __init__(
         self, mechanisms: Sequence[Mechanism], kind: _Kind, first: int, before: Structure | None
@@ -171,7 +168,9 @@ class _Machines:
         self.stops = relevant_stops(kind.problem)
         groups: list[tuple[IndexArray, Problem, Kinematics]] = []
         for indices, alike in stacked(mechanisms):
-            kind.refuse_other(mechanisms[indices[0]], first + int(indices[0]))
+            i = int(indices[0])
+            if not kind.includes(mechanisms[i]):
+                raise kind.refusal(mechanisms[i], first + i)
             groups.append((indices, kind.problem_of(alike), Kinematics(alike)))
         numbers = self._take_structure(groups, first, before)
         n, n_q = len(mechanisms), self.structure.n_q
@@ -201,12 +200,11 @@ class _Machines:
         structures = [structure_of(problem, kinematics, none) for _, problem, kinematics in groups]
         if before is not None:
             structures.append(replace(before, present=()))
-        springs = tuple(
-            any(flags)
-            for flags in zip(*(structure.springs for structure in structures), strict=False)
-        )
+        columns = zip(*(structure.springs for structure in structures), strict=False)
+        springs = tuple(any(flags) for flags in columns)
+        common = replace(structures[0], springs=springs)
         for (indices, _, _), structure in zip(groups, structures, strict=False):
-            if replace(structure, springs=springs) != replace(structures[0], springs=springs):
+            if replace(structure, springs=springs) != common:
                 raise self.kind.refusal(self.mechanisms[indices[0]], first + int(indices[0]))
         rows = [numbers_of(problem, kinematics, np.float64) for _, problem, kinematics in groups]
         numbers = np.empty((len(self.mechanisms), rows[0].shape[1]))
@@ -215,7 +213,7 @@ class _Machines:
         present = np.any(numbers != 0, axis=0)
         if before is not None:
             present |= np.array(before.present)
-        self.structure = replace(structures[0], springs=springs, present=tuple(present.tolist()))
+        self.structure = replace(common, present=tuple(present.tolist()))
         return numbers
 
     def _begin(self) -> None:
@@ -231,9 +229,8 @@ class _Machines:
         self.released_at_start = self.parameters[active].T == 0
         self.alone = np.zeros(len(self.mechanisms), dtype=bool)
         if self.structure.n_loops:
-            self.guard = RankGuard(
-                self.structure, self.parameters, self.states[: self.structure.n_q]
-            )
+            q = self.states[: self.structure.n_q]
+            self.guard = RankGuard(self.structure, self.parameters, q)
             self.alone = self.guard.near_at_start
         for i in np.flatnonzero(~self.plain & ~self.alone).tolist():
             equations = Equations(self.mechanisms[i])
@@ -248,7 +245,6 @@ class _Machines:
         return np.asarray(torque_function(self.structure, np.float64)(self.states, pars=parameters))
 
     def problem(self, i: int) -> Problem:
-        """Problem of one machine."""
         return self.kind.problem_of(self.mechanisms[i])
 
     def velocity(self, i: int, state: FloatArray) -> FloatArray:
@@ -263,8 +259,7 @@ class _Lanes:
     def __init__(
         self, integrator: Any, machines: _Machines, duration: float, tolerance: float
     ) -> None:
-        self.integrator = integrator
-        self.machines = machines
+        self.integrator, self.machines = integrator, machines
         self.structure = machines.structure
         self.active, self.launch = self.structure.active, self.structure.launch
         self.torques = torque_function(self.structure, np.float64) if machines.stops else None
@@ -282,34 +277,32 @@ class _Lanes:
 
     def run(self) -> BatchLaunches:
         """Until every machine has launched, or not within the duration."""
-        success, guard = heyoka().taylor_outcome.success, self.machines.guard
-        not_finite = heyoka().taylor_outcome.err_nf_state
-        for i in np.flatnonzero(self.machines.alone).tolist():
+        machines, guard = self.machines, self.machines.guard
+        outcomes = heyoka().taylor_outcome
+        for i in np.flatnonzero(machines.alone).tolist():
             self._solve_alone(i)
         for lane in range(len(self.machine)):
             self._load(lane)
         while max(self.machine) >= 0:
             self.integrator.step(write_tc=guard is not None)
             late = (self.integrator.time > self.duration).tolist()
-            if guard is None:
-                near = None
-            else:
+            near = [False] * len(late)
+            if guard is not None:
                 near = guard.after_step(self.integrator, np.array(self.machine)).tolist()
             for lane, (outcome, _) in enumerate(self.integrator.step_res):
                 if self.machine[lane] < 0:
-                    if outcome == not_finite:
+                    if outcome == outcomes.err_nf_state:
                         self._load(lane)
-                elif near is not None and near[lane]:
+                elif near[lane]:
                     self._solve_alone(self.machine[lane])
                     self._load(lane)
                 elif late[lane]:
                     self._load(lane)
-                elif outcome != success:
-                    self._event(lane, int(outcome))
-        n_q = self.structure.n_q
-        releases = {name: np.full(len(self.time), np.nan) for name in self.machines.names}
-        releases |= dict(zip(self.machines.stops, self.releases.T, strict=True))
-        launched = np.isfinite(self.time)
+                elif outcome != outcomes.success:
+                    self._event(lane, -int(outcome) - 1)
+        releases = {name: np.full(len(self.time), np.nan) for name in machines.names}
+        releases |= dict(zip(machines.stops, self.releases.T, strict=True))
+        launched, n_q = np.isfinite(self.time), self.structure.n_q
         q, u = self.at_launch[:, :n_q], self.at_launch[:, n_q:]
         return BatchLaunches(releases, launched, self.time, self.velocity, q, u, self.failures)
 
@@ -317,15 +310,16 @@ class _Lanes:
         """Solve a machine that the lanes cannot take, or note why it cannot be solved."""
         self.releases[i] = np.nan
         try:
-            found = taylor_quantities(self.machines.problem(i), "double", self.tolerance)
+            throw = taylor_quantities(self.machines.problem(i), "double", self.tolerance)
         except SimulationError as error:
             self.failures[i] = str(error)
             return
-        times = (found.release_times[name] for name in self.machines.stops)
-        self.releases[i] = [np.nan if time is None else time for time in times]
-        if found.launch_q is not None and found.launch_u is not None:
-            self.time[i], self.velocity[i] = found.launch_time, found.launch_velocity
-            self.at_launch[i] = np.concatenate([found.launch_q, found.launch_u])
+        for k, name in enumerate(self.machines.stops):
+            if (time := throw.release_times[name]) is not None:
+                self.releases[i, k] = time
+        if throw.launch_q is not None and throw.launch_u is not None:
+            self.time[i], self.velocity[i] = throw.launch_time, throw.launch_velocity
+            self.at_launch[i] = np.concatenate([throw.launch_q, throw.launch_u])
 
     def _load(self, lane: int) -> None:
         """Give a lane the next machine; without one, the last again, whose results are ignored."""
@@ -343,48 +337,36 @@ class _Lanes:
         self.integrator.reset_cooldowns(lane)
 
     def _look_for_launch(self, lane: int) -> None:
+        """A launch is an event from when none of the projectile's own rests holds it."""
         held = self.pars[self.active, lane] @ self.machines.rests
         self.pars[self.launch, lane] = 0.0 if held else 1.0
 
-    def _event(self, lane: int, outcome: int) -> None:
-        stop = -outcome - 1
-        if stop > len(self.machines.stops):  # the state is not finite
-            self._solve_alone(self.machine[lane])
-            self._load(lane)
-        elif stop < len(self.machines.stops):
-            self._release(lane, stop)
-        elif self._is_launch(lane):
-            self._load(lane)
-
-    def _release(self, lane: int, stop: int) -> None:
-        active = self.pars[self.active, lane]
-        opened = np.zeros(len(active), dtype=bool)
-        opened[stop] = True
-        while opened.any():  # stops that would have to pull now open at the same instant
-            self.releases[self.machine[lane], opened] = self.integrator.time[lane]
-            active[opened] = 0.0
-            if self.torques is None or not active.any():
-                break
-            pars = self.pars[: self.active.stop, lane].copy()
-            opened = self.torques(self.state[:-1, lane].copy(), pars=pars) < 0
-        self._look_for_launch(lane)
-
-    def _is_launch(self, lane: int) -> bool:
-        """Record a launch, if it is one: not the opposite direction, nor a start from rest."""
+    def _event(self, lane: int, event: int) -> None:
+        """Open a stop, or record a launch, and go on with the next machine."""
         i = self.machine[lane]
-        time = float(self.integrator.time[lane])
         state = self.state[:-1, lane].copy()
-        velocity = self.machines.velocity(i, state)
-        if not is_launch(velocity, scale=self.machines.speed_scales[i]):
-            return False
-        self.time[i], self.at_launch[i], self.velocity[i] = time, state, velocity
-        return True
-
-
-# Singular value below which a lane is near: there the other integrators try a window.
-_NEAR = 0.15
-_POSITIONS = 32  # random ones, for the largest arms
-_SAMPLES = np.linspace(0.0, 1.0, 17)  # of a step
+        if event < len(self.machines.stops):
+            active = self.pars[self.active, lane]
+            opened = np.zeros(len(active), dtype=bool)
+            opened[event] = True
+            while opened.any():  # stops that would have to pull now open at the same instant
+                self.releases[i, opened] = self.integrator.time[lane]
+                active[opened] = 0.0
+                if self.torques is None or not active.any():
+                    break
+                pars = self.pars[: self.active.stop, lane].copy()
+                opened = self.torques(state, pars=pars) < 0
+            self._look_for_launch(lane)
+        elif event > len(self.machines.stops):  # the state is not finite
+            self._solve_alone(i)
+            self._load(lane)
+        else:
+            velocity = self.machines.velocity(i, state)
+            # Neither in the opposite direction, nor a start from rest.
+            if is_launch(velocity, scale=self.machines.speed_scales[i]):
+                self.time[i] = float(self.integrator.time[lane])
+                self.at_launch[i], self.velocity[i] = state, velocity
+                self._load(lane)
 
 
 class RankGuard:
@@ -420,23 +402,18 @@ class RankGuard:
             integrator: with the Taylor coefficients of its last step.
             machines: index of each lane's machine, shape (lanes,).
         """
-        q, parameters = self._positions(integrator), integrator.pars
-        variation = np.sum(
-            np.abs(np.diff(q, axis=1)).sum(axis=1) * self._slopes[machines].T, axis=0
-        )
+        coefficients, parameters = integrator.tc[: self._structure.n_q], integrator.pars
+        degrees = np.arange(coefficients.shape[1])
+        terms = coefficients * integrator.last_h ** degrees[:, None]
+        q = np.einsum("ikl,sk->isl", terms, _SAMPLES[:, None] ** degrees)  # (n_q, samples, lanes)
+        changes = np.abs(np.diff(q, axis=1)).sum(axis=1)
+        variation = np.sum(changes * self._slopes[machines].T, axis=0)
         at_ends = self._least(q[:, [0, -1]], parameters, machines).sum(axis=0)
         near = ~(0.5 * (at_ends - variation) > _NEAR)
         if np.any(near):
             sampled = self._least(q[:, :, near], parameters[:, near], machines[near])
             near[near] = ~(sampled.min(axis=0) > _NEAR)
         return near
-
-    def _positions(self, integrator: Any) -> FloatArray:
-        """Samples of the last step, shape (n_q, samples, lanes)."""
-        coefficients = integrator.tc[: self._structure.n_q]
-        degrees = np.arange(coefficients.shape[1])
-        terms = coefficients * integrator.last_h ** degrees[:, None]
-        return np.einsum("ikl,sk->isl", terms, _SAMPLES[:, None] ** degrees)
 
     def _jacobian(self, q: FloatArray, parameters: FloatArray) -> FloatArray:
         """Shape (n, n_constraints, n_q); zero where the coordinates are not finite."""
@@ -449,12 +426,10 @@ class RankGuard:
         """Least singular value of the active constraints at q (n_q, samples, n): (samples, n)."""
         jacobian = self._jacobian(q.reshape(len(q), -1), np.tile(parameters, q.shape[1]))
         stops = parameters[self._structure.active].T > 0
-        active = np.concatenate(
-            [np.ones((len(stops), self._structure.n_loops), dtype=bool), stops], axis=1
-        )
-        scaled = jacobian.reshape(*q.shape[1:], *jacobian.shape[1:]) * (
-            self._scales[machines] * active[..., None]
-        )
+        loops = np.ones((len(stops), self._structure.n_loops), dtype=bool)
+        active = np.concatenate([loops, stops], axis=1)
+        scales = self._scales[machines] * active[..., None]
+        scaled = jacobian.reshape(*q.shape[1:], *jacobian.shape[1:]) * scales
         values, rank = np.linalg.svd(scaled, compute_uv=False), active.sum(axis=1)
         least = values[..., np.arange(len(rank)), np.minimum(rank, values.shape[-1]) - 1]
         return np.where(rank > values.shape[-1], 0.0, least)
@@ -473,29 +448,20 @@ def stacked(mechanisms: Sequence[Mechanism]) -> Iterator[tuple[IndexArray, Mecha
     """
     kinds: dict[tuple[object, ...], list[int]] = {}
     for i, mechanism in enumerate(mechanisms):
-        kinds.setdefault(_kind(mechanism), []).append(i)
+        fields = mechanism.__dict__
+        kind: list[object] = [len(fields["start"]), len(fields["start_speeds"])]
+        for name in _PARTS:
+            kind.append(name)
+            for part in fields[name]:
+                kind += (type(part), _reader(type(part))(part.__dict__))
+        kinds.setdefault(tuple(kind), []).append(i)
     for indices in kinds.values():
         alike = [mechanisms[i] for i in indices]
-        fields = _columns(alike)
+        columns = _columns(alike)
         for name in _PARTS:
-            columns = zip(*(getattr(mechanism, name) for mechanism in alike), strict=True)
-            fields[name] = tuple(_stacked(parts) for parts in columns)
-        yield np.array(indices), alike[0].model_copy(update=fields)
-
-
-def _kind(mechanism: Mechanism) -> tuple[object, ...]:
-    fields = mechanism.__dict__
-    kind: list[object] = [len(fields["start"]), len(fields["start_speeds"])]
-    for name in _PARTS:
-        kind.append(name)
-        for part in fields[name]:
-            kind += (type(part), _reader(type(part))(part.__dict__))
-    return tuple(kind)
-
-
-def _stacked(parts: Sequence[Spec]) -> Spec:
-    """Bodies, or joints, stops, ... of one kind as one."""
-    return parts[0].model_copy(update=_columns(parts))
+            parts = zip(*(getattr(mechanism, name) for mechanism in alike), strict=True)
+            columns[name] = tuple(part[0].model_copy(update=_columns(part)) for part in parts)
+        yield np.array(indices), alike[0].model_copy(update=columns)
 
 
 def _columns(specs: Sequence[Spec]) -> dict[str, Any]:
@@ -510,13 +476,11 @@ def _columns(specs: Sequence[Spec]) -> dict[str, Any]:
 @lru_cache
 def _numbers(cls: type[Spec]) -> tuple[str, ...]:
     """Names of the fields that hold numbers, or vectors of them."""
-    return tuple(
-        name for name, field in cls.model_fields.items() if _holds_floats(field.annotation)
-    )
 
+    def holds_floats(annotation: object) -> bool:
+        return annotation is float or any(holds_floats(part) for part in get_args(annotation))
 
-def _holds_floats(annotation: object) -> bool:
-    return annotation is float or any(_holds_floats(part) for part in get_args(annotation))
+    return tuple(name for name, f in cls.model_fields.items() if holds_floats(f.annotation))
 
 
 @lru_cache

@@ -85,11 +85,6 @@ class Structure:
         return self.n_angles + self.n_slides
 
     @property
-    def n_states(self) -> int:
-        """Number of variables the integrator has: q, u and an observer."""
-        return 2 * self.n_q + 1
-
-    @property
     def n_stops(self) -> int:
         """Number of stops that may ever be active."""
         return len(self.gap_rows)
@@ -102,18 +97,23 @@ class Structure:
     @property
     def sections(self) -> dict[str, tuple[int, ...]]:
         """Names and shapes of the sections of numbers; the first axis is real, imaginary."""
-        n_q, lines = self.n_q, sum(isinstance(row, int) for row in self.loop_rows + self.gap_rows)
-        waves: dict[str, tuple[int, ...]] = {"products": (n_q, n_q), "weights": (n_q,)}
-        waves |= {
-            "loops": (self.loop_rows.count(None), n_q),
-            "points": (self.gap_rows.count(None), n_q),
-            "lead": (n_q,),
+        n_q, n_springs = self.n_q, len(self.springs)
+        lines = sum(isinstance(row, int) for row in self.loop_rows + self.gap_rows)
+        return {
+            "products": (2, n_q, n_q),
+            "weights": (2, n_q),
+            "loops": (2, self.loop_rows.count(None), n_q),
+            "points": (2, self.gap_rows.count(None), n_q),
+            "lead": (2, n_q),
+            "limits": (self.n_stops,),
+            "lines": (2, lines, n_q),
+            "directions": (2, lines),
+            "line_offsets": (2, lines),
+            "springs": (2, n_springs, n_q),
+            "spring_offsets": (2, n_springs),
+            "spring_data": (3, n_springs),
+            "twist_data": (5, len(self.twists)),
         }
-        vectors = {"lines": (lines, n_q), "directions": (lines,), "line_offsets": (lines,)}
-        vectors |= {"springs": (len(self.springs), n_q), "spring_offsets": (len(self.springs),)}
-        shapes = {name: (2, *shape) for name, shape in waves.items()} | {"limits": (self.n_stops,)}
-        shapes |= {name: (2, *shape) for name, shape in vectors.items()}
-        return shapes | {"spring_data": (3, len(self.springs)), "twist_data": (5, len(self.twists))}
 
     # Switches follow the numbers among the parameters.
 
@@ -151,19 +151,26 @@ def relevant_stops(problem: Problem) -> tuple[str, ...]:
 
 def structure_of(problem: Problem, kinematics: Kinematics, present: NDArray[np.bool_]) -> Structure:
     """The structure a problem's numbers belong to."""
-    terms = force_terms(kinematics)
+
+    def senses(angle: AngleFunction) -> tuple[int, ...]:
+        return tuple(int(entry) for entry in angle.coefficients)
+
+    def row(function: ScalarFunction) -> Row:
+        if isinstance(function, AngleFunction):
+            return senses(function)
+        return function.body if isinstance(function, LineFunction) else None
+
+    terms = _force_terms(kinematics)
+    springs = [bool(np.any(s.rest_length) or np.any(s.damping)) for s, _ in terms.springs]
     n_angles = len(problem.mechanism.angles)
     return Structure(
         n_angles=n_angles,
         n_slides=len(problem.mechanism.coordinates) - n_angles,
         carried=kinematics.carried,
-        loop_rows=tuple(_row(closure) for closure in kinematics.loop_closures),
-        gap_rows=tuple(_row(kinematics.gaps[name]) for name in relevant_stops(problem)),
-        springs=tuple(
-            bool(np.any(spring.rest_length) or np.any(spring.damping))
-            for spring, _ in terms.springs
-        ),
-        twists=tuple(_senses(angle) for _, angle in terms.twists),
+        loop_rows=tuple(row(closure) for closure in kinematics.loop_closures),
+        gap_rows=tuple(row(kinematics.gaps[name]) for name in relevant_stops(problem)),
+        springs=tuple(springs),
+        twists=tuple(senses(angle) for _, angle in terms.twists),
         closes=problem.stop_law is StopLaw.UNILATERAL,
         present=tuple(bool(flag) for flag in present),
         throws=bool(np.any(projectile_row(problem.mechanism, kinematics).coefficients)),
@@ -171,9 +178,10 @@ def structure_of(problem: Problem, kinematics: Kinematics, present: NDArray[np.b
 
 
 @dataclass
-class ForceTerms:
+class _ForceTerms:
     """Force elements of a mechanism by the terms of the equations that they make."""
 
+    kinematics: Kinematics
     springs: list[tuple[SpringDamper, PointCoefficients]] = field(default_factory=list[Any])
     """Springs and dampers between points, with the vector to the body's point."""
     twists: list[tuple[tuple[float, ...], AngleFunction]] = field(default_factory=list[Any])
@@ -182,63 +190,48 @@ class ForceTerms:
     pulls: list[tuple[ConstantForce, PointCoefficients]] = field(default_factory=list[Any])
     """Constant forces, with the point that they act on."""
 
+    def add_spring(self, e: SpringDamper) -> None:
+        vector = self.kinematics.between(e.body, e.point, e.relative_to, e.relative_point)
+        self.springs.append((e, vector))
 
-def force_terms(kinematics: Kinematics) -> ForceTerms:
-    """The terms of a mechanism's force elements, from the elements' own numbers."""
-    terms = ForceTerms()
-    for element in kinematics.mechanism.force_elements:
-        _TERMS[element](terms, kinematics, element)
-    return terms
+    def add_rotational(self, e: RotationalSpringDamper) -> None:
+        angle = self.kinematics.angle(e.body, e.relative_to)
+        relaxed = e.rest_angle - angle.constant
+        self.twists.append(((e.stiffness, e.damping, e.stiffness * relaxed, 0.0, 0.0), angle))
 
+    def add_cubic(self, e: CubicTorsionSpring) -> None:
+        angle = self.kinematics.angle(e.body, e.relative_to)
+        relaxed = e.rest_angle - angle.constant
+        numbers = (e.stiffness, 0.0, e.stiffness * relaxed, e.cubic_stiffness, relaxed)
+        self.twists.append((numbers, angle))
 
-def _add_spring(terms: ForceTerms, kinematics: Kinematics, e: SpringDamper) -> None:
-    vector = kinematics.between(e.body, e.point, e.relative_to, e.relative_point)
-    terms.springs.append((e, vector))
+    def add_torque(self, e: ConstantTorque) -> None:
+        angle = self.kinematics.angle(e.body, e.relative_to)
+        self.twists.append(((0.0, 0.0, e.torque, 0.0, 0.0), angle))
 
-
-def _add_rotational(terms: ForceTerms, kinematics: Kinematics, e: RotationalSpringDamper) -> None:
-    angle = kinematics.angle(e.body, e.relative_to)
-    relaxed = e.rest_angle - angle.constant
-    terms.twists.append(((e.stiffness, e.damping, e.stiffness * relaxed, 0.0, 0.0), angle))
-
-
-def _add_cubic(terms: ForceTerms, kinematics: Kinematics, e: CubicTorsionSpring) -> None:
-    angle = kinematics.angle(e.body, e.relative_to)
-    relaxed = e.rest_angle - angle.constant
-    numbers = (e.stiffness, 0.0, e.stiffness * relaxed, e.cubic_stiffness, relaxed)
-    terms.twists.append((numbers, angle))
+    def add_force(self, e: ConstantForce) -> None:
+        self.pulls.append((e, self.kinematics.point(e.body, e.point)))
 
 
-def _add_torque(terms: ForceTerms, kinematics: Kinematics, e: ConstantTorque) -> None:
-    angle = kinematics.angle(e.body, e.relative_to)
-    terms.twists.append(((0.0, 0.0, e.torque, 0.0, 0.0), angle))
-
-
-def _add_force(terms: ForceTerms, kinematics: Kinematics, e: ConstantForce) -> None:
-    terms.pulls.append((e, kinematics.point(e.body, e.point)))
-
-
-_TERMS: ElementTable[Callable[[ForceTerms, Kinematics, Any], None]] = ElementTable(
+_TERMS: ElementTable[Callable[[_ForceTerms, Any], None]] = ElementTable(
     "The Taylor integrator",
     FORCE_ELEMENTS,
     {
-        SpringDamper: _add_spring,
-        RotationalSpringDamper: _add_rotational,
-        CubicTorsionSpring: _add_cubic,
-        ConstantForce: _add_force,
-        ConstantTorque: _add_torque,
+        SpringDamper: _ForceTerms.add_spring,
+        RotationalSpringDamper: _ForceTerms.add_rotational,
+        CubicTorsionSpring: _ForceTerms.add_cubic,
+        ConstantForce: _ForceTerms.add_force,
+        ConstantTorque: _ForceTerms.add_torque,
     },
 )
 
 
-def _row(function: ScalarFunction) -> Row:
-    if isinstance(function, AngleFunction):
-        return _senses(function)
-    return function.body if isinstance(function, LineFunction) else None
-
-
-def _senses(angle: AngleFunction) -> tuple[int, ...]:
-    return tuple(int(entry) for entry in angle.coefficients)
+def _force_terms(kinematics: Kinematics) -> _ForceTerms:
+    """The terms of a mechanism's force elements, from the elements' own numbers."""
+    terms = _ForceTerms(kinematics)
+    for element in kinematics.mechanism.force_elements:
+        _TERMS[element](terms, element)
+    return terms
 
 
 def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real:
@@ -246,84 +239,63 @@ def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real
 
     Of stacked machines (:func:`.batch.stacked`) one vector for each, shape (n, n_numbers).
     """
-    mechanism, terms = problem.mechanism, force_terms(kinematics)
+    mechanism, terms = problem.mechanism, _force_terms(kinematics)
     machines, n_q = np.shape(mechanism.gravity), len(kinematics.is_angle)
-    masses = kinematics.masses.astype(real)
-    centres = _wide(kinematics.centres, real)
+    masses, centres = kinematics.masses.astype(real), _wide(kinematics.centres, real)
     gaps = [kinematics.gaps[name] for name in relevant_stops(problem)]
-    constraints = [*kinematics.loop_closures, *gaps]
-    lines = [function for function in constraints if isinstance(function, LineFunction)]
+    lines = [row for row in (*kinematics.loop_closures, *gaps) if isinstance(row, LineFunction)]
+    spring_data = [(s.stiffness, s.damping, s.rest_length) for s, _ in terms.springs]
+    twist_data = [numbers for numbers, _ in terms.twists]
+
+    def stacked(values: Sequence[complex | ComplexArray], *size: int) -> ComplexArray:
+        """Values, each of one size or the same for all machines, along a last axis."""
+        columns = np.empty((*machines, *size, len(values)), dtype=np.complex128)
+        for k, value in enumerate(values):
+            columns[..., k] = value
+        return columns
 
     def waves(rows: Sequence[ComplexArray], vectors: bool = False) -> Complex:
-        return _waves(
-            _wide(_stacked(rows, (*machines, n_q)).swapaxes(-1, -2), real), kinematics, vectors
-        )
+        return _waves(_wide(stacked(rows, n_q).swapaxes(-1, -2), real), kinematics, vectors)
+
+    def points(functions: Sequence[ScalarFunction]) -> Complex:
+        """Rows L with Re(L w' u) the rates of loops' constraints, or the speeds of gaps."""
+        return waves([row.coefficients for row in functions if isinstance(row, PointFunction)])
 
     # The component across the launch direction is Im(e^{-i angle} v) = Re(-i e^{-i angle} v).
-    lead = _wide(projectile_row(mechanism, kinematics).coefficients, real) * (
-        np.exp(-1j * real(LAUNCH_ANGLE)) * -1j
-    )
-    springs = [vector for _, vector in terms.springs]
-    sections = (
-        _products(centres, masses, kinematics, real),
-        _waves(_pulls(centres, masses, terms, mechanism, real), kinematics),
-        # Rows L with Re(L w' u) the rates of the loops' constraints, and the gap speeds of the
-        # stops on points.
-        waves(
-            [row.coefficients for row in kinematics.loop_closures if isinstance(row, PointFunction)]
-        ),
-        waves([row.coefficients for row in gaps if isinstance(row, PointFunction)]),
-        _waves(lead, kinematics),
-    )
-    vectors = (
-        waves([line.vector.coefficients for line in lines], vectors=True),
-        _stacked([line.direction for line in lines], machines),
-        _stacked([line.vector.offset for line in lines], machines),
-        waves([vector.coefficients for vector in springs], vectors=True),
-        _stacked([vector.offset for vector in springs], machines),
-    )
-    # What is taken off the waves (or angles) of a gap.
-    limits = [-gap.constant * (problem.stop_law is StopLaw.UNILATERAL) for gap in gaps]
-    spring_data = [
-        (spring.stiffness, spring.damping, spring.rest_length) for spring, _ in terms.springs
-    ]
-    twist_data = [twist for twist, _ in terms.twists]
-    data = [
-        number
-        for each in (spring_data, twist_data)
-        for row in zip(*each, strict=True)
-        for number in row
-    ]
-    parts = [_parts(section, machines) for section in sections] + [_stacked(limits, machines).real]
-    parts += [_parts(section, machines) for section in vectors] + [_stacked(data, machines).real]
-    return cast("Real", np.concatenate(parts, axis=-1).astype(real))
-
-
-def _parts(section: Complex, machines: tuple[int, ...]) -> Real:
-    """Real and imaginary parts, shape (..., 2 n)."""
-    flat = section.reshape(*machines, -1)
-    return np.concatenate([flat.real, flat.imag], axis=-1)
-
-
-def _stacked(values: Sequence[complex | ComplexArray], shape: tuple[int, ...]) -> ComplexArray:
-    """Values, each of one shape or the same for all machines, along a last axis."""
-    columns = np.empty((*shape, len(values)), dtype=np.complex128)
-    for k, value in enumerate(values):
-        columns[..., k] = value
-    return columns
-
-
-def _pulls(
-    centres: Complex, masses: Real, terms: ForceTerms, mechanism: Mechanism, real: RealType
-) -> Complex:
-    """Coefficients c of the weights and constant forces, whose generalized forces are Re(c w')."""
+    across = np.exp(-1j * real(LAUNCH_ANGLE)) * -1j
+    lead = _wide(projectile_row(mechanism, kinematics).coefficients, real) * across
+    # Coefficients c of weights and constant forces, whose generalized forces are Re(c w').
     direction = _wide(np.array(as_complex(mechanism.gravity_direction)).conj(), real)
     gravity = direction * np.asarray(mechanism.gravity, dtype=real)
-    pulls = (masses[..., None, :] @ centres)[..., 0, :] * gravity[..., None]
+    weights = (masses[..., None, :] @ centres)[..., 0, :] * gravity[..., None]
     for element, point in terms.pulls:
         force = np.array(as_complex(element.force)).conj()[..., None]
-        pulls = pulls + _wide(force * point.coefficients, real)
-    return cast("Complex", pulls)
+        weights = weights + _wide(force * point.coefficients, real)
+    unilateral = problem.stop_law is StopLaw.UNILATERAL
+    springs = [vector for _, vector in terms.springs]
+    sections: dict[str, Complex] = {
+        "products": _products(centres, masses, kinematics, real),
+        "weights": _waves(weights, kinematics),
+        "loops": points(kinematics.loop_closures),
+        "points": points(gaps),
+        "lead": _waves(lead, kinematics),
+        # What is taken off the waves (or angles) of a gap.
+        "limits": stacked([-gap.constant * unilateral for gap in gaps]),
+        "lines": waves([line.vector.coefficients for line in lines], vectors=True),
+        "directions": stacked([line.direction for line in lines]),
+        "line_offsets": stacked([line.vector.offset for line in lines]),
+        "springs": waves([vector.coefficients for vector in springs], vectors=True),
+        "spring_offsets": stacked([vector.offset for vector in springs]),
+        "spring_data": stacked([x for row in zip(*spring_data, strict=True) for x in row]),
+        "twist_data": stacked([x for row in zip(*twist_data, strict=True) for x in row]),
+    }
+    parts: list[Real] = []
+    for name, section in sections.items():
+        flat = section.reshape(*machines, -1)
+        parts.append(flat.real)
+        if name not in ("limits", "spring_data", "twist_data"):
+            parts.append(flat.imag)
+    return cast("Real", np.concatenate(parts, axis=-1).astype(real))
 
 
 def _wide(values: NDArray[np.complex128], real: RealType) -> Complex:

@@ -1,25 +1,41 @@
-"""The projectile after its release, through vacuum or air, to its landing."""
+"""The release of the projectile, at a time, at an angle or for the longest range, and its flight.
+
+The flight goes through vacuum or air to the landing.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 from pydantic import Field
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, minimize_scalar
 
 from ...models.arrays import FloatArray
+from ...models.elements import GROUND
 from ...models.errors import InputError
-from ...models.mechanism import Mechanism
+from ...models.launch import LAUNCH_ANGLE
+from ...models.mechanism import Body, Marker, Mechanism
+from ...models.problem import StopLaw
 from ...models.spec import NonNegative, Positive, Real, Spec
+from ..solution import Solution
+from ..solver import characteristic_time, solve_until
 
 FINE, COARSE = 1e-13, 1e-7
 """Relative local errors of a flight that counts, and of one that is only ranked among others."""
 LEVEL = 1e-12
 """Rounding of a direction [rad]."""
+
+# Durations of the motions, in characteristic times; Table I's sweep ends at 2.5.
+_SPANS = (3.0, 6.0, 12.0)
+_SCAN = 400  # releases tried over a sweep: some 3 ms apart, where the peak is tens of ms wide
+_CANDIDATES = 3  # highest peaks of the scan that are refined
+_DOWN = -math.pi / 2
 
 
 class Air(Spec):
@@ -173,17 +189,31 @@ def fly(release: Release, surroundings: Surroundings) -> Flight:
     Raises:
         InputError: the projectile never comes up to the ground's height.
     """
-    if surroundings.drag == 0:
-        flight = _vacuum_flight(release, surroundings)
-    else:
+    if surroundings.drag > 0:
         flight = drag_flight(release, surroundings)
-    if flight is None:
-        raise InputError(
-            f"a projectile released at y = {release.position[1]:.6g} m with "
-            f"{release.velocity[1]:.6g} m/s upwards never comes up to the landing height y = "
-            f"{surroundings.ground:.6g} m; a lower one is needed."
-        )
-    return flight
+        if flight is None:
+            raise _never_lands(release, surroundings)
+        return flight
+    (x, y), (vx, vy), g = release.position, release.velocity, surroundings.gravity
+    time = float(fall_time(np.array(y), np.array(vy), surroundings))
+    if math.isnan(time):
+        raise _never_lands(release, surroundings)
+
+    def state(t: FloatArray) -> FloatArray:
+        height = y + vy * t - 0.5 * g * t * t
+        return np.stack([x + vx * t, height, np.full_like(t, vx), vy - g * t], axis=-1)
+
+    apex = y + max(vy, 0.0) ** 2 / (2 * g)
+    distance, impact = x + vx * time - surroundings.origin, (vx, vy - g * time)
+    return Flight(release, distance, apex, time, impact, state)
+
+
+def _never_lands(release: Release, surroundings: Surroundings) -> InputError:
+    return InputError(
+        f"a projectile released at y = {release.position[1]:.6g} m with "
+        f"{release.velocity[1]:.6g} m/s upwards never comes up to the landing height y = "
+        f"{surroundings.ground:.6g} m; a lower one is needed."
+    )
 
 
 def fall_time(y: FloatArray, vy: FloatArray, surroundings: Surroundings) -> FloatArray:
@@ -195,83 +225,70 @@ def fall_time(y: FloatArray, vy: FloatArray, surroundings: Surroundings) -> Floa
         return np.where(time >= 0, time, np.nan)
 
 
-def _vacuum_flight(release: Release, surroundings: Surroundings) -> Flight | None:
-    (x, y), (vx, vy), g = release.position, release.velocity, surroundings.gravity
-    time = float(fall_time(np.array(y), np.array(vy), surroundings))
-    if math.isnan(time):
-        return None
+def _fall(start: FloatArray, surroundings: Surroundings, tolerance: float) -> list[Any] | None:
+    """Integrate through air up to the apex, then down: y is monotone in each, so none is missed.
 
-    def state(t: FloatArray) -> FloatArray:
-        return np.stack(
-            [x + vx * t, y + vy * t - 0.5 * g * t * t, np.full_like(t, vx), vy - g * t], axis=-1
-        )
+    Args:
+        start: (x, y, vx, vy), or that and its variation.
+        surroundings: with drag.
+        tolerance: relative local error.
+    """
+    drag, gravity, ground = surroundings.drag, surroundings.gravity, surroundings.ground
 
-    apex = y + max(vy, 0.0) ** 2 / (2 * g)
-    return Flight(
-        release, x + vx * time - surroundings.origin, apex, time, (vx, vy - g * time), state
-    )
-
-
-@dataclass(frozen=True)
-class _Fall:
-    """Flight through air: y is (x, y, vx, vy), or that and its variation."""
-
-    surroundings: Surroundings
-    tolerance: float
-
-    def rates(self, _: float, y: FloatArray) -> FloatArray:
+    def rates(_: float, y: FloatArray) -> FloatArray:
         """Rates of y: a = -k |v| v - g, and its variation."""
-        k, velocity, speed = self.surroundings.drag, y[2:4], math.hypot(y[2], y[3])
+        velocity, speed = y[2:4], math.hypot(y[2], y[3])
         rates = np.empty_like(y)
         rates[:2] = velocity
-        rates[2:4] = -k * speed * velocity
-        rates[3] -= self.surroundings.gravity
+        rates[2:4] = -drag * speed * velocity
+        rates[3] -= gravity
         if len(y) > 4:
             change = y[6:8]
             along = velocity * (velocity @ change) / speed if speed else 0.0
             rates[4:6] = change
-            rates[6:8] = -k * (speed * change + along)
+            rates[6:8] = -drag * (speed * change + along)
         return rates
 
-    def leg(self, start: FloatArray, until: Callable[[float, FloatArray], float]) -> Any:
+    def leg(start: FloatArray, until: Callable[[float, FloatArray], float]) -> Any:
         """Integrate until a function of time and state falls through zero."""
         setattr(until, "terminal", True)  # noqa: B010  SciPy reads attributes of the function
         setattr(until, "direction", -1.0)  # noqa: B010
         return solve_ivp(
-            self.rates, (0.0, np.inf), start, "DOP853", dense_output=True, events=until,
-            rtol=self.tolerance, atol=10 * self.tolerance,
-        )  # fmt: skip
+            rates,
+            (0.0, np.inf),
+            start,
+            "DOP853",
+            dense_output=True,
+            events=until,
+            rtol=tolerance,
+            atol=10 * tolerance,
+        )
 
-    def legs(self, start: FloatArray) -> list[Any] | None:
-        """Integrate up to the apex, then down: y is monotone in each, so no landing is missed."""
-        rise = [self.leg(start, lambda _, y: y[3])] if start[3] > 0 else []
-        top = rise[0].y[:, -1] if rise else start
-        if top[1] < self.surroundings.ground:
-            return None
-        return [*rise, self.leg(top, lambda _, y: y[1] - self.surroundings.ground)]
+    rise = [leg(start, lambda _, y: y[3])] if start[3] > 0 else []
+    top = rise[0].y[:, -1] if rise else start
+    if top[1] < ground:
+        return None
+    return [*rise, leg(top, lambda _, y: y[1] - ground)]
 
 
 def drag_flight(
     release: Release, surroundings: Surroundings, tolerance: float = FINE
 ) -> Flight | None:
     """The flight through air to a relative local error; None where it never lands."""
-    legs = _Fall(surroundings, tolerance).legs(np.array([*release.position, *release.velocity]))
+    legs = _fall(np.array([*release.position, *release.velocity]), surroundings, tolerance)
     if legs is None:
         return None
     ends = np.cumsum([leg.t[-1] for leg in legs])
     landing, apex = legs[-1].y[:, -1], float(legs[-1].y[1, 0])
 
     def state(t: FloatArray) -> FloatArray:
-        falling = len(legs) > 1
-        last = np.asarray(legs[-1].sol(np.maximum(t - (ends[0] if falling else 0.0), 0.0))).T
-        if falling:
-            return np.where((t < ends[0])[:, None], np.asarray(legs[0].sol(t)).T, last)
-        return last
+        if len(legs) == 1:
+            return np.asarray(legs[0].sol(np.maximum(t, 0.0))).T
+        last = np.asarray(legs[1].sol(np.maximum(t - ends[0], 0.0))).T
+        return np.where((t < ends[0])[:, None], np.asarray(legs[0].sol(t)).T, last)
 
-    impact = (float(landing[2]), float(landing[3]))
-    return Flight(
-        release, float(landing[0]) - surroundings.origin, apex, float(ends[-1]), impact, state
-    )
+    distance, impact = float(landing[0]) - surroundings.origin, landing[2:].tolist()
+    return Flight(release, distance, apex, float(ends[-1]), (impact[0], impact[1]), state)
 
 
 def range_rate(release: Release, surroundings: Surroundings) -> float:
@@ -288,9 +305,242 @@ def range_rate(release: Release, surroundings: Surroundings) -> float:
         flight = fly(release, surroundings)
         dx, dy = change[:2] + change[2:] * flight.time
         vx, vy = flight.impact_velocity
-        return float(dx - vx / vy * dy) if vy else math.nan
-    legs = _Fall(surroundings, FINE).legs(np.array([*release.position, *release.velocity, *change]))
-    if legs is None:
-        return float(fly(release, surroundings).range)  # says why there is none
-    landing = legs[-1].y[:, -1]
-    return float(landing[4] - landing[2] / landing[3] * landing[5]) if landing[3] else math.nan
+    else:
+        legs = _fall(np.array([*release.position, *release.velocity, *change]), surroundings, FINE)
+        if legs is None:
+            raise _never_lands(release, surroundings)
+        vx, vy, dx, dy = legs[-1].y[2:6, -1]
+    return float(dx - vx / vy * dy) if vy else math.nan
+
+
+@dataclass(frozen=True)
+class Projectile:
+    """A marker of a continuous motion, as what is thrown.
+
+    Raises:
+        InputError: the mechanism has no marker of that name.
+    """
+
+    solution: Solution
+    name: str = "projectile"
+
+    def __post_init__(self) -> None:
+        names = [marker.name for marker in self.mechanism.markers]
+        if self.name not in names:
+            raise InputError(
+                f"the mechanism has no marker {self.name!r} to throw; it has: {names or 'none'}."
+            )
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The machine that throws."""
+        return self.solution.problem.mechanism
+
+    @cached_property
+    def marker(self) -> Marker:
+        """The point that is thrown."""
+        return next(marker for marker in self.mechanism.markers if marker.name == self.name)
+
+    @cached_property
+    def body(self) -> Body:
+        """The body that carries it: a sling, say."""
+        return self.mechanism.body(self.marker.body)
+
+    @property
+    def mass(self) -> float | None:
+        """Mass of what is thrown [kg]; None where it is not known."""
+        return self.mechanism.thrown_mass(self.marker)
+
+    @property
+    def opened(self) -> float:
+        """When the last stop of its own body opened [s]; 0 where none did."""
+        stops = [stop.name for stop in self.mechanism.stops if stop.body == self.body.name]
+        return max((self.solution.release_times[name] or 0.0 for name in stops), default=0.0)
+
+    @property
+    def end(self) -> float:
+        """End of the motion [s]."""
+        return self.solution.segments[-1].end
+
+    def sweep(self) -> tuple[float, float]:
+        """First sweep [s]: from the opening of its stop to where its velocity points straight down.
+
+        The motion after the first sweep is chaotic, so no result relies on it.
+        """
+        turned = self.solution.launch_at(_DOWN, self.name)
+        return self.opened, self.end if turned is None else turned.time
+
+    def states(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Position [m], velocity [m/s] and acceleration [m/s^2] at times t [s], each (n, 2)."""
+        motion, kinematics = self.solution.motion(t), self.solution.equations.kinematics
+        return kinematics.point_motion(self.marker, motion.q, motion.u, motion.a)
+
+    @property
+    def arm(self) -> str | None:
+        """Body that its own one hangs on, as a sling on an arm; None on the ground."""
+        parent = self.mechanism.joint_of(self.body.name).parent
+        return None if parent == GROUND else parent
+
+    def sling_angle(self, t: FloatArray) -> FloatArray:
+        """Angle of its body relative to that body's parent (phi - theta) [rad], shape (n,).
+
+        Raises:
+            InputError: it is part of a body that hangs on the ground, so there is no such angle.
+        """
+        if self.arm is None:
+            raise InputError(
+                f"there is no sling angle: the {self.name} is part of the {self.body.name!r}, "
+                "which hangs on no other body; a release angle or a release time is needed."
+            )
+        angle = self.solution.equations.kinematics.angle(self.body.name, self.arm)
+        return angle.value(self.solution.motion(t).q)
+
+    def release_at(self, time: float) -> Release:
+        """Release at a time [s].
+
+        Raises:
+            InputError: the time lies outside the motion.
+        """
+        if not 0 <= time <= self.end:
+            raise InputError(
+                f"release time = {time!r} s must lie within the motion, from 0 to {self.end:.6g} s."
+            )
+        position, velocity, acceleration = (part[0] for part in self.states(np.array([time])))
+        pairs = [(float(v[0]), float(v[1])) for v in (position, velocity, acceleration)]
+        return Release(float(time), *pairs)
+
+    def release_at_angle(self, angle: float = LAUNCH_ANGLE) -> Release:
+        """Release when the velocity first falls to an angle above the horizontal [rad].
+
+        Raises:
+            InputError: it never does.
+        """
+        launch = self.solution.launch_at(angle, self.name)
+        if launch is None:
+            raise InputError(
+                f"the {self.name}'s velocity never comes down to {math.degrees(angle):.6g} deg "
+                f"above the horizontal within {self.end:.6g} s; another release angle, or a "
+                "release time, is needed."
+            )
+        return self.release_at(launch.time)
+
+    def release_at_sling_angle(self, angle: float) -> Release:
+        """Release when :meth:`sling_angle` first comes to a value [rad], its rest having opened.
+
+        Raises:
+            InputError: it never does, and the sentence gives the angles it takes in its first
+                sweep; or there is no sling.
+        """
+        start, end = self.sweep()
+        times = np.linspace(start, end, 4 * _SCAN)
+        reached = self.sling_angle(times)
+        beyond = np.flatnonzero(np.diff(np.sign(reached - angle)) != 0)
+        if not len(beyond):
+            low, high = math.degrees(reached.min()), math.degrees(reached.max())
+            raise InputError(
+                f"sling angle = {math.degrees(angle):.6g} deg is never reached: once free, the "
+                f"{self.body.name} takes {low:.6g} to {high:.6g} deg from its arm in the first "
+                "sweep."
+            )
+
+        def excess(t: float) -> float:
+            return float(self.sling_angle(np.array([t]))[0]) - angle
+
+        before, after = times[beyond[0] : beyond[0] + 2]
+        return self.release_at(float(brentq(excess, before, after, xtol=1e-15, rtol=1e-15)))
+
+    def best_release(
+        self, surroundings: Surroundings, until: float | None = None
+    ) -> Release | None:
+        """Release of the first sweep with the largest range; None where none lands.
+
+        All the sweep is scanned, and the highest peaks are refined by the root of
+        :func:`range_rate`.
+
+        Args:
+            until: end of the search [s]; of the first sweep if left out.
+        """
+        start, end = self.sweep()
+        last = end if until is None else until
+        impacts = np.array([time for time, _ in self.solution.impacts if start < time <= last])
+        sides = np.append(np.nextafter(impacts, start), impacts)  # the range may jump there
+        times = np.union1d(np.linspace(start, last, _SCAN), sides)
+        ranges = self._scan(times, surroundings)
+        outside = np.concatenate([[-np.inf], ranges, [-np.inf]])
+        is_peak = (ranges >= outside[:-2]) & (ranges >= outside[2:]) & np.isfinite(ranges)
+        peaks = np.flatnonzero(is_peak)
+        highest = peaks[np.argsort(-ranges[peaks], kind="stable")][:_CANDIDATES]
+        candidates = [self._refined(times, int(i), surroundings) for i in highest]
+        return max(candidates, key=lambda release: fly(release, surroundings).range, default=None)
+
+    def _scan(self, times: FloatArray, surroundings: Surroundings) -> FloatArray:
+        """Ranges [m], shape (n,); -inf where nothing lands, or drag rules the best out.
+
+        Drag turns no velocity, so y'' = -g / vx^2 along x: with drag vx falls and the path lies
+        below the parabola (above none of it), so the range in vacuum bounds it, as the release's
+        own x does for a throw backwards.
+        """
+        position, velocity, _ = self.states(times)
+        fall = fall_time(position[:, 1], velocity[:, 1], surroundings)
+        vacuum = position[:, 0] + velocity[:, 0] * fall - surroundings.origin
+        vacuum = np.nan_to_num(vacuum, nan=-np.inf)
+        if surroundings.drag == 0:
+            return vacuum
+        ranges, best = np.full(len(times), -np.inf), -np.inf
+        backwards = position[:, 0] - surroundings.origin
+        bounds = np.where(np.isfinite(vacuum), np.maximum(vacuum, backwards), -np.inf)
+        for i in np.argsort(-bounds, kind="stable"):
+            if bounds[i] <= best:
+                break
+            place, speed = tuple(position[i].tolist()), tuple(velocity[i].tolist())
+            flight = drag_flight(Release(float(times[i]), place, speed), surroundings, COARSE)
+            if flight is not None:
+                ranges[i], best = flight.range, max(best, flight.range)
+        return ranges
+
+    def _refined(self, times: FloatArray, i: int, surroundings: Surroundings) -> Release:
+        """The peak next to a scanned time, as the root of the range's rate."""
+        low, high = float(times[max(i - 1, 0)]), float(times[min(i + 1, len(times) - 1)])
+
+        def rate(t: float) -> float:
+            return range_rate(self.release_at(t), surroundings)
+
+        def loss(t: float) -> float:
+            return -fly(self.release_at(t), surroundings).range
+
+        try:
+            if rate(low) > 0 > rate(high):
+                return self.release_at(float(brentq(rate, low, high, xtol=1e-13, rtol=1e-15)))
+            peak: Any = minimize_scalar(
+                loss, bounds=(low, high), method="bounded", options={"xatol": 1e-12}
+            )
+            return self.release_at(float(min((float(peak.x), float(times[i])), key=loss)))
+        except InputError:  # beside the peak nothing lands: the scanned time is the last that does
+            return self.release_at(float(times[i]))
+
+
+def swing(
+    mechanism: Mechanism,
+    release_time: float | None = None,
+    stop_law: StopLaw = StopLaw.RELEASE_ONCE,
+    spans: tuple[float, ...] = _SPANS,
+) -> Projectile:
+    """The motion until the first sweep and the release are over, or the longest one solved.
+
+    Args:
+        mechanism: with a projectile.
+        release_time: [s].
+        stop_law: of its stops.
+        spans: durations that are tried in turn, in characteristic times.
+
+    Raises:
+        InputError: the mechanism has no projectile or no gravity.
+        SimulationError: the integrator's step size collapsed.
+    """
+    scale = characteristic_time(mechanism)
+
+    def complete(solution: Solution) -> bool:
+        projectile = Projectile(solution)
+        return projectile.sweep()[1] < projectile.end and not (release_time or 0.0) > projectile.end
+
+    return Projectile(solve_until(mechanism, (span * scale for span in spans), complete, stop_law))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -93,22 +94,20 @@ def members(mechanism: Mechanism) -> tuple[Member, ...]:
     selected: list[Member] = []
     for body, joint in zip(mechanism.bodies, mechanism.tree_joints, strict=True):
         rod = body.inertia == 0 or joint.parent != GROUND
-        if joint.held_directions and body.centre != joint.child_point and rod:
-            selected.append(Member(body, joint, _is_two_force(mechanism, body, joint)))
+        if not rod or not joint.held_directions or body.centre == joint.child_point:
+            continue
+        two_force = body.inertia == 0
+        for other in mechanism.joints:
+            for name, point in (
+                (other.parent, other.parent_point),
+                (other.child, other.child_point),
+            ):
+                if name == body.name:
+                    at_end = point in (joint.child_point, body.centre)
+                    two_force = two_force and at_end and not other.holds_angle
+        pulled = any(body.name in element.bodies for element in mechanism.force_elements)
+        selected.append(Member(body, joint, two_force and not pulled))
     return tuple(selected)
-
-
-def _is_two_force(mechanism: Mechanism, body: Body, own: AnyJoint) -> bool:
-    others = [j.parent_point for j in mechanism.joints if j.parent == body.name]
-    others += [
-        j.child_point for j in mechanism.joints if j.child == body.name and j.name != own.name
-    ]
-    held = any(
-        joint.holds_angle for joint in mechanism.joints if body.name in (joint.parent, joint.child)
-    )
-    pulled = any(body.name in element.bodies for element in mechanism.force_elements)
-    ends = own.child_point, body.centre
-    return body.inertia == 0 and not held and not pulled and all(point in ends for point in others)
 
 
 def axial_force(solution: Solution, member: Member, t: FloatArray) -> FloatArray:
@@ -128,27 +127,23 @@ def member_forces(solution: Solution, until: float) -> tuple[MemberForce, ...]:
         InputError: the time lies outside the motion.
     """
     times = _times(solution, until)
-    return tuple(
-        _member_force(solution, member, times) for member in members(solution.problem.mechanism)
-    )
-
-
-def _member_force(solution: Solution, member: Member, times: FloatArray) -> MemberForce:
-    def tension(t: FloatArray) -> FloatArray:
-        return axial_force(solution, member, t)
-
-    most_time, most = _largest(tension, times)
-    least_time, negative = _largest(lambda t: -tension(t), times)
-    return MemberForce(
-        name=member.body.name,
-        joint=member.joint.name,
-        two_force=member.two_force,
-        peak_tension=most,
-        peak_tension_time=most_time,
-        peak_compression=-negative,
-        peak_compression_time=least_time,
-        compressed=negative_intervals(tension, times),
-    )
+    forces: list[MemberForce] = []
+    for member in members(solution.problem.mechanism):
+        tension = partial(axial_force, solution, member)
+        most_time, most = _extreme(tension, times, 1)
+        least_time, least = _extreme(tension, times, -1)
+        force = MemberForce(
+            name=member.body.name,
+            joint=member.joint.name,
+            two_force=member.two_force,
+            peak_tension=most,
+            peak_tension_time=most_time,
+            peak_compression=least,
+            peak_compression_time=least_time,
+            compressed=negative_intervals(tension, times),
+        )
+        forces.append(force)
+    return tuple(forces)
 
 
 def supports(mechanism: Mechanism) -> tuple[AnyJoint, ...]:
@@ -202,31 +197,29 @@ def support_forces(solution: Solution, until: float) -> tuple[SupportForce, ...]
         InputError: the time lies outside the motion.
     """
     times = _times(solution, until)
-    return tuple(
-        _support_force(solution, joint, times) for joint in supports(solution.problem.mechanism)
-    )
+    forces: list[SupportForce] = []
+    for joint in supports(solution.problem.mechanism):
 
+        def size(t: FloatArray, name: str = joint.name) -> FloatArray:
+            return np.hypot(*solution.joint_reactions(solution.motion(t))[name].T)
 
-def _support_force(solution: Solution, joint: AnyJoint, times: FloatArray) -> SupportForce:
-    def force(t: FloatArray) -> FloatArray:
-        return solution.joint_reactions(solution.motion(t))[joint.name]
-
-    def upward(t: FloatArray) -> FloatArray:
-        return upward_force(solution, joint, t)
-
-    peak_time, peak = _largest(lambda t: np.hypot(*force(t).T), times)
-    x, y = force(np.array([peak_time]))[0]
-    least_time, negative = _largest(lambda t: -upward(t), times) if carries(joint) else (None, None)
-    return SupportForce(
-        joint=joint.name,
-        rolls=_UPWARDS[joint] is _normal_to_slot and carries(joint),
-        peak=peak,
-        peak_time=peak_time,
-        peak_direction=math.atan2(y, x),
-        least=None if negative is None else -negative,
-        least_time=least_time,
-        pulls_down=negative_intervals(upward, times, peak) if carries(joint) else (),
-    )
+        peak_time, peak = _extreme(size, times, 1)
+        peak_motion = solution.motion(np.array([peak_time]))
+        x, y = solution.joint_reactions(peak_motion)[joint.name][0]
+        upward = partial(upward_force, solution, joint)
+        least_time, least = _extreme(upward, times, -1) if carries(joint) else (None, None)
+        force = SupportForce(
+            joint=joint.name,
+            rolls=_UPWARDS[joint] is _normal_to_slot and carries(joint),
+            peak=peak,
+            peak_time=peak_time,
+            peak_direction=math.atan2(y, x),
+            least=least,
+            least_time=least_time,
+            pulls_down=negative_intervals(upward, times, peak) if carries(joint) else (),
+        )
+        forces.append(force)
+    return tuple(forces)
 
 
 def _times(solution: Solution, until: float) -> FloatArray:
@@ -237,24 +230,27 @@ def _times(solution: Solution, until: float) -> FloatArray:
     return np.unique(np.concatenate([np.linspace(0.0, until, _SCAN), events]))
 
 
-def _largest(value: Callable[[FloatArray], FloatArray], times: FloatArray) -> tuple[float, float]:
-    """Time and size of the largest value: the largest sample, refined between its neighbours."""
-    samples = value(times)
+def _extreme(
+    value: Callable[[FloatArray], FloatArray], times: FloatArray, sign: int
+) -> tuple[float, float]:
+    """Time and size of the largest value (or the least, of sign -1).
+
+    It is the largest sample, refined between its neighbours.
+    """
+    samples = sign * value(times)
     i = int(np.argmax(samples))
     low, high = float(times[max(i - 1, 0)]), float(times[min(i + 1, len(times) - 1)])
-    if low == high:
-        return float(times[i]), float(samples[i])
-    optimum: Any = minimize_scalar(
-        lambda t: -float(value(np.array([t]))[0]),
-        bounds=(low, high),
-        method="bounded",
-        options={"xatol": 1e-10},
-    )
-    return max(
-        (float(times[i]), float(samples[i])),
-        (float(optimum.x), -float(optimum.fun)),
-        key=lambda pair: pair[1],
-    )
+    sample = float(times[i]), float(samples[i])
+    if low < high:
+        optimum: Any = minimize_scalar(
+            lambda t: -sign * float(value(np.array([t]))[0]),
+            bounds=(low, high),
+            method="bounded",
+            options={"xatol": 1e-10},
+        )
+        if -float(optimum.fun) > sample[1]:
+            sample = float(optimum.x), -float(optimum.fun)
+    return sample[0], sign * sample[1]
 
 
 def negative_intervals(
@@ -275,17 +271,16 @@ def negative_intervals(
     if len(samples) > 1 and abs(samples[0]) <= -deep:  # starts from zero: it is what it becomes
         negative[0] = negative[1]
     turns = np.flatnonzero(negative[1:] != negative[:-1])
-    roots = [_root(value, float(times[i]), float(times[i + 1])) for i in turns]
-    edges = [float(times[0])] * bool(negative[0]) + roots + [float(times[-1])] * bool(negative[-1])
+    edges = [float(times[0])] if negative[0] else []
+    for i in turns:
+        low, high = float(times[i]), float(times[i + 1])
+        root = brentq(lambda t: float(value(np.array([t]))[0]), low, high, xtol=1e-14, rtol=1e-14)
+        edges.append(float(root))
+    if negative[-1]:
+        edges.append(float(times[-1]))
     intervals: list[Interval] = []
     for start, end in list(pairwise(edges))[::2]:
         inside = samples[(times >= start) & (times <= end)]
         if np.min(inside, initial=0.0) < deep:
             intervals.append((start, end))
     return tuple(intervals)
-
-
-def _root(value: Callable[[FloatArray], FloatArray], low: float, high: float) -> float:
-    return float(
-        brentq(lambda t: float(value(np.array([t]))[0]), low, high, xtol=1e-14, rtol=1e-14)
-    )

@@ -19,7 +19,7 @@ from ...models.mechanism import Mechanism
 from ...models.shown import Reported
 from ...models.spec import NonNegative, Positive, Real, Spec
 from ..solution import Solution
-from .flight import Air, Flight, Surroundings, downwards, fly, world
+from .flight import Air, Flight, Projectile, Surroundings, downwards, fly, swing, world
 from .members import (
     Interval,
     MemberForce,
@@ -29,7 +29,6 @@ from .members import (
     support_forces,
     supports,
 )
-from .release import Projectile, swing
 
 _THROUGH = -1e-9  # [rad] a gap below this is no rounding
 
@@ -71,14 +70,13 @@ def throw(
         one release given.
         SimulationError: the integrator's step size collapsed.
     """
-    chosen = {
-        "release_angle": release_angle,
-        "release_time": release_time,
-        "sling_angle": sling_angle,
-    }
     performance = perform(
         model(mechanism),
-        chosen,
+        {
+            "release_angle": release_angle,
+            "release_time": release_time,
+            "sling_angle": sling_angle,
+        },
         best=best,
         density=density,
         drag_area=drag_area,
@@ -105,6 +103,7 @@ def perform(
     projectile = swing(placed, chosen.get("release_time"))
     surroundings = surroundings_of(projectile, air, height)
     farthest = projectile.best_release(surroundings)
+    held: Held = "time"  # of the best release, too: to first order its range stays
     if "best" in chosen:
         if farthest is None:
             raise InputError(
@@ -115,24 +114,17 @@ def perform(
         released = projectile.release_at(chosen["release_time"])
         description = f"at {chosen['release_time']:.9g} s"
     elif "sling_angle" in chosen:
-        angle = chosen["sling_angle"]
+        held, angle = "sling", chosen["sling_angle"]
         description = f"sling at {math.degrees(angle):.6g} deg to arm"
         released = projectile.release_at_sling_angle(angle)
     else:
-        angle = chosen.get("release_angle", LAUNCH_ANGLE)
+        held, angle = "velocity", chosen.get("release_angle", LAUNCH_ANGLE)
         released = projectile.release_at_angle(angle)
         description = f"velocity at {math.degrees(angle):.6g} deg"
     flight = fly(released, surroundings)
     best_flight = None if farthest is None else fly(farthest, surroundings)
     figures = _figures(projectile, air, height, description, flight, best_flight)
-    return Performance(figures, projectile, surroundings, flight, best_flight, _held(chosen))
-
-
-def _held(chosen: dict[str, float]) -> Held:
-    """Quantity that the release holds; the best one its time: to first order its range stays."""
-    if "sling_angle" in chosen:
-        return "sling"
-    return "time" if {"release_time", "best"} & chosen.keys() else "velocity"
+    return Performance(figures, projectile, surroundings, flight, best_flight, held)
 
 
 def _one_release(release: dict[str, float | None], best: bool) -> dict[str, float]:
@@ -160,18 +152,17 @@ def _placed(
                 "body."
             )
         location = world(body)
-        adapted = mechanism.model_copy(update={"gravity": location.gravity})
-        return adapted, Air(
-            density=location.density if drag_area is not None else 0.0, drag_area=drag_area or 0.0
-        )
-    given = {"density": density, "drag_area": drag_area}
-    air = Air(**{name: value for name, value in given.items() if value is not None})
+        mechanism = mechanism.model_copy(update={"gravity": location.gravity})
+        density = location.density if drag_area is not None else 0.0
+        return mechanism, Air(density=density, drag_area=drag_area or 0.0)
+    values = {"density": density, "drag_area": drag_area}
+    air = Air(**{name: value for name, value in values.items() if value is not None})
     if (density is None) != (drag_area is None):
-        have, lacks = (
-            ("density", "drag_area") if drag_area is None else ("drag_area", "density (or a body)")
-        )
+        known, lacking = "density", "drag_area"
+        if density is None:
+            known, lacking = "drag_area", "density (or a body)"
         raise InputError(
-            f"{have} = {given[have]!r} needs a {lacks} as well: drag is 1/2 rho C_d A v^2."
+            f"{known} = {values[known]!r} needs a {lacking} as well: drag is 1/2 rho C_d A v^2."
         )
     return mechanism, air
 
@@ -195,7 +186,7 @@ def surroundings_of(projectile: Projectile, air: Air, height: float) -> Surround
             )
         drag = air.drag(projectile.mass)
     x, y = _fulcrum(projectile.solution)
-    gravity = downwards(projectile.solution.problem.mechanism)
+    gravity = downwards(projectile.mechanism)
     return Surroundings(gravity=gravity, drag=drag, ground=y + height, origin=x)
 
 
@@ -209,8 +200,7 @@ def _fulcrum(solution: Solution) -> tuple[float, float]:
     """Where the machine's :func:`origin` stands at the start [m]."""
     joint, kinematics = origin(solution.problem.mechanism), solution.equations.kinematics
     row = kinematics.point(joint.child, joint.child_point)
-    start = np.array(solution.problem.mechanism.start)
-    x, y = kinematics.position(row, start)
+    x, y = kinematics.position(row, np.array(solution.problem.mechanism.start))
     return float(x), float(y)
 
 
@@ -223,48 +213,59 @@ def _figures(
     best: Flight | None,
 ) -> Throw:
     solution, until = projectile.solution, flight.release.time
+    mechanism = projectile.mechanism
     of_members, of_supports = member_forces(solution, until), support_forces(solution, until)
     start = solution.trajectory(np.zeros(1))
     energy = float(start.total_energy[0])
     launch, after = _launch_and_flight(projectile, flight, energy)
-    best_launch, best_flight = (
-        (None, None) if best is None else _launch_and_flight(projectile, best, energy)
-    )
+    best_launch, best_flight = None, None
+    if best is not None:
+        best_launch, best_flight = _launch_and_flight(projectile, best, energy)
+    rests: list[RestFigures] = []
+    for stop in mechanism.stops:
+        if stop.closed:
+            time, torque = solution.release_times[stop.name], start.stop_torques[stop.name][0]
+            opened = None if time is None or time > until else time
+            rests.append(
+                RestFigures(name=stop.name, start_torque=float(torque), release_time=opened)
+            )
     return Throw(
-        mechanism=solution.problem.mechanism,
+        mechanism=mechanism,
         released=description,
         air=air,
-        gravity=solution.problem.mechanism.gravity,
+        gravity=mechanism.gravity,
         height=height,
         total_energy=energy,
         launch=launch,
         flight=after,
         best_launch=best_launch,
         best_flight=best_flight,
-        rests=tuple(_rest(solution, stop.name, float(start.stop_torques[stop.name][0]), until)
-                    for stop in solution.problem.mechanism.stops if stop.closed),
+        rests=tuple(rests),
         members=of_members,
         supports=of_supports,
-        warnings=(*_warnings(of_members, of_supports), *_passed_stops(solution, until)),
-    )  # fmt: skip
+        warnings=_warnings(solution, of_members, of_supports, until),
+    )
 
 
 def _launch_and_flight(
     projectile: Projectile, flight: Flight, energy: float
 ) -> tuple[LaunchFigures, FlightFigures]:
     release, (x, y) = flight.release, _fulcrum(projectile.solution)
-    kinetic = None if projectile.mass is None else 0.5 * projectile.mass * release.speed**2
+    sling_angle = kinetic = ratio = None
+    if projectile.arm is not None:
+        sling_angle = float(projectile.sling_angle(np.array([release.time]))[0])
+    if projectile.mass is not None:
+        kinetic = 0.5 * projectile.mass * release.speed**2
+        ratio = kinetic / energy if energy > 0 else None
     launch = LaunchFigures(
         time=release.time,
         speed=release.speed,
         angle=release.angle,
         x=release.position[0] - x,
         y=release.position[1] - y,
-        sling_angle=None
-        if projectile.arm is None
-        else float(projectile.sling_angle(np.array([release.time]))[0]),
+        sling_angle=sling_angle,
         kinetic_energy=kinetic,
-        energy_ratio=None if kinetic is None or energy <= 0 else kinetic / energy,
+        energy_ratio=ratio,
     )
     return launch, FlightFigures(
         range=flight.range,
@@ -275,39 +276,31 @@ def _launch_and_flight(
     )
 
 
-def _rest(solution: Solution, name: str, torque: float, until: float) -> RestFigures:
-    time = solution.release_times[name]
-    return RestFigures(
-        name=name, start_torque=torque, release_time=None if time is None or time > until else time
-    )
-
-
-def _warnings(of_members: Iterable[MemberForce], of_supports: Iterable[SupportForce]) -> list[str]:
-    slack_warnings = [
-        f"the {m.name} is in compression {spoken(m.compressed)} (down to "
-        f"{m.peak_compression / 1e3:.4g} kN at "
-        f"{m.peak_compression_time:.4g} s): a rope would be slack there"
-        for m in of_members
-        if m.two_force and m.compressed
-    ]
-    return slack_warnings + [
-        f"the ground would have to pull the wheels of {s.joint!r} down {spoken(s.pulls_down)} "
-        f"(with up to {-s.least / 1e3:.4g} kN at {s.least_time:.4g} s): they would lift off"
-        for s in of_supports
-        if s.rolls and s.pulls_down and s.least is not None
-    ]
-
-
-def spoken(intervals: Iterable[Interval]) -> str:
-    """Intervals [s] as text."""
-    return " and ".join(f"from {start:.5g} to {end:.5g} s" for start, end in intervals)
-
-
-def _passed_stops(solution: Solution, until: float) -> list[str]:
-    """Warnings of stops that the motion passes through, as the release-once law lets it."""
+def _warnings(
+    solution: Solution,
+    of_members: Iterable[MemberForce],
+    of_supports: Iterable[SupportForce],
+    until: float,
+) -> tuple[str, ...]:
+    """What a real machine would not do: slack ropes, lifted wheels, stops that are passed."""
+    warnings: list[str] = []
+    for m in of_members:
+        if m.two_force and m.compressed:
+            warnings.append(
+                f"the {m.name} is in compression {spoken(m.compressed)} (down to "
+                f"{m.peak_compression / 1e3:.4g} kN at {m.peak_compression_time:.4g} s): a rope "
+                "would be slack there"
+            )
+    for s in of_supports:
+        if s.rolls and s.pulls_down and s.least is not None:
+            warnings.append(
+                f"the ground would have to pull the wheels of {s.joint!r} down "
+                f"{spoken(s.pulls_down)} (with up to {-s.least / 1e3:.4g} kN at "
+                f"{s.least_time:.4g} s): they would lift off"
+            )
+    # The release-once law lets a motion pass through an open stop.
     times = np.linspace(0.0, until, 1500)
     q = solution.motion(times).q
-    warnings: list[str] = []
     for stop in solution.problem.mechanism.stops:
         through = np.flatnonzero(solution.equations.kinematics.gap(stop.name, q) < _THROUGH)
         if len(through):
@@ -315,7 +308,12 @@ def _passed_stops(solution: Solution, until: float) -> list[str]:
                 f"the motion goes through the {stop.name!r} at {times[through[0]]:.4g} s, before "
                 "the release: a real machine would hit it there"
             )
-    return warnings
+    return tuple(warnings)
+
+
+def spoken(intervals: Iterable[Interval]) -> str:
+    """Intervals [s] as text."""
+    return " and ".join(f"from {start:.5g} to {end:.5g} s" for start, end in intervals)
 
 
 FORMAT = "trebucheck-throw-1"
@@ -416,10 +414,8 @@ class Throw(Reported, Spec):
     def __getstate__(self) -> dict[Any, Any]:
         """Without the motion, whose parts are functions."""
         state = super().__getstate__()
-        return {
-            **state,
-            "__dict__": {k: v for k, v in state["__dict__"].items() if k != "performance"},
-        }
+        fields = {k: v for k, v in state["__dict__"].items() if k != "performance"}
+        return {**state, "__dict__": fields}
 
     def headline(self) -> str:
         """The range, and how it was let go."""
@@ -430,16 +426,15 @@ class Throw(Reported, Spec):
 
     def rows(self) -> Iterator[dict[str, object]]:
         """The release chosen, and the best one: figures of launch and flight."""
-        for name, launch, flight in (
-            ("chosen", self.launch, self.flight), ("best", self.best_launch, self.best_flight)
-        ):  # fmt: skip
+        releases = {
+            "chosen": (self.launch, self.flight),
+            "best": (self.best_launch, self.best_flight),
+        }
+        for name, (launch, flight) in releases.items():
             if launch is not None and flight is not None:
-                launched = {f"launch_{key}": value for key, value in launch}
-                yield {
-                    "release": name,
-                    **launched,
-                    **{f"flight_{key}": value for key, value in flight},
-                }
+                row: dict[str, object] = {"release": name}
+                row |= {f"launch_{key}": value for key, value in launch}
+                yield row | {f"flight_{key}": value for key, value in flight}
 
     @property
     def gain(self) -> float | None:

@@ -13,7 +13,7 @@ import trebucheck as tb
 from mechanisms import TABLE_ONE, chain_on_a_slot, everything, position_error, scaled
 from random_mechanisms import random_mechanism
 from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model
-from trebucheck.engines.inspection import State
+from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.units import SI, Units, units_of
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.mechanism import Mechanism
@@ -159,3 +159,9 @@ def test_a_slow_motion_has_a_unit_of_time_of_its_own() -> None:
     slow = Units(1.0, 1.0, 1 / 1024).mechanism(tb.hinged())
     assert slow.gravity < 1e-5
     assert units_of(slow) == Units(time=1024.0)
+
+
+def test_an_inspection_in_other_units_keeps_its_engines_roundoff() -> None:
+    seen = Inspection(np.ones(3), np.ones(3), dynamics=(), total_mass=2.0, roundoff=2.0**-24)
+    in_si = Units(4.0, 8.0, 2.0).inspection(seen, tb.hinged())
+    assert (in_si.roundoff, in_si.total_mass) == (2.0**-24, 16.0)

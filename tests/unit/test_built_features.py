@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 import trebucheck as tb
+from pydantic import Field
 from trebucheck.engines.protocol import built_features
-from trebucheck.engines.units import DIMENSIONS, Units
+from trebucheck.engines.units import Units, dimension, dimensions_of
 from trebucheck.models.elements import ELEMENTS, FORCE_ELEMENTS, ElementTable, Feature, FreeJoint
 
 # Fields of elements that are names, choices, or numbers without dimension.
@@ -37,8 +38,30 @@ def test_built_in_engines_claim_the_features_of_what_they_build(name: str) -> No
 
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_every_field_has_a_dimension_or_is_known_to_have_none(element: Any) -> None:
-    dimensions = DIMENSIONS.handlers[element]
-    assert set(element.model_fields) - PLAIN == set(dimensions)
+    assert set(element.model_fields) - PLAIN == set(dimensions_of(element))
+
+
+@pytest.mark.parametrize(
+    ("unit", "powers"),
+    [
+        ("m", (1, 0, 0)),
+        ("kg m^2", (2, 1, 0)),
+        ("N/m", (0, 1, -2)),
+        ("N s/m", (0, 1, -1)),
+        ("N m/rad^3", (2, 1, -2)),
+        ("rad", (0, 0, 0)),
+        ("", (0, 0, 0)),
+    ],
+)
+def test_dimensions_follow_from_units(unit: str, powers: tuple[int, int, int]) -> None:
+    assert dimension(unit) == powers
+
+
+def test_a_number_of_a_force_element_without_a_unit_cannot_be_defined() -> None:
+    with pytest.raises(TypeError, match=r"Coil.*quintic"):
+
+        class Coil(tb.CubicTorsionSpring):
+            quintic: float = Field(default=1.0, description="k5")
 
 
 def test_an_unknown_element_has_no_units() -> None:

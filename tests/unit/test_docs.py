@@ -45,7 +45,9 @@ def test_every_page_is_on_the_site() -> None:
 
 
 def test_a_block_of_a_page_is_replaced_and_a_page_without_it_refused() -> None:
-    page = "a\n<!-- generated: x -->\nold\n<!-- end -->\nb <!-- generated: y -->\nkept\n<!-- end -->"
+    page = (
+        "a\n<!-- generated: x -->\nold\n<!-- end -->\nb <!-- generated: y -->\nkept\n<!-- end -->"
+    )
     replaced = markdown.with_block(page, "x", "new \\1\n")
     assert replaced == page.replace("old\n", "new \\1\n")
     assert markdown.block(replaced, "y") == "kept\n"

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import pytest
 import trebucheck as tb
+from pydantic import Field
 from trebucheck.comparisons.diagnosis.equivalence import check_model, random_states
 from trebucheck.comparisons.report.drawing.sketch import draw
 from trebucheck.models import kinematics
@@ -39,7 +40,7 @@ class Rocket(TorqueElement):
 
     feature: ClassVar[Feature] = Feature.TORQUE
     kind: Literal["rocket"] = "rocket"
-    torque: float = 1.0
+    torque: float = Field(default=1.0, description="[N m]")
 
     def torque_on_body(self, angle: Any, q: Any, u: Any) -> Any:
         return self.torque + np.zeros(q.shape[:-1])
@@ -231,3 +232,13 @@ def test_a_force_element_without_a_feature_cannot_be_defined() -> None:
 def test_every_class_of_elements_has_a_feature_that_can_be_refused() -> None:
     features = [element.feature for element in FORCE_ELEMENTS]  # type: ignore[attr-defined]
     assert len(set(features)) == len(FORCE_ELEMENTS)
+
+
+@pytest.mark.parametrize("element", [*JOINTS, *FORCE_ELEMENTS])
+def test_complaints_leave_out_the_kind_of_an_element(element: Any) -> None:
+    group = "joints" if element in JOINTS else "force_elements"
+    kind = element.model_fields["kind"].default
+    with pytest.raises(tb.InputError) as error:
+        tb.Mechanism(**machine().model_dump(mode="json") | {group: [{"kind": kind, "name": 7}]})
+    assert f"{group}.0.name" in str(error.value)
+    assert f".{kind}." not in str(error.value)

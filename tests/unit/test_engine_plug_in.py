@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.converge.study import parameter_names, refinements, swept_parameters
+from trebucheck.comparisons.converge import parameter_names, refinements, swept_parameters
 from trebucheck.comparisons.explain import causes_of
 from trebucheck.comparisons.recommend.search import option_sets
 from trebucheck.comparisons.recommend.study import snippets
@@ -42,9 +42,9 @@ def _moved_out(folder: Path) -> None:
         (package / "templates" / path.name).write_text(path.read_text())
     for path in ROOM.glob("*.py"):
         text = re.sub(r"\bfrom \.\.\.(\w)", r"from trebucheck.\1", path.read_text())
-        text = re.sub(r"\bfrom \.\.(\w)", r"from trebucheck.engines.\1", text).replace(
-            "#D55E00", COLOUR
-        )
+        text = re.sub(r"\bfrom \.\.(\w)", r"from trebucheck.engines.\1", text)
+        text = text.replace("from .. import", "from trebucheck.engines import")
+        text = text.replace("#D55E00", COLOUR)
         old, new = CHANGES.get(path.name, ("", ""))
         assert old in text, path.name
         (package / path.name).write_text(text.replace(old, new) if old else text)

@@ -11,8 +11,7 @@ import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
 from trebucheck.reference.solver import solve
-from trebucheck.reference.throw.flight import Air, Surroundings, fly
-from trebucheck.reference.throw.release import Projectile
+from trebucheck.reference.throw.flight import Air, Projectile, Surroundings, fly
 from trebucheck.reference.throw.throw import Throw, throw
 
 pytestmark = pytest.mark.usefixtures("kept_processes")

@@ -23,8 +23,7 @@ from trebucheck.reference.certification.certificate import (
     reference_uncertainty,
     refusal,
 )
-from trebucheck.reference.certification.certify import certify, judge
-from trebucheck.reference.certification.quantities import Key
+from trebucheck.reference.certification.certify import Key, certify, judge
 from trebucheck.reference.solver import solve
 
 pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`

@@ -15,13 +15,13 @@ from trebucheck.reference.solver import solve
 from trebucheck.reference.throw.flight import (
     WORLDS,
     Air,
+    Projectile,
     Release,
     Surroundings,
     fly,
     range_rate,
     world,
 )
-from trebucheck.reference.throw.release import Projectile
 
 G = 9.81
 BUILDERS = {"fixed": tb.fixed, "rolling": tb.rolling}

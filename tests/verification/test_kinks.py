@@ -16,8 +16,8 @@ from random_mechanisms import random_mechanism
 from trebucheck.models.elements import ConstantForce
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.reference.sensitivity.kinks import Kink, one_sided, sides
 from trebucheck.reference.sensitivity.release import whipper_sensitivities
+from trebucheck.reference.sensitivity.tangent import Kink, one_sided, sides
 from trebucheck.reference.sensitivity.variational import consistent_direction
 from trebucheck.reference.solver import solve
 

@@ -8,13 +8,17 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import trebucheck as tb
+from pydantic import Field
 from scipy.special import ellipj
-from trebucheck.models.elements import CubicTorsionSpring
+from trebucheck.models.elements import ELEMENTS, CubicTorsionSpring
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.reference.certification.redundant import solve_redundant
 from trebucheck.reference.reactions import joint_reactions
-from trebucheck.reference.sensitivity.numbers import physical_numbers
+from trebucheck.reference.sensitivity.release import (
+    _of_elements,  # pyright: ignore[reportPrivateUsage]
+    physical_numbers,
+)
 from trebucheck.reference.sensitivity.tangent import state_tangent
 from trebucheck.reference.sensitivity.variational import VariationalEquations, moved
 from trebucheck.reference.solver import solve
@@ -177,11 +181,20 @@ def test_an_unknown_stop_is_refused_by_name() -> None:
         )
 
 
-def test_an_unknown_number_is_refused_instead_of_vanishing(monkeypatch: pytest.MonkeyPatch) -> None:
-    from trebucheck.reference.sensitivity import numbers
+def test_a_number_of_a_new_element_is_among_the_sensitivities(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """No list names the numbers of a class: one that is added is differentiated by."""
 
-    handlers = numbers._NAMES.handlers
-    known = {k: v for k, v in handlers[CubicTorsionSpring].items() if k != "cubic_stiffness"}
-    monkeypatch.setitem(handlers, CubicTorsionSpring, known)
-    with pytest.raises(tb.UnsupportedProblemError, match=r"cubic_stiffness.*coil"):
-        physical_numbers(sprung_pendulum(), "projectile")
+    class Coil(CubicTorsionSpring):
+        quintic_stiffness: float = Field(default=2.0, description="k5 [N m/rad^5]")
+
+    coil = Coil(name="odd coil", body="upper", stiffness=1.0)
+    mechanism = sprung_pendulum().model_copy(update={"force_elements": (coil,)})
+    with pytest.raises(tb.UnsupportedProblemError, match="odd coil"):
+        list(_of_elements(mechanism, None))
+    monkeypatch.setattr("trebucheck.models.elements.ELEMENTS", (*ELEMENTS, Coil))
+    numbers = {number.name: number for number in _of_elements(mechanism, None)}
+    quintic = numbers["quintic stiffness of odd coil spring"]
+    assert (quintic.unit, quintic.value) == ("N m/rad^5", 2.0)
+    assert quintic.direction == {"force_elements.odd coil.quintic_stiffness": 1.0}

@@ -2,114 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from ...converge.results import (
-    Curve,
-    LimitPair,
-    MachineStudies,
-    Point,
-    PowerLaw,
-    Studies,
-    SweepStudy,
-)
+from ...converge import Curve, LimitPair, MachineStudies, PowerLaw, Studies, SweepStudy
 from .. import document as doc
 from ..document import format_number, format_settings
 from ..plots import Axis, Label, Panels, Plot, Series, Style, run_style
-from .tables import capital, chapter, compared_time, is_tuned, provenance
+from .tables import both_tuned, capital, chapter, compared_time, provenance
 
 _WHOLE = Style("#8a8f96")
-
-
-def convergence(studies: Sequence[SweepStudy]) -> Panels:
-    """Error against the time step, position and torque, with the fitted lines and their slopes."""
-    plots: list[Plot] = []
-    for column, curve in enumerate(studies[0].curves):
-        series: list[Series] = []
-        labels: list[Label] = []
-        for k, study in enumerate(studies, 1):
-            series += [*_points(study, column, study.label), *_line(study, column)]
-            # Lines may all but cover each other; their slopes, each at another place, do not.
-            labels += _slope(study, column, k / (len(studies) + 1))
-        steps = Axis("time step", "s", logarithmic=True)
-        plots.append(Plot(steps, _error(curve), tuple(series), labels=tuple(labels), height=430))
-    return tuple(plots)
-
-
-def swept_parameter(study: SweepStudy) -> Panels:
-    """Error against one parameter, and the part that the parameter makes where it is isolated."""
-    plots: list[Plot] = []
-    for column, curve in enumerate(study.curves):
-        series = [*_points(study, column, "whole error", whole=True)] if study.own else []
-        series += _points(study, column, "part of the parameter" if study.own else "error")
-        series += _line(study, column)
-        values, labels = Axis(study.title, study.unit, logarithmic=True), _slope(study, column, 0.5)
-        plots.append(Plot(values, _error(curve), tuple(series), labels=tuple(labels)))
-    return tuple(plots)
-
-
-def work_precision(studies: Sequence[SweepStudy]) -> Panels:
-    """Error against the median wall time; bars from the quickest to the slowest repeat."""
-    times = Axis("wall time, warm", "s", logarithmic=True)
-    return tuple(
-        Plot(times, _error(curve), tuple(_timed(s, s.curves[i]) for s in studies), height=400)
-        for i, curve in enumerate(studies[0].curves)
-    )
-
-
-def _timed(study: SweepStudy, curve: Curve) -> Series:
-    timed = [point for point in study.points if point.wall_times]
-    x = np.array([np.median(point.wall_times) for point in timed], dtype=float)
-    y = np.array([point.error(curve.quantity) or np.nan for point in timed], dtype=float)
-    quickest = np.array([min(point.wall_times) for point in timed], dtype=float)
-    slowest = np.array([max(point.wall_times) for point in timed], dtype=float)
-    hints = tuple(f"{study.title} = {point.value:.3g}" for point in timed)
-    style = run_style(study.engine, study.preset)
-    return Series(study.label, x, y, style, "both", hints, (quickest, slowest))
-
-
-def exponent(law: PowerLaw | None) -> str:
-    """Exponent and half width of its confidence interval."""
-    return "none" if law is None else f"{law.exponent:.3f} ± {law.half_width:.3f}"
-
-
-def _error(curve: Curve) -> Axis:
-    stop = "stop force" if curve.unit == "N" else "stop torque"
-    name = "position" if curve.quantity == "position" else stop
-    return Axis(f"largest error, {name}", curve.unit, logarithmic=True)
-
-
-def _points(study: SweepStudy, column: int, name: str, *, whole: bool = False) -> Iterator[Series]:
-    """The errors, or the parameter's part of them where it is isolated."""
-    own, quantity = study.own and not whole, study.curves[column].quantity
-    found = [(point.value, point.error(quantity, own)) for point in study.points]
-    ran = np.array([(value, error) for value, error in found if error is not None], dtype=float)
-    if len(ran):
-        style = _WHOLE if whole else run_style(study.engine, study.preset)
-        yield Series(name, ran[:, 0], ran[:, 1], style, "points")
-
-
-def _line(study: SweepStudy, column: int) -> Iterator[Series]:
-    """The law."""
-    law = study.curves[column].law
-    if law is not None:
-        ends = np.array([law.high, law.low]), np.array([law.at(law.high), law.at(law.low)])
-        style = replace(run_style(study.engine, study.preset), width=1.2)
-        yield Series(f"slope {law.exponent:.3f}", *ends, style, listed=False)
-
-
-def _slope(study: SweepStudy, column: int, at: float) -> Iterator[Label]:
-    """The law's exponent, at that share of its range."""
-    law = study.curves[column].law
-    if law is not None:
-        x = law.low ** (1 - at) * law.high**at
-        yield Label(x, law.at(x), exponent(law), run_style(study.engine, study.preset).colour)
-
-
 _INTRODUCTION = (
     "Each parameter of each engine is swept through its values; the errors are the largest "
     "distances of any marker (without markers, of any centre of mass) from the reference over the "
@@ -150,11 +55,10 @@ def document(studies: Studies) -> doc.Document:
         for machine in studies.machines
         for study in machine.studies
     ]
-    mechanisms = [(machine.model, machine.mechanism) for machine in studies.machines]
     blocks += [
         doc.Heading("How it is measured", 2),
         doc.Note(_INTRODUCTION),
-        *provenance(studies, runs, mechanisms),
+        *provenance(studies, runs, studies.machines),
         doc.Listing(failures, medium="terminal"),
     ]
     models = ", ".join(machine.model for machine in studies.machines) or "no machine"
@@ -178,83 +82,194 @@ def _failures(studies: Studies) -> Iterator[str]:
                     yield f"{machine.model}, {study.label}, {setting}: {point.message}"
 
 
+# --- Plots
+
+
+def convergence(studies: Sequence[SweepStudy]) -> Panels:
+    """Error against the time step, position and torque, with the fitted lines and their slopes."""
+    plots: list[Plot] = []
+    for column, curve in enumerate(studies[0].curves):
+        series: list[Series] = []
+        labels: list[Label] = []
+        for k, study in enumerate(studies, 1):
+            series += _points(study, column, study.label, part=study.own)
+            # Lines may all but cover each other; their slopes, each at another place, do not.
+            line, slope = _law(study, column, k / (len(studies) + 1))
+            series += line
+            labels += slope
+        steps = Axis("time step", "s", logarithmic=True)
+        plots.append(Plot(steps, _error(curve), tuple(series), labels=tuple(labels), height=430))
+    return tuple(plots)
+
+
+def swept_parameter(study: SweepStudy) -> Panels:
+    """Error against one parameter, and the part that the parameter makes where it is isolated."""
+    plots: list[Plot] = []
+    for column, curve in enumerate(study.curves):
+        series: list[Series] = []
+        if study.own:
+            series += _points(study, column, "whole error", _WHOLE)
+        name = "part of the parameter" if study.own else "error"
+        series += _points(study, column, name, part=study.own)
+        line, slope = _law(study, column, 0.5)
+        values = Axis(study.title, study.unit, logarithmic=True)
+        plots.append(Plot(values, _error(curve), (*series, *line), labels=tuple(slope)))
+    return tuple(plots)
+
+
+def work_precision(studies: Sequence[SweepStudy]) -> Panels:
+    """Error against the median wall time; bars from the quickest to the slowest repeat."""
+    times = Axis("wall time, warm", "s", logarithmic=True)
+    plots: list[Plot] = []
+    for column, curve in enumerate(studies[0].curves):
+        series: list[Series] = []
+        for study in studies:
+            quantity = study.curves[column].quantity
+            timed = [point for point in study.points if point.wall_times]
+            x = np.array([np.median(point.wall_times) for point in timed], dtype=float)
+            y = np.array([point.error(quantity) or np.nan for point in timed], dtype=float)
+            quickest = np.array([min(point.wall_times) for point in timed], dtype=float)
+            slowest = np.array([max(point.wall_times) for point in timed], dtype=float)
+            hints = tuple(f"{study.title} = {point.value:.3g}" for point in timed)
+            style, spread = run_style(study.engine, study.preset), (quickest, slowest)
+            series.append(Series(study.label, x, y, style, "both", hints, spread))
+        plots.append(Plot(times, _error(curve), tuple(series), height=400))
+    return tuple(plots)
+
+
+def exponent(law: PowerLaw | None) -> str:
+    """Exponent and half width of its confidence interval."""
+    return "none" if law is None else f"{law.exponent:.3f} ± {law.half_width:.3f}"
+
+
+def _error(curve: Curve) -> Axis:
+    stop = "stop force" if curve.unit == "N" else "stop torque"
+    name = "position" if curve.quantity == "position" else stop
+    return Axis(f"largest error, {name}", curve.unit, logarithmic=True)
+
+
+def _points(
+    study: SweepStudy, column: int, name: str, style: Style | None = None, *, part: bool = False
+) -> Iterator[Series]:
+    """The errors, or the parameter's part of them."""
+    quantity = study.curves[column].quantity
+    errors = [(point.value, point.error(quantity, part)) for point in study.points]
+    ran = np.array([(value, error) for value, error in errors if error is not None], dtype=float)
+    if len(ran):
+        style = style or run_style(study.engine, study.preset)
+        yield Series(name, ran[:, 0], ran[:, 1], style, "points")
+
+
+def _law(study: SweepStudy, column: int, at: float) -> tuple[list[Series], list[Label]]:
+    """The law as a line, and its exponent at that share of its range; nothing without a law."""
+    law, style = study.curves[column].law, run_style(study.engine, study.preset)
+    if law is None:
+        return [], []
+    ends = np.array([law.high, law.low]), np.array([law.at(law.high), law.at(law.low)])
+    name = f"slope {law.exponent:.3f}"
+    x = law.low ** (1 - at) * law.high**at
+    line = Series(name, *ends, replace(style, width=1.2), listed=False)
+    return [line], [Label(x, law.at(x), exponent(law), style.colour)]
+
+
+# --- Chapters
+
+
 def _chapter(machine: MachineStudies) -> Iterator[doc.Block]:
+    model = machine.model
     steps = [study for study in machine.studies if study.knob == "timestep"]
     others = [study for study in machine.studies if study.knob != "timestep"]
     known = " and ".join(
         f"{format_number(value)} {'m' if name == 'position' else machine.mechanism.force_unit}"
         for name, value in machine.uncertainty.items()
     )
-    yield chapter(machine.model)
+    yield chapter(model)
     compared = compared_time(machine.launch_time, machine.compared_to, machine.judged_to)
     source = machine.uncertainty_source
     yield doc.Note(f"{compared} The reference is known to {known} (by {source}).")
     if steps:
         yield doc.Heading("Order in the time step")
         yield _orders(machine, steps)
-        drawn, anchor = partial(convergence, steps), f"{machine.model}-order"
-        yield doc.Figure(drawn, "Error against the time step", anchor=anchor)
+        drawn, title = partial(convergence, steps), "Error against the time step"
+        yield doc.Figure(drawn, title, anchor=f"{model}-order")
         yield doc.Fold("How each floor's cause was found", (_floors(steps),))
     if machine.pairs:
         yield from _limits(machine)
     if steps:
-        drawn, anchor = partial(work_precision, steps), f"{machine.model}-work-precision"
+        drawn, anchor = partial(work_precision, steps), f"{model}-work-precision"
         yield doc.Figure(drawn, "Error against wall time", _WORK, anchor)
     if others:
         yield doc.Heading("Other swept parameters")
         yield doc.Note(_OTHERS)
         yield _laws(machine, others)
     for study in others:
+        # Why the parameter is swept, at which other options, and what is left.
+        sentences = [f"{capital(study.why)}."]
+        if study.base:
+            sentences.append(f"At {format_settings(study.base)}.")
+        for curve in study.curves:
+            if curve.floor is not None:
+                left = f"{format_number(curve.floor.error)} {curve.unit} is left"
+                cause = f"{curve.floor.cause} ({curve.floor.evidence})"
+                sentences.append(f"{curve.quantity.capitalize()}: {left}; cause: {cause}.")
         drawn, title = partial(swept_parameter, study), f"{study.label}: {study.title}"
-        yield doc.Figure(drawn, title, _about(study))
+        yield doc.Figure(drawn, title, " ".join(sentences))
     yield doc.Fold("Every point", tuple(map(_point_table, machine.studies)))
 
 
 def _orders(machine: MachineStudies, studies: Sequence[SweepStudy]) -> doc.Table:
+    """Orders in the time step, with the distance of Richardson's limit from the reference."""
     heads = (
         "engine | (quantity) | (expected) | order | range [s] | floor | set by | "
         "limit to reference | (its own error [m]) | (finest level [s])"
     )
-    rows = (
-        _curve_row(study, curve, [study.label], *_limit(machine, study, curve))
-        for study in studies
-        for curve in study.curves
-    )
+    rows: list[doc.Row] = []
+    for study in studies:
+        limit = machine.limit(study.label)
+        for curve in study.curves:
+            end = "none", "", ""
+            if limit is not None and curve.quantity == "position":
+                distance = f"{format_number(limit.position)} {curve.unit}"
+                end = distance, format_number(limit.estimate), format_number(limit.levels[-1])
+            elif limit is not None and limit.torque is not None:
+                end = f"{format_number(limit.torque)} {curve.unit}", "", ""
+            rows.append(_curve_row(study, curve, [study.label], *end))
     caption = f"{machine.model}: order of the position's error in the time step, 95 % confidence"
     return doc.table(doc.ranked(doc.columns(heads), range=2, order=0), rows, caption)
 
 
-def _curve_row(study: SweepStudy, curve: Curve, names: Iterable[str], *end: str) -> doc.Row:
-    """Row of a quantity; only the position's has the study's names, and is shown in a terminal."""
+def _laws(machine: MachineStudies, studies: Sequence[SweepStudy]) -> doc.Table:
+    parameter = doc.Column("parameter", medium="terminal", wrap=False, rank=0)
+    laws = doc.columns("(quantity) | expected | exponent | range | what is left | set by")
+    rows: list[doc.Row] = []
+    for study in studies:
+        # Sweeps of integrators go by their names.
+        swept = str(study.base.get(study.knob, study.knob))
+        names = [study.label, study.title, swept]
+        rows += [_curve_row(study, curve, names) for curve in study.curves]
+    caption = f"{machine.model}: other swept parameters, exponent of the position's error"
+    heads = (*doc.columns("engine | (swept parameter)"), parameter, *laws)
+    return doc.table(doc.ranked(heads, range=2, expected=2, exponent=0), rows, caption)
+
+
+def _curve_row(study: SweepStudy, curve: Curve, names: Sequence[str], *end: str) -> doc.Row:
+    """Row of a quantity: expected and measured exponent, its range, the floor and its cause.
+
+    Only the position's has the study's names, and is shown in a terminal.
+    """
     position = curve.quantity == "position"
-    first = (name if position else "" for name in names)
-    return doc.row(
-        *first, curve.quantity, *_law(study, curve), *end, medium="any" if position else "page"
-    )
-
-
-def _law(study: SweepStudy, curve: Curve) -> tuple[str | doc.Cell, ...]:
-    """Expected and found exponent, the range of the law, the floor and its cause."""
-    expected = "–"
-    if study.expected is not None and curve.quantity == "position":
+    expected, span, left = "–", "", ("not reached", doc.Cell(""))
+    if study.expected is not None and position:
         expected = f"{study.expected:g}"
-    law, floor = curve.law, curve.floor
-    span = "" if law is None else f"{format_number(law.high)} to {format_number(law.low)}"
-    if floor is None:
-        return expected, exponent(law), span, "not reached", ""
-    cause = doc.Cell(floor.cause, hint=floor.evidence)
-    return expected, exponent(law), span, f"{format_number(floor.error)} {curve.unit}", cause
-
-
-def _limit(machine: MachineStudies, study: SweepStudy, curve: Curve) -> tuple[str, str, str]:
-    """Distance of Richardson's limit from the reference, its own error, its finest step."""
-    limit = machine.limit(study.label)
-    if limit is not None and curve.quantity == "position":
-        distance = f"{format_number(limit.position)} {curve.unit}"
-        return distance, format_number(limit.estimate), format_number(limit.levels[-1])
-    if limit is None or limit.torque is None:
-        return "none", "", ""
-    return f"{format_number(limit.torque)} {curve.unit}", "", ""
+    if curve.law is not None:
+        span = f"{format_number(curve.law.high)} to {format_number(curve.law.low)}"
+    if curve.floor is not None:
+        cause = doc.Cell(curve.floor.cause, hint=curve.floor.evidence)
+        left = f"{format_number(curve.floor.error)} {curve.unit}", cause
+    law = (curve.quantity, expected, exponent(curve.law), span, *left)
+    if position:
+        return doc.row(*names, *law, *end)
+    return doc.row(*[""] * len(names), *law, *end, medium="page")
 
 
 def _floors(studies: Sequence[SweepStudy]) -> doc.Table:
@@ -271,7 +286,7 @@ def _floors(studies: Sequence[SweepStudy]) -> doc.Table:
 
 
 def _limits(machine: MachineStudies) -> Iterator[doc.Block]:
-    tuned = [pair for pair in machine.pairs if is_tuned(pair.first) and is_tuned(pair.second)]
+    tuned = [pair for pair in machine.pairs if both_tuned(pair.first, pair.second)]
     rows = [
         doc.row(limit.label, "reference", format_number(limit.position), medium="page")
         for limit in machine.limits
@@ -291,59 +306,24 @@ def _pair_row(pair: LimitPair) -> doc.Row:
     return doc.row(pair.first, pair.second, format_number(pair.position))
 
 
-def _laws(machine: MachineStudies, studies: Sequence[SweepStudy]) -> doc.Table:
-    parameter = doc.Column("parameter", medium="terminal", wrap=False, rank=0)
-    laws = doc.columns("(quantity) | expected | exponent | range | what is left | set by")
-    rows = (
-        _curve_row(study, curve, [study.label, study.title, _swept(study)])
-        for study in studies
-        for curve in study.curves
-    )
-    caption = f"{machine.model}: other swept parameters, exponent of the position's error"
-    heads = (*doc.columns("engine | (swept parameter)"), parameter, *laws)
-    return doc.table(doc.ranked(heads, range=2, expected=2, exponent=0), rows, caption)
-
-
-def _swept(study: SweepStudy) -> str:
-    """Name of the swept parameter; the sweeps of integrators go by theirs."""
-    return str(study.base[study.knob]) if study.knob in study.base else study.knob
-
-
-def _about(study: SweepStudy) -> str:
-    """Why a parameter is swept, at which other options, and what is left."""
-    sentences = [f"{capital(study.why)}."]
-    if study.base:
-        sentences.append(f"At {format_settings(study.base)}.")
-    for curve in study.curves:
-        if curve.floor is not None:
-            left = f"{format_number(curve.floor.error)} {curve.unit} is left"
-            cause = f"{curve.floor.cause} ({curve.floor.evidence})"
-            sentences.append(f"{curve.quantity.capitalize()}: {left}; cause: {cause}.")
-    return " ".join(sentences)
-
-
 def _point_table(study: SweepStudy) -> doc.Table:
+    """Errors, steps and wall time [s] of every point: the median, from the quickest to slowest."""
     whole = [f"{curve.quantity} [{curve.unit}]" for curve in study.curves]
     own = [f"of the parameter [{curve.unit}]" for curve in study.curves if study.own]
     setting = f"{study.title} [{study.unit}]"
     heads = " | ".join([setting, "options", *whole, *own, "steps", "wall [s]"])
-    rows = [_point(study, point) for point in study.points]
-    return doc.table(heads, rows, f"{study.label}: {study.title}", "page")
-
-
-def _point(study: SweepStudy, point: Point) -> tuple[object, ...]:
-    setting = f"{point.value:.5g}", format_settings(point.options)
-    if point.message is not None:
-        return *setting, doc.Cell(point.message, "warning")
     parts = (False, True) if study.own else (False,)
-    errors = (point.error(curve.quantity, own) for own in parts for curve in study.curves)
-    return *setting, *map(format_number, errors), point.steps, _wall(point)
-
-
-def _wall(point: Point) -> str:
-    """Median wall time, and from the quickest to the slowest where there are more [s]."""
-    times = point.wall_times
-    if not times:
-        return "–"
-    text = f"{np.median(times):.3f}"
-    return text if len(times) == 1 else f"{text} ({min(times):.3f} to {max(times):.3f})"
+    rows: list[tuple[object, ...]] = []
+    for point in study.points:
+        setting = f"{point.value:.5g}", format_settings(point.options)
+        if point.message is not None:
+            rows.append((*setting, doc.Cell(point.message, "warning")))
+            continue
+        errors = (point.error(curve.quantity, part) for part in parts for curve in study.curves)
+        times, wall = point.wall_times, "–"
+        if times:
+            wall = f"{np.median(times):.3f}"
+        if len(times) > 1:
+            wall += f" ({min(times):.3f} to {max(times):.3f})"
+        rows.append((*setting, *map(format_number, errors), point.steps, wall))
+    return doc.table(heads, rows, f"{study.label}: {study.title}", "page")

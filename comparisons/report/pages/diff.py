@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from operator import attrgetter
 
 from ...diff import Difference, Fate, QuantityChange, RunChange
-from ...runs.results import Metric, Run
+from ...runs.results import Metric
 from .. import document as doc
 from ..document import format_number, format_step
 from .tables import cause_text, diagnosis, verdict_blocks
 
 _QUESTION = "What moved from one comparison to the other, and what broke?"
-_SHOWN = 20
-"""Rows of a table that are shown at once."""
-_NAMED = 4
-"""Runs whose names are shown with a change of an option."""
+_SHOWN = 20  # rows of a table that are shown at once
+_NAMED = 4  # runs whose names are shown with a change of an option
 _MARKS: dict[Fate, doc.Mark] = {
     Fate.SAME: "plain",
     Fate.BETTER: "good",
@@ -41,63 +39,63 @@ _HOW = (
 
 def document(difference: Difference) -> doc.Document:
     """All of it; a terminal has the tables in short, and the summary at their end."""
-    found = difference
-    first_verdict, last_verdict = verdict_blocks(found.summary, doc.mark_of(found.passed))
+    summary, factor = difference.summary, difference.factor
+    first_verdict, last_verdict = verdict_blocks(summary, doc.mark_of(difference.passed))
+    broken = {(change.model, change.run) for change in difference.broken}
+    why: list[doc.Text] = []
+    for change in difference.runs:
+        if change.new is not None and (change.new.model, change.new.label) in broken:
+            lead = f"{_name(change)}, why:"
+            why += [doc.Text(sentence, "strong", lead) for sentence in diagnosis(change.new)]
     blocks = (
         first_verdict,
-        _tiles(found),
-        _versions(found),
-        *_reference(found),
-        *_runs(found),
-        *_quantities("Verdicts that broke", found.broken),
-        *_reasons(found),
-        *_quantities("Verdicts mended", found.mended),
-        *_quantities(f"Errors that moved by more than a factor {found.factor:g}", found.moved),
-        *_diagnoses(found),
-        *_conditions(found),
-        *_times(found),
-        doc.Note(_HOW.format(factor=found.factor)),
+        _tiles(difference),
+        *_conditions_of_all(difference),
+        *_runs(difference),
+        *_quantities("Verdicts that broke", difference.broken),
+        doc.Listing(tuple(why)),
+        *_quantities("Verdicts mended", difference.mended),
+        *_quantities(f"Errors that moved by more than a factor {factor:g}", difference.moved),
+        *_changes_by_run(difference),
+        doc.Note(_HOW.format(factor=factor)),
         last_verdict,
     )
-    return doc.Document(_QUESTION, blocks, "trebucheck diff", verdict=found.summary)
+    return doc.Document(_QUESTION, blocks, "trebucheck diff", verdict=summary)
 
 
-def _tiles(found: Difference) -> doc.Tiles:
+def _tiles(difference: Difference) -> doc.Tiles:
     """Numbers of changes."""
-    lost = len(found.of_fate(Fate.WORSE, Fate.FAILS, Fate.VANISHED))
+    lost = len(difference.of_fate(Fate.WORSE, Fate.FAILS, Fate.VANISHED))
+    quantities, runs = len(difference.quantities), len(difference.runs)
     counts: tuple[tuple[int, str, doc.Mark, str], ...] = (
-        (len(found.broken), "verdicts broke", "bad", ""),
+        (len(difference.broken), "verdicts broke", "bad", ""),
         (lost, "runs worse, failing or gone", "bad", ""),
-        (len(found.mended), "verdicts mended", "good", ""),
-        (len(found.moved), "further errors moved", "plain", f"of {len(found.quantities)}"),
-        (found.compared, "runs compared", "plain", f"of {len(found.runs)}"),
+        (len(difference.mended), "verdicts mended", "good", ""),
+        (len(difference.moved), "further errors moved", "plain", f"of {quantities}"),
+        (difference.compared, "runs compared", "plain", f"of {runs}"),
     )
-    tiles = [
-        doc.Tile(str(number), label, mark if number else "plain", detail)
-        for number, label, mark, detail in counts
-    ]
+    tiles: list[doc.Tile] = []
+    for number, label, mark, detail in counts:
+        tiles.append(doc.Tile(str(number), label, mark if number else "plain", detail))
     return doc.Tiles(tuple(tiles))
 
 
-def _versions(found: Difference) -> doc.Block:
-    if not found.versions:
-        return doc.Text("The versions of engines, trebucheck, Python and platform are the same.")
-    heads = (doc.words("version of", wrap=False), doc.words("old"), doc.words("new"))
-    rows = [(name, *both) for name, both in found.versions.items()]
-    return doc.table(heads, rows, "Versions that changed")
-
-
-def _reference(found: Difference) -> Iterator[doc.Block]:
-    """Figures of the reference that moved: all errors, measured from it, move with it."""
-    if not found.references:
-        return
-    yield doc.Heading("The reference moved", 2, medium="any")
-    yield doc.table(_REFERENCE_COLUMNS, found.references)
-    yield doc.Text(
-        "Its figures moved by more than they are uncertain by. The mechanism is the same, so the "
-        "law of its stops is another one, or one of the two references is wrong; errors that moved "
-        "may only follow."
-    )
+def _conditions_of_all(difference: Difference) -> Iterator[doc.Block]:
+    """Versions, and figures of the reference that moved: all errors are measured from it."""
+    if difference.versions:
+        heads = (doc.words("version of", wrap=False), doc.words("old"), doc.words("new"))
+        rows = [(name, *both) for name, both in difference.versions.items()]
+        yield doc.table(heads, rows, "Versions that changed")
+    else:
+        yield doc.Text("The versions of engines, trebucheck, Python and platform are the same.")
+    if difference.references:
+        yield doc.Heading("The reference moved", 2, medium="any")
+        yield doc.table(_REFERENCE_COLUMNS, difference.references)
+        yield doc.Text(
+            "Its figures moved by more than they are uncertain by. The mechanism is the same, so "
+            "the law of its stops is another one, or one of the two references is wrong; errors "
+            "that moved may only follow."
+        )
 
 
 def _digits(value: float | None) -> str:
@@ -114,51 +112,48 @@ _REFERENCE_COLUMNS = (
 )
 
 
-def _runs(found: Difference) -> Iterator[doc.Block]:
-    """Runs whose verdict changed, or that have come or gone, and how much of each run changed."""
-    changed = [each for each in found.runs if each.fate is not Fate.SAME]
-    if changed:
-        changed.sort(key=lambda each: _URGENT.index(each.fate))
-        heads = (*doc.columns("run | old | new"), doc.Column("what", rank=0), doc.words("message"))
-        shown = doc.table(heads, map(_fate_row, changed), "Verdicts of whole runs, old and new")
-        yield doc.Heading(f"Runs that changed ({len(changed)})", 2, medium="any")
-        yield doc.without_empty_columns(shown)
-    counted = [row for each in found.runs if (row := _count_row(found, each)) is not None]
-    if counted:
-        heads = (*doc.columns(_COUNTS), doc.words("largest growth"))
-        yield doc.Heading("How much changed in each run", 2, medium="any")
-        yield doc.table(heads, counted, "Numbers of quantities")
-
+# --- Runs
 
 _URGENT = (Fate.VANISHED, Fate.FAILS, Fate.WORSE, Fate.NOT_COMPARED, Fate.BETTER, Fate.APPEARED)
 
 
-def _fate_row(each: RunChange) -> doc.Row:
-    message = each.reason or (each.new.message if each.new else None) or ""
-    verdicts = (_outcome(each.old), _outcome(each.new))
-    return doc.row(_name(each), *verdicts, doc.Cell(each.fate.value, _MARKS[each.fate]), message)
+def _runs(difference: Difference) -> Iterator[doc.Block]:
+    """Runs whose verdict changed, or that have come or gone, and how much of each run changed."""
+    changed = [change for change in difference.runs if change.fate is not Fate.SAME]
+    changed.sort(key=lambda change: _URGENT.index(change.fate))
+    rows: list[doc.Row] = []
+    for change in changed:
+        message = change.reason or (change.new.message if change.new else None) or ""
+        old, new = (run.outcome.value if run else "–" for run in (change.old, change.new))
+        fate = doc.Cell(change.fate.value, _MARKS[change.fate])
+        rows.append(doc.row(_name(change), old, new, fate, message))
+    if rows:
+        heads = (*doc.columns("run | old | new"), doc.Column("what", rank=0), doc.words("message"))
+        shown = doc.table(heads, rows, "Verdicts of whole runs, old and new")
+        yield doc.Heading(f"Runs that changed ({len(changed)})", 2, medium="any")
+        yield doc.without_empty_columns(shown)
+    counted: list[doc.Row] = []
+    for change in difference.runs:
+        counted += _counts(difference, change)
+    if counted:
+        heads = doc.columns("run | broke | mended | grew | shrank | compared")
+        yield doc.Heading("How much changed in each run", 2, medium="any")
+        yield doc.table((*heads, doc.words("largest growth")), counted, "Numbers of quantities")
 
 
-def _name(each: RunChange) -> str:
-    return f"{each.run.model}, {each.run.label}"
+def _name(change: RunChange) -> str:
+    return f"{change.run.model}, {change.run.label}"
 
 
-def _outcome(run: Run | None) -> str:
-    return "–" if run is None else run.outcome.value
-
-
-_COUNTS = "run | broke | mended | grew | shrank | compared"
-
-
-def _count_row(found: Difference, change: RunChange) -> doc.Row | None:
-    """How many of its quantities changed in which way; None if none did."""
-    own = set(map(id, change.quantities))
+def _counts(difference: Difference, change: RunChange) -> Iterator[doc.Row]:
+    """How many of a run's quantities changed in which way; nothing if none did."""
+    in_run = set(map(id, change.quantities))
     broke, mended, moved = (
-        [quantity for quantity in group if id(quantity) in own]
-        for group in (found.broken, found.mended, found.moved)
+        [quantity for quantity in group if id(quantity) in in_run]
+        for group in (difference.broken, difference.mended, difference.moved)
     )
     if not (broke or mended or moved):
-        return None
+        return
     grew = [quantity for quantity in moved if quantity.factor is None or quantity.factor > 1]
     counts = (len(broke), len(mended), len(grew), len(moved) - len(grew))
     marks: tuple[doc.Mark, ...] = ("bad", "good", "plain", "plain")
@@ -168,7 +163,57 @@ def _count_row(found: Difference, change: RunChange) -> doc.Row | None:
     growth = ""
     if worst is not None and (worst.factor or 0.0) > 1:
         growth = f"{_factor(worst)} in {worst.either.label}"
-    return doc.row(_name(change), *cells, len(change.quantities), growth)
+    yield doc.row(_name(change), *cells, len(change.quantities), growth)
+
+
+def _changes_by_run(difference: Difference) -> Iterator[doc.Block]:
+    """Changed causes and conditions, and wall times, which depend on what else the machine did."""
+    diagnoses: list[doc.Text] = []
+    settings: dict[str, list[str]] = {}  # runs of each change of an option
+    times: list[tuple[object, ...]] = []
+    for change in difference.runs:
+        name, old, new = _name(change), change.old, change.new
+        if change.diagnoses:
+            was, is_now = map(cause_text, change.diagnoses)
+            diagnoses.append(doc.Text(f"was {was}; is {is_now}.", lead=f"{name}:"))
+        for option, (before, after) in change.settings.items():
+            line = f"{option} {_setting(before)} → {_setting(after)}"
+            settings.setdefault(line, []).append(name)
+        if old and new and old.wall_time and new.wall_time:
+            seconds = f"{old.wall_time:.2f}", f"{new.wall_time:.2f}"
+            times.append((name, *seconds, old.steps, new.steps))
+    if diagnoses:
+        yield doc.Heading("Diagnoses that changed", 2, medium="any")
+        yield doc.Listing(tuple(diagnoses))
+    # Changed settings, tolerances and horizons: a change of ours, not of an engine.
+    sentences = [*difference.conditions]
+    for line, names in settings.items():
+        more = f" and {len(names) - _NAMED} more runs" if len(names) > _NAMED else ""
+        sentences.append(f"{line}: {'; '.join(names[:_NAMED])}{more}.")
+    loosened = 0
+    for quantity in difference.quantities:
+        old, new = _tolerances(quantity)
+        loosened += old is not None and new is not None and new > difference.factor * old
+    if loosened:
+        number = f"{loosened} of {len(difference.quantities)}"
+        factor = f"more than a factor {difference.factor:g}"
+        sentences.append(f"Tolerances of {number} quantities are looser now, by {factor}.")
+    if sentences:
+        yield doc.Heading("Conditions that changed", 2, medium="any")
+        yield doc.Listing(tuple(map(doc.Text, sentences)))
+    if times:
+        heads = "run | old [s] | new [s] | old steps | new steps"
+        shown = doc.table(heads, times, medium="page")
+        yield doc.Fold("Wall times and steps, not judged", (shown,))
+
+
+def _setting(value: object) -> str:
+    if value is None:
+        return "none"
+    return format_step(value) if isinstance(value, float) and value else str(value)
+
+
+# --- Quantities
 
 
 def _quantities(title: str, changes: Sequence[QuantityChange]) -> Iterator[doc.Block]:
@@ -176,21 +221,12 @@ def _quantities(title: str, changes: Sequence[QuantityChange]) -> Iterator[doc.B
     if not changes:
         return
     yield doc.Heading(f"{title} ({len(changes)})", 2, medium="any")
-    yield doc.table(_COLUMNS, changes[:_SHOWN], _CAPTION)
+    yield _table(changes[:_SHOWN])
     rest = changes[_SHOWN:]
     if rest:
-        yield doc.Fold(f"{len(rest)} more", (doc.table(_COLUMNS, rest, _CAPTION),))
-        yield doc.terminal_only(
-            doc.Text(f"and {len(rest)} more; --format html has all of them.", "muted")
-        )
-
-
-def _value(metric: Metric | None) -> doc.Cell:
-    """A size, or why there is none."""
-    if metric is None:
-        return doc.Cell("–")
-    size = None if metric.value is None else abs(metric.value)
-    return doc.Cell(format_number(size), hint=metric.note or "")
+        yield doc.Fold(f"{len(rest)} more", (_table(rest),))
+        text = f"and {len(rest)} more; --format html has all of them."
+        yield doc.Text(text, "muted", medium="terminal")
 
 
 def _factor(change: QuantityChange) -> str:
@@ -200,30 +236,19 @@ def _factor(change: QuantityChange) -> str:
         return "–"
     if ratio == 0 or math.isinf(ratio):
         return "from 0"
-    bound = "over " if change.bounded else ""
-    return f"{bound}× {_short(ratio)}" if ratio > 1 else f"{bound}÷ {_short(1 / ratio)}"
+    size, sign = (ratio, "×") if ratio > 1 else (1 / ratio, "÷")
+    digits = format_number(size)
+    if size < 9.95:
+        digits = f"{size:.1f}"
+    elif size < 9999.5:
+        digits = f"{size:.0f}"
+    return f"{'over ' if change.bounded else ''}{sign} {digits}"
 
 
-def _short(value: float) -> str:
-    if value < 9.95:
-        return f"{value:.1f}"
-    return f"{value:.0f}" if value < 9999.5 else format_number(value)
-
-
-def _tolerance(change: QuantityChange) -> str:
-    """The tolerance, or both where they read differently."""
-    old, new = (None if metric is None else metric.tolerance for metric in (change.old, change.new))
-    texts = [format_number(tolerance) for tolerance in (old, new) if tolerance is not None]
-    return " → ".join(dict.fromkeys(texts)) or "–"
-
-
-def _verdict(change: QuantityChange) -> doc.Cell:
-    old, new = _judged(change.old), _judged(change.new)
-    mark: doc.Mark = "good" if change.mended else "plain"
-    if change.broke or new == "breaks":
-        mark = "bad"
-    why = ", by its tolerance" if change.by_tolerance else ""
-    return doc.Cell(new if old == new else f"{old} → {new}{why}", mark)
+def _tolerances(change: QuantityChange) -> tuple[float | None, float | None]:
+    """Those of the old and the new run; None where a metric or its tolerance is missing."""
+    old, new = (metric.tolerance if metric else None for metric in (change.old, change.new))
+    return old, new
 
 
 def _judged(metric: Metric | None) -> str:
@@ -232,94 +257,40 @@ def _judged(metric: Metric | None) -> str:
     return "not judged" if metric.holds is None else "holds" if metric.holds else "breaks"
 
 
-_CAPTION = "Errors, those that matter most first"
 _COLUMNS = (
-    doc.Column("run", of=lambda change: f"{change.model}, {change.run}", wrap=True),
-    doc.Column("quantity", of=lambda change: f"{change.either.label} [{change.either.unit}]",
-               rank=0, medium="terminal"),
-    doc.Column("quantity", of=lambda change: change.either.label, wrap=False, medium="page"),
-    doc.Column("unit", of=lambda change: change.either.unit, medium="page"),
-    doc.Column("old", align="right", of=lambda change: _value(change.old), rank=2),
-    doc.Column("new", align="right", of=lambda change: _value(change.new), rank=0),
-    doc.Column("factor", align="right", of=_factor, wrap=False),
-    doc.Column("tolerance", align="right", of=_tolerance, medium="page"),
-    doc.Column("unknown", align="right", of=lambda change: format_number(change.unknown),
-               medium="page"),
-    doc.Column("verdict", of=_verdict, rank=0),
-)  # fmt: skip
+    doc.Column("run", wrap=True),
+    doc.Column("quantity", rank=0, medium="terminal"),
+    doc.Column("quantity", wrap=False, medium="page"),
+    doc.Column("unit", medium="page"),
+    doc.Column("old", align="right", rank=2),
+    doc.Column("new", align="right", rank=0),
+    doc.Column("factor", align="right", wrap=False),
+    doc.Column("tolerance", align="right", medium="page"),
+    doc.Column("unknown", align="right", medium="page"),
+    doc.Column("verdict", rank=0),
+)
 
 
-def _reasons(found: Difference) -> Iterator[doc.Block]:
-    """Why runs disagree that did not before."""
-    broken = {(change.model, change.run) for change in found.broken}
-    runs = [change.new for change in found.runs if change.new is not None]
-    texts = [
-        doc.Text(sentence, "strong", lead=f"{run.model}, {run.label}, why:")
-        for run in runs
-        if (run.model, run.label) in broken
-        for sentence in diagnosis(run)
-    ]
-    yield doc.Listing(tuple(texts))
-
-
-def _diagnoses(found: Difference) -> Iterator[doc.Block]:
-    """Runs that disagreed before, and do so now in another quantity or for other causes."""
-    texts: list[doc.Text] = []
-    for change in found.runs:
-        if change.diagnoses:
-            old, new = map(cause_text, change.diagnoses)
-            texts.append(doc.Text(f"was {old}; is {new}.", lead=f"{_name(change)}:"))
-    if texts:
-        yield doc.Heading("Diagnoses that changed", 2, medium="any")
-        yield doc.Listing(tuple(texts))
-
-
-def _conditions(found: Difference) -> Iterator[doc.Block]:
-    """Changed settings, tolerances and horizons: a change of ours, not of an engine."""
-    sentences = [*found.conditions, *_settings(found.runs)]
-    loosened = sum(_looser(change, found.factor) for change in found.quantities)
-    if loosened:
-        number = f"{loosened} of {len(found.quantities)}"
-        sentences.append(
-            f"Tolerances of {number} quantities are looser now, by more than a factor "
-            f"{found.factor:g}."
-        )
-    if sentences:
-        yield doc.Heading("Conditions that changed", 2, medium="any")
-        yield doc.Listing(tuple(map(doc.Text, sentences)))
-
-
-def _settings(runs: Iterable[RunChange]) -> Iterator[str]:
-    """Each change of an option, with the runs that it is in."""
-    changed: dict[str, list[str]] = {}
-    for each in runs:
-        for name, (old, new) in each.settings.items():
-            line = f"{name} {_setting(old)} → {_setting(new)}"
-            changed.setdefault(line, []).append(_name(each))
-    for line, names in changed.items():
-        more = f" and {len(names) - _NAMED} more runs" if len(names) > _NAMED else ""
-        yield f"{line}: {'; '.join(names[:_NAMED])}{more}."
-
-
-def _setting(value: object) -> str:
-    if value is None:
-        return "none"
-    return format_step(value) if isinstance(value, float) and value else str(value)
-
-
-def _looser(change: QuantityChange, factor: float) -> bool:
-    old, new = (None if metric is None else metric.tolerance for metric in (change.old, change.new))
-    return old is not None and new is not None and new > factor * old
-
-
-def _times(found: Difference) -> Iterator[doc.Block]:
-    """Wall times beside each other; they depend on what else the machine did."""
-    rows: list[tuple[object, ...]] = []
-    for change in found.runs:
-        old, new = change.old, change.new
-        if old and new and old.wall_time and new.wall_time:
-            seconds = (f"{run.wall_time:.2f}" for run in (old, new))
-            rows.append((_name(change), *seconds, old.steps, new.steps))
-    if rows:
-        shown = doc.table("run | old [s] | new [s] | old steps | new steps", rows, medium="page")
-        yield doc.Fold("Wall times and steps, not judged", (shown,))
+def _table(changes: Sequence[QuantityChange]) -> doc.Table:
+    rows: list[doc.Row] = []
+    for change in changes:
+        label, unit = change.either.label, change.either.unit
+        sizes: list[doc.Cell] = []
+        for metric in (change.old, change.new):
+            size = None if metric is None or metric.value is None else abs(metric.value)
+            hint = metric.note or "" if metric else ""  # why there is none
+            sizes.append(doc.Cell(format_number(size), hint=hint))
+        # Both tolerances, where they read differently.
+        limits = [format_number(limit) for limit in _tolerances(change) if limit is not None]
+        tolerance = " → ".join(dict.fromkeys(limits)) or "–"
+        old, new = _judged(change.old), _judged(change.new)
+        mark: doc.Mark = "good" if change.mended else "plain"
+        if change.broke or new == "breaks":
+            mark = "bad"
+        verdict = new
+        if old != new:
+            verdict = f"{old} → {new}{', by its tolerance' if change.by_tolerance else ''}"
+        names = f"{change.model}, {change.run}", f"{label} [{unit}]", label, unit
+        end = _factor(change), tolerance, format_number(change.unknown), doc.Cell(verdict, mark)
+        rows.append(doc.row(*names, *sizes, *end))
+    return doc.table(_COLUMNS, rows, "Errors, those that matter most first")

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import chain
 
 import numpy as np
 
-from ...explain.results import (
+from ...explain import (
     Budget,
     ExplainedMachine,
     Explanation,
     Figures,
-    Measurement,
     QuantityBudget,
-    Share,
     StockAgainstTuned,
 )
 from .. import document as doc
@@ -71,8 +68,7 @@ def document(explanation: Explanation) -> doc.Document:
     for machine in explanation.machines:
         blocks += _chapter(explanation, machine)
     runs = ((b.model, b.label, b.engine_version, b.settings) for b in explanation.budgets)
-    mechanisms = [(machine.model, machine.mechanism) for machine in explanation.machines]
-    blocks += [*provenance(explanation, runs, mechanisms), last_verdict]
+    blocks += [*provenance(explanation, runs, explanation.machines), last_verdict]
     title = "Where the errors come from"
     return doc.Document(title, tuple(blocks), "trebucheck explain", verdict=line)
 
@@ -90,7 +86,7 @@ def verdict(explanation: Explanation) -> str:
     if not explained:
         return f"Nothing to explain.{lost}"
     least, where = min(explained)
-    return f"{_downwards(least)} or more of every error shown is explained (least: {where}).{lost}"
+    return f"{_explained(least)} or more of every error shown is explained (least: {where}).{lost}"
 
 
 def main_quantities(budget: Budget) -> list[QuantityBudget]:
@@ -100,59 +96,47 @@ def main_quantities(budget: Budget) -> list[QuantityBudget]:
     return [q for q in quantities if q.name == "position" or q.name.endswith(kinds)]
 
 
-def _explained(quantity: QuantityBudget) -> str:
+def _explained(fraction: float | None) -> str:
     """How much of the error the causes account for; never rounded up to the whole."""
-    return "–" if quantity.explained is None else _downwards(quantity.explained)
-
-
-def _downwards(fraction: float) -> str:
+    if fraction is None:
+        return "–"
     if fraction > 0.999:
         return "over 99.9 %"
     return f"{math.floor(1000 * max(0.0, fraction)) / 10:.1f} %"
 
 
 def _chapter(explanation: Explanation, machine: ExplainedMachine) -> Iterator[doc.Block]:
+    """A machine's budgets: in short for the terminal, each on the page; what options buy."""
     budgets = [budget for budget in explanation.budgets if budget.model == machine.model]
+    rows: list[tuple[str, ...]] = []
+    failures: list[doc.Text] = []
+    for budget in budgets:
+        name, label = f"{machine.model}, {budget.label}", budget.label
+        for q in main_quantities(budget):
+            # Shares worth a word, the largest first.
+            shares = [(share.fraction or 0.0, share.cause) for share in q.shares]
+            shares.sort(key=lambda share: -abs(share[0]))
+            worth = [f"{c} {format_percent(f)}" for f, c in shares if abs(f) >= _FEW]
+            rms, explained = f"{format_number(q.rms)} {q.unit}", _explained(q.explained)
+            rows.append((label, q.name, rms, explained, ", ".join(worth)))
+            label = ""
+        if budget.message:
+            failures.append(doc.Text(budget.message, "warning", lead=f"{name}:"))
+        for cause in budget.causes:
+            if cause.message:
+                text = f"not measured: {cause.message}"
+                failures.append(doc.Text(text, "warning", lead=f"{name}, {cause.name}:"))
     yield chapter(machine.model)
     yield doc.Note(compared_time(machine.launch_time, machine.compared_to, machine.judged_to))
-    yield _summary(machine, budgets)
+    heads = doc.columns("engine | error of | rms | explained | causes")
+    ranked = doc.ranked(heads, error_of=0, explained=2, causes=0)
+    yield doc.table(ranked, rows, f"{machine.model}: where the errors come from", "terminal")
     for budget in budgets:
         yield from _budget(budget)
     yield doc.Heading("Stock against tuned: what each option buys")
     yield doc.Note(_CHANGES)
     yield from (_changes(each) for each in explanation.comparisons if each.model == machine.model)
-    yield doc.Listing(tuple(_failures(machine, budgets)), medium="terminal")
-
-
-def _summary(machine: ExplainedMachine, budgets: Iterable[Budget]) -> doc.Table:
-    """The budgets in short, for the terminal."""
-    rows = [
-        ("" if i else budget.label, q.name, f"{format_number(q.rms)} {q.unit}", _explained(q),
-         _leading_causes(q))
-        for budget in budgets
-        for i, q in enumerate(main_quantities(budget))
-    ]  # fmt: skip
-    heads = doc.columns("engine | error of | rms | explained | causes")
-    ranked = doc.ranked(heads, error_of=0, explained=2, causes=0)
-    return doc.table(ranked, rows, f"{machine.model}: where the errors come from", "terminal")
-
-
-def _leading_causes(quantity: QuantityBudget) -> str:
-    """Shares worth a word, the largest first."""
-    shares = [(share.fraction or 0.0, share.cause) for share in quantity.shares]
-    shares.sort(key=lambda share: -abs(share[0]))
-    return ", ".join(f"{c} {format_percent(f)}" for f, c in shares if abs(f) >= _FEW)
-
-
-def _failures(machine: ExplainedMachine, budgets: Iterable[Budget]) -> Iterator[doc.Text]:
-    for budget in budgets:
-        name = f"{machine.model}, {budget.label}"
-        if budget.message:
-            yield doc.Text(budget.message, "warning", lead=f"{name}:")
-        for cause in budget.causes:
-            if cause.message:
-                text = f"not measured: {cause.message}"
-                yield doc.Text(text, "warning", lead=f"{name}, {cause.name}:")
+    yield doc.Listing(tuple(failures), medium="terminal")
 
 
 def _budget(budget: Budget) -> Iterator[doc.Block]:
@@ -163,7 +147,12 @@ def _budget(budget: Budget) -> Iterator[doc.Block]:
         yield doc.Text(f"No budget: {budget.message}", "warning", medium="page")
         return
     if quantities:
-        yield doc.Note(f"{'; '.join(_largest(budget, each) for each in quantities)}.")
+        largest: list[str] = []
+        for q in quantities:
+            point = f" of {budget.point}" if q.name == "position" and budget.point else ""
+            error = f"largest error {format_number(q.largest)} {q.unit}"
+            largest.append(f"{q.name}{point}: {_explained(q.explained)} explained, {error}")
+        yield doc.Note(f"{'; '.join(largest)}.")
         yield doc.Figure(bars(quantities), columns=2)
     else:
         yield doc.Note("No error to explain.")
@@ -175,14 +164,15 @@ def _budget(budget: Budget) -> Iterator[doc.Block]:
         tables = [_measurements(budget, quantities)]
         others = [q for q in budget.quantities if q.rms > 0 and q not in quantities]
         if others:
-            tables.append(_other_shares(others))
+            # Single values, all of which have the same causes.
+            heads = [f"{q.name}: {format_number(q.rms)} {q.unit}" for q in others]
+            causes = [*(share.cause for share in others[0].shares), "unexplained"]
+            rows: list[tuple[str, ...]] = []
+            for i, name in enumerate(causes):
+                shares = [(*q.shares, q.rest)[i].fraction for q in others]
+                rows.append((name, *map(format_percent, shares)))
+            tables.append(doc.table(["share of the error in", *heads], rows, "Other quantities"))
         yield doc.Fold("What was done to measure each cause, and the results", tuple(tables))
-
-
-def _largest(budget: Budget, quantity: QuantityBudget) -> str:
-    point = f" of {budget.point}" if quantity.name == "position" and budget.point else ""
-    error = f"{format_number(quantity.largest)} {quantity.unit}"
-    return f"{quantity.name}{point}: {_explained(quantity)} explained, largest error {error}"
 
 
 def _at(step: float | None) -> str:
@@ -194,99 +184,99 @@ def bars(quantities: Sequence[QuantityBudget]) -> Panels:
 
     Shares add up to 100 %; whiskers are half the difference of a share's two measures.
     """
-    return tuple(map(_bars, quantities))
-
-
-def _bars(quantity: QuantityBudget) -> Plot:
-    shares = [*quantity.shares, quantity.rest]
-    values = np.array([100.0 * (share.fraction or 0.0) for share in shares])
-    bands = np.array([100.0 * share.interaction / quantity.rms for share in shares])
-    bands[bands < 1.0] = 0.0  # whiskers narrower than a bar's edge say nothing
-    rows = np.arange(len(shares), dtype=float)
-    # Texts stand to the right of bar and whisker, also of a negative one: to its left are the
-    # causes' names.
-    ends = np.maximum(values, 0.0) + bands
-    texts = tuple(
-        Label(end, row, _text(share, quantity), beside=True)
-        for row, end, share in zip(rows, ends, shares, strict=True)
-    )
-    spread = values - bands, values + bands
-    return Plot(
-        Axis("share of the error", "%"),
-        Axis("", categories=tuple(share.cause for share in shares)),
-        (Series("share", values, rows, _COLOUR, "bar", spread=spread),),
-        f"{quantity.name}: rms {format_number(quantity.rms)} {quantity.unit}",
-        texts,
-        height=_FRAME + _ROW * len(shares),
-    )
-
-
-def _text(share: Share, quantity: QuantityBudget) -> str:
-    """The share, and its size; the rest is a norm first: it is all but orthogonal to the error."""
-    rms = quantity.rest_rms if share is quantity.rest else share.rms
-    return f" {format_percent(share.fraction)} ({format_number(rms)} {quantity.unit}) "
+    plots: list[Plot] = []
+    for quantity in quantities:
+        shares = [*quantity.shares, quantity.rest]
+        values = np.array([100.0 * (share.fraction or 0.0) for share in shares])
+        bands = np.array([100.0 * share.interaction / quantity.rms for share in shares])
+        bands[bands < 1.0] = 0.0  # whiskers narrower than a bar's edge say nothing
+        rows = np.arange(len(shares), dtype=float)
+        # Texts stand to the right of bar and whisker, also of a negative one: to its left are the
+        # causes' names. The rest is a norm first: it is all but orthogonal to the error.
+        ends = np.maximum(values, 0.0) + bands
+        labels: list[Label] = []
+        for row, end, share in zip(rows, ends, shares, strict=True):
+            rms = quantity.rest_rms if share is quantity.rest else share.rms
+            size = f"{format_number(rms)} {quantity.unit}"
+            text = f" {format_percent(share.fraction)} ({size}) "
+            labels.append(Label(end, row, text, beside=True))
+        spread = values - bands, values + bands
+        plots.append(
+            Plot(
+                Axis("share of the error", "%"),
+                Axis("", categories=tuple(share.cause for share in shares)),
+                (Series("share", values, rows, _COLOUR, "bar", spread=spread),),
+                f"{quantity.name}: rms {format_number(quantity.rms)} {quantity.unit}",
+                tuple(labels),
+                height=_FRAME + _ROW * len(shares),
+            )
+        )
+    return tuple(plots)
 
 
 def _measurements(budget: Budget, quantities: Sequence[QuantityBudget]) -> doc.Table:
+    """What was done about each cause, and the shares; roundoff, which has none, comes last."""
     heads = [*doc.columns("cause | what was done")]
     for quantity in quantities:
         group = f"{quantity.name} [{quantity.unit}]"
         heads += [doc.Column(t, group=group) for t in ("in order", "in reverse", "share", "rms")]
-    noise = [cause for cause in budget.causes if cause.name == "roundoff"]
-    measured = [cause for cause in budget.causes if cause not in noise and not cause.message]
-    rows = [
-        doc.row(doc.Cell(cause.name, hint=cause.explanation), _done(cause),
-                *_measured(cause, quantities))
-        for cause in measured
-    ]  # fmt: skip
+    rows: list[doc.Row] = []
+    noise: list[doc.Row] = []
+    for cause in budget.causes:
+        cells: list[str] = []
+        if cause.name == "roundoff":
+            for q in quantities:
+                cells += "", "", format_number(q.roundoff), format_number(q.roundoff_left)
+            text = f"{cause.explanation}.\n{cause.done}; in the run, and in what is left"
+            noise.append(doc.row(cause.name, text, *cells))
+        elif not cause.message:
+            for q in quantities:
+                for share in q.shares:
+                    if share.cause == cause.name:
+                        fractions = (share.first, share.second, share.fraction)
+                        cells += [*map(format_percent, fractions), format_number(share.rms)]
+            after = "all others" if cause.name == "readout" else ", ".join(cause.after)
+            after = f"; after {after}" if cause.after else ""
+            text = f"{cause.explanation}.\n{cause.done}{after}"
+            rows.append(doc.row(doc.Cell(cause.name, hint=cause.explanation), text, *cells))
+    rest: list[str] = []
+    for q in quantities:
+        rest += "", "", format_percent(q.rest.fraction), format_number(q.rest_rms)
     text = "what is left of the error when all shares are taken off"
-    rest = [
-        ("", "", format_percent(q.rest.fraction), format_number(q.rest_rms)) for q in quantities
-    ]
-    rows.append(doc.row(doc.Cell("unexplained", "strong"), text, *chain.from_iterable(rest)))
-    for cause in noise:
-        text = f"{cause.explanation}.\n{cause.done}; in the run, and in what is left"
-        sizes = [(q.roundoff, q.roundoff_left) for q in quantities]
-        cells = (("", "", *map(format_number, both)) for both in sizes)
-        rows.append(doc.row(cause.name, text, *chain.from_iterable(cells)))
-    return doc.table(heads, rows, "Shares of the error, and how they were measured")
-
-
-def _done(cause: Measurement) -> str:
-    after = "all others" if cause.name == "readout" else ", ".join(cause.after)
-    return f"{cause.explanation}.\n{cause.done}{f'; after {after}' if cause.after else ''}"
-
-
-def _measured(cause: Measurement, quantities: Iterable[QuantityBudget]) -> Iterator[str]:
-    for quantity in quantities:
-        for share in quantity.shares:
-            if share.cause == cause.name:
-                yield from map(format_percent, (share.first, share.second, share.fraction))
-                yield format_number(share.rms)
-
-
-def _other_shares(quantities: Sequence[QuantityBudget]) -> doc.Table:
-    """Quantities that are single values; all have the same causes."""
-    heads = [f"{q.name}: {format_number(q.rms)} {q.unit}" for q in quantities]
-    all_shares = [(*quantity.shares, quantity.rest) for quantity in quantities]
-    causes = [*(share.cause for share in quantities[0].shares), "unexplained"]
-    rows = [
-        (cause, *(format_percent(shares[i].fraction) for shares in all_shares))
-        for i, cause in enumerate(causes)
-    ]
-    return doc.table(["share of the error in", *heads], rows, "Other quantities")
+    rows.append(doc.row(doc.Cell("unexplained", "strong"), text, *rest))
+    return doc.table(heads, [*rows, *noise], "Shares of the error, and how they were measured")
 
 
 def _changes(comparison: StockAgainstTuned) -> doc.Table:
     """The presets and each option's change: values with factors; a terminal has one of the two."""
-    force = "force [N]" if comparison.force_unit == "N" else f"torque [{comparison.force_unit}]"
+    stock, tuned, changes = comparison.stock, comparison.tuned, comparison.changes
+    force = "force" if comparison.force_unit == "N" else "torque"
     titles = {
         "position": "position [m]",
-        "torque": force,
+        "torque": f"{force} [{comparison.force_unit}]",
         "release": "release [s]",
         "wall_time": "wall [s]",
     }
-    fields = _observed_fields(comparison)
+    settings = [stock, tuned]
+    for change in changes:
+        settings += [change.alone, change.back]
+    # Without stops there are no torques and no releases.
+    ran = [figures for figures in settings if figures.message is None]
+    fields = [
+        name for name in _FIELDS if not ran or any(getattr(each, name) is not None for each in ran)
+    ]
+    presets = (
+        ("stock", stock, "tuned", [(each.option, each.tuned, each.alone) for each in changes]),
+        ("tuned", tuned, "stock", [(each.option, each.stock, each.back) for each in changes]),
+    )
+    rows: list[doc.Row] = []
+    for preset, figures, other, options in presets:
+        cells = _values(fields, figures, stock, preset=True)
+        rows.append(doc.row(doc.Cell(preset, "strong"), preset, *cells))
+        for option, value, changed in options:
+            label = f"{preset}, {option} = {_option_value(value)}"
+            cells = _values(fields, changed, figures)
+            rows.append(doc.row(label, f"  {option} as {other}", *cells))
     heads = doc.columns(" | ".join(["setting", *(titles[field] for field in fields)]))
     media: tuple[doc.Medium, ...] = ("page", "terminal")
     both = [replace(head, medium=medium, wrap=False) for head in heads for medium in media]
@@ -294,57 +284,26 @@ def _changes(comparison: StockAgainstTuned) -> doc.Table:
         f"{comparison.model}, {comparison.engine}{_at(comparison.timestep)}: what each option buys "
         "(÷ smaller, × larger)"
     )
-    return doc.table(both, _change_rows(comparison, fields), caption)
-
-
-def _observed_fields(comparison: StockAgainstTuned) -> list[str]:
-    """Values that some setting has: without stops there are no torques and no releases."""
-    settings = [comparison.stock, comparison.tuned]
-    for change in comparison.changes:
-        settings += [change.alone, change.back]
-    ran = [figures for figures in settings if figures.message is None]
-    if not ran:
-        return [*_FIELDS]
-    return [name for name in _FIELDS if any(getattr(each, name) is not None for each in ran)]
-
-
-def _change_rows(comparison: StockAgainstTuned, fields: Sequence[str]) -> Iterator[doc.Row]:
-    stock, tuned, changes = comparison.stock, comparison.tuned, comparison.changes
-    presets = (
-        ("stock", stock, "tuned", [(each.option, each.tuned, each.alone) for each in changes]),
-        ("tuned", tuned, "stock", [(each.option, each.stock, each.back) for each in changes]),
-    )
-    for preset, figures, other, options in presets:
-        cells = _values(fields, figures, stock, preset=True)
-        yield doc.row(doc.Cell(preset, "strong"), preset, *cells)
-        for option, value, changed in options:
-            label = f"{preset}, {option} = {_option_value(value)}"
-            yield doc.row(label, f"  {option} as {other}", *_values(fields, changed, figures))
+    return doc.table(both, rows, caption)
 
 
 def _values(
     fields: Sequence[str], figures: Figures, against: Figures, *, preset: bool = False
 ) -> Iterator[doc.Cell]:
-    """Cells for page and terminal in turn."""
+    """Cells for page and terminal in turn: the value, and how many times smaller it became."""
     if figures.message:
         yield doc.Cell("failed", "warning", detail=figures.message)
         return
     for field in fields:
-        value, before = getattr(figures, field), getattr(against, field)
-        factor = "" if figures is against else _factor(before, value)
+        value, before, factor = getattr(figures, field), getattr(against, field), ""
+        if figures is not against and value and before:
+            ratio = before / value
+            factor = f"÷ {_digits(ratio)}" if ratio >= 1 else f"× {_digits(1 / ratio)}"
         yield doc.Cell(format_number(value), detail=factor)
         yield doc.Cell(format_number(value) if preset else factor)
 
 
-def _factor(before: float | None, after: float | None) -> str:
-    """How many times smaller a value became; below 1 it grew."""
-    if before is None or after is None or 0.0 in (before, after):
-        return ""
-    ratio = before / after
-    return f"÷ {_two_digits(ratio)}" if ratio >= 1 else f"× {_two_digits(1 / ratio)}"
-
-
-def _two_digits(value: float) -> str:
+def _digits(value: float) -> str:
     if value < 100:
         return f"{value:.2g}"
     return f"{value:.0f}" if value < 1e4 else format_number(value)

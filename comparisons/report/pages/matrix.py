@@ -10,17 +10,7 @@ from itertools import pairwise
 
 from ....engines.supplied import Own, concerned, own, parts
 from ....models.problem import StopLaw
-from ...matrix import (
-    FLOOR,
-    SHOWN,
-    Error,
-    Matrix,
-    MatrixProblem,
-    MatrixRun,
-    MeasuredOrder,
-    sentence,
-    spreads,
-)
+from ...matrix import FLOOR, SHOWN, Matrix, MatrixProblem, MatrixRun, sentence, spreads
 from ...runs.results import COMPARED, Outcome
 from .. import document as doc
 from ..document import format_number
@@ -39,8 +29,8 @@ _UNSTATED = "not stated"
 def own_on(matrix: Matrix, label: str, problems: Sequence[MatrixProblem]) -> str:
     """The least that is an engine's in its runs on some problems; '' if it has none."""
     runs = [matrix.run(label, problem.name) for problem in problems]
-    found = [_own(matrix, run) for run in runs if run is not None and run.outcome in COMPARED]
-    return max(found, key=_DEGREES.index, default="")
+    shares = [_own(matrix, run) for run in runs if run is not None and run.outcome in COMPARED]
+    return max(shares, key=_DEGREES.index, default="")
 
 
 _DEGREES = (*map(str, Own), _UNSTATED)
@@ -49,7 +39,7 @@ _DEGREES = (*map(str, Own), _UNSTATED)
 def _own(matrix: Matrix, run: MatrixRun) -> str:
     if run.supplied is None:
         return _UNSTATED
-    problem = next(each for each in matrix.problems if each.name == run.problem)
+    problem = next(problem for problem in matrix.problems if problem.name == run.problem)
     affected = concerned(
         stops=problem.stops,
         impacts=problem.stop_law == StopLaw.UNILATERAL,
@@ -62,8 +52,8 @@ def _own(matrix: Matrix, run: MatrixRun) -> str:
 def agreements(matrix: Matrix) -> doc.Text:
     """How many agreements there are of each degree."""
     counts = Counter(_own(matrix, run) for run in matrix.runs if run.outcome is Outcome.AGREES)
-    said = ", ".join(f"{name} in {counts[name]}" for name in _DEGREES if counts[name])
-    return doc.Text(f"Of {counts.total()} agreements the engine's own is: {said or 'none'}.")
+    listed = ", ".join(f"{name} in {counts[name]}" for name in _DEGREES if counts[name])
+    return doc.Text(f"Of {counts.total()} agreements the engine's own is: {listed or 'none'}.")
 
 
 def table_of_parts(matrix: Matrix) -> Iterator[doc.Block]:
@@ -72,7 +62,7 @@ def table_of_parts(matrix: Matrix) -> Iterator[doc.Block]:
     if stated:
         yield doc.Heading("What is the engine's own", 2)
         yield doc.Note("All but what trebucheck supplies, as each adapter says.")
-        rows = [(label, parts(given) or "nothing") for label, given in sorted(stated.items())]
+        rows = [(label, parts(supplied) or "nothing") for label, supplied in sorted(stated.items())]
         yield doc.table((_ENGINE, doc.words("trebucheck supplies")), rows)
 
 
@@ -105,104 +95,95 @@ _KINDS: tuple[tuple[str, Callable[[MatrixProblem], bool]], ...] = (
 def document(matrix: Matrix) -> doc.Document:
     """The whole."""
     line = headline(matrix)
-    blocks = tuple(_blocks(matrix, line))
-    return doc.Document("Matrix", blocks, command=matrix.command or "", verdict=line)
+    blocks: list[doc.Block] = [
+        doc.Text(line),
+        doc.Heading("Verdicts", 2),
+        doc.Note(_READING),
+        agreements(matrix),
+        doc.Note(READING),
+        *_tables(matrix, _verdict, leading=True),
+        *table_of_parts(matrix),
+    ]
+    explained = [doc.Text(sentence(spread), lead=f"{spread.scheme}:") for spread in spreads(matrix)]
+    if explained:
+        blocks += [
+            doc.Heading("Scheme or implementation", 2),
+            doc.Note(f"Errors below {FLOOR:g} of the size are rounding, and count as that."),
+            doc.Listing(tuple(explained)),
+        ]
+    blocks += [doc.Heading("By quantity", 2), doc.Note(_QUANTITY)]
+    for metric, title in SHOWN.items():
+        if any(run.error(metric) for run in matrix.runs):
+            blocks.append(doc.Heading(title.capitalize(), 3))
+            blocks += _tables(matrix, partial(_quantity, metric=metric))
+    blocks += [*_missing(matrix), *_causes(matrix), *_provenance(matrix)]
+    return doc.Document("Matrix", tuple(blocks), command=matrix.command or "", verdict=line)
 
 
 def headline(matrix: Matrix) -> str:
     """How many engines, problems and verdicts."""
     counts = Counter(run.outcome for run in matrix.runs)
-    outcomes = ", ".join(f"{counts[each]} {each.value}" for each in Outcome if counts[each])
+    outcomes = ", ".join(f"{counts[name]} {name.value}" for name in Outcome if counts[name])
     engines = len({run.engine for run in matrix.runs})
     runs = f"{len(matrix.runs)} runs: {outcomes}"
     return f"{engines} engines on {len(matrix.problems)} problems, {runs}."
 
 
-def _blocks(matrix: Matrix, line: str) -> Iterator[doc.Block]:
-    yield doc.Text(line)
-    yield doc.Heading("Verdicts", 2)
-    yield doc.Note(_READING)
-    yield agreements(matrix)
-    yield doc.Note(READING)
-    yield from _tables(matrix, _verdict, partial(_leading, matrix))
-    yield from table_of_parts(matrix)
-    yield from _explained(matrix)
-    yield doc.Heading("By quantity", 2)
-    yield doc.Note(_QUANTITY)
-    for metric, title in SHOWN.items():
-        if any(run.error(metric) for run in matrix.runs):
-            yield doc.Heading(title.capitalize(), 3)
-            yield from _tables(matrix, _quantity(metric))
-    yield from _missing(matrix)
-    yield from _causes(matrix)
-    yield from _provenance(matrix)
+# --- Engines against problems
 
-
-_Show = Callable[[MatrixRun], doc.Cell]
-_Leading = Callable[[str, Sequence[MatrixProblem]], Sequence[object]]
 _ENGINE = doc.words("engine", wrap=False)
 _LEADING = (doc.words("own"), doc.words("order", wrap=False), doc.words("agrees"))
 _WIDEST = 6  # problems in a table, with which it fits a screen of 1280 pixels
 
 
-def _tables(matrix: Matrix, show: _Show, leading: _Leading | None = None) -> Iterator[doc.Table]:
-    """A table for each kind of problem: engines by scheme against problems."""
-    heads = (_ENGINE, *(_LEADING if leading else ()))
+def _tables(
+    matrix: Matrix, show: Callable[[MatrixRun], doc.Cell], *, leading: bool = False
+) -> Iterator[doc.Table]:
+    """A table for each kind of problem: engines by scheme against problems.
+
+    Leading columns: the engine's own share, its order, and on how many of its problems it agrees.
+    """
+    heads = (_ENGINE, *_LEADING) if leading else (_ENGINE,)
     shown = {run.problem for run in matrix.runs if show(run).text}
     for title, belongs in _KINDS:
         problems = [each for each in matrix.problems if each.name in shown and belongs(each)]
-        for part in _parts(problems):
-            columns = (doc.Column(each.title, align="left", wrap=False) for each in part)
-            caption = title
+        # In parts as wide as a page, about the same number each.
+        count = math.ceil(len(problems) / _WIDEST)
+        ends = [round(k * len(problems) / count) for k in range(count + 1)] if count else []
+        for start, end in pairwise(ends):
+            part, caption = problems[start:end], title
             if len(part) < len(problems):
                 caption = f"{title}: {part[0].title} to {part[-1].title}"
-            yield doc.table([*heads, *columns], _rows(matrix, part, show, leading), caption)
-
-
-def _parts(problems: Sequence[MatrixProblem]) -> Iterator[Sequence[MatrixProblem]]:
-    """Problems in parts as wide as a page, about the same number each."""
-    count = math.ceil(len(problems) / _WIDEST)
-    ends = [round(k * len(problems) / count) for k in range(count + 1)] if count else []
-    return (problems[start:end] for start, end in pairwise(ends))
-
-
-def _rows(
-    matrix: Matrix, problems: Sequence[MatrixProblem], show: _Show, leading: _Leading | None
-) -> Iterator[doc.Row]:
-    for scheme, labels in matrix.schemes().items():
-        rows: list[doc.Row] = []
-        for label in labels:
-            runs = [matrix.run(label, problem.name) for problem in problems]
-            if leading or any(runs):
-                first = leading(label, problems) if leading else ()
-                cells = (doc.Cell("not run", "muted") if run is None else show(run) for run in runs)
-                rows.append(doc.row(label, *first, *cells))
-        if rows:
-            yield doc.row(doc.Cell(scheme or _SCHEME_UNSTATED, "strong"))
-            yield from rows
-
-
-def _leading(matrix: Matrix, label: str, problems: Sequence[MatrixProblem]) -> Sequence[object]:
-    """The engine's own share, its order, and on how many of all its problems it agrees."""
-    runs = [*matrix.of(label)]
-    agreeing = sum(run.outcome is Outcome.AGREES for run in runs)
-    return own_on(matrix, label, problems), _order(matrix, label), f"{agreeing} of {len(runs)}"
+            columns = (doc.Column(problem.title, align="left", wrap=False) for problem in part)
+            rows: list[doc.Row] = []
+            for scheme, labels in matrix.schemes().items():
+                engines: list[doc.Row] = []
+                for label in labels:
+                    runs = [matrix.run(label, problem.name) for problem in part]
+                    first: tuple[object, ...] = ()
+                    if leading:
+                        every = [*matrix.of(label)]
+                        agreeing = sum(run.outcome is Outcome.AGREES for run in every)
+                        share = own_on(matrix, label, part)
+                        first = share, _order(matrix, label), f"{agreeing} of {len(every)}"
+                    if leading or any(runs):
+                        absent = doc.Cell("not run", "muted")
+                        cells = (absent if run is None else show(run) for run in runs)
+                        engines.append(doc.row(label, *first, *cells))
+                if engines:
+                    rows += [doc.row(doc.Cell(scheme or _SCHEME_UNSTATED, "strong")), *engines]
+            yield doc.table([*heads, *columns], rows, caption)
 
 
 def _order(matrix: Matrix, label: str) -> doc.Cell:
-    """Measured, or else as declared, which is said."""
-    found = [order for order in matrix.orders if order.label == label]
+    """Order, measured or else as declared, which is said; of an error at a floor, the floor."""
+    orders = [order for order in matrix.orders if order.label == label]
     # Where a sweep begins at the floor of rounding it finds no power; another one may.
-    measured = [order for order in found if order.exponent is not None] or found
-    if measured:
-        return _measured(measured[0])
-    declared = next(iter(matrix.of(label))).order
-    return doc.Cell("none (declared)" if declared is None else f"{declared:g} (declared)")
-
-
-def _measured(order: MeasuredOrder) -> doc.Cell:
-    """Measured order with its problem; where the error keeps to a floor, the floor."""
-    what, hint = "none", ""
+    orders.sort(key=lambda order: order.exponent is None)
+    if not orders:
+        declared = next(iter(matrix.of(label))).order
+        return doc.Cell("none (declared)" if declared is None else f"{declared:g} (declared)")
+    order, what, hint = orders[0], "none", ""
     if order.exponent is not None:
         what = f"{order.exponent:.3f} ± {order.half_width or 0.0:.3f}"
     elif order.floor is not None:
@@ -225,15 +206,10 @@ def _verdict(run: MatrixRun) -> doc.Cell:
     return doc.Cell(text, mark, hint=hint)
 
 
-def _quantity(metric: str) -> _Show:
-    def show(run: MatrixRun) -> doc.Cell:
-        error = run.error(metric)
-        return doc.Cell("") if error is None else _error(error)
-
-    return show
-
-
-def _error(error: Error) -> doc.Cell:
+def _quantity(run: MatrixRun, metric: str) -> doc.Cell:
+    error = run.error(metric)
+    if error is None:
+        return doc.Cell("")
     if not error.observed:
         return doc.Cell("–", "muted", hint=error.note or "")
     mark: doc.Mark = "unjudged" if error.holds is None else doc.mark_of(error.holds)
@@ -242,13 +218,7 @@ def _error(error: Error) -> doc.Cell:
     return doc.Cell(text, mark, hint=error.note or " ".join(filter(None, (error.subject, value))))
 
 
-def _explained(matrix: Matrix) -> Iterator[doc.Block]:
-    """Differences by scheme and by implementation."""
-    items = [doc.Text(sentence(each), lead=f"{each.scheme}:") for each in spreads(matrix)]
-    if items:
-        yield doc.Heading("Scheme or implementation", 2)
-        yield doc.Note(f"Errors below {FLOOR:g} of the size are rounding, and count as that.")
-        yield doc.Listing(tuple(items))
+# --- Refusals, causes, versions
 
 
 def _missing(matrix: Matrix) -> Iterator[doc.Block]:
@@ -268,12 +238,22 @@ def _missing(matrix: Matrix) -> Iterator[doc.Block]:
 
 
 def _causes(matrix: Matrix) -> Iterator[doc.Block]:
-    """Causes of runs that disagree, by engine and preset."""
+    """Causes of runs that disagree, by engine and preset; the figure farthest off."""
     groups = _grouped(
         (run for run in matrix.runs if run.first_in is not None),
         lambda run: (run.label, " or ".join(run.causes) or "unknown"),
     )
-    rows = [(*group, _titles(matrix, runs), _farthest(runs)) for group, runs in groups.items()]
+    rows: list[tuple[str, ...]] = []
+    for group, runs in groups.items():
+        farthest = "before any motion"
+        figures = [run.worst for run in runs if run.worst is not None]
+        if figures:  # a missing one is farther than all others
+            worst = max(figures, key=lambda each: math.inf if each.ratio is None else each.ratio)
+            ratio = "missing"
+            if worst.ratio is not None:
+                ratio = f"{format_number(worst.ratio)} of its tolerance"
+            farthest = f"{worst.label}: {ratio}"
+        rows.append((*group, _titles(matrix, runs), farthest))
     if rows:
         yield doc.Heading("Causes", 2)
         yield doc.Note(
@@ -298,17 +278,6 @@ def _titles(matrix: Matrix, runs: Iterable[MatrixRun]) -> str:
     return ", ".join(dict.fromkeys(titles.get(run.problem, run.problem) for run in runs))
 
 
-def _farthest(runs: Iterable[MatrixRun]) -> str:
-    """The figure farthest beyond its tolerance, and how far; a missing one before all others."""
-    found = [run.worst for run in runs if run.worst is not None]
-    if not found:
-        return "before any motion"
-    worst = max(found, key=lambda each: math.inf if each.ratio is None else each.ratio)
-    if worst.ratio is None:
-        return f"{worst.label}: missing"
-    return f"{worst.label}: {format_number(worst.ratio)} of its tolerance"
-
-
 def _provenance(matrix: Matrix) -> Iterator[doc.Block]:
     yield doc.Heading("Problems and versions", 2)
     problems = [
@@ -317,24 +286,16 @@ def _provenance(matrix: Matrix) -> Iterator[doc.Block]:
     ]
     yield doc.table("number | problem | judged to [s] | law of the stops | hash", problems)
     by_engine = _grouped(matrix.runs, lambda run: (run.engine, run.engine_version, run.made_by))
-    rows = [
-        (*made_by, ", ".join(sorted({run.date for run in runs})), _steps(runs))
-        for made_by, runs in by_engine.items()
-    ]
-    yield doc.table(
-        ["engine", "version", "trebucheck", "date of the runs", doc.words("steps [s]")], rows
-    )
-
-
-def _steps(runs: Iterable[MatrixRun]) -> str:
-    """The shortest and the longest step, by preset."""
-    steps: dict[str, list[float]] = {}
-    for run in runs:
-        if run.timestep:
-            steps.setdefault(run.preset, []).append(run.timestep)
-    return "; ".join(f"{preset} {_range(steps[preset])}" for preset in sorted(steps))
-
-
-def _range(values: Sequence[float]) -> str:
-    low, high = f"{min(values):.2g}", f"{max(values):.2g}"
-    return low if low == high else f"{low} to {high}"
+    rows: list[tuple[str, ...]] = []
+    for made_by, runs in by_engine.items():
+        steps: dict[str, list[float]] = {}  # by preset
+        for run in runs:
+            if run.timestep:
+                steps.setdefault(run.preset, []).append(run.timestep)
+        spans: list[str] = []
+        for preset, values in sorted(steps.items()):
+            low, high = f"{min(values):.2g}", f"{max(values):.2g}"
+            spans.append(f"{preset} {low}" if low == high else f"{preset} {low} to {high}")
+        rows.append((*made_by, ", ".join(sorted({run.date for run in runs})), "; ".join(spans)))
+    heads = ["engine", "version", "trebucheck", "date of the runs", doc.words("steps [s]")]
+    yield doc.table(heads, rows)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from ....models.library.benchmark import Benchmark
-from ....models.spec import Spec
-from ...problems import CheckedFigure, ProblemCheck
+from ...problems import ProblemCheck
 from .. import document as doc
 from ..document import format_number
+from .tables import capital
 
 _TITLES = "figure | unit | expected | reference | error | tolerance | basis"
 
@@ -35,60 +35,39 @@ def document(check: ProblemCheck) -> doc.Document:
 def library(checks: Iterable[ProblemCheck]) -> doc.Document:
     """All problems with their figures."""
     blocks: list[doc.Block] = []
-    for each in checks:
-        blocks += [
-            doc.Heading(f"{each.benchmark.number} {each.benchmark.name}", 2, medium="any"),
-            *_blocks(each),
-        ]
+    for check in checks:
+        title = f"{check.benchmark.number} {check.benchmark.name}"
+        blocks += [doc.Heading(title, 2, medium="any"), *_blocks(check)]
     return doc.Document("", tuple(blocks))
 
 
-def _blocks(check: ProblemCheck) -> list[doc.Block]:
-    conditions = [
-        doc.row(each.condition.text, each.condition.unit, format_number(each.condition.limit),
-            doc.Cell(format_number(each.error), doc.mark_of(each.holds)))
-        for each in check.conditions
-    ]  # fmt: skip
-    return [
-        *_description(check.benchmark),
-        doc.table("parameter | value | meaning", _parameters(check.parameters)),
-        doc.table(
-            doc.ranked(doc.columns(_TITLES), reference=0, error=0, unit=2, tolerance=2, basis=3),
-            map(_row, check.figures),
-        ),
-        doc.table(
-            "condition of the source | unit | largest allowed | error of the reference", conditions
-        ),
-    ]
-
-
-def _description(benchmark: Benchmark) -> list[doc.Block]:
-    text = benchmark.text[:1].upper() + benchmark.text[1:]
-    tags = ", ".join(benchmark.tags)
+def _blocks(check: ProblemCheck) -> Iterator[doc.Block]:
+    benchmark, parameters = check.benchmark, check.parameters
+    yield doc.Text(f"{capital(benchmark.text)}.")
+    yield doc.Text(benchmark.source, lead="Source:")
     law = f"stops: {benchmark.stop_law.value}"
-    return [
-        doc.Text(f"{text}."),
-        doc.Text(benchmark.source, lead="Source:"),
-        doc.Text(f"{tags}; {law}.", lead="Tags:"),
-    ]
-
-
-def _parameters(parameters: Spec) -> list[tuple[str, object, str]]:
+    yield doc.Text(f"{', '.join(benchmark.tags)}; {law}.", lead="Tags:")
     described = type(parameters).model_fields
-    return [
+    rows: list[tuple[object, ...]] = [
         (name, value, described[name].description or "")
         for name, value in parameters.model_dump().items()
     ]
-
-
-def _row(each: CheckedFigure) -> doc.Row:
-    figure = each.figure
-    return doc.row(
-        figure.name,
-        figure.unit,
-        f"{figure.value:.15g}",
-        f"{each.measured:.15g}" if figure.value else format_number(each.measured),
-        doc.Cell(format_number(each.error), doc.mark_of(each.holds)),
-        format_number(figure.tolerance),
-        figure.basis,
-    )
+    yield doc.table("parameter | value | meaning", rows)
+    rows = []
+    for checked in check.figures:
+        figure, measured = checked.figure, f"{checked.measured:.15g}"
+        if not figure.value:
+            measured = format_number(checked.measured)
+        error = doc.Cell(format_number(checked.error), doc.mark_of(checked.holds))
+        tolerance, expected = format_number(figure.tolerance), f"{figure.value:.15g}"
+        numbers = (expected, measured, error, tolerance)
+        rows.append((figure.name, figure.unit, *numbers, figure.basis))
+    ranks = {"reference": 0, "error": 0, "unit": 2, "tolerance": 2, "basis": 3}
+    yield doc.table(doc.ranked(doc.columns(_TITLES), **ranks), rows)
+    rows = []
+    for each in check.conditions:
+        error = doc.Cell(format_number(each.error), doc.mark_of(each.holds))
+        limit = format_number(each.condition.limit)
+        rows.append((each.condition.text, each.condition.unit, limit, error))
+    heads = "condition of the source | unit | largest allowed | error of the reference"
+    yield doc.table(heads, rows)

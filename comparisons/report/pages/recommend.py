@@ -4,51 +4,55 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ....models.mechanism import Mechanism
-from ...recommend.results import Advice, Asked, Attempt, Choice, EngineAdvice, Errors
+from ...recommend.results import Advice, EngineAdvice
 from ...recommend.search import unit_of
 from .. import document as doc
 from ..document import format_number, format_step, sentence
-from .tables import compared_time, provenance
+from .tables import Settings, compared_time, provenance
 
 
 def document(advice: Advice) -> doc.Document:
     """One table of the settings; the page also has the texts to paste, and what was tried."""
-    target = _target(advice.asked, advice.mechanism)
-    copied = ", ".join(files(advice)) or "none"
+    mechanism, asked, model = advice.mechanism, advice.asked, advice.model
+    targets = {"position": asked.position, "torque": asked.torque, "release": asked.release}
+    target = [
+        f"{name} within {value:g} {unit_of(name, mechanism)}"
+        for name, value in targets.items()
+        if value is not None
+    ]
+    if asked.torque_share is not None:
+        target.append(f"torque within {100 * asked.torque_share:g} % of the largest")
     blocks: list[doc.Block] = [
-        doc.Text(target, "strong", lead=f"{advice.model}:"),
+        doc.Text(", ".join(target), "strong", lead=f"{model}:"),
         _settings(advice),
     ]
+    runs: list[Settings] = []
+    verdicts: list[str] = []
     for engine in advice.engines:
-        if engine.choice is None:
-            blocks.append(doc.Text(engine.message or "", "warning", lead=f"{engine.engine}:"))
+        name, choice = engine.engine, engine.choice
+        if choice is None:
+            blocks.append(doc.Text(engine.message or "", "warning", lead=f"{name}:"))
+            verdicts.append(f"{name} none")
+        else:
+            label = f"{name} {choice.options}"
+            runs.append((model, label, engine.engine_version, choice.settings))
+            verdicts.append(f"{label}, step {choice.step:g} s")
+    copied = ", ".join(files(advice)) or "none"
     blocks.append(doc.Text(f"{copied}.", lead="To copy, beside recommend.json:"))
     for engine in advice.engines:
         blocks += map(doc.page_only, _chapter(engine))
-    runs = [
-        (advice.model, f"{e.engine} {e.choice.options}", e.engine_version, e.choice.settings)
-        for e in advice.engines
-        if e.choice is not None
-    ]
     blocks += [
         doc.Heading("How it was found", 2),
         doc.Text(compared_time(advice.launch_time, advice.compared_to, advice.judged_to)),
         doc.Text(sentence(advice.rule)),
-        *provenance(advice, runs, [(advice.model, advice.mechanism)]),
+        *provenance(advice, runs, [advice]),
     ]
-    verdict = f"{advice.model}: {'; '.join(map(_verdict, advice.engines))}"
-    window = f"trebucheck recommend: {advice.model}"
+    verdict, window = f"{model}: {'; '.join(verdicts)}", f"trebucheck recommend: {model}"
     return doc.Document("Settings that reach the target", tuple(blocks), window, verdict=verdict)
 
 
-def _verdict(engine: EngineAdvice) -> str:
-    choice = engine.choice
-    settings = "none" if choice is None else f"{choice.options}, step {choice.step:g} s"
-    return f"{engine.engine} {settings}"
-
-
 def _settings(advice: Advice) -> doc.Table:
+    """The chosen settings, the quickest first."""
     unit = advice.mechanism.force_unit
     load = "force" if unit == "N" else "torque"
     heads = doc.columns(
@@ -57,22 +61,26 @@ def _settings(advice: Advice) -> doc.Table:
     )
     choices = [(e.engine, e.choice) for e in advice.engines if e.choice is not None]
     choices.sort(key=lambda each: (each[1].wall_time, each[0]))
-    rows = [_row(engine, choice, advice.mechanism) for engine, choice in choices]
+    rows: list[doc.Row] = []
+    for engine, choice in choices:
+        here, worst, neighbour = choice.here, choice.worst_neighbour, "none measured"
+        errors = map(format_number, (here.position, here.torque, here.release))
+        if worst is not None:
+            neighbour = f"position {format_number(worst.position)} m"
+        if worst is not None and any(stop.closed for stop in advice.mechanism.stops):
+            share = "" if worst.torque_share is None else f" ({100 * worst.torque_share:.1g} %)"
+            neighbour += f", {load} {format_number(worst.torque)} {unit}{share}"
+            neighbour += f", release {format_number(worst.release)} s"
+        step, wall = format_step(choice.step), f"{choice.wall_time:.3f}"
+        rows.append(doc.row(engine, choice.options, step, *errors, wall, neighbour))
     caption = (
         "The cheapest measured settings of each engine, the quickest first; errors on this machine"
     )
     return doc.table(doc.ranked(heads, settings=0, step=0, release=2, wall=3), rows, caption)
 
 
-def _row(engine: str, choice: Choice, mechanism: Mechanism) -> doc.Row:
-    here, worst = choice.here, choice.worst_neighbour
-    errors = map(format_number, (here.position, here.torque, here.release))
-    neighbour = "none measured" if worst is None else _errors(worst, mechanism)
-    step, wall = format_step(choice.step), f"{choice.wall_time:.3f}"
-    return doc.row(engine, choice.options, step, *errors, wall, neighbour)
-
-
 def _chapter(engine: EngineAdvice) -> Iterator[doc.Block]:
+    """An engine's settings in words, texts to copy, and what was tried."""
     yield doc.Heading(f"{engine.engine} {engine.engine_version}", 2, engine.engine)
     if engine.choice is not None:
         runs = len(engine.choice.wall_times)
@@ -82,53 +90,29 @@ def _chapter(engine: EngineAdvice) -> Iterator[doc.Block]:
         yield doc.Text(text, "good", lead=engine.choice.options)
     for title, text in engine.snippets.items():
         yield doc.Code(title, text)
-    tried = tuple(doc.Text(_attempt(attempt), lead=attempt.options) for attempt in engine.attempts)
-    yield doc.Fold(f"What was tried with {engine.engine}", (doc.Listing(tried),))
+    tried: list[doc.Text] = []
+    for attempt in engine.attempts:
+        text = f"at best {attempt.worst or 0.0:.2g} times the target: {attempt.note}"
+        if attempt.step is not None:
+            wall_time = format_number(attempt.wall_time)
+            text = f"step {attempt.step:g} s, {wall_time} s: {attempt.note}"
+        elif attempt.worst is None:
+            text = f"runs failed: {attempt.note}"
+        elif attempt.worst <= 1:
+            text = f"{attempt.note} (checked on one machine)"
+        tried.append(doc.Text(text, lead=attempt.options))
+    yield doc.Fold(f"What was tried with {engine.engine}", (doc.Listing(tuple(tried)),))
 
 
 def files(advice: Advice) -> dict[str, str]:
     """Texts to paste, by names of files."""
-    return {
-        f"{engine.engine}-{'-'.join(title.lower().split())}.{_kind(text)}": text
-        for engine in advice.engines
-        for title, text in engine.snippets.items()
-    }
-
-
-def _kind(text: str) -> str:
-    """Ending of a file of that text."""
-    return "xml" if text.startswith("<") else "sh" if text.startswith("trebucheck ") else "py"
-
-
-def _target(target: Asked, mechanism: Mechanism) -> str:
-    """The accuracy target, in words."""
-    values = {"position": target.position, "torque": target.torque, "release": target.release}
-    parts = [
-        f"{name} within {value:g} {unit_of(name, mechanism)}"
-        for name, value in values.items()
-        if value is not None
-    ]
-    if target.torque_share is not None:
-        parts.append(f"torque within {100 * target.torque_share:g} % of the largest")
-    return ", ".join(parts)
-
-
-def _errors(errors: Errors, mechanism: Mechanism) -> str:
-    parts = [f"position {format_number(errors.position)} m"]
-    if any(stop.closed for stop in mechanism.stops):
-        unit = mechanism.force_unit
-        load = "force" if unit == "N" else "torque"
-        share = "" if errors.torque_share is None else f" ({100 * errors.torque_share:.1g} %)"
-        parts.append(f"{load} {format_number(errors.torque)} {unit}{share}")
-        parts.append(f"release {format_number(errors.release)} s")
-    return ", ".join(parts)
-
-
-def _attempt(attempt: Attempt) -> str:
-    if attempt.step is not None:
-        return f"step {attempt.step:g} s, {format_number(attempt.wall_time)} s: {attempt.note}"
-    if attempt.worst is None:
-        return f"runs failed: {attempt.note}"
-    if attempt.worst <= 1:
-        return f"{attempt.note} (checked on one machine)"
-    return f"at best {attempt.worst:.2g} times the target: {attempt.note}"
+    named: dict[str, str] = {}
+    for engine in advice.engines:
+        for title, text in engine.snippets.items():
+            ending = "py"
+            if text.startswith("<"):
+                ending = "xml"
+            elif text.startswith("trebucheck "):
+                ending = "sh"
+            named[f"{engine.engine}-{'-'.join(title.lower().split())}.{ending}"] = text
+    return named

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
+from itertools import cycle
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from ...runs.runner import Farthest
 from .. import document as doc
 from ..document import format_number, format_settings, sentence
 from ..drawing.scene import scene
-from ..plots import Axis, Panels, Plot, Series, Style
+from ..plots import Axis, Plot, Series, Style
 from .tables import certified_figures
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
@@ -24,49 +25,43 @@ _POINTS = 1000  # drawn per line, at most
 
 def document(trajectory: Trajectory) -> doc.Document:
     """The page of one run by itself: nothing is compared."""
-    shown = run_report(trajectory)
+    shown, mechanism, t = run_report(trajectory), trajectory.mechanism, trajectory.t
     caption = (
         "Paths of the markers, the generalized coordinates, what the stops push with, and the "
         "energies."
     )
-    figure = doc.Figure(_panels(trajectory), "The run", caption, "run", columns=2)
+    plots: list[Plot] = []
+    if trajectory.markers:
+        positions = {name: marker.position for name, marker in trajectory.markers.items()}
+        paths = {name: (xy[:, 0], xy[:, 1]) for name, xy in positions.items()}
+        plots.append(Plot(Axis("x", "m"), Axis("y", "m"), _lines(paths), "paths", equal=True))
+    energies = {
+        "kinetic": trajectory.kinetic_energy,
+        "potential": trajectory.potential_energy,
+        "total": trajectory.total_energy,
+    }
+    coordinates = {name: trajectory.q[:, i] for i, name in enumerate(mechanism.coordinates)}
+    over_time = (
+        ("coordinates", "rad or m" if mechanism.slides else "rad", coordinates),
+        ("stops", mechanism.force_unit, trajectory.stop_torques),
+        ("energy", "J", energies),
+    )
+    for name, unit, quantities in over_time:
+        if quantities:
+            series = _lines({label: (t, values) for label, values in quantities.items()})
+            plots.append(Plot(Axis("t", "s"), Axis(name, unit), series, name))
     motion = doc.AnimationBlock(lambda: (scene(trajectory),))
+    figure = doc.Figure(tuple(plots), "The run", caption, "run", columns=2)
     blocks = (*shown.blocks, motion, figure)
     return replace(shown, blocks=blocks, window=f"trebucheck: {shown.title}")
 
 
-def _panels(run: Trajectory) -> Panels:
-    mechanism, plots = run.mechanism, list[Plot]()
-    if run.markers:
-        paths = {name: (m.position[:, 0], m.position[:, 1]) for name, m in run.markers.items()}
-        plots.append(Plot(Axis("x", "m"), Axis("y", "m"), _lines(paths), "paths", equal=True))
-    unit = "rad or m" if mechanism.slides else "rad"
-    coordinates = {name: run.q[:, i] for i, name in enumerate(mechanism.coordinates)}
-    energies = {
-        "kinetic": run.kinetic_energy,
-        "potential": run.potential_energy,
-        "total": run.total_energy,
-    }
-    over_time = (
-        ("coordinates", unit, coordinates),
-        ("stops", mechanism.force_unit, run.stop_torques),
-        ("energy", "J", energies),
-    )
-    for name, unit, values in over_time:
-        if values:
-            series = _lines({label: (run.t, each) for label, each in values.items()})
-            plots.append(Plot(Axis("t", "s"), Axis(name, unit), series, name))
-    return tuple(plots)
-
-
 def _lines(curves: Mapping[str, tuple[FloatArray, FloatArray]]) -> tuple[Series, ...]:
-    def thinned(values: FloatArray) -> FloatArray:
-        return values[np.unique(np.linspace(0, len(values) - 1, _POINTS).astype(int))]
-
-    return tuple(
-        Series(name, thinned(x), thinned(y), Style(_COLOURS[i % len(_COLOURS)]))
-        for i, (name, (x, y)) in enumerate(curves.items())
-    )
+    series: list[Series] = []
+    for (name, (x, y)), colour in zip(curves.items(), cycle(_COLOURS), strict=False):
+        drawn = np.unique(np.linspace(0, len(x) - 1, _POINTS).astype(int))
+        series.append(Series(name, x[drawn], y[drawn], Style(colour)))
+    return tuple(series)
 
 
 def certificate_report(certificate: Certificate) -> doc.Document:
@@ -105,35 +100,33 @@ def run_report(trajectory: Trajectory, distance: Farthest | str | None = None) -
     Args:
         distance: from the reference, or why that is not known; None: not asked for.
     """
-    run = trajectory.provenance
-    title = f"{trajectory.mechanism.name}, {run.engine} {run.preset} ({run.engine_version})"
-    rows, verdict = [*_quantities(trajectory)], ""
-    if distance is not None:
-        rows.append(("from the reference", _far(distance)))
-        verdict = f"{title}: {_far(distance)} from the reference"
-    return doc.Document(title, (doc.table("|", rows, title),), verdict=verdict)
-
-
-def _far(distance: Farthest | str) -> str:
-    if isinstance(distance, str):
-        return f"not known: {distance}"
-    place = f"{distance.point} at {distance.time:.6g} s; compared to {distance.until:.6g} s"
-    return f"{format_number(distance.distance)} m ({place})"
-
-
-def _quantities(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
-    yield "simulated", f"{trajectory.t[-1]:.6g} s in {trajectory.provenance.steps} steps"
-    yield "wall time", f"{trajectory.provenance.wall_time:.3f} s"
+    run, mechanism = trajectory.provenance, trajectory.mechanism
+    title = f"{mechanism.name}, {run.engine} {run.preset} ({run.engine_version})"
+    rows = [
+        ("simulated", f"{trajectory.t[-1]:.6g} s in {run.steps} steps"),
+        ("wall time", f"{run.wall_time:.3f} s"),
+    ]
     for name, time in trajectory.release_times.items():
-        if trajectory.mechanism.stop(name).closed:
-            yield f"{name} opens", "not" if time is None else f"{time:.9f} s"
+        if mechanism.stop(name).closed:
+            rows.append((f"{name} opens", "not" if time is None else f"{time:.9f} s"))
     for name, torque in trajectory.stop_torques.items():
-        stop = trajectory.mechanism.stop(name)
-        yield f"{name}, largest {stop.effort}", f"{torque.max():.6g} {stop.force_unit}"
+        stop = mechanism.stop(name)
+        largest = f"{torque.max():.6g} {stop.force_unit}"
+        rows.append((f"{name}, largest {stop.effort}", largest))
     launch = trajectory.launch() if "projectile" in trajectory.markers else None
     if launch is not None:
-        yield "launch (velocity at 45 deg)", f"{launch.time:.9f} s"
-        yield "launch speed", f"{launch.speed:.8f} m/s"
+        rows.append(("launch (velocity at 45 deg)", f"{launch.time:.9f} s"))
+        rows.append(("launch speed", f"{launch.speed:.8f} m/s"))
     balance, _ = sampled_balance(trajectory)
     drift = np.abs(balance - balance[0]).max()
-    yield "energy drift", f"{drift:.3g} J of {trajectory.total_energy[0]:.6g} J"
+    rows.append(("energy drift", f"{drift:.3g} J of {trajectory.total_energy[0]:.6g} J"))
+    verdict = ""
+    if distance is not None:
+        text = f"not known: {distance}"
+        if not isinstance(distance, str):
+            place = f"{distance.point} at {distance.time:.6g} s"
+            until = f"compared to {distance.until:.6g} s"
+            text = f"{format_number(distance.distance)} m ({place}; {until})"
+        rows.append(("from the reference", text))
+        verdict = f"{title}: {text} from the reference"
+    return doc.Document(title, (doc.table("|", rows, title),), verdict=verdict)

@@ -3,36 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
-from itertools import chain, cycle
+from itertools import cycle
 
 import numpy as np
 
 from ....models.arrays import FloatArray
-from ....models.elements import PinJoint, PointStop, Stop
+from ....models.elements import PinJoint
 from ....models.library.trebuchet import FULCRUM
 from ....models.mechanism import Mechanism
-from ....reference.solution import Solution
 from ....reference.throw.flight import Flight, Surroundings, fly
-from ....reference.throw.members import (
-    MemberForce,
-    SupportForce,
-    axial_force,
-    carries,
-    members,
-    supports,
-    upward_force,
-)
-from ....reference.throw.throw import (
-    FlightFigures,
-    LaunchFigures,
-    Performance,
-    Sensitivity,
-    Throw,
-    origin,
-    spoken,
-)
+from ....reference.throw.members import axial_force, carries, members, supports, upward_force
+from ....reference.throw.throw import Performance, Sensitivity, Throw, origin, spoken
 from ....version import __version__
 from .. import document as doc
 from ..document import sentence
@@ -76,78 +59,84 @@ Quantity = Callable[[FloatArray], FloatArray]
 
 def force_plots(performance: Performance) -> Panels:
     """Axial forces, upward forces of the ground and loads of the stops, up to the release."""
-    times, colours = _force_times(performance), cycle(_COLOURS)
+    solution, throw, colours = performance.solution, performance.throw, cycle(_COLOURS)
+    mechanism, until = solution.problem.mechanism, performance.flight.release.time
+    # Even samples, and both sides of the events, where a slope breaks.
+    events = [segment.end for segment in solution.segments if segment.end < until]
+    times = np.unique(np.concatenate([np.linspace(0.0, until, _POINTS), events]))
+
+    def load(stop: str) -> Quantity:
+        return lambda t: solution.motion(t).stop_torques[stop]
+
+    axial: dict[str, Quantity] = {
+        member.body.name: partial(axial_force, solution, member) for member in members(mechanism)
+    }
+    upward: dict[str, Quantity] = {
+        joint.name: partial(upward_force, solution, joint)
+        for joint in supports(mechanism)
+        if carries(joint)
+    }
+    torques = {stop.name: load(stop.name) for stop in mechanism.angle_stops if stop.closed}
+    forces = {stop.name: load(stop.name) for stop in mechanism.point_stops if stop.closed}
+    panels = (
+        ("Axial forces: tension above zero, compression below", "kN", axial),
+        ("Upward force of the ground: below zero, it would lift off", "kN", upward),
+        ("Torques of the stops", "kN m", torques),
+        ("Forces of the stops", "kN", forces),
+    )
+    # Shaded are intervals in which a member is compressed or wheels would lift off.
+    shaded = [(member.name, interval) for member in throw.members for interval in member.compressed]
+    shaded += [(part.joint, interval) for part in throw.supports for interval in part.pulls_down]
     rules = tuple(
         Rule(time, f"{name} opens")
-        for name, time in performance.solution.release_times.items()
+        for name, time in solution.release_times.items()
         if time is not None and 0 < time < times[-1]
     )
     drawn: list[Plot] = []
-    for title, unit, lines in _panels(performance):
+    for title, unit, lines in panels:
         styles = {name: Style(next(colours), width=2) for name in lines}
         series = [Series(name, times, of(times) / 1e3, styles[name]) for name, of in lines.items()]
-        shaded = [each for each in _shaded(performance) if each[0] in lines]
-        bands = tuple(Band(*interval, styles[name].colour) for name, interval in shaded)
+        bands = tuple(
+            Band(*interval, styles[name].colour) for name, interval in shaded if name in lines
+        )
         axes = Axis("t", "s"), Axis("", unit)
         if series:
             drawn.append(Plot(*axes, tuple(series), title, rules=rules, bands=bands))
     return tuple(drawn)
 
 
-def _shaded(performance: Performance) -> Iterator[tuple[str, tuple[float, float]]]:
-    """Intervals in which a member is compressed or wheels would lift off."""
-    throw = performance.throw
-    for member in throw.members:
-        yield from ((member.name, interval) for interval in member.compressed)
-    for support in throw.supports:
-        yield from ((support.joint, interval) for interval in support.pulls_down)
-
-
-def _force_times(performance: Performance) -> FloatArray:
-    """Even samples, and both sides of the events, where a slope breaks."""
-    until = performance.flight.release.time
-    events = [segment.end for segment in performance.solution.segments if segment.end < until]
-    return np.unique(np.concatenate([np.linspace(0.0, until, _POINTS), events]))
-
-
-def _panels(performance: Performance) -> Iterator[tuple[str, str, dict[str, Quantity]]]:
-    """Title, unit and lines of each plot of forces."""
-    solution = performance.solution
-    mechanism = solution.problem.mechanism
-    forces: dict[str, Quantity] = {
-        member.body.name: partial(axial_force, solution, member) for member in members(mechanism)
-    }
-    yield "Axial forces: tension above zero, compression below", "kN", forces
-    carriers = filter(carries, supports(mechanism))
-    upward: dict[str, Quantity] = {
-        joint.name: partial(upward_force, solution, joint) for joint in carriers
-    }
-    yield "Upward force of the ground: below zero, it would lift off", "kN", upward
-    yield "Torques of the stops", "kN m", _loads(solution, mechanism.angle_stops)
-    yield "Forces of the stops", "kN", _loads(solution, mechanism.point_stops)
-
-
-def _loads(solution: Solution, stops: Iterable[Stop | PointStop]) -> dict[str, Quantity]:
-    """Torque or force of each stop that is closed at the start."""
-
-    def load(name: str) -> Quantity:
-        return lambda t: solution.motion(t).stop_torques[name]
-
-    return {stop.name: load(stop.name) for stop in stops if stop.closed}
-
-
-_Row = tuple[str, str]
 _FORCES = (
     "Up to the release; shaded where a member is in compression (a rope would be slack) or wheels "
     "would lift off."
+)
+_DERIVATIVES = (
+    "Sensitivities of the release, flight without drag: exact derivatives, event times included. "
+    "What chose the release is held, its angle or its time; with a number the start changes by the "
+    "least that keeps loops and rests closed"
 )
 
 
 def document(performance: Performance, throw: Throw) -> doc.Document:
     """All values, warnings and pictures; `throw` may have sensitivities."""
     name, start = throw.mechanism.name, origin_name(throw.mechanism)
+    launch, flight, longest = throw.launch, throw.flight, throw.best_flight
+    at = f"released at {launch.time:.6g} s with {launch.speed:.6g} m/s"
+    verdict = f"{name}: {flight.range:.6g} m, {at}"
+    conditions = f"g = {throw.gravity:g} m/s²"
+    if throw.height != 0:
+        conditions += f", landing {throw.height:g} m above the {start}"
+    tiles = [
+        doc.Tile(f"{flight.range:.2f} m", "range", detail=f"{flight.time:.2f} s of flight"),
+        doc.Tile(f"{launch.speed:.3f} m/s", "launch speed", detail=f"at {_deg(launch.angle, 2)}"),
+        doc.Tile(f"{launch.time:.5f} s", "release"),
+    ]
+    if longest is not None and longest.range > flight.range:
+        tiles.append(doc.Tile(f"{longest.range:.2f} m", "longest range"))
     blocks: list[doc.Block] = [
-        *_first_screen(performance, throw),
+        doc.Text(f"{verdict}; {conditions}.", "strong", medium="page"),
+        doc.Tiles(tuple(tiles)),
+        doc.AnimationBlock(lambda: (motion(performance),)),
+        doc.Figure(flight_plot(performance), "The flight", anchor="flight"),
         doc.Note(
             f"Computed by the Lagrangian reference. Positions are measured from where the {start} "
             "stands at the start; SI units."
@@ -155,49 +144,24 @@ def document(performance: Performance, throw: Throw) -> doc.Document:
     ]
     for warning in throw.warnings:
         blocks.append(doc.Text(sentence(warning), "warning", medium="page"))
-    blocks.append(doc.table("|", _rows(throw), f"{name}: one throw, {_conditions(throw)}"))
+    rows: list[doc.Row] = []
+    for title, values in _groups(throw):
+        group = [doc.row(f"  {quantity}", value) for quantity, value in values]
+        if group:
+            rows += [doc.row(doc.Cell(title, "strong"), ""), *group]
+    blocks.append(doc.table("|", rows, f"{name}: one throw, {conditions}"))
     plots = force_plots(performance)
     if plots:
         blocks.append(doc.Figure(plots, "Forces", _FORCES, "forces", columns=2))
     blocks += [
-        doc.table(_columns(throw), throw.sensitivities, _DERIVATIVES),
+        doc.table(_sensitivity_columns(throw), throw.sensitivities, _DERIVATIVES),
         doc.Note(f"trebucheck {__version__}."),
         mechanism_as_data(name, throw.mechanism),
     ]
     for warning in throw.warnings:
         blocks.append(doc.Text(f"{warning}.", "warning", lead="warning:", medium="terminal"))
     question = f"How far does {name} throw, and what must its members bear?"
-    window = f"trebucheck throw: {name}"
-    return doc.Document(question, tuple(blocks), window, verdict=_verdict(throw))
-
-
-def _verdict(throw: Throw) -> str:
-    at = f"released at {throw.launch.time:.6g} s with {throw.launch.speed:.6g} m/s"
-    return f"{throw.mechanism.name}: {throw.flight.range:.6g} m, {at}"
-
-
-def _first_screen(performance: Performance, throw: Throw) -> Iterator[doc.Block]:
-    """How far it throws, the machine in motion, and the flight."""
-    launch, flight, longest = throw.launch, throw.flight, throw.best_flight
-    angle = f"at {math.degrees(launch.angle):.2f} deg"
-    tiles = [
-        doc.Tile(f"{flight.range:.2f} m", "range", detail=f"{flight.time:.2f} s of flight"),
-        doc.Tile(f"{launch.speed:.3f} m/s", "launch speed", detail=angle),
-        doc.Tile(f"{launch.time:.5f} s", "release"),
-    ]
-    if longest is not None and longest.range > flight.range:
-        tiles.append(doc.Tile(f"{longest.range:.2f} m", "longest range"))
-    yield doc.Text(f"{_verdict(throw)}; {_conditions(throw)}.", "strong", medium="page")
-    yield doc.Tiles(tuple(tiles))
-    yield doc.AnimationBlock(lambda: (motion(performance),))
-    yield doc.Figure(flight_plot(performance), "The flight", anchor="flight")
-
-
-def _conditions(throw: Throw) -> str:
-    gravity = f"g = {throw.gravity:g} m/s²"
-    if throw.height == 0:
-        return gravity
-    return f"{gravity}, landing {throw.height:g} m above the {origin_name(throw.mechanism)}"
+    return doc.Document(question, tuple(blocks), f"trebucheck throw: {name}", verdict=verdict)
 
 
 def origin_name(mechanism: Mechanism) -> str:
@@ -210,126 +174,115 @@ def origin_name(mechanism: Mechanism) -> str:
     return joint.name
 
 
-def _rows(throw: Throw) -> Iterator[doc.Row]:
-    """All values in groups, each under its title."""
-    density, area = throw.air.density, throw.air.drag_area
-    drag = f"density {density:g} kg/m³, drag area {area:g} m²" if density * area else "no drag"
-    forces = chain(*map(_member_rows, throw.members), *map(_support_rows, throw.supports))
-    groups = (
-        (f"Release ({throw.released})", _launch_rows(throw.launch)),
-        ("Stops", _stop_rows(throw)),
-        (f"Flight ({drag})", _flight_rows(throw.flight, origin_name(throw.mechanism))),
-        ("Longest range", _best_rows(throw)),
-        ("Forces up to the release", forces),
-    )
-    for title, values in groups:
-        rows = [doc.row(f"  {name}", value) for name, value in values]
-        if rows:
-            yield doc.row(doc.Cell(title, "strong"), "")
-            yield from rows
+# --- Values
+
+_Rows = list[tuple[str, str]]
 
 
-def _launch_rows(launch: LaunchFigures) -> Iterator[_Row]:
-    yield "time", f"{launch.time:.9f} s"
-    yield "speed", f"{launch.speed:.6f} m/s"
-    yield "angle of the velocity", f"{math.degrees(launch.angle):.4f} deg"
-    yield "position x, y", f"{launch.x:.4f}, {launch.y:.4f} m"
-    yield from _sling_rows(launch)
-    if launch.kinetic_energy is not None:
-        yield "projectile's kinetic energy", f"{launch.kinetic_energy / 1e3:.4f} kJ"
-    if launch.energy_ratio is not None:
-        yield "R = kinetic / total energy", f"{launch.energy_ratio:.6f}"
+def _deg(angle: float, digits: int = 4) -> str:
+    return f"{math.degrees(angle):.{digits}f} deg"
 
 
-def _sling_rows(launch: LaunchFigures) -> Iterator[_Row]:
+def _force(force: float, time: float) -> str:
+    return f"{force / 1e3 + 0.0:.3f} kN at {time:.4f} s"  # no -0.000
+
+
+def _groups(throw: Throw) -> Iterator[tuple[str, _Rows]]:
+    """All values in groups, each with its title."""
+    launch, flight, start = throw.launch, throw.flight, origin_name(throw.mechanism)
+    rows = [
+        ("time", f"{launch.time:.9f} s"),
+        ("speed", f"{launch.speed:.6f} m/s"),
+        ("angle of the velocity", _deg(launch.angle)),
+        ("position x, y", f"{launch.x:.4f}, {launch.y:.4f} m"),
+    ]
     if launch.sling_angle is not None:
-        yield "sling to arm", f"{math.degrees(launch.sling_angle):.4f} deg"
-
-
-def _stop_rows(throw: Throw) -> Iterator[_Row]:
+        rows.append(("sling to arm", _deg(launch.sling_angle)))
+    if launch.kinetic_energy is not None:
+        rows.append(("projectile's kinetic energy", f"{launch.kinetic_energy / 1e3:.4f} kJ"))
+    if launch.energy_ratio is not None:
+        rows.append(("R = kinetic / total energy", f"{launch.energy_ratio:.6f}"))
+    yield f"Release ({throw.released})", rows
+    rows = []
     for rest in throw.rests:
         time, stop = rest.release_time, throw.mechanism.stop(rest.name)
-        yield f"{rest.name} opens", "not before the release" if time is None else f"{time:.9f} s"
-        yield f"{rest.name}, {stop.effort} at start", f"{rest.start_torque:.4f} {stop.force_unit}"
-
-
-def _flight_rows(flight: FlightFigures, measured_from: str) -> Iterator[_Row]:
-    yield f"range from the {measured_from}", f"{flight.range:.4f} m"
-    yield f"apex above the {measured_from}", f"{flight.apex_height:.4f} m"
-    yield "time of flight", f"{flight.time:.4f} s"
-    yield "impact speed", f"{flight.impact_speed:.4f} m/s"
-    yield "impact angle below level", f"{math.degrees(flight.impact_angle):.4f} deg"
-
-
-def _best_rows(throw: Throw) -> Iterator[_Row]:
+        opens = "not before the release" if time is None else f"{time:.9f} s"
+        torque = f"{rest.start_torque:.4f} {stop.force_unit}"
+        rows += [(f"{rest.name} opens", opens), (f"{rest.name}, {stop.effort} at start", torque)]
+    yield "Stops", rows
+    density, area = throw.air.density, throw.air.drag_area
+    drag = f"density {density:g} kg/m³, drag area {area:g} m²" if density * area else "no drag"
+    rows = [
+        (f"range from the {start}", f"{flight.range:.4f} m"),
+        (f"apex above the {start}", f"{flight.apex_height:.4f} m"),
+        ("time of flight", f"{flight.time:.4f} s"),
+        ("impact speed", f"{flight.impact_speed:.4f} m/s"),
+        ("impact angle below level", _deg(flight.impact_angle)),
+    ]
+    yield f"Flight ({drag})", rows
     launch, flight = throw.best_launch, throw.best_flight
-    if launch is None or flight is None:
-        yield "best release", "none reaches the landing height"
-        return
-    yield "release at", f"{launch.time:.9f} s"
-    yield "angle, speed", f"{math.degrees(launch.angle):.4f} deg, {launch.speed:.4f} m/s"
-    yield from _sling_rows(launch)
-    yield "range", f"{flight.range:.4f} m"
-    yield "gain over this release", f"{throw.gain:.4f} m"
+    rows = [("best release", "none reaches the landing height")]
+    if launch is not None and flight is not None:
+        rows = [
+            ("release at", f"{launch.time:.9f} s"),
+            ("angle, speed", f"{_deg(launch.angle)}, {launch.speed:.4f} m/s"),
+        ]
+        if launch.sling_angle is not None:
+            rows.append(("sling to arm", _deg(launch.sling_angle)))
+        rows.append(("range", f"{flight.range:.4f} m"))
+        rows.append(("gain over this release", f"{throw.gain:.4f} m"))
+    yield "Longest range", rows
+    rows = []
+    for member in throw.members:
+        name = member.name if member.two_force else f"{member.name} (at {member.joint})"
+        tension = _force(member.peak_tension, member.peak_tension_time)
+        rows.append((f"{name}, largest tension", tension))
+        if member.compressed:
+            peak = _force(member.peak_compression, member.peak_compression_time)
+            rows.append((f"{name}, largest compression", peak))
+            rows.append((f"{name}, in compression", spoken(member.compressed)))
+    for support in throw.supports:
+        name = support.joint
+        direction = f"{round(math.degrees(support.peak_direction), 2) + 0.0:.2f} deg"  # no -0.00
+        peak = _force(support.peak, support.peak_time)
+        rows.append((f"{name}, largest force", f"{peak}, towards {direction}"))
+        if support.least is not None and support.least_time is not None:
+            part = "least force on the wheels" if support.rolls else "least upward force"
+            rows.append((f"{name}, {part}", _force(support.least, support.least_time)))
+        if support.pulls_down:
+            what = "wheels would lift off" if support.rolls else "pulled down by the ground"
+            rows.append((f"{name}, {what}", spoken(support.pulls_down)))
+    yield "Forces up to the release", rows
 
 
-def _member_rows(member: MemberForce) -> Iterator[_Row]:
-    name = member.name if member.two_force else f"{member.name} (at {member.joint})"
-    yield f"{name}, largest tension", _force_at(member.peak_tension, member.peak_tension_time)
-    if member.compressed:
-        peak = _force_at(member.peak_compression, member.peak_compression_time)
-        yield f"{name}, largest compression", peak
-        yield f"{name}, in compression", spoken(member.compressed)
-
-
-def _support_rows(support: SupportForce) -> Iterator[_Row]:
-    direction = f"{round(math.degrees(support.peak_direction), 2) + 0.0:.2f} deg"  # no -0.00
-    peak = _force_at(support.peak, support.peak_time)
-    yield f"{support.joint}, largest force", f"{peak}, towards {direction}"
-    if support.least is not None and support.least_time is not None:
-        part = "least force on the wheels" if support.rolls else "least upward force"
-        yield f"{support.joint}, {part}", _force_at(support.least, support.least_time)
-    if support.pulls_down:
-        what = "wheels would lift off" if support.rolls else "pulled down by the ground"
-        yield f"{support.joint}, {what}", spoken(support.pulls_down)
-
-
-def _force_at(force: float, time: float) -> str:
-    return f"{force / 1e3 + 0.0:.3f} kN at {time:.4f} s"
-
-
-def _signed(derivative: float | None, by: float | None, value: float) -> str:
-    if derivative is None or by is None:
-        return "–"
-    rounding = abs(derivative) * max(1.0, abs(value)) < 1e-8  # of a derivative that is zero
-    return "0" if rounding else f"{derivative * by:+.4g}"
-
-
-_DERIVATIVES = (
-    "Sensitivities of the release, flight without drag: exact derivatives, event times included. "
-    "What chose the release is held, its angle or its time; with a number the start changes by the "
-    "least that keeps loops and rests closed"
-)
-
-
-def _columns(throw: Throw) -> tuple[doc.Column, ...]:
+def _sensitivity_columns(throw: Throw) -> tuple[doc.Column, ...]:
     """Per unit and per cent; without what the release holds.
 
     What a narrow terminal leaves out first has the highest rank.
     """
-    figures: tuple[tuple[str, str, int, Callable[[Sensitivity], float | None]], ...] = (
-        ("time", "s", 3, lambda each: each.launch_time),
-        ("speed", "m/s", 2, lambda each: each.launch_speed),
-        ("angle", "deg", 4, lambda each: math.degrees(each.launch_angle)),
-        ("range", "m", 1, lambda each: each.range),
+
+    def change(by: Sensitivity, derivative: _Derivative, *, percent: bool = False) -> str:
+        """Change by one unit of the parameter, or by one per cent; a dash for 1 % of zero."""
+        slope, step = derivative(by), (by.value / 100 or None) if percent else 1.0
+        if slope is None or step is None:
+            return "–"
+        rounding = abs(slope) * max(1.0, abs(by.value)) < 1e-8  # of a derivative that is zero
+        return "0" if rounding else f"{slope * step:+.4g}"
+
+    figures: tuple[tuple[str, str, int, _Derivative], ...] = (
+        ("time", "s", 3, lambda by: by.launch_time),
+        ("speed", "m/s", 2, lambda by: by.launch_speed),
+        ("angle", "deg", 4, lambda by: math.degrees(by.launch_angle)),
+        ("range", "m", 1, lambda by: by.range),
     )
     per_unit: list[doc.Column] = []
     per_cent: list[doc.Column] = []
     for name, unit, rank, derivative in figures:
-        unit_change, percent_change = partial(_effect, derivative), partial(_percent, derivative)
-        if any(unit_change(each) not in ("0", "–") for each in throw.sensitivities):
-            per_unit.append(doc.Column(name, f"{unit} per unit", rank=rank, of=unit_change))
-            per_cent.append(doc.Column(name, f"{unit} per %", rank=rank, of=percent_change))
+        if any(change(by, derivative) not in ("0", "–") for by in throw.sensitivities):
+            of = partial(change, derivative=derivative)
+            per_unit.append(doc.Column(name, f"{unit} per unit", rank=rank, of=of))
+            of = partial(change, derivative=derivative, percent=True)
+            per_cent.append(doc.Column(name, f"{unit} per %", rank=rank, of=of))
     return (
         doc.Column("by", of=lambda each: each.name),
         doc.Column("value", of=lambda each: f"{each.value:.6g} {each.unit}"),
@@ -338,11 +291,4 @@ def _columns(throw: Throw) -> tuple[doc.Column, ...]:
     )
 
 
-def _effect(derivative: Callable[[Sensitivity], float | None], each: Sensitivity) -> str:
-    """Change by one unit of the parameter."""
-    return _signed(derivative(each), 1.0, each.value)
-
-
-def _percent(derivative: Callable[[Sensitivity], float | None], each: Sensitivity) -> str:
-    """Change by one per cent of the parameter; a dash where its value is zero."""
-    return _signed(derivative(each), each.value / 100 or None, each.value)
+_Derivative = Callable[[Sensitivity], float | None]
