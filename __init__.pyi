@@ -2,9 +2,9 @@
 
 from .comparisons.certify import certify
 from .comparisons.compare.study import compare
-from .comparisons.converge.study import converge
+from .comparisons.converge import converge
 from .comparisons.diff import diff
-from .comparisons.explain.study import explain
+from .comparisons.explain import explain
 from .comparisons.judge import judge
 from .comparisons.matrix import matrix
 from .comparisons.mjcf import mjcf

@@ -20,8 +20,8 @@ from ..models.files import read_bytes
 from ..models.library.registry import find_benchmark
 from ..models.spec import Positive, Real, Spec
 from .compare.study import read_results
-from .converge.results import FORMAT as CONVERGE
-from .converge.results import Studies
+from .converge import FORMAT as CONVERGE
+from .converge import Studies
 from .runs.quantities import QUANTITIES
 from .runs.results import FORMAT as COMPARE
 from .runs.results import Machine, Metric, Outcome, ResultFile, Results, Run, with_time_limit

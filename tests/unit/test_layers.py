@@ -33,9 +33,7 @@ RANKS: tuple[tuple[str, ...], ...] = (
     ("comparisons/diagnosis",),
     (
         "comparisons/compare",
-        "comparisons/converge",
         "comparisons/data",
-        "comparisons/explain",
         "comparisons/recommend",
     ),
     ("comparisons",),  # the studies of one module: diff, matrix, ...

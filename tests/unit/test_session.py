@@ -190,8 +190,8 @@ def test_certify_takes_a_problems_own_duration_and_law(monkeypatch: pytest.Monke
 @pytest.mark.parametrize(
     "module",
     [
-        "comparisons.converge.study",
-        "comparisons.explain.study",
+        "comparisons.converge",
+        "comparisons.explain",
         "comparisons.certify",
         "comparisons.diff",
     ],

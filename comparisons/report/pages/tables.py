@@ -54,9 +54,9 @@ def capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def is_tuned(label: str) -> bool:
-    """Whether a run's label ends in the tuned preset."""
-    return label.endswith("tuned")
+def both_tuned(first: str, second: str) -> bool:
+    """Whether both labels of runs end in the tuned preset."""
+    return first.endswith("tuned") and second.endswith("tuned")
 
 
 # --- Verdicts and causes
