@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
-from ..models.mjcf.paths import mjcf_path
-from ..models.mjcf.recorded import RecordedMotion, stored_motion
-from ..models.mjcf.scene import AZIMUTH, ELEVATION, FIELD, corners, line_of_sight, scene, viewpoint
+from ..models.mjcf import mjcf_path
+from ..models.mjcf.scene import (
+    AZIMUTH,
+    ELEVATION,
+    FIELD,
+    RecordedMotion,
+    corners,
+    line_of_sight,
+    scene,
+    stored_motion,
+    viewpoint,
+)
 from ..models.mjcf.tree import joint_values
 from ..models.mjcf.variants import HOLD, PROJECTILE, Thrown, Variant, inertias, released
 from ..models.mjcf.writer import mjcf, model_file

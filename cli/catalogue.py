@@ -108,7 +108,7 @@ def path_command(call: Call) -> None:
 
     Example: trebucheck models path rolling
     """
-    from ..models.mjcf.paths import mjcf_path
+    from ..models.mjcf import mjcf_path
 
     typer.echo(mjcf_path(call.name, scene=call.scene))
 

@@ -52,7 +52,7 @@ from .runs.runner import Runner
 from .runs.study import REFERENCE, Counter, Progress, Study, one_end
 from .runs.tolerances import judge as judge_run
 
-__path__: list[str] = []  # lets `renamed.py` find the modules that this was in earlier releases
+__path__: list[str] = []  # names of earlier releases below this module: see renamed.py
 
 NOT_GIVEN = "the file does not give it"
 TIME = "t"

@@ -23,16 +23,16 @@ import trebucheck as tb
 import typer
 from mjcf_readme import readme
 from trebucheck.cli.app import app
-from trebucheck.comparisons.compare.study import Comparison
-from trebucheck.comparisons.converge.results import Studies
+from trebucheck.comparisons import problems as check
+from trebucheck.comparisons.compare import Comparison
+from trebucheck.comparisons.converge import Studies
 from trebucheck.comparisons.data.certified import names, publish
 from trebucheck.comparisons.diff import DifferenceData
-from trebucheck.comparisons.explain.results import Explanation
+from trebucheck.comparisons.explain import Explanation
 from trebucheck.comparisons.judge import Judgement
 from trebucheck.comparisons.matrix import distilled, orders_of
 from trebucheck.comparisons.matrix import matrix as read_matrix
 from trebucheck.comparisons.mjcf import record_motion
-from trebucheck.comparisons.problems import check
 from trebucheck.comparisons.recommend import Advice
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.document import Document, table, without_empty_columns
@@ -49,7 +49,7 @@ from trebucheck.conformance.verdicts import Conformance
 from trebucheck.models.library.benchmark import Benchmark
 from trebucheck.models.library.registry import benchmarks, models
 from trebucheck.models.mechanism import mechanism_schema
-from trebucheck.models.mjcf.recorded import RECORDED_FILE
+from trebucheck.models.mjcf.scene import RECORDED_FILE
 from trebucheck.models.mjcf.writer import write_model_folder
 from trebucheck.models.spec import schema_text
 from trebucheck.reference.solver import solve

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.mjcf.recorded import RecordedMotion
-from trebucheck.models.mjcf.scene import SCENE_FILE
+from trebucheck.models.mjcf.scene import SCENE_FILE, RecordedMotion
 from trebucheck.models.mjcf.tree import joint_values
 
 os.environ.setdefault("MUJOCO_GL", "egl")  # read when MuJoCo is loaded

@@ -15,7 +15,7 @@ from trebucheck.models.elements import PointStop, Stop
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.library.registry import models, parameters_type
 from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.mjcf.recorded import RecordedMotion
+from trebucheck.models.mjcf.scene import RecordedMotion
 from trebucheck.models.mjcf.variants import POINT_INERTIA
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve

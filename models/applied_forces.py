@@ -24,6 +24,8 @@ from .elements import (
 from .functions import AngleFunction, PointCoefficients
 from .kinematics import Kinematics
 
+_Rotational = RotationalSpringDamper | CubicTorsionSpring | ConstantTorque
+
 
 @dataclass(frozen=True)
 class AppliedForces:
@@ -37,11 +39,7 @@ class AppliedForces:
         return self._along("vector")
 
     @cached_property
-    def rotational(
-        self,
-    ) -> tuple[
-        tuple[RotationalSpringDamper | CubicTorsionSpring | ConstantTorque, AngleFunction], ...
-    ]:
+    def rotational(self) -> tuple[tuple[_Rotational, AngleFunction], ...]:
         """Elements between angles, with the body's angle less the other's."""
         return self._along("angle")
 
@@ -52,11 +50,8 @@ class AppliedForces:
 
     def _along(self, direction: Literal["vector", "angle", "point"]) -> Any:
         elements = self.kinematics.mechanism.force_elements
-        return tuple(
-            (element, element.direction(self.kinematics))
-            for element in elements
-            if element.acts_along == direction
-        )
+        chosen = [element for element in elements if element.acts_along == direction]
+        return tuple((element, element.direction(self.kinematics)) for element in chosen)
 
     @property
     def terms(self) -> tuple[tuple[AnyForceElement, Any], ...]:

@@ -33,19 +33,10 @@ __all__ = [
 
 COVERED_BY_FEATURES: frozenset[type] = frozenset(
     {
-        PinJoint,
-        WeldJoint,
-        SlotJoint,
-        PrismaticJoint,
-        FreeJoint,
-        Stop,
-        PointStop,
-        SpringDamper,
-        RotationalSpringDamper,
-        ConstantForce,
-        ConstantTorque,
+        PinJoint, WeldJoint, SlotJoint, PrismaticJoint, FreeJoint, Stop, PointStop,
+        SpringDamper, RotationalSpringDamper, ConstantForce, ConstantTorque,
     }
-)
+)  # fmt: skip
 """Classes that a solver has if it declares their features; closed.
 
 Engines of earlier releases declare `frozenset(Feature)` and so would claim each new feature before
@@ -95,11 +86,9 @@ def missing_elements(
         if basic in lacking and needs[basic] and followed:
             missing[basic] = needs[basic]
     for element in mechanism.elements:
-        if type(element) in classes or any(feature in missing for feature in element.features):
-            continue
-        missing.setdefault(f"elements of the class {type(element).__name__}", []).append(
-            element.name
-        )
+        if type(element) not in classes and not any(f in missing for f in element.features):
+            kind = f"elements of the class {type(element).__name__}"
+            missing.setdefault(kind, []).append(element.name)
     return {need: tuple(names) for need, names in missing.items()}
 
 
@@ -114,20 +103,16 @@ def refuse_features(
     """Refuse a mechanism with elements that a solver does not have.
 
     Args:
-        known: features that the solver has.
+        mechanism, known, lacking, law, classes: as :func:`missing_elements`.
         who: the solver, as the sentence begins.
-        lacking: elements of every solver that this one lacks.
-        law: of the stops.
-        classes: of the elements that the solver has.
 
     Raises:
         UnsupportedProblemError: the sentence names the elements.
     """
     missing = missing_elements(mechanism, known, lacking, law, classes)
-    if missing:
-        texts = [
-            f"{need} ({', '.join(repr(name) for name in names)})" for need, names in missing.items()
-        ]
-        raise UnsupportedProblemError(
-            f"{who} cannot move {mechanism.name!r}: it has no {' and no '.join(texts)}."
-        )
+    if not missing:
+        return
+    texts = [f"{need} ({', '.join(map(repr, names))})" for need, names in missing.items()]
+    raise UnsupportedProblemError(
+        f"{who} cannot move {mechanism.name!r}: it has no {' and no '.join(texts)}."
+    )

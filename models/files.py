@@ -26,8 +26,7 @@ def write_bytes(path: str | Path, content: bytes | memoryview) -> None:
     refuse_unwritable(target.parent, target.name)  # before a folder is made for it
     with _sentence_for(target):
         target.parent.mkdir(parents=True, exist_ok=True)
-        # A short name, so that whatever name the target may have, this one fits into the folder,
-        # too.
+        # A short name fits into the folder, whatever name the target has.
         handle, name = tempfile.mkstemp(dir=target.parent, prefix=".", suffix=".part")
         temporary = Path(name)
         try:
@@ -35,7 +34,7 @@ def write_bytes(path: str | Path, content: bytes | memoryview) -> None:
                 file.write(content)
             umask = os.umask(0)
             os.umask(umask)
-            # Mkstemp makes it private; a report is for others to read.
+            # mkstemp makes it private; a report is for others to read.
             temporary.chmod(0o666 & ~umask)
             temporary.replace(target)
         finally:
@@ -93,7 +92,7 @@ def _sentence_for(target: Path) -> Generator[None, None, None]:
         raise
     except OSError as error:
         raise UnwritableError(f"{target} cannot be written: {error.strerror or error}.") from None
-    except ValueError as error:  # of a path that no system takes, such as one with a zero character
+    except ValueError as error:  # no system takes the path, such as one with a zero character
         raise UnwritableError(f"{str(target)!r} cannot be written: {error}.") from None
 
 

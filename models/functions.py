@@ -60,9 +60,8 @@ class Phasors:
     @cached_property
     def _rates_at_zero(self) -> tuple[ComplexArray, ComplexArray]:
         """Rate of each coordinate at q = 0, and the factor of q in its exponent."""
-        return np.where(self.is_angle > 0, -1j, 1.0 + 0j), np.asarray(
-            -1j * self.is_angle, dtype=np.complex128
-        )
+        exponent = np.asarray(-1j * self.is_angle, dtype=np.complex128)
+        return np.where(self.is_angle > 0, -1j, 1.0 + 0j), exponent
 
     def rates(self, q: FloatArray) -> ComplexArray:
         """dw_k/dq_k, shape like q.
@@ -82,9 +81,8 @@ class Phasors:
         rates = self.rates(q) if rates is None else rates
         curvature = -1j * self.is_angle * rates * u * u
         for k, c in self.carried:
-            curvature[..., k] = (
-                -rates[..., k] * u[..., c] * (2j * u[..., k] + q[..., k] * u[..., c])
-            )
+            spin = u[..., c]
+            curvature[..., k] = -rates[..., k] * spin * (2j * u[..., k] + q[..., k] * spin)
         return curvature
 
     def gradient(
@@ -228,9 +226,8 @@ class LineFunction:
     def bias(self, q: FloatArray, u: FloatArray, curvature: ComplexArray) -> FloatArray:
         """d/dt(Jacobian) u, shape (...,)."""
         phasors, spin = self.phasors, u[..., self.body]
-        apparent = weighted(curvature, self.vector.coefficients) + 2j * spin * phasors.rate(
-            self.vector, q, u
-        )
+        coriolis = 2j * spin * phasors.rate(self.vector, q, u)
+        apparent = weighted(curvature, self.vector.coefficients) + coriolis
         apparent -= spin**2 * phasors.vector(self.vector, q)
         return (self._turned(q) * apparent).real
 

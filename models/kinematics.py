@@ -22,9 +22,8 @@ from .functions import (
     ScalarFunction,
     weighted,
 )
-from .mechanism import Marker, Mechanism
+from .mechanism import Marker, Mechanism, Tree
 from .spec import Vector, as_complex
-from .tree import Tree
 
 _ROUNDING = 1e-12  # of the greatest derivatives of a gap: those of one that nothing changes
 
@@ -40,11 +39,6 @@ class Kinematics(Phasors):
     mechanism: Mechanism
 
     def __post_init__(self) -> None:
-        """Refuses elements that are not in the table of elements.
-
-        Raises:
-            UnsupportedProblemError: the sentence names the element and its class.
-        """
         for element in self.mechanism.elements:
             if type(element) not in ELEMENTS:
                 raise UnsupportedProblemError(
@@ -145,14 +139,16 @@ class Kinematics(Phasors):
         That of the body which has the largest, if it is larger: a point that loops hold fast has
         but rounding for one.
         """
-        of_point = self._speed_scales(row.coefficients[..., None, :])[..., 0]
-        of_bodies = self._speed_scales(self.centres).max(axis=-1)
-        return cast("float", np.maximum(of_point, of_bodies))
+        gravity = np.asarray(self.mechanism.gravity)[..., None]
+        start_speeds = np.abs(initial_state(self.mechanism)[1])[..., None, :]
 
-    def _speed_scales(self, coefficients: ComplexArray) -> FloatArray:
-        arms, speeds = np.abs(coefficients), np.abs(initial_state(self.mechanism)[1])[..., None, :]
-        falls = np.asarray(self.mechanism.gravity)[..., None] * (arms @ self.is_angle)
-        return np.sqrt(falls) + np.sum(arms * speeds, axis=-1)
+        def scales(coefficients: ComplexArray) -> FloatArray:
+            arms = np.abs(coefficients)
+            falls = gravity * (arms @ self.is_angle)
+            return np.sqrt(falls) + np.sum(arms * start_speeds, axis=-1)
+
+        of_point = scales(row.coefficients[..., None, :])[..., 0]
+        return cast("float", np.maximum(of_point, scales(self.centres).max(axis=-1)))
 
     def acceleration(
         self, row: PointCoefficients, q: FloatArray, u: FloatArray, a: FloatArray
@@ -170,9 +166,8 @@ class Kinematics(Phasors):
     @cached_property
     def centres(self) -> ComplexArray:
         """Coefficients of the bodies' centres of mass, shape (n_bodies, n_q)."""
-        return np.stack(
-            [self.point(b.name, b.centre).coefficients for b in self.mechanism.bodies], axis=-2
-        )
+        points = [self.point(body.name, body.centre) for body in self.mechanism.bodies]
+        return np.stack([point.coefficients for point in points], axis=-2)
 
     @cached_property
     def masses(self) -> FloatArray:
@@ -234,9 +229,8 @@ class Kinematics(Phasors):
         for joint in self.tree.loop_joints:
             vector = self.between(joint.child, joint.child_point, joint.parent, joint.parent_point)
             frame = joint.parent if joint.free_directions else GROUND
-            closures += [
-                self.component(direction, frame, vector) for direction in joint.held_directions
-            ]
+            for direction in joint.held_directions:
+                closures.append(self.component(direction, frame, vector))
             if joint.turned_by is not None:
                 angle = self.angle(joint.child, joint.parent)
                 error = angle.value(initial_state(self.mechanism)[0]) - joint.turned_by
@@ -264,9 +258,9 @@ class Kinematics(Phasors):
 def initial_state(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
     """Coordinates q and speeds u at t = 0, each of shape (n_q,)."""
     q = np.array(mechanism.start, dtype=np.float64).T
-    return q, np.array(
-        mechanism.start_speeds, dtype=np.float64
-    ).T if mechanism.start_speeds else np.zeros_like(q)
+    if not mechanism.start_speeds:
+        return q, np.zeros_like(q)
+    return q, np.array(mechanism.start_speeds, dtype=np.float64).T
 
 
 def immovable_stops(mechanism: Mechanism) -> tuple[str, ...]:
@@ -280,15 +274,13 @@ def immovable_stops(mechanism: Mechanism) -> tuple[str, ...]:
     kinematics, random = Kinematics(mechanism), np.random.default_rng(2)
     q = initial_state(mechanism)[0] + np.vstack([np.zeros(1), random.uniform(-1, 1, (2, 1))])
 
-    def moves(stop: str) -> bool:
-        rows = np.abs(kinematics.gap_jacobian(stop, q))
-        return bool((rows > _ROUNDING * kinematics.gaps[stop].amplitudes).any())
-
-    return tuple(
-        stop.name
-        for stop in mechanism.stops
-        if stop.body != stop.relative_to and not moves(stop.name)
-    )
+    immovable: list[str] = []
+    for stop in mechanism.stops:
+        rows = np.abs(kinematics.gap_jacobian(stop.name, q))
+        moves = (rows > _ROUNDING * kinematics.gaps[stop.name].amplitudes).any()
+        if stop.body != stop.relative_to and not moves:
+            immovable.append(stop.name)
+    return tuple(immovable)
 
 
 def without_stops(mechanism: Mechanism, names: Collection[str]) -> Mechanism:

@@ -16,7 +16,7 @@ no launch.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,9 +37,8 @@ _SAME_TIME = 1e-12
 _DEGREE = 16  # of the interpolant of a step; it is halved where that does not resolve it
 # Chebyshev's extreme points, from 0 to 1.
 _NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)
-_TO_CHEBYSHEV = np.linalg.inv(
-    chebyshev.chebvander(2.0 * _NODES - 1.0, _DEGREE)
-).T  # values at the nodes: coefficients
+# Values at the nodes to coefficients.
+_TO_CHEBYSHEV = np.linalg.inv(chebyshev.chebvander(2.0 * _NODES - 1.0, _DEGREE)).T
 _RESOLVED = 1e-8  # last coefficients over the largest; an extreme's value then errs by their square
 _HALVINGS = 8
 _CHUNK = 32  # steps that are sampled at once
@@ -77,12 +76,14 @@ def rest_opened(
     mechanism: Mechanism, body: str, release_times: Mapping[str, float | None]
 ) -> float | None:
     """Time at which the last rest of a body opened [s]: 0 without rests, None if one is closed."""
-    times = [
-        release_times.get(stop.name)
-        for stop in mechanism.stops
-        if stop.body == body and stop.closed
-    ]
-    return None if None in times else max((time for time in times if time is not None), default=0.0)
+    opened = 0.0
+    for stop in mechanism.stops:
+        if stop.body == body and stop.closed:
+            time = release_times.get(stop.name)
+            if time is None:
+                return None
+            opened = max(opened, time)
+    return opened
 
 
 def lead(velocity: FloatArray, angle: float = LAUNCH_ANGLE) -> FloatArray:
@@ -138,33 +139,35 @@ def first_launch(
                 above, velocity = None, _on_line(last.at(last.knots[-1:])[0], start, angle)
                 if is_launch(velocity, angle, scale):
                     return _launch(float(piece.knots[0]), velocity)
-        for t, across in _signed(piece, angle, noise):
-            starts = [t[:1] if above is None else [above], t]
-            before, positive = np.concatenate(starts)[:-1], np.append(above is not None, across > 0)
+        for first in range(0, len(piece.knots) - 1, _CHUNK):
+            t = _monotone_between(
+                lambda t, at=piece.at: lead(at(t), angle),
+                piece.knots[first : first + _CHUNK + 1],
+                noise,
+            )
+            velocity = piece.at(t)
+            across = lead(velocity, angle)
+            # Instants where it is within rounding of zero are left out.
+            clear = np.abs(across) > noise + _ROUNDING * np.linalg.norm(velocity, axis=1)
+            t, positive = t[clear], np.append(above is not None, across[clear] > 0)
+            before = np.concatenate([t[:1] if above is None else [above], t])[:-1]
             for i in np.flatnonzero(positive[:-1] & ~positive[1:]).tolist():
                 launch = _launch_between(piece.at, float(before[i]), float(t[i]), angle)
                 if is_launch(np.array(launch.velocity), angle, scale):
                     return launch
-            above = (float(t[-1]) if len(t) else above) if positive[-1] else None
+            if not positive[-1]:
+                above = None
+            elif len(t):
+                above = float(t[-1])
         last = piece
-    return None if above is None or last is None else _launch_at_end(last, angle, scale)
-
-
-def _signed(
-    piece: SmoothVelocity, angle: float, noise: float
-) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Instants [s] between which :func:`lead` is monotone, and its values, some steps at a time.
-
-    Instants where it is within rounding of zero are left out.
-    """
-    for first in range(0, len(piece.knots) - 1, _CHUNK):
-        t = _monotone_between(
-            lambda t: lead(piece.at(t), angle), piece.knots[first : first + _CHUNK + 1], noise
-        )
-        velocity = piece.at(t)
-        across = lead(velocity, angle)
-        clear = np.abs(across) > noise + _ROUNDING * np.linalg.norm(velocity, axis=1)
-        yield t[clear], across[clear]
+    if above is None or last is None:
+        return None
+    # The velocity may have just come down to the launch direction at the end of the motion.
+    end = float(last.knots[-1])
+    earlier, velocity = last.at(np.array([0.5 * (last.knots[-2] + end), end]))
+    across, speed = float(lead(velocity, angle)), float(np.linalg.norm(velocity))
+    falls = across < lead(earlier, angle) and across <= _AT_END * speed
+    return _launch(end, velocity) if falls and is_launch(velocity, angle, scale) else None
 
 
 def _monotone_between(function: Component, knots: FloatArray, noise: float) -> FloatArray:
@@ -185,11 +188,15 @@ def _monotone_between(function: Component, knots: FloatArray, noise: float) -> F
         coefficients = _interpolated(function, knots)
     sizes = np.abs(coefficients)
     may_be_zero = sizes[:, 0] <= (1.0 + _RESOLVED) * sizes[:, 1:].sum(axis=1) + noise
-    stationary = [
-        knots[i] + (knots[i + 1] - knots[i]) * 0.5 * (1.0 + _extremes(coefficients[i]))
-        for i in np.flatnonzero(may_be_zero).tolist()
-    ]
-    return np.unique(np.concatenate([knots, *stationary]))
+    times = [knots]
+    for i in np.flatnonzero(may_be_zero).tolist():
+        # Stationary points of the series in (-1, 1), exact or nearly so.
+        size = np.abs(coefficients[i]).max()
+        series = chebyshev.chebtrim(coefficients[i], _ROUNDING * size)
+        roots = chebyshev.chebroots(chebyshev.chebder(series)).real
+        roots = roots[np.abs(roots) < 1]
+        times.append(knots[i] + (knots[i + 1] - knots[i]) * 0.5 * (1.0 + roots))
+    return np.unique(np.concatenate(times))
 
 
 def _interpolated(function: Component, knots: FloatArray) -> FloatArray:
@@ -197,15 +204,6 @@ def _interpolated(function: Component, knots: FloatArray) -> FloatArray:
     t = knots[:-1, None] + np.diff(knots)[:, None] * _NODES
     t[:, -1] = knots[1:]
     return function(t.ravel()).reshape(t.shape) @ _TO_CHEBYSHEV
-
-
-def _extremes(coefficients: FloatArray) -> FloatArray:
-    """Stationary points of a Chebyshev series in (-1, 1), exact or nearly so."""
-    size = np.abs(coefficients).max()
-    roots = chebyshev.chebroots(
-        chebyshev.chebder(chebyshev.chebtrim(coefficients, _ROUNDING * size))
-    ).real
-    return roots[np.abs(roots) < 1]
 
 
 def _launch_between(
@@ -216,21 +214,15 @@ def _launch_between(
     def across(t: float) -> float:
         return float(lead(velocity_at(np.array([t]))[0], angle))
 
-    # An end that is the launch itself may be evaluated a rounding beside where its interval was
-    # found.
-    ends = [t for t, sign in ((t0, 1.0), (t1, -1.0)) if sign * across(t) <= 0]
-    shortest = max(1e-15 * (t1 - t0), np.finfo(np.float64).tiny)
-    time = ends[0] if ends else float(brentq(across, t0, t1, xtol=shortest, rtol=1e-15))
+    # An end that is the launch itself may be evaluated a rounding beside where its interval began.
+    if across(t0) <= 0:
+        time = t0
+    elif across(t1) >= 0:
+        time = t1
+    else:
+        shortest = max(1e-15 * (t1 - t0), np.finfo(np.float64).tiny)
+        time = float(brentq(across, t0, t1, xtol=shortest, rtol=1e-15))
     return _launch(time, velocity_at(np.array([time]))[0])
-
-
-def _launch_at_end(piece: SmoothVelocity, angle: float, scale: float) -> Launch | None:
-    """The end of a motion, if the velocity has just come down to the launch direction there."""
-    end = float(piece.knots[-1])
-    earlier, velocity = piece.at(np.array([0.5 * (piece.knots[-2] + end), end]))
-    across, speed = float(lead(velocity, angle)), float(np.linalg.norm(velocity))
-    falls = across < lead(earlier, angle) and across <= _AT_END * speed
-    return _launch(end, velocity) if falls and is_launch(velocity, angle, scale) else None
 
 
 def _on_line(start: FloatArray, end: FloatArray, angle: float) -> FloatArray:

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
@@ -19,10 +20,110 @@ from .elements import GROUND, AnyElement, AnyJoint, AnyStop, ForceElement, Joint
 from .elements.base import refuse_other_lengths
 from .shown import Shown
 from .spec import Name, NonNegative, Positive, Real, Spec, Vector, schema_text
-from .tree import Configuration, Slide, Tree
 
 _DOWNWARDS = (0.0, -1.0)
 _CLOSED_GAP = 1e-12  # [rad], [m per m] a start gap below this is rounding, not an opening
+
+
+@dataclass(frozen=True)
+class Slide:
+    """A slide coordinate of the tree: distance of a joint's child point along a direction."""
+
+    coordinate: str
+    joint: AnyJoint
+    direction: complex
+    """Unit vector in the frame of the joint's parent."""
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """Positions of the bodies (and the ground) in one position of the mechanism."""
+
+    angles: dict[str, float]
+    """[rad]"""
+    carried: dict[str, tuple[complex, complex]]
+    """The point of each body that its joint carries: in the world and in the body's frame [m]."""
+
+    def point(self, body: str, point: Vector) -> complex:
+        """World position of a body's point, x + i y [m]."""
+        at, body_point = self.carried[body]
+        return at + (complex(*point) - body_point) * cmath.exp(-1j * self.angles[body])
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Joints that carry bodies, joints that close loops, coordinates; computed once."""
+
+    angle_names: Mapping[str, str | None]
+    """Name of each body's angle coordinate, parents before children."""
+    all_joints: tuple[AnyJoint, ...]
+
+    @cached_property
+    def joints(self) -> tuple[AnyJoint, ...]:
+        """Each body's joint to its parent, in the order of the bodies."""
+        first = {joint.child: joint for joint in reversed(self.all_joints)}
+        return tuple(first[body] for body in self.angle_names)
+
+    @cached_property
+    def loop_joints(self) -> tuple[AnyJoint, ...]:
+        """Joints that close a loop."""
+        names = {joint.name for joint in self.joints}
+        return tuple(joint for joint in self.all_joints if joint.name not in names)
+
+    @cached_property
+    def angles(self) -> tuple[str, ...]:
+        """Names of the angle coordinates, the first of q."""
+        return tuple(angle for angle in self.angle_names.values() if angle is not None)
+
+    @cached_property
+    def slides(self) -> tuple[Slide, ...]:
+        """The slide coordinates, the last of q."""
+        return tuple(
+            Slide(name, joint, direction)
+            for joint in self.joints
+            for name, direction in zip(joint.slides, joint.free_directions, strict=True)
+        )
+
+    @cached_property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of q, in order."""
+        return self.angles + tuple(slide.coordinate for slide in self.slides)
+
+    @cached_property
+    def attitudes(self) -> dict[str, tuple[int | None, float]]:
+        """Index of the angle that each body (and the ground) turns with, plus a constant [rad].
+
+        No index: it does not turn.
+        """
+        indices = {name: i for i, name in enumerate(self.angles)}
+        attitudes: dict[str, tuple[int | None, float]] = {GROUND: (None, 0.0)}
+        for (body, angle), joint in zip(self.angle_names.items(), self.joints, strict=True):
+            if joint.turned_by is None:
+                attitudes[body] = (indices[angle or ""], 0.0)
+            else:
+                index, turned = attitudes[joint.parent]
+                attitudes[body] = (index, turned + joint.turned_by)
+        return attitudes
+
+    def configuration(self, q: Sequence[float]) -> Configuration:
+        """Positions of the bodies, from the ground outwards.
+
+        Args:
+            q: coordinates [rad or m].
+        """
+        values = dict(zip(self.coordinates, q, strict=True))
+        angles = {
+            body: turned if index is None else q[index] + turned
+            for body, (index, turned) in self.attitudes.items()
+        }
+        configuration = Configuration(angles, {GROUND: (0j, 0j)})
+        for joint in self.joints:
+            at = configuration.point(joint.parent, joint.parent_point)
+            turned = cmath.exp(-1j * angles[joint.parent])
+            for name, direction in zip(joint.slides, joint.free_directions, strict=True):
+                at += values[name] * direction * turned
+            configuration.carried[joint.child] = at, complex(*joint.child_point)
+        return configuration
 
 
 class Body(Spec):
@@ -92,36 +193,26 @@ class Mechanism(Shown, Spec):
 
     def headline(self) -> str:
         """Its name, and how many of what it has."""
-        counts = (
-            (len(self.bodies), "body", "bodies"),
-            (len(self.joints), "joint", "joints"),
-            (len(self.stops), "stop", "stops"),
-            (len(self.force_elements), "force element", "force elements"),
-        )
-        parts = ", ".join(
-            f"{number} {one if number == 1 else more}" for number, one, more in counts if number
-        )
-        return f"Mechanism {self.name!r}: {parts}; coordinates {', '.join(self.coordinates)}"
+        counts = {
+            ("body", "bodies"): len(self.bodies),
+            ("joint", "joints"): len(self.joints),
+            ("stop", "stops"): len(self.stops),
+            ("force element", "force elements"): len(self.force_elements),
+        }
+        parts = [f"{n} {names[0 if n == 1 else 1]}" for names, n in counts.items() if n]
+        coordinates = ", ".join(self.coordinates)
+        return f"Mechanism {self.name!r}: {', '.join(parts)}; coordinates {coordinates}"
 
     def facts(self) -> Iterator[tuple[str, str]]:
         """Its elements by name."""
+        start = zip(self.coordinates, self.start, strict=True)
+        stops = [f"{stop.name} ({'closed' if stop.closed else 'open'})" for stop in self.stops]
         yield "bodies", ", ".join(f"{body.name} ({body.mass:g} kg)" for body in self.bodies)
         yield "joints", ", ".join(f"{joint.name} ({joint.kind})" for joint in self.joints)
-        yield (
-            "stops",
-            ", ".join(
-                f"{stop.name} ({'closed' if stop.closed else 'open'})" for stop in self.stops
-            ),
-        )
-        yield (
-            "force elements",
-            ", ".join(f"{element.name} ({element.kind})" for element in self.force_elements),
-        )
+        yield "stops", ", ".join(stops)
+        yield "force elements", ", ".join(f"{e.name} ({e.kind})" for e in self.force_elements)
         yield "markers", ", ".join(marker.name for marker in self.markers)
-        yield (
-            "start",
-            ", ".join(f"{n} = {v:.6g}" for n, v in zip(self.coordinates, self.start, strict=True)),
-        )
+        yield "start", ", ".join(f"{name} = {value:.6g}" for name, value in start)
         yield "hash", self.content_hash[:16]
 
     @property
@@ -130,9 +221,7 @@ class Mechanism(Shown, Spec):
         return self._tree
 
     @cached_property
-    def _tree(
-        self,
-    ) -> Tree:  # by a name that is no field's: `dict` of a mechanism has its fields alone
+    def _tree(self) -> Tree:  # no field has this name: `dict` of a mechanism has its fields alone
         return Tree({body.name: body.angle for body in self.bodies}, self.joints)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
@@ -158,10 +247,7 @@ class Mechanism(Shown, Spec):
 
     @property
     def attitudes(self) -> dict[str, tuple[int | None, float]]:
-        """Index of the angle that each body (and the ground) turns with, plus a constant [rad].
-
-        No index: it does not turn.
-        """
+        """Angle that each body (and the ground) turns with, as :attr:`Tree.attitudes`."""
         return self.tree.attitudes
 
     @property
@@ -187,32 +273,24 @@ class Mechanism(Shown, Spec):
     @property
     def loop_closure_residual(self) -> dict[str, float]:
         """Distance of the points of each loop joint at the start, along what it holds [m]."""
-        tree, residuals = self.tree, dict[str, float]()
-        start = tree.configuration(self.start)
-        for joint in tree.loop_joints:
-            vector = start.point(joint.child, joint.child_point) - start.point(
-                joint.parent, joint.parent_point
-            )
+        start, residuals = self.tree.configuration(self.start), dict[str, float]()
+        for joint in self.loop_joints:
+            vector = start.point(joint.child, joint.child_point)
+            vector -= start.point(joint.parent, joint.parent_point)
             vector *= cmath.exp(1j * start.angles[joint.parent])
-            residuals[joint.name] = math.hypot(
-                *((vector * d.conjugate()).real for d in joint.held_directions)
-            )
+            components = [(vector * d.conjugate()).real for d in joint.held_directions]
+            residuals[joint.name] = math.hypot(*components)
         return residuals
 
     @property
     def loop_angle_residual(self) -> dict[str, float]:
         """Error of each angle that a loop joint holds at the start, without full turns [rad]."""
-        tree = self.tree
-        angles = tree.configuration(self.start).angles
-        return {
-            joint.name: abs(
-                math.remainder(
-                    angles[joint.child] - angles[joint.parent] - joint.turned_by, 2 * math.pi
-                )
-            )
-            for joint in tree.loop_joints
-            if joint.turned_by is not None
-        }
+        angles, residuals = self.tree.configuration(self.start).angles, dict[str, float]()
+        for joint in self.loop_joints:
+            if joint.turned_by is not None:
+                error = angles[joint.child] - angles[joint.parent] - joint.turned_by
+                residuals[joint.name] = abs(math.remainder(error, 2 * math.pi))
+        return residuals
 
     @property
     def loops_apart(self) -> dict[str, float]:
@@ -245,10 +323,8 @@ class Mechanism(Shown, Spec):
     @property
     def force_unit(self) -> str:
         """Unit of the forces of the stops that are closed at the start."""
-        return (
-            " or ".join(dict.fromkeys(stop.force_unit for stop in self.stops if stop.closed))
-            or "N m"
-        )
+        units = dict.fromkeys(stop.force_unit for stop in self.stops if stop.closed)
+        return " or ".join(units) or "N m"
 
     @property
     def angle_stops(self) -> tuple[Stop, ...]:
@@ -273,40 +349,32 @@ class Mechanism(Shown, Spec):
                 yield body
 
     @model_validator(mode="after")
-    def _is_consistent(self) -> Self:
+    def _names_fit(self) -> Self:
         _refuse_repeats("body", (body.name for body in self.bodies))
         _refuse_repeats("joint", (joint.name for joint in self.joints))
         _refuse_repeats("stop", (stop.name for stop in self.stops))
         _refuse_repeats("marker", (marker.name for marker in self.markers))
         _refuse_repeats("force element", (element.name for element in self.force_elements))
         refuse_other_lengths("gravity_direction", self.gravity_direction)
-        self._refuse_unknown_bodies()
-        self._refuse_a_broken_tree()
-        _refuse_repeats("coordinate", self.coordinates)
-        self._refuse_a_start_of_the_wrong_length()
-        start = self.tree.configuration(self.start)
-        self._refuse_wrong_gaps(start)
-        for element in self.force_elements:
-            element.refuse_start(start.angles.__getitem__, start.point)
-        return self
-
-    def _refuse_unknown_bodies(self) -> None:
-        known = {GROUND} | {body.name for body in self.bodies}
-        used = [(f"joint {j.name!r}", n) for j in self.joints for n in j.bodies]
-        used += [(f"stop {s.name!r}", n) for s in self.stops for n in s.bodies]
-        used += [(f"marker {m.name!r}", m.body) for m in self.markers]
-        used += [(f"force element {e.name!r}", n) for e in self.force_elements for n in e.bodies]
         for joint in self.joints:
             if joint.child == GROUND:
                 raise ValueError(
                     f"joint {joint.name!r} has the ground as its child; "
                     "the ground can only be a parent"
                 )
+        known = {GROUND} | {body.name for body in self.bodies}
+        used = [(f"joint {j.name!r}", name) for j in self.joints for name in j.bodies]
+        used += [(f"stop {s.name!r}", name) for s in self.stops for name in s.bodies]
+        used += [(f"marker {m.name!r}", m.body) for m in self.markers]
+        for element in self.force_elements:
+            used += [(f"force element {element.name!r}", name) for name in element.bodies]
         for user, name in used:
             if name not in known:
                 raise ValueError(f"{user} names the body {name!r}; there are {sorted(known)}")
+        return self
 
-    def _refuse_a_broken_tree(self) -> None:
+    @model_validator(mode="after")
+    def _tree_holds(self) -> Self:
         placed = {GROUND}
         for body in self.bodies:
             joint = next((joint for joint in self.joints if joint.child == body.name), None)
@@ -337,21 +405,28 @@ class Mechanism(Shown, Spec):
                 raise ValueError(
                     f"joint {joint.name!r} closes a loop and so has no coordinate of its own"
                 )
+        _refuse_repeats("coordinate", self.coordinates)
+        return self
 
-    def _refuse_a_start_of_the_wrong_length(self) -> None:
-        expected = len(self.coordinates)
-        if len(self.start) != expected:
-            raise ValueError(
-                f"start has {len(self.start)} values for {expected} coordinates {self.coordinates}"
-            )
-        if self.start_speeds and len(self.start_speeds) != expected:
-            raise ValueError(
-                f"start_speeds has {len(self.start_speeds)} values for {expected} coordinates"
-            )
-
-    def _refuse_wrong_gaps(self, start: Configuration) -> None:
+    @model_validator(mode="after")
+    def _start_fits(self) -> Self:
+        names, n, n_speeds = self.coordinates, len(self.start), len(self.start_speeds)
+        if n != len(names):
+            raise ValueError(f"start has {n} values for {len(names)} coordinates {names}")
+        if self.start_speeds and n_speeds != len(names):
+            raise ValueError(f"start_speeds has {n_speeds} values for {len(names)} coordinates")
+        start = self.tree.configuration(self.start)
         for stop in self.stops:
-            (gap, rounding), unit = _gap(stop, start), stop.gap_unit
+            # The farther the points are from the origin, the farther rounding moves the gap.
+            sizes = [1.0]
+
+            def position_of(body: str, point: Vector, sizes: list[float] = sizes) -> complex:
+                at = start.point(body, point)
+                sizes.append(abs(at))
+                return at
+
+            gap = stop.component(start.angles.__getitem__, position_of) - stop.position
+            rounding, unit = _CLOSED_GAP * max(sizes), stop.gap_unit
             if stop.closed and abs(gap) > rounding:
                 raise ValueError(
                     f"stop {stop.name!r} is closed, "
@@ -362,24 +437,9 @@ class Mechanism(Shown, Spec):
                     f"stop {stop.name!r} is open, "
                     f"but its gap at the start is {gap:.3g} {unit}, not positive"
                 )
-
-
-def mechanism_schema() -> str:
-    """JSON schema of a mechanism as text, as it stands in models/schemas/."""
-    return schema_text(Mechanism)
-
-
-def _gap(stop: AnyStop, start: Configuration) -> tuple[float, float]:
-    """A stop's gap at the start, and how far rounding can move it."""
-    sizes = [1.0]
-
-    def position_of(body: str, point: Vector) -> complex:
-        at = start.point(body, point)
-        sizes.append(abs(at))
-        return at
-
-    gap = stop.component(start.angles.__getitem__, position_of) - stop.position
-    return gap, _CLOSED_GAP * max(sizes)
+        for element in self.force_elements:
+            element.refuse_start(start.angles.__getitem__, start.point)
+        return self
 
 
 def _refuse_repeats(what: str, names: Iterable[str]) -> None:
@@ -388,3 +448,8 @@ def _refuse_repeats(what: str, names: Iterable[str]) -> None:
         if name in seen or name == GROUND:
             raise ValueError(f"{what} name {name!r} is used twice or reserved")
         seen.add(name)
+
+
+def mechanism_schema() -> str:
+    """JSON schema of a mechanism as text, as it stands in models/schemas/."""
+    return schema_text(Mechanism)

@@ -46,15 +46,6 @@ Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z][A-Z
 _TAGS = {"stop", "point stop"}
 
 
-def _refuse_twice(pairs: list[tuple[str, object]]) -> None:
-    """Refuse two values under one name, of which JSON readers take one or the other."""
-    names: set[str] = set()
-    for name, _ in pairs:
-        if name in names:
-            raise InputError(f"the field {name!r} is there twice; once is needed.")
-        names.add(name)
-
-
 class SpecError(InputError):
     """A description that cannot be built, with its complaints as a list for an outer one."""
 
@@ -71,31 +62,25 @@ class SpecError(InputError):
     def of(cls, error: ValidationError, subject: str) -> SpecError:
         """From pydantic's list: each field, its value and what would be valid."""
         complaints: list[tuple[str, str]] = []
-        for row in _without_consequences(error.errors(include_url=False)):
-            field = ".".join(str(step) for step in row["loc"] if step not in _TAGS)
+        rows = error.errors(include_url=False)
+        for row in rows:
+            # Items that are refused are not counted: a list of them is not "too short" as well.
+            place = row["loc"]
+            inside = [r for r in rows if r["loc"] != place and r["loc"][: len(place)] == place]
+            if row["type"] == "too_short" and inside:
+                continue
+            field = ".".join(str(step) for step in place if step not in _TAGS)
             inner = row.get("ctx", {}).get("error")
-            if isinstance(inner, SpecError):
-                complaints += [_inside(field, name, text) for name, text in inner.complaints]
-            else:
+            if not isinstance(inner, SpecError):
                 complaints.append((field, _complaint(row, field)))
+                continue
+            # Complaints of an inner description have the outer field in front of their place.
+            for name, text in inner.complaints:
+                if field and not name:
+                    complaints.append((field, f": {text}"))
+                else:
+                    complaints.append((f"{field}.{name}" if field else name, text))
         return cls(subject, complaints)
-
-
-def _without_consequences(rows: list[ErrorDetails]) -> list[ErrorDetails]:
-    """Errors without "too short" of lists whose items are refused, and so not counted."""
-
-    def has_wrong_items(row: ErrorDetails) -> bool:
-        n = len(row["loc"])
-        return any(len(other["loc"]) > n and other["loc"][:n] == row["loc"] for other in rows)
-
-    return [row for row in rows if row["type"] != "too_short" or not has_wrong_items(row)]
-
-
-def _inside(field: str, name: str, text: str) -> tuple[str, str]:
-    """A complaint of an inner description, with the outer field in front of its place."""
-    if field and not name:
-        return field, f": {text}"
-    return f"{field}.{name}" if field else name, text
 
 
 def _complaint(row: ErrorDetails, field: str) -> str:
@@ -106,15 +91,22 @@ def _complaint(row: ErrorDetails, field: str) -> str:
     reason = row["msg"].removeprefix("Value error, ")
     if not field:
         return reason
-    return f" = {_shortened(row['input'])}: {reason[:1].lower()}{reason[1:]}"
-
-
-def _shortened(value: object) -> str:
     try:
-        text = repr(value)
+        value = repr(row["input"])
     except ValueError:  # Python refuses to print an integer of more than 4300 digits
-        return "a number of thousands of digits"
-    return text if len(text) <= 60 else text[:57] + "..."
+        value = "a number of thousands of digits"
+    if len(value) > 60:
+        value = value[:57] + "..."
+    return f" = {value}: {reason[:1].lower()}{reason[1:]}"
+
+
+def _refuse_twice(pairs: list[tuple[str, object]]) -> None:
+    """Refuse two values under one name, of which JSON readers take one or the other."""
+    names: set[str] = set()
+    for name, _ in pairs:
+        if name in names:
+            raise InputError(f"the field {name!r} is there twice; once is needed.")
+        names.add(name)
 
 
 class Spec(BaseModel):
@@ -209,8 +201,5 @@ def _holds_floats(annotation: object) -> bool:
 
 def schema_text(model: type[BaseModel]) -> str:
     """JSON schema (draft 2020-12) of a described type, in the form the repository publishes."""
-    schema = {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **model.model_json_schema(),
-    }
-    return json.dumps(schema, indent=2) + "\n"
+    draft = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    return json.dumps(draft | model.model_json_schema(), indent=2) + "\n"

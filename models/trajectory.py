@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -124,17 +124,14 @@ class Trajectory(Reported):
             columns |= {f"q {name}": self.q[:, i], f"u {name}": self.u[:, i]}
         for name, motion in self.markers.items():
             for i, axis in enumerate("xy"):
-                columns |= {
-                    f"{name} {axis}": motion.position[:, i],
-                    f"{name} v{axis}": motion.velocity[:, i],
-                }
+                columns[f"{name} {axis}"] = motion.position[:, i]
+                columns[f"{name} v{axis}"] = motion.velocity[:, i]
         columns |= {f"stop {name}": values for name, values in self.stop_torques.items()}
         for name, force in self.joint_reactions.items():
-            columns |= {f"joint {name} {axis}": force[:, i] for i, axis in enumerate("xy")}
-        columns |= {
-            "kinetic energy": self.kinetic_energy,
-            "potential energy": self.potential_energy,
-        }
+            for i, axis in enumerate("xy"):
+                columns[f"joint {name} {axis}"] = force[:, i]
+        columns["kinetic energy"] = self.kinetic_energy
+        columns["potential energy"] = self.potential_energy
         return pd.DataFrame(columns, index=pd.Index(self.t, name="t"))
 
     def marker(self, name: str) -> PointMotion:
@@ -194,55 +191,46 @@ class Trajectory(Reported):
 
         names = list(self.mechanism.coordinates)
         coords: dict[str, object] = {"time": self.t, "coordinate": names, "axis": ["x", "y"]}
-        data = {
-            "q": _labelled(
-                self.q, ("time", "coordinate"), "generalized coordinates", "rad (slides: m)"
-            ),
-            "u": _labelled(
-                self.u, ("time", "coordinate"), "generalized speeds", "rad/s (slides: m/s)"
-            ),
-            "kinetic_energy": _labelled(self.kinetic_energy, ("time",), "kinetic energy", "J"),
-            "potential_energy": _labelled(
-                self.potential_energy, ("time",), "potential energy", "J"
-            ),
-        }
-        for name, dim, values, label, units in self._by_name():
+        data: dict[str, xr.DataArray] = {}
+
+        def put(name: str, values: FloatArray, dims: Sequence[str], label: str, unit: str) -> None:
+            attributes = {"long_name": label, "units": unit}
+            data[name] = xr.DataArray(values, dims=dims, attrs=attributes)
+
+        states = ("time", "coordinate")
+        put("q", self.q, states, "generalized coordinates", "rad (slides: m)")
+        put("u", self.u, states, "generalized speeds", "rad/s (slides: m/s)")
+        put("kinetic_energy", self.kinetic_energy, ("time",), "kinetic energy", "J")
+        put("potential_energy", self.potential_energy, ("time",), "potential energy", "J")
+        positions = {name: motion.position for name, motion in self.markers.items()}
+        velocities = {name: motion.velocity for name, motion in self.markers.items()}
+        torque = "N m (stops on points: N)" if self.mechanism.point_stops else "N m"
+        # Quantities of named parts: name, dimension, values by name, label and unit.
+        parts: tuple[tuple[str, str, Mapping[str, FloatArray], str, str], ...] = (
+            ("position", "marker", positions, "position of the markers", "m"),
+            ("velocity", "marker", velocities, "velocity of the markers", "m/s"),
+            ("stop_torque", "stop", self.stop_torques, "torque of the stops", torque),
+            ("joint_reaction", "joint", self.joint_reactions, "force on the joint's child", "N"),
+            ("joint_gap", "open_joint", self.joint_gaps, "distance of the joint's points", "m"),
+        )
+        for name, dim, values, label, unit in parts:
             if values:
                 coords[dim] = list(values)
                 stacked = np.stack(list(values.values()), axis=1)
-                data[name] = _labelled(stacked, ("time", dim, "axis")[: stacked.ndim], label, units)
-        released = [time if time is not None else np.nan for time in self.release_times.values()]
+                put(name, stacked, ("time", dim, "axis")[: stacked.ndim], label, unit)
         coords["releasable_stop"] = list(self.release_times)
+        released = [np.nan if time is None else time for time in self.release_times.values()]
         label = "time of release (NaN: did not open)"
-        data["release_time"] = _labelled(np.array(released), ("releasable_stop",), label, "s")
-        arrays = {
-            name: xr.DataArray(values, dims=dims, attrs=attrs)
-            for name, (dims, values, attrs) in data.items()
-        }
-        dataset = xr.Dataset(arrays, coords=coords, attrs=self._attributes())
-        dataset["time"].attrs = {"units": "s", "long_name": "time"}
-        return dataset
-
-    def _by_name(self) -> list[tuple[str, str, Mapping[str, FloatArray], str, str]]:
-        """Name, dimension, values by name, label and unit of quantities of named parts."""
-        positions = {name: motion.position for name, motion in self.markers.items()}
-        velocities = {name: motion.velocity for name, motion in self.markers.items()}
-        torque_unit = "N m (stops on points: N)" if self.mechanism.point_stops else "N m"
-        return [
-            ("position", "marker", positions, "position of the markers", "m"),
-            ("velocity", "marker", velocities, "velocity of the markers", "m/s"),
-            ("stop_torque", "stop", self.stop_torques, "torque of the stops", torque_unit),
-            ("joint_reaction", "joint", self.joint_reactions, "force on the joint's child", "N"),
-            ("joint_gap", "open_joint", self.joint_gaps, "distance of the joint's points", "m"),
-        ]
-
-    def _attributes(self) -> dict[str, str]:
-        return {
+        put("release_time", np.array(released), ("releasable_stop",), label, "s")
+        attributes = {
             "format": FORMAT,
             "mechanism": self.mechanism.model_dump_json(),
             "provenance": json.dumps(asdict(self.provenance)),
             "impacts": json.dumps([[time, dict(impulses)] for time, impulses in self.impacts]),
         }
+        dataset = xr.Dataset(data, coords=coords, attrs=attributes)
+        dataset["time"].attrs = {"units": "s", "long_name": "time"}
+        return dataset
 
     def animate(self, *others: Trajectory) -> Playable:
         """The motion, to be played in a notebook and saved as GIF, MP4, SVG or page.
@@ -267,15 +255,8 @@ class Trajectory(Reported):
         opened = rest_opened(self.mechanism, body, self.release_times)
         if opened is None:
             return None
-        return locate_launch(
-            self.t, self.marker(marker).position, self.marker(marker).velocity, angle, opened
-        )
-
-
-def _labelled(
-    values: FloatArray, dims: tuple[str, ...], label: str, units: str
-) -> tuple[tuple[str, ...], FloatArray, dict[str, str]]:
-    return dims, values, {"long_name": label, "units": units}
+        motion = self.marker(marker)
+        return locate_launch(self.t, motion.position, motion.velocity, angle, opened)
 
 
 def _named(what: str, name: str, among: Mapping[str, _T]) -> _T:
@@ -294,40 +275,37 @@ def from_dataset(dataset: xr.Dataset) -> Trajectory:
         raise InputError(
             f"the dataset's format is {dataset.attrs.get('format')!r}; {FORMAT!r} is needed."
         )
-    positions = _split(dataset, "position", "marker")
-    velocities = _split(dataset, "velocity", "marker")
-    releases = _values(dataset, "release_time")
-    names = [str(name) for name in dataset["releasable_stop"].values]
+
+    def values(name: str) -> FloatArray:
+        return np.asarray(dataset[name].values, dtype=np.float64)
+
+    def by_name(name: str, dim: str) -> dict[str, FloatArray]:
+        if name not in dataset:
+            return {}
+        labels = [str(label) for label in dataset[dim].values]
+        return {label: values(name)[:, i] for i, label in enumerate(labels)}
+
+    positions, velocities = by_name("position", "marker"), by_name("velocity", "marker")
+    releases: dict[str, float | None] = {}
+    stops = dataset["releasable_stop"].values
+    for name, time in zip(stops, values("release_time").tolist(), strict=True):
+        releases[str(name)] = None if np.isnan(time) else time
+    impacts = json.loads(dataset.attrs["impacts"])
     return Trajectory(
         mechanism=Mechanism.from_json(dataset.attrs["mechanism"]),
-        t=np.asarray(dataset["time"].values, dtype=np.float64),
-        q=_values(dataset, "q"),
-        u=_values(dataset, "u"),
+        t=values("time"),
+        q=values("q"),
+        u=values("u"),
         markers={name: PointMotion(positions[name], velocities[name]) for name in positions},
-        kinetic_energy=_values(dataset, "kinetic_energy"),
-        potential_energy=_values(dataset, "potential_energy"),
-        stop_torques=_split(dataset, "stop_torque", "stop"),
-        release_times={
-            n: None if np.isnan(v) else float(v) for n, v in zip(names, releases, strict=True)
-        },
-        joint_reactions=_split(dataset, "joint_reaction", "joint"),
+        kinetic_energy=values("kinetic_energy"),
+        potential_energy=values("potential_energy"),
+        stop_torques=by_name("stop_torque", "stop"),
+        release_times=releases,
+        joint_reactions=by_name("joint_reaction", "joint"),
         provenance=Provenance(**json.loads(dataset.attrs["provenance"])),
-        joint_gaps=_split(dataset, "joint_gap", "open_joint"),
-        impacts=tuple(
-            (float(time), dict(impulses)) for time, impulses in json.loads(dataset.attrs["impacts"])
-        ),
+        joint_gaps=by_name("joint_gap", "open_joint"),
+        impacts=tuple((float(time), dict(impulses)) for time, impulses in impacts),
     )
-
-
-def _values(dataset: xr.Dataset, name: str) -> FloatArray:
-    return np.asarray(dataset[name].values, dtype=np.float64)
-
-
-def _split(dataset: xr.Dataset, name: str, dim: str) -> dict[str, FloatArray]:
-    if name not in dataset:
-        return {}
-    values = _values(dataset, name)
-    return {str(label): values[:, i] for i, label in enumerate(dataset[dim].values)}
 
 
 def save(trajectory: Trajectory, path: str | Path) -> None:
@@ -355,16 +333,13 @@ def write_dataset(dataset: xr.Dataset, path: str | Path, *, compressed: bool = F
     buffer = io.BytesIO()
     newer: dict[str, Any] = {"libver": ("v110", "v110")} if compressed else {}
     with h5netcdf.File(buffer, "w", **newer) as file:
-        numeric = [
-            name
-            for name, values in dataset.data_vars.items()
-            if values.ndim and values.dtype.kind == "f"
-        ]
+        encoding: dict[str, Any] | None = None
         if compressed:
-            how = {name: {"zlib": True, "complevel": 9, "shuffle": True} for name in numeric}
-        else:
-            how = None
-        dataset.dump_to_store(H5NetCDFStore(file), encoding=how)
+            encoding = {}
+            for name, values in dataset.data_vars.items():
+                if values.ndim and values.dtype.kind == "f":
+                    encoding[str(name)] = {"zlib": True, "complevel": 9, "shuffle": True}
+        dataset.dump_to_store(H5NetCDFStore(file), encoding=encoding)
     write_bytes(path, buffer.getbuffer())
 
 
@@ -382,7 +357,5 @@ def load(path: str | Path) -> Trajectory:
             return from_dataset(dataset.load())
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    except (
-        Exception
-    ) as error:  # of a broken file HDF5, h5netcdf and xarray raise errors of any kind
+    except Exception as error:  # HDF5, h5netcdf and xarray raise any kind for a broken file
         raise InputError(f"{path} is not a trajectory file: {cast('object', error)}.") from None

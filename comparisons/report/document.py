@@ -183,15 +183,12 @@ class Fold(PagePart):
 class Figure(PagePart):
     """Plots with their title and the sentence that says how to read them."""
 
-    plot: Panels | Callable[[], Panels]
-    """Or what draws it, for a page only."""
+    plot: Panels | Callable[[], Panels]  # or what draws it, for a page only
     title: str = ""
     caption: str = ""
     anchor: str = ""
-    group: str = ""
-    """Figures of one group zoom together."""
-    columns: int = 0
-    """Plots in a row where there is room; 0: up to three."""
+    group: str = ""  # figures of one group zoom together
+    columns: int = 0  # plots in a row where there is room; 0: up to three
 
     def panels(self) -> Panels:
         """The plots."""
@@ -298,8 +295,7 @@ class Cell:
     mark: Mark = "plain"
     detail: str = ""
     hint: str = ""
-    link: str = ""
-    """Anchor of what the page shows of it elsewhere."""
+    link: str = ""  # anchor of what the page shows of it elsewhere
     heat: float | None = None
     """From -1, far within its tolerance, to 1, far beyond it; the page colours it."""
 
@@ -413,10 +409,8 @@ class Document:
     title: str
     blocks: tuple[Block, ...]
     window: str = "trebucheck"
-    command: str = ""
-    """Command line that makes this report again."""
-    verdict: str = ""
-    """The whole in a line, for who asks for no more; the title where it is empty."""
+    command: str = ""  # command line that makes this report again
+    verdict: str = ""  # the whole in a line, for who asks for no more; the title where it is empty
 
 
 def figures_of(document: Document) -> dict[str, Figure]:

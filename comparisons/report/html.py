@@ -58,8 +58,7 @@ class _Page:
     arrays: list[str] = field(default_factory=list[str])
     taken: set[str] = field(default_factory=set[str])
     has_plots: bool = False
-    level: int = 1
-    """Level of the last heading."""
+    level: int = 1  # level of the last heading
     _index: dict[str, int] = field(default_factory=dict[str, int])
 
     def _list(self, level: int, text: str, anchor: str) -> None:

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 
 # Of engines that bring none: further ones of Okabe and Ito
 _COLOURS = ("#CC79A7", "#56B4E9", "#E69F00", "#8C6BB1")
-INK = "currentColor"
-"""The colour of the text around a plot, for what belongs to no engine."""
+INK = "currentColor"  # the colour of the text around a plot, for what belongs to no engine
 
 
 def engine_colour(name: str) -> str:
@@ -46,13 +45,11 @@ class Style:
 
     colour: str = INK
     dashed: bool = False
-    width: float = 1.6
-    """Width of a line [px]."""
+    width: float = 1.6  # width of a line [px]
     symbol: Symbol = "circle"
 
 
-REFERENCE = Style(INK, width=4.0)
-"""Below the lines of the engines, which hide it where they agree."""
+REFERENCE = Style(INK, width=4.0)  # below the lines of the engines, which hide it where they agree
 
 
 def run_style(engine: str, preset: str) -> Style:
@@ -67,8 +64,7 @@ class Axis:
 
     title: str
     unit: str = ""
-    logarithmic: bool = False
-    """Values that are not positive are then left out."""
+    logarithmic: bool = False  # values that are not positive are then left out
     categories: tuple[str, ...] = ()
     """Names of the positions 0, 1, ...; empty for an axis of numbers."""
 
@@ -88,12 +84,10 @@ class Series:
     style: Style = Style()
     mark: Literal["line", "points", "both", "bar"] = "line"
     """Bars stand on the categories of one axis, and begin at zero of the other."""
-    hints: tuple[str, ...] = ()
-    """Texts that show where a point is pointed at, besides its numbers."""
+    hints: tuple[str, ...] = ()  # texts that show where a point is pointed at, besides its numbers
     spread: tuple[FloatArray, FloatArray] | None = None
     """Least and largest x of each point; of a bar along x, too."""
-    listed: bool = True
-    """Whether the legend lists it."""
+    listed: bool = True  # whether the legend lists it
 
 
 @dataclass(frozen=True)
@@ -104,8 +98,7 @@ class Label:
     y: float
     text: str
     colour: str = INK
-    beside: bool = False
-    """Whether the text stands to the right of the point, not above it."""
+    beside: bool = False  # whether the text stands to the right of the point, not above it
 
 
 @dataclass(frozen=True)
@@ -114,8 +107,7 @@ class Rule:
 
     at: float
     text: str = ""
-    colour: str = ""
-    """Empty: that of grids."""
+    colour: str = ""  # empty: that of grids
     across: Literal["x", "y"] = "x"
 
 
@@ -139,16 +131,12 @@ class Plot:
     labels: tuple[Label, ...] = ()
     rules: tuple[Rule, ...] = ()
     bands: tuple[Band, ...] = ()
-    equal: bool = False
-    """One scale for both axes."""
-    height: int = 280
-    """[px]; follows from the width where the scales are equal."""
+    equal: bool = False  # one scale for both axes
+    height: int = 280  # [px]; follows from the width where the scales are equal
 
 
-Panels = tuple[Plot, ...]
-"""Plots beside each other under one legend."""
-REFERENCE_RUN = "reference tuned"
-"""Label of the run that is the reference itself."""
+Panels = tuple[Plot, ...]  # plots beside each other under one legend
+REFERENCE_RUN = "reference tuned"  # label of the run that is the reference itself
 
 
 def motion_scene(states: States, runs: Mapping[str, Trajectory], **how: Any) -> Scene:

@@ -34,10 +34,8 @@ class Fitted:
     """A column that is shown."""
 
     column: Column
-    cells: tuple[Cell, ...]
-    """One a row of the table."""
-    least: int
-    """Width in which its texts can be read."""
+    cells: tuple[Cell, ...]  # one a row of the table
+    least: int  # width in which its texts can be read
     width: int
     """Width of its texts on one line; or, where the table was made to fit, the one it has."""
 

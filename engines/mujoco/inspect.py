@@ -9,9 +9,8 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.elements import GROUND
-from ...models.mechanism import Mechanism
+from ...models.mechanism import Mechanism, Slide
 from ...models.mjcf.writer import mjcf_names
-from ...models.tree import Slide
 from ..inspection import Dynamics, Inspection, State
 from .build import load, preload, slot_contacts, start_data, stop_constraints
 from .compat import mass_matrix

@@ -1,7 +1,7 @@
 """Elements of a mechanism: every class of joint, stop and force element, in one table.
 
 A consumer (the reference, an engine's builder, a drawing, ...) owns an
-:class:`~.table.ElementTable` over one of these groups; what it meets and does not know, it refuses
+:class:`~.base.ElementTable` over one of these groups; what it meets and does not know, it refuses
 by name. To add an element: one module here, one row in a group below and in its union, and a line
 in each consumer's table (docs/extending.md).
 """
@@ -15,7 +15,15 @@ from pydantic import Discriminator, Field, Tag
 
 from ..errors import UnsupportedProblemError
 from .angle_stop import Stop
-from .base import GROUND, Basic, Feature, TwoBodyForceElement
+from .base import (
+    CONSUMERS,
+    GROUND,
+    Basic,
+    ElementTable,
+    Feature,
+    TwoBodyForceElement,
+    refusal,
+)
 from .constant_force import ConstantForce
 from .constant_torque import ConstantTorque
 from .cubic_torsion_spring import CubicTorsionSpring
@@ -26,7 +34,6 @@ from .prismatic import PrismaticJoint
 from .rotational_spring_damper import RotationalSpringDamper
 from .slot import SlotJoint
 from .spring_damper import SpringDamper
-from .table import CONSUMERS, ElementTable, refusal
 from .weld import WeldJoint
 
 __all__ = [

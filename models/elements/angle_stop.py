@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
 from ..functions import AngleFunction
 from ..spec import Name, Real, Vector
-from .base import GROUND, BaseStop, Basic, Feature
-
-if TYPE_CHECKING:
-    from .base import Geometry
+from .base import GROUND, BaseStop, Basic, Feature, Geometry
 
 
 class Stop(BaseStop):
@@ -42,18 +39,11 @@ class Stop(BaseStop):
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """The bodies it acts between."""
         return (self.body, self.relative_to)
 
     @property
     def features(self) -> tuple[Feature | Basic, ...]:
-        """Stops on angles, and restitution where it has one."""
         return (Basic.STOP, Basic.REBOUND) if self.restitution else (Basic.STOP,)
-
-    @property
-    def position(self) -> float:
-        """Its limit [rad]."""
-        return self.limit
 
     def component(
         self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]
@@ -63,7 +53,6 @@ class Stop(BaseStop):
         return self.sense * (first - second)
 
     def gap(self, geometry: Geometry) -> AngleFunction:
-        """Its gap as a function of the coordinates [rad]."""
         angle = geometry.angle(self.body, self.relative_to)
         row = self.sense * angle.coefficients
         row.flags.writeable = False  # shared by all callers

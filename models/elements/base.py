@@ -1,16 +1,17 @@
-"""Bases of joints, stops and force elements, and the features that solvers declare.
+"""Bases of joints, stops and force elements, features that solvers declare, tables of elements.
 
 Bases of stops hold methods only: the order of a class's fields is the order in its JSON.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, Protocol, Self, TypeVar
 
 from pydantic import Field, model_validator
 
+from ..errors import UnsupportedProblemError
 from ..spec import Name, Spec, Vector, as_complex, number_units
 
 if TYPE_CHECKING:
@@ -23,7 +24,10 @@ if TYPE_CHECKING:
         ScalarFunction,
     )
 
+
 GROUND = "ground"
+
+
 _UNIT_TOLERANCE = 1e-12  # by which the square of a direction's length may differ from 1
 
 
@@ -93,6 +97,8 @@ class Geometry(Protocol):
 
 
 Direction = Any
+
+
 """Direction of a force element: :class:`PointCoefficients` or an :class:`AngleFunction`."""
 
 
@@ -163,17 +169,14 @@ class SlidingJoint(BaseJoint):
 
     @property
     def free_directions(self) -> tuple[complex, ...]:
-        """Along the line."""
         return (as_complex(self.axis),)
 
     @property
     def held_directions(self) -> tuple[complex, ...]:
-        """Across the line."""
         return (1j * as_complex(self.axis),)
 
     @property
     def slides(self) -> tuple[str, ...]:
-        """Its coordinate's name."""
         return () if self.coordinate is None else (self.coordinate,)
 
 
@@ -187,6 +190,11 @@ class BaseStop(Spec):
     """Quantity that it pushes with."""
     position_field: ClassVar[Literal["limit", "offset"]]
     """Name of the field that holds its position."""
+
+    @property
+    def position(self) -> float:
+        """Its limit [rad] or offset [m]."""
+        return getattr(self, self.position_field)
 
     def component(
         self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]
@@ -323,7 +331,6 @@ class TwoBodyForceElement(BaseForceElement):
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """The bodies it acts between; 'ground' may be one."""
         return (self.body, self.relative_to)
 
     @model_validator(mode="after")
@@ -342,11 +349,9 @@ class TorqueElement(TwoBodyForceElement):
 
     @property
     def pushes_along_x(self) -> bool:
-        """Whether it acts on the mechanism from outside along x: a pure torque does not."""
         return False
 
     def direction(self, geometry: Geometry) -> AngleFunction:
-        """The body's angle less the other's."""
         return geometry.angle(self.body, self.relative_to)
 
     def torque_on_body(self, angle: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
@@ -361,5 +366,81 @@ class TorqueElement(TwoBodyForceElement):
         u: FloatArray,
         rates: ComplexArray,
     ) -> FloatArray:
-        """Its generalized forces [N m], shape (..., n_q)."""
         return self.torque_on_body(direction, q, u)[..., None] * direction.coefficients
+
+
+T = TypeVar("T")
+
+
+CONSUMERS: list[ElementTable[object]] = []
+
+
+"""Every table that has been made, for the test that holds each against the elements that exist."""
+
+
+class ElementTable(Generic[T]):
+    """Handlers of one consumer by class of element; a class that it does not know is refused.
+
+    A table states for every class of its group either what it does (`handlers`) or why it does not
+    (`refused`); `tests/unit/test_elements.py` finds the classes that are in neither.
+
+    >>> from trebucheck.models.elements import FORCE_ELEMENTS, ConstantTorque
+    >>> table = ElementTable("a printer", FORCE_ELEMENTS, {ConstantTorque: "torque"}, others="no")
+    >>> table[ConstantTorque(name="motor", body="arm", torque=2.0)]
+    'torque'
+
+    Args:
+        consumer: noun with which the sentence of a refusal begins, such as "MuJoCo's builder".
+        group: the classes that it must know: `JOINTS`, `STOPS`, `FORCE_ELEMENTS` or `ELEMENTS`.
+        handlers: what it does, by class.
+        refused: why it does not, by class, as a part of a sentence.
+        others: the reason for which every further class of the group is refused; None: there is
+            none, and each class must be in one of the two tables.
+    """
+
+    def __init__(
+        self,
+        consumer: str,
+        group: tuple[type, ...],
+        handlers: Mapping[type, T],
+        refused: Mapping[type, str] | None = None,
+        *,
+        others: str | None = None,
+    ) -> None:
+        self.consumer = consumer
+        self.group = group
+        self.handlers = dict(handlers)
+        self.refused = dict(refused or {})
+        self.others = others
+        CONSUMERS.append(self)  # type: ignore[arg-type]
+
+    def missing(self) -> tuple[type, ...]:
+        """Classes of the group that are neither handled nor refused."""
+        if self.others is not None:
+            return ()
+        return tuple(c for c in self.group if c not in self.handlers and c not in self.refused)
+
+    def handles(self, element_class: type) -> bool:
+        """Whether elements of a class are handled."""
+        return element_class in self.handlers
+
+    def __getitem__(self, element: object) -> T:
+        """The handler of an element.
+
+        Raises:
+            UnsupportedProblemError: the consumer refuses elements of this class or does not know
+                them; the sentence names consumer, element and class.
+        """
+        handler = self.handlers.get(type(element))
+        if handler is None:
+            reason = self.refused.get(type(element), self.others)
+            raise UnsupportedProblemError(refusal(self.consumer, element, reason))
+        return handler
+
+
+def refusal(consumer: str, element: object, reason: str | None) -> str:
+    """Sentence that a consumer refuses an element; without a reason it does not know the class."""
+    kind = getattr(element, "kind", type(element).__name__)
+    name = getattr(element, "name", "?")
+    because = "it does not know this element" if reason is None else reason
+    return f"{consumer} cannot use {name!r} ({kind}): {because}."

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from ..arrays import ComplexArray, FloatArray
+from ..functions import PointCoefficients
 from ..spec import Vector
-from .base import BaseForceElement, Feature
-
-if TYPE_CHECKING:
-    from ..functions import PointCoefficients
-    from .base import Geometry
+from .base import BaseForceElement, Feature, Geometry
 
 
 class ConstantForce(BaseForceElement):
@@ -29,11 +26,9 @@ class ConstantForce(BaseForceElement):
 
     @property
     def pushes_along_x(self) -> bool:
-        """Whether it acts on the mechanism from outside along x."""
         return self.force[0] != 0
 
     def direction(self, geometry: Geometry) -> PointCoefficients:
-        """The point that it acts on."""
         return geometry.point(self.body, self.point)
 
     def generalized(
@@ -51,7 +46,6 @@ class ConstantForce(BaseForceElement):
     def body_forces(
         self, geometry: Geometry, direction: PointCoefficients, q: FloatArray, u: FloatArray
     ) -> Iterator[tuple[str, ComplexArray]]:
-        """The force itself."""
         yield self.body, np.full(q.shape[:-1], complex(*self.force))
 
     def power(

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from ..arrays import FloatArray
+from ..functions import AngleFunction
 from ..spec import Real
-from .base import Feature, TorqueElement
-
-if TYPE_CHECKING:
-    from ..functions import AngleFunction
-    from .base import Geometry
+from .base import Feature, Geometry, TorqueElement
 
 
 class ConstantTorque(TorqueElement):

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
 from ..arrays import FloatArray
+from ..functions import AngleFunction
 from ..spec import NonNegative, Real
-from .base import Feature, TorqueElement
-
-if TYPE_CHECKING:
-    from ..functions import AngleFunction
-    from .base import Geometry
+from .base import Feature, Geometry, TorqueElement
 
 
 class CubicTorsionSpring(TorqueElement):

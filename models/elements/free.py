@@ -36,20 +36,16 @@ class FreeJoint(BaseJoint):
 
     @property
     def features(self) -> tuple[Feature | Basic, ...]:
-        """Free joints."""
         return (Feature.FREE_JOINT,)
 
     @property
     def free_directions(self) -> tuple[complex, ...]:
-        """Along x and y."""
         return (1.0, 1j)
 
     @property
     def held_directions(self) -> tuple[complex, ...]:
-        """None."""
         return ()
 
     @property
     def slides(self) -> tuple[str, ...]:
-        """Names of both coordinates."""
         return self.coordinates

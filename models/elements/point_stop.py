@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from ..functions import LineFunction, PointFunction
 from ..spec import Name, Real, Vector, as_complex
-from .base import GROUND, BaseStop, Basic, Feature, refuse_other_lengths
-
-if TYPE_CHECKING:
-    from ..functions import LineFunction, PointFunction
-    from .base import Geometry
+from .base import GROUND, BaseStop, Basic, Feature, Geometry, refuse_other_lengths
 
 
 class PointStop(BaseStop):
@@ -59,23 +56,16 @@ class PointStop(BaseStop):
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """The bodies it acts between; the one it acts on alone where the wall is the ground's."""
         return (self.body,) if self.relative_to == GROUND else (self.body, self.relative_to)
 
     @property
     def features(self) -> tuple[Feature | Basic, ...]:
-        """Stops on points; walls of moving bodies and restitution where it has them."""
         features: tuple[Feature | Basic, ...] = (Basic.POINT_STOP,)
         if self.relative_to != GROUND:
             features += (Feature.MOVING_WALL,)
         if self.restitution:
             features += (Basic.REBOUND,)
         return features
-
-    @property
-    def position(self) -> float:
-        """Its offset [m]."""
-        return self.offset
 
     def component(
         self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]
@@ -91,6 +81,5 @@ class PointStop(BaseStop):
         return normal.real * at.real + normal.imag * at.imag
 
     def gap(self, geometry: Geometry) -> PointFunction | LineFunction:
-        """Distance of the point from the wall as a function of the coordinates [m]."""
         vector = geometry.between(self.body, self.point, self.relative_to, (0.0, 0.0))
         return geometry.component(as_complex(self.normal), self.relative_to, vector, -self.offset)

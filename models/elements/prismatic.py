@@ -20,10 +20,8 @@ class PrismaticJoint(SlidingJoint):
 
     @property
     def features(self) -> tuple[Feature | Basic, ...]:
-        """Prismatic joints."""
         return (Feature.PRISMATIC,)
 
     @property
     def turned_by(self) -> float:
-        """The child's angle less the parent's [rad]."""
         return self.angle

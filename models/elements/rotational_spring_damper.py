@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
 from ..arrays import FloatArray
+from ..functions import AngleFunction
 from ..spec import NonNegative, Real
-from .base import Feature, TorqueElement
-
-if TYPE_CHECKING:
-    from ..functions import AngleFunction
-    from .base import Geometry
+from .base import Feature, Geometry, TorqueElement
 
 
 class RotationalSpringDamper(TorqueElement):
@@ -31,12 +28,10 @@ class RotationalSpringDamper(TorqueElement):
 
     @property
     def dissipates(self) -> bool:
-        """Whether it has damping."""
         return self.damping > 0
 
     @property
     def works(self) -> bool:
-        """Whether it may change the sum of kinetic and potential energy."""
         return self.dissipates
 
     def torque_on_body(self, angle: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:

@@ -14,5 +14,4 @@ class SlotJoint(SlidingJoint):
 
     @property
     def features(self) -> tuple[Feature | Basic, ...]:
-        """Slots in the ground, or in moving bodies."""
         return (Basic.SLOT,) if self.parent == GROUND else (Feature.MOVING_SLOT,)

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from ..arrays import ComplexArray, FloatArray
+from ..functions import PointCoefficients
 from ..spec import NonNegative, Vector
-from .base import GROUND, Feature, TwoBodyForceElement
-
-if TYPE_CHECKING:
-    from ..functions import PointCoefficients
-    from .base import Geometry
+from .base import GROUND, Feature, Geometry, TwoBodyForceElement
 
 _COINCIDENT = 1e-12  # [m] points that are closer have no direction from one to the other
 
@@ -43,12 +40,10 @@ class SpringDamper(TwoBodyForceElement):
 
     @property
     def dissipates(self) -> bool:
-        """Whether it has damping."""
         return self.damping > 0
 
     @property
     def works(self) -> bool:
-        """Whether it may change the sum of kinetic and potential energy."""
         return self.dissipates
 
     @property
@@ -59,7 +54,6 @@ class SpringDamper(TwoBodyForceElement):
     def refuse_start(
         self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]
     ) -> None:
-        """Raise ValueError if its points coincide where its force depends on their direction."""
         if not (self.rest_length or self.damping):
             return
         vector = point(self.body, self.point) - point(self.relative_to, self.relative_point)
@@ -70,7 +64,6 @@ class SpringDamper(TwoBodyForceElement):
             )
 
     def direction(self, geometry: Geometry) -> PointCoefficients:
-        """The vector from the other body's point to the body's."""
         return geometry.between(self.body, self.point, self.relative_to, self.relative_point)
 
     def pull(self, vector: ComplexArray, speed: ComplexArray) -> ComplexArray:
@@ -96,7 +89,6 @@ class SpringDamper(TwoBodyForceElement):
         u: FloatArray,
         rates: ComplexArray,
     ) -> FloatArray:
-        """Its generalized forces [N m or N], shape (..., n_q)."""
         gradient = geometry.gradient(direction.coefficients, q, rates)
         force = self.pull(geometry.vector(direction, q), np.sum(gradient * u, axis=-1))
         return (force.conj()[..., None] * gradient).real
@@ -104,7 +96,6 @@ class SpringDamper(TwoBodyForceElement):
     def body_forces(
         self, geometry: Geometry, direction: PointCoefficients, q: FloatArray, u: FloatArray
     ) -> Iterator[tuple[str, ComplexArray]]:
-        """The force on the body's point and its opposite on the other one."""
         force = self.pull(geometry.vector(direction, q), geometry.rate(direction, q, u))
         yield self.body, force
         yield self.relative_to, -force

@@ -20,10 +20,8 @@ class WeldJoint(BaseJoint):
 
     @property
     def features(self) -> tuple[Feature | Basic, ...]:
-        """Welds."""
         return (Feature.WELD,)
 
     @property
     def turned_by(self) -> float:
-        """The child's angle less the parent's [rad]."""
         return self.angle

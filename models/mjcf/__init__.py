@@ -7,24 +7,39 @@ trebucheck.models.mjcf.rolling`.
 
 from __future__ import annotations
 
+import importlib
 import sys
+from importlib.resources import files
+from pathlib import Path
 from types import ModuleType
+from typing import Any
 
-from .paths import description
+from ..errors import EngineNotInstalledError, InputError
+from ..library.registry import model, models
+from .scene import SCENE_FILE
+from .writer import model_file
 
-__all__ = ["catapult", "fixed", "floating_arm", "hinged", "rolling"]
+__all__ = ["as_spec", "catapult", "fixed", "floating_arm", "hinged", "mjcf_path", "rolling"]
 
 
 class MachinePaths(ModuleType):
     """Paths of the MJCF files of a machine; a module, so that it can be imported."""
 
     PACKAGE_PATH: str
+    """The folder."""
     MJCF_PATH: str
+    """The model alone."""
     MJCF_PATH_SCENE: str
+    """The model with ground, frame, light and camera."""
 
     def __init__(self, machine: str) -> None:
         super().__init__(f"{__name__}.{machine.replace('-', '_')}", f"MJCF files of {machine}.")
-        vars(self).update(description(machine)._asdict())
+        folder = Path(str(files(__name__))) / machine
+        vars(self).update(
+            PACKAGE_PATH=str(folder),
+            MJCF_PATH=str(folder / model_file(model(machine))),
+            MJCF_PATH_SCENE=str(folder / SCENE_FILE),
+        )
         sys.modules[self.__name__] = self
 
 
@@ -33,3 +48,35 @@ fixed = MachinePaths("fixed")
 floating_arm = MachinePaths("floating-arm")
 hinged = MachinePaths("hinged")
 rolling = MachinePaths("rolling")
+
+
+def mjcf_path(name: str, *, scene: bool = False) -> str:
+    """Path of the MJCF file of a machine with its default parameters.
+
+    Args:
+        name: of a machine, such as "rolling".
+        scene: the file with ground, frame, light and camera, which includes the model.
+
+    Raises:
+        InputError: it is none of the machines; :func:`mjcf` writes the MJCF of any other.
+    """
+    if name not in models():
+        known = ", ".join(models())
+        raise InputError(
+            f"there are no MJCF files of {name!r}; there are of {known}; tb.mjcf writes any other."
+        )
+    paths: MachinePaths = globals()[name.replace("-", "_")]
+    return paths.MJCF_PATH_SCENE if scene else paths.MJCF_PATH
+
+
+def as_spec(text: str) -> Any:
+    """MJCF text as a `mujoco.MjSpec`, to be edited or attached to another one.
+
+    Raises:
+        EngineNotInstalledError: MuJoCo is not installed.
+    """
+    try:
+        mujoco: Any = importlib.import_module("mujoco")
+    except ImportError as error:
+        raise EngineNotInstalledError(f"an MjSpec needs MuJoCo: {error}") from error
+    return mujoco.MjSpec.from_string(text)

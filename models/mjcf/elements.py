@@ -30,10 +30,10 @@ from ..elements import (
     SpringDamper,
 )
 from ..errors import UnsupportedProblemError
-from ..mechanism import Body, Mechanism
+from ..mechanism import Mechanism
 from ..spec import Vector
 from .appearance import reach_of
-from .tree import add_angle_tendon, from_origin, number, numbers, spatial, start_angles
+from .tree import add, add_angle_tendon, from_origin, number, numbers, spatial, start_angles
 
 _E = TypeVar("_E")
 RAIL_SIDES = ("left", "right")
@@ -80,6 +80,21 @@ class Wall:
         return {"geom1": f"{self.name}/wall", "geom2": f"{self.holder}/ball"}
 
 
+def _wall(stop: PointStop) -> Wall:
+    return Wall(stop.name, stop.name, stop.relative_to, stop.normal, stop.offset, visible=True)
+
+
+def _rail_walls(slot: AnyJoint) -> Iterator[Wall]:
+    """The two walls of a slot, the left one pushing to the right."""
+    (axis,) = slot.free_directions
+    left = (-axis.imag, axis.real)
+    for side, sense in zip(RAIL_SIDES, (-1, 1), strict=True):
+        normal = (sense * left[0], sense * left[1])
+        offset = normal[0] * slot.parent_point[0] + normal[1] * slot.parent_point[1]
+        name = rail_contact(slot.name, side)
+        yield Wall(name, slot.name, slot.parent, normal, offset, visible=False)
+
+
 @dataclass(frozen=True)
 class Points:
     """Elements for all held points of a mechanism.
@@ -102,17 +117,17 @@ class Points:
         """A length no point of the machine is farther from its ground joints [m]."""
         return reach_of(self.mechanism)
 
-    @cached_property
+    @property
     def slots(self) -> tuple[AnyJoint, ...]:
         """Slots and sliders that close loops."""
         return tuple(joint for joint in self.mechanism.loop_joints if joint.free_directions)
 
-    @cached_property
+    @property
     def pins(self) -> tuple[AnyJoint, ...]:
         """Pins and welds that close loops."""
         return tuple(joint for joint in self.mechanism.loop_joints if not joint.free_directions)
 
-    @cached_property
+    @property
     def turned(self) -> tuple[AnyJoint, ...]:
         """Joints that close loops and hold an angle."""
         return tuple(joint for joint in self.mechanism.loop_joints if joint.holds_angle)
@@ -120,162 +135,102 @@ class Points:
     @cached_property
     def walls(self) -> tuple[Wall, ...]:
         """One a stop, two a slot."""
-        return (
-            *(_wall(stop) for stop in self.mechanism.point_stops),
-            *(s for j in self.slots for s in _sides(j)),
-        )
+        walls = [_wall(stop) for stop in self.mechanism.point_stops]
+        for slot in self.slots:
+            walls += _rail_walls(slot)
+        return tuple(walls)
+
+    @cached_property
+    def _radius(self) -> float:
+        return round(0.01 * self.reach, 6)
 
     def add_defaults(self, default: ET.Element, solref: str, solimp: str, margin: float) -> None:
         """Softness of contacts and equalities; the margin [m] is that of a machine of a metre."""
         soft = {"solref": solref, "solimp": solimp}
         if self.walls:
             near = margin * max(1.0, self.reach)  # what rounding makes of a gap of zero
-            ET.SubElement(default, "pair", soft, condim="1", margin=number(near))
+            add(default, "pair", soft, condim="1", margin=near)
         if self.pins or self.turned:
-            ET.SubElement(default, "equality", soft)
+            add(default, "equality", soft)
 
-    def add_ground(self, world: ET.Element) -> None:
-        """Add the planes, anchors and held points of the ground.
+    def add_points(self, element: ET.Element, body: str, origin: Vector) -> None:
+        """Add walls, anchors and held points of a body, or of the ground.
 
-        The planes are behind the points' own half-planes by the radius of the balls.
+        A wall is behind the points' own half-plane by the radius of the balls. MuJoCo has no planes
+        on moving bodies: there it is a box whose ends no point reaches. A held point is a body
+        without mass; a pin that closes a loop ties it to an anchor.
         """
-        size, radius = round(1.5 * self.reach, 3), self._radius
+        size, thickness = round(1.5 * self.reach, 3), _THICKNESS * self._radius
+        beyond = _BEYOND * self.reach
         for wall in self.walls:
-            if wall.body != GROUND:
+            if wall.body != body:
                 continue
-            behind = wall.offset - radius
-            ET.SubElement(
-                world, "geom", group="4", name=wall.geoms["geom1"], type="plane",
-                size=numbers(size, 0.1 * size, size),
-                pos=spatial((wall.normal[0] * behind, wall.normal[1] * behind)),
-                zaxis=spatial(wall.normal),
+            behind = wall.offset - self._radius
+            if body == GROUND:
+                kind, sizes = "plane", (size, 0.1 * size, size)
+            else:
+                kind, sizes = "box", (beyond, beyond, thickness)
+                behind -= thickness
+            centre = wall.normal[0] * behind, wall.normal[1] * behind
+            add(
+                element, "geom", group="4", name=wall.geoms["geom1"], type=kind, size=sizes,
+                pos=from_origin(origin, centre), zaxis=spatial(wall.normal),
             )  # fmt: skip
-        self._add_anchors(world, GROUND, (0.0, 0.0))
-        self._add_balls(world, GROUND, (0.0, 0.0))
-
-    def _add_boxes(self, element: ET.Element, body: str, origin: Vector) -> None:
-        """Add walls on a moving body, where MuJoCo has no planes; no point reaches their ends."""
-        thickness, beyond = _THICKNESS * self._radius, _BEYOND * self.reach
-        for wall in self.walls:
-            if wall.body == body:
-                behind = wall.offset - self._radius - thickness
-                centre = wall.normal[0] * behind, wall.normal[1] * behind
-                ET.SubElement(
-                    element, "geom", group="4", name=wall.geoms["geom1"], type="box",
-                    size=numbers(beyond, beyond, thickness), pos=from_origin(origin, centre),
-                    zaxis=spatial(wall.normal),
-                )  # fmt: skip
-
-    def _add_anchors(self, element: ET.Element, body: str, origin: Vector) -> None:
-        """On a body, sites to which pins that close loops tie others."""
         for pin in self.pins:
             if pin.parent == body:
-                ET.SubElement(
-                    element,
-                    "site",
-                    name=f"{pin.name}/anchor",
-                    pos=from_origin(origin, pin.parent_point),
-                )
-
-    def _add_balls(self, element: ET.Element, body: str, origin: Vector) -> None:
+                place = from_origin(origin, pin.parent_point)
+                add(element, "site", name=f"{pin.name}/anchor", pos=place)
         for stop in self.mechanism.point_stops:
             if stop.body == body:
-                self._add_ball(self._point(element, stop.name, origin, stop.point), stop.name)
-
-    def add_points(self, element: ET.Element, body: Body, origin: Vector) -> None:
-        """The held points of a body, each a body without mass, and its walls."""
-        self._add_boxes(element, body.name, origin)
-        self._add_anchors(element, body.name, origin)
-        self._add_balls(element, body.name, origin)
+                self._add_ball(self._add_point(element, stop.name, origin, stop.point), stop.name)
         for joint in self.mechanism.loop_joints:
-            if joint.child == body.name:
-                point = self._point(element, joint.name, origin, joint.child_point)
-                ET.SubElement(point, "site", name=f"{joint.name}/joint")
+            if joint.child == body:
+                point = self._add_point(element, joint.name, origin, joint.child_point)
+                add(point, "site", name=f"{joint.name}/joint")
                 if joint.free_directions:
                     self._add_ball(point, joint.name)
+
+    def _add_point(
+        self, element: ET.Element, name: str, origin: Vector, point: Vector
+    ) -> ET.Element:
+        return add(element, "body", name=f"{name}/point", pos=from_origin(origin, point))
+
+    def _add_ball(self, element: ET.Element, name: str) -> None:
+        add(element, "geom", name=f"{name}/ball", type="sphere", group="4", size=self._radius)
 
     def add_constraints(self, root: ET.Element, timestep: float) -> None:
         """Contacts and equalities."""
         if self.walls:
-            contact = ET.SubElement(root, "contact")
+            contact = add(root, "contact")
             for wall in self.walls:
-                pair = ET.SubElement(contact, "pair", wall.geoms, name=wall.name)
+                pair = add(contact, "pair", wall.geoms, name=wall.name)
                 if not wall.visible:
                     pair.set("margin", number(felt_from(self.mechanism, timestep)))
         if self.pins or self.turned:
-            equality = ET.SubElement(root, "equality")
+            equality, angles = add(root, "equality"), start_angles(self.mechanism)
             for pin in self.pins:
                 sites = {"site1": f"{pin.name}/joint", "site2": f"{pin.name}/anchor"}
-                ET.SubElement(equality, "connect", sites, name=pin.name)
+                add(equality, "connect", sites, name=pin.name)
             for joint in self.turned:
-                held = f"{numbers(self._turned_too_little(joint))} 0 0 0 0"
-                ET.SubElement(
-                    equality, "tendon", name=_angle(joint), tendon1=_angle(joint), polycoef=held
-                )
+                # The rounding error of the angle at the start [rad].
+                missing = (joint.turned_by or 0.0) - (angles[joint.child] - angles[joint.parent])
+                held, name = (math.remainder(missing, 2 * math.pi), 0, 0, 0, 0), _angle(joint)
+                add(equality, "tendon", name=name, tendon1=name, polycoef=held)
 
     def add_tendons(self, tendon: ET.Element) -> None:
         """Angles that joints that close loops hold."""
         for joint in self.turned:
-            add_angle_tendon(
-                tendon, self.mechanism, (joint.child, joint.parent), name=_angle(joint)
-            )
-
-    def _turned_too_little(self, joint: AnyJoint) -> float:
-        """Rounding error of the angle that a loop joint holds, at the start [rad]."""
-        angles = start_angles(self.mechanism)
-        missing = (joint.turned_by or 0.0) - (angles[joint.child] - angles[joint.parent])
-        return math.remainder(missing, 2 * math.pi)
+            bodies = (joint.child, joint.parent)
+            add_angle_tendon(tendon, self.mechanism, bodies, name=_angle(joint))
 
     def add_stop_sensor(self, sensor: ET.Element, stop: PointStop) -> None:
         """Add the force of a stop on a point: first component in the contact's frame [N]."""
-        ET.SubElement(
-            sensor, "contact", _wall(stop).geoms, name=torque_sensor(stop.name), data="force"
-        )
-
-    def add_force_sensors(self, sensor: ET.Element) -> None:
-        """Forces of the joints that close loops."""
-        for joint in self.mechanism.loop_joints:
-            ET.SubElement(
-                sensor, "force", name=force_sensor(joint.name), site=f"{joint.name}/joint"
-            )
-
-    @cached_property
-    def _radius(self) -> float:
-        return round(0.01 * self.reach, 6)
-
-    def _point(self, element: ET.Element, name: str, origin: Vector, point: Vector) -> ET.Element:
-        return ET.SubElement(element, "body", name=f"{name}/point", pos=from_origin(origin, point))
-
-    def _add_ball(self, element: ET.Element, name: str) -> None:
-        ET.SubElement(
-            element,
-            "geom",
-            name=f"{name}/ball",
-            type="sphere",
-            group="4",
-            size=number(self._radius),
-        )
+        add(sensor, "contact", _wall(stop).geoms, name=torque_sensor(stop.name), data="force")
 
 
 def _angle(joint: AnyJoint) -> str:
     """Name of the tendon and the equality of the angle that a joint holds."""
     return f"{joint.name}/angle"
-
-
-def _wall(stop: PointStop) -> Wall:
-    return Wall(stop.name, stop.name, stop.relative_to, stop.normal, stop.offset, visible=True)
-
-
-def _sides(slot: AnyJoint) -> Iterator[Wall]:
-    """The two walls of a slot, the left one pushing to the right."""
-    (axis,) = slot.free_directions
-    left = (-axis.imag, axis.real)
-    for side, sense in zip(RAIL_SIDES, (-1, 1), strict=True):
-        normal = (sense * left[0], sense * left[1])
-        offset = normal[0] * slot.parent_point[0] + normal[1] * slot.parent_point[1]
-        yield Wall(
-            rail_contact(slot.name, side), slot.name, slot.parent, normal, offset, visible=False
-        )
 
 
 def felt_from(mechanism: Mechanism, timestep: float) -> float:
@@ -287,6 +242,8 @@ def felt_from(mechanism: Mechanism, timestep: float) -> float:
     """
     return 10.0 * max(mechanism.gravity, reach_of(mechanism)) * timestep**2
 
+
+# --- Force elements
 
 _WORLD = "ground/directions"
 _CONSTANT = {"gainprm": "0", "biastype": "affine"}  # an actuator with a force and no control
@@ -321,10 +278,18 @@ class Forces:
         for element in self.mechanism.force_elements:
             FORCE_WRITERS[element]  # refuses what it does not know
 
+    def _by_class(self) -> Iterator[tuple[Any, _ForceWriter[Any]]]:
+        """Elements with their writers, in the order of the table: that of the file."""
+        for kind, writer in FORCE_WRITERS.handlers.items():
+            for element in self.mechanism.force_elements:
+                if type(element) is kind:
+                    yield element, writer
+
     def add_sites(self, element: ET.Element, body: str, origin: Vector) -> None:
         """Add to a body (or the world) the points that forces act on."""
-        if body == GROUND and self._has(ConstantForce):
-            ET.SubElement(element, "site", name=_WORLD)
+        kinds = {type(force) for force in self.mechanism.force_elements}
+        if body == GROUND and ConstantForce in kinds:
+            add(element, "site", name=_WORLD)
         for force, writer in self._by_class():
             if writer.add_sites:
                 writer.add_sites(force, element, body, origin)
@@ -344,40 +309,41 @@ class Forces:
         """Add constant forces and torques."""
         if not any(writer.add_actuator for _, writer in self._by_class()):
             return
-        actuator = ET.SubElement(root, "actuator")
+        actuator = add(root, "actuator")
         for force, writer in self._by_class():
             if writer.add_actuator:
                 writer.add_actuator(force, actuator)
 
-    def _has(self, kind: type) -> bool:
-        return any(type(element) is kind for element in self.mechanism.force_elements)
 
-    def _by_class(self) -> Iterator[tuple[Any, _ForceWriter[Any]]]:
-        """Elements with their writers, in the order of the table: that of the file."""
-        for kind, writer in FORCE_WRITERS.handlers.items():
-            for element in self.mechanism.force_elements:
-                if type(element) is kind:
-                    yield element, writer
+def _ends(spring: SpringDamper) -> tuple[str, str]:
+    """Names of the sites at its two points."""
+    return f"{spring.name}/point", f"{spring.name}/relative point"
+
+
+def _tendon(
+    element: SpringDamper | RotationalSpringDamper | CubicTorsionSpring | ConstantTorque,
+) -> str:
+    """Name of its tendon, beside those of stops."""
+    return f"{element.name}/{element.kind}"
+
+
+def _strength(spring: SpringDamper | RotationalSpringDamper) -> dict[str, str]:
+    return {"stiffness": number(spring.stiffness), "damping": number(spring.damping)}
 
 
 def _add_spring_sites(spring: SpringDamper, element: ET.Element, body: str, origin: Vector) -> None:
     for site, (name, point) in zip(_ends(spring), spring.ends, strict=True):
         if name == body:
-            ET.SubElement(element, "site", name=site, pos=from_origin(origin, point))
+            add(element, "site", name=site, pos=from_origin(origin, point))
 
 
 def _add_spring(spring: SpringDamper, tendon: ET.Element, mechanism: Mechanism) -> None:
-    spatial_tendon = ET.SubElement(
-        tendon,
-        "spatial",
-        _strength(spring),
-        name=_tendon(spring),
-        springlength=number(spring.rest_length),
-        width=number(round(0.006 * reach_of(mechanism), 6)),
-        rgba="0.35 0.45 0.60 1",
-    )
+    line = add(
+        tendon, "spatial", _strength(spring), name=_tendon(spring), springlength=spring.rest_length,
+        width=round(0.006 * reach_of(mechanism), 6), rgba="0.35 0.45 0.60 1",
+    )  # fmt: skip
     for site in _ends(spring):
-        ET.SubElement(spatial_tendon, "site", site=site)
+        add(line, "site", site=site)
 
 
 def _add_rotational_spring(
@@ -403,7 +369,7 @@ def _add_angle_spring(
     # MuJoCo takes a length of -1 for none.
     add_angle_tendon(
         tendon, mechanism, spring.bodies, 1 if rest >= 0 else -1,
-        name=_tendon(spring), **strength, springlength=number(abs(rest)),
+        name=_tendon(spring), **strength, springlength=abs(rest),
     )  # fmt: skip
 
 
@@ -412,19 +378,20 @@ def _add_torque_tendon(torque: ConstantTorque, tendon: ET.Element, mechanism: Me
 
 
 def _add_torque(torque: ConstantTorque, actuator: ET.Element) -> None:
-    attributes = {"tendon": _tendon(torque), "biasprm": number(torque.torque)}
-    ET.SubElement(actuator, "general", _CONSTANT, name=torque.name, **attributes)
+    name, tendon = torque.name, _tendon(torque)
+    add(actuator, "general", _CONSTANT, name=name, tendon=tendon, biasprm=torque.torque)
 
 
 def _add_force_site(force: ConstantForce, element: ET.Element, body: str, origin: Vector) -> None:
     if force.body == body:
-        ET.SubElement(element, "site", name=_site(force), pos=from_origin(origin, force.point))
+        add(element, "site", name=f"{force.name}/force", pos=from_origin(origin, force.point))
 
 
 def _add_force(force: ConstantForce, actuator: ET.Element) -> None:
-    gear = f"{spatial(force.force)} 0 0 0"
-    attributes = {"site": _site(force), "refsite": _WORLD, "gear": gear}
-    ET.SubElement(actuator, "general", _CONSTANT, name=force.name, biasprm="1", **attributes)
+    add(
+        actuator, "general", _CONSTANT, name=force.name, biasprm="1", site=f"{force.name}/force",
+        refsite=_WORLD, gear=f"{spatial(force.force)} 0 0 0",
+    )  # fmt: skip
 
 
 # Sites, tendons and actuators stand in this order in the files.
@@ -439,23 +406,3 @@ FORCE_WRITERS: ElementTable[_ForceWriter[Any]] = ElementTable(
         ConstantTorque: _ForceWriter(add_tendon=_add_torque_tendon, add_actuator=_add_torque),
     },
 )
-
-
-def _ends(spring: SpringDamper) -> tuple[str, str]:
-    """Names of the sites at its two points."""
-    return f"{spring.name}/point", f"{spring.name}/relative point"
-
-
-def _site(force: ConstantForce) -> str:
-    return f"{force.name}/force"
-
-
-def _tendon(
-    element: SpringDamper | RotationalSpringDamper | CubicTorsionSpring | ConstantTorque,
-) -> str:
-    """Name of its tendon, beside those of stops."""
-    return f"{element.name}/{element.kind}"
-
-
-def _strength(spring: SpringDamper | RotationalSpringDamper) -> dict[str, str]:
-    return {"stiffness": number(spring.stiffness), "damping": number(spring.damping)}

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import count
 
 from ..elements import (
@@ -55,7 +55,8 @@ def slide_joints(joint: AnyJoint) -> tuple[str, ...]:
 
 def joints_of(joint: AnyJoint) -> tuple[str, ...]:
     """Names of all parts of a joint of the tree, slides first."""
-    return (*slide_joints(joint), *(() if joint.holds_angle else (joint.name,)))
+    slides = slide_joints(joint)
+    return slides if joint.holds_angle else (*slides, joint.name)
 
 
 def hinge_chain(mechanism: Mechanism, body: str) -> tuple[str, ...]:
@@ -104,9 +105,8 @@ def start_angles(mechanism: Mechanism) -> dict[str, float]:
 def hinge_weights(mechanism: Mechanism, body: str, other: str) -> dict[str, int]:
     """Weights of the hinges whose sum is the change of the angle between two bodies."""
     up, down = hinge_chain(mechanism, body), hinge_chain(mechanism, other)
-    return {name: 1 for name in up if name not in down} | {
-        name: -1 for name in down if name not in up
-    }
+    weights = {name: 1 for name in up if name not in down}
+    return weights | {name: -1 for name in down if name not in up}
 
 
 def add_angle_tendon(
@@ -114,7 +114,7 @@ def add_angle_tendon(
     mechanism: Mechanism,
     bodies: tuple[str, ...],
     sense: int = 1,
-    **attributes: str,
+    **attributes: Attribute,
 ) -> None:
     """Add a tendon whose length is the change of the angle between two bodies [rad].
 
@@ -125,16 +125,36 @@ def add_angle_tendon(
         sense: -1 for the opposite length.
         attributes: of the tendon.
     """
-    fixed = ET.SubElement(tendon, "fixed", attributes)
-    weights = hinge_weights(mechanism, *bodies) or _constant(mechanism)
+    fixed, weights = add(tendon, "fixed", **attributes), hinge_weights(mechanism, *bodies)
+    if not weights:  # of bodies that turn together the angle is constant: a weight of zero
+        names = [name for joint in mechanism.tree_joints for name in joints_of(joint)]
+        weights = dict.fromkeys(names[:1], 0)
     for name, weight in weights.items():
-        ET.SubElement(fixed, "joint", joint=name, coef=str(sense * weight))
+        add(fixed, "joint", joint=name, coef=sense * weight)
 
 
-def _constant(mechanism: Mechanism) -> dict[str, int]:
-    """A weight of zero: of bodies that turn together the angle is constant."""
-    names = [name for joint in mechanism.tree_joints for name in joints_of(joint)]
-    return dict.fromkeys(names[:1], 0)
+# --- Elements, numbers and names
+
+Attribute = str | float | Sequence[float]
+
+
+def add(
+    parent: ET.Element,
+    tag: str,
+    common: Mapping[str, str] | None = None,
+    /,
+    **attributes: Attribute,
+) -> ET.Element:
+    """Add an element; its numbers are written as :func:`number`."""
+    element = ET.SubElement(parent, tag, dict(common or {}))
+    for name, value in attributes.items():
+        if isinstance(value, str):
+            element.set(name, value)
+        elif isinstance(value, Sequence):
+            element.set(name, numbers(*value))
+        else:
+            element.set(name, number(value))
+    return element
 
 
 def number(value: float) -> str:
@@ -168,15 +188,18 @@ _REFERENCES = (
     "name", "body", "body1", "body2", "joint", "joint1", "joint2", "geom1", "geom2", "site",
     "site1", "site2", "refsite", "tendon", "tendon1", "objname",
 )  # fmt: skip
-
 _OTHERS = re.compile(r"[^\w.-]")
+
+
+def _named(root: ET.Element) -> Iterator[ET.Element]:
+    """Elements with names; keyframes, which a file may or may not have, have theirs apart."""
+    return (element for element in root.iter() if element.tag != "key")
 
 
 def names_in(root: ET.Element) -> dict[str, str]:
     """The name that each element's name becomes, by the one that the writer gave it."""
-    return valid_names(
-        name for element in _named(root) if (name := element.get("name")) is not None
-    )
+    names = (element.get("name") for element in _named(root))
+    return valid_names(name for name in names if name is not None)
 
 
 def rename(root: ET.Element) -> None:
@@ -188,25 +211,18 @@ def rename(root: ET.Element) -> None:
                 element.set(attribute, names.get(name, name))
 
 
-def _named(root: ET.Element) -> Iterator[ET.Element]:
-    """Elements with names; keyframes, which a file may or may not have, have theirs apart."""
-    return (element for element in root.iter() if element.tag != "key")
-
-
 def valid_names(names: Iterable[str], taken: Iterable[str] = ()) -> dict[str, str]:
     """A valid, unique name for each; names that are valid already are kept unless taken."""
     names, taken = tuple(dict.fromkeys(names)), set(taken)
     new = {name: name for name in names if not _OTHERS.search(name) and name not in taken}
     taken.update(new)
     for name in names:
-        if name not in new:
-            new[name] = _free(_OTHERS.sub("_", name), taken)
-            taken.add(new[name])
+        if name in new:
+            continue
+        valid = base = _OTHERS.sub("_", name)
+        numbering = count(2)
+        while valid in taken:
+            valid = f"{base}_{next(numbering)}"
+        new[name] = valid
+        taken.add(valid)
     return new
-
-
-def _free(name: str, taken: set[str]) -> str:
-    """The name, or with the first number that makes it one that is not taken."""
-    if name not in taken:
-        return name
-    return next(new for i in count(2) if (new := f"{name}_{i}") not in taken)

@@ -29,11 +29,11 @@ from functools import cached_property
 from itertools import takewhile
 from typing import Any
 
-from ..elements import GROUND, AnyJoint
+from ..elements import GROUND
 from ..errors import InputError, UnsupportedProblemError
 from ..mechanism import Marker, Mechanism
 from ..spec import Vector
-from .tree import from_origin, joints_of, number, numbers, outwards
+from .tree import add, from_origin, joints_of, outwards
 
 POINT_INERTIA = 2e-15
 """Moment of inertia that stands for none [kg m^2]: twice the least that MuJoCo takes (mjMINVAL).
@@ -73,10 +73,9 @@ class MassProperties:
 
     def add_to(self, element: ET.Element, origin: Vector) -> None:
         """Give them to a body in MJCF whose frame's origin is at a point of ours."""
-        ET.SubElement(
-            element, "inertial", pos=from_origin(origin, (self.centre.real, self.centre.imag)),
-            mass=number(self.mass), diaginertia=numbers(*[max(self.inertia, POINT_INERTIA)] * 3),
-        )  # fmt: skip
+        place = from_origin(origin, (self.centre.real, self.centre.imag))
+        inertia = max(self.inertia, POINT_INERTIA)
+        add(element, "inertial", pos=place, mass=self.mass, diaginertia=(inertia,) * 3)
 
     def second_moment(self, point: complex) -> float:
         """About a point [kg m^2]."""
@@ -89,32 +88,28 @@ def inertias(mechanism: Mechanism, variant: Variant) -> dict[str, MassProperties
         body.name: MassProperties(body.mass, complex(*body.centre), body.inertia)
         for body in mechanism.bodies
     }
-    if variant.finite_inertia:
-        for body in reversed(mechanism.bodies):
-            _enlarge(mechanism, properties, mechanism.joint_of(body.name))
+    if not variant.finite_inertia:
+        return properties
+    for body in reversed(mechanism.bodies):
+        joint = mechanism.joint_of(body.name)
+        child, at = properties[body.name], complex(*joint.child_point)
+        needed = _SHARE * child.second_moment(at)
+        if joint.kind != "pin" or child.inertia >= needed:
+            continue
+        # As much mass moves from the parent to the child as gives the child its least inertia. Not
+        # if the parent then had a negative inertia that it could not get from the ground: the third
+        # point mass of a chain stays one.
+        first = child.mass * abs(child.centre - at)
+        moved = first**2 / (child.second_moment(at) - needed) - child.mass
+        if joint.parent != GROUND:
+            smaller = properties[joint.parent].with_mass_at(complex(*joint.parent_point), -moved)
+            carrier = mechanism.joint_of(joint.parent)
+            from_ground = carrier.kind == "pin" and carrier.parent == GROUND
+            if smaller.mass <= 0 or (smaller.inertia <= 0 and not from_ground):
+                continue
+            properties[joint.parent] = smaller
+        properties[body.name] = child.with_mass_at(at, moved)
     return properties
-
-
-def _enlarge(mechanism: Mechanism, properties: dict[str, MassProperties], joint: AnyJoint) -> None:
-    """Move as much mass from the parent to the child of a pin as gives the child its least inertia.
-
-    Not if the parent then had a negative inertia that it could not get from the ground: the third
-    point mass of a chain stays one.
-    """
-    child, at = properties[joint.child], complex(*joint.child_point)
-    needed = _SHARE * child.second_moment(at)
-    if joint.kind != "pin" or child.inertia >= needed:
-        return
-    first = child.mass * abs(child.centre - at)
-    moved = first**2 / (child.second_moment(at) - needed) - child.mass
-    if joint.parent != GROUND:
-        smaller = properties[joint.parent].with_mass_at(complex(*joint.parent_point), -moved)
-        carrier = mechanism.joint_of(joint.parent)
-        from_ground = carrier.kind == "pin" and carrier.parent == GROUND
-        if smaller.mass <= 0 or (smaller.inertia <= 0 and not from_ground):
-            return
-        properties[joint.parent] = smaller
-    properties[joint.child] = child.with_mass_at(at, moved)
 
 
 PROJECTILE, HOLD, LANDING = "thrown_projectile", "hold_projectile", "landing_ground"
@@ -164,9 +159,9 @@ class Thrown:
         """Take what is tied from the body that carries it."""
         body, point = self.marker.body, complex(*self.marker.point)
         lighter = inertias[body].with_mass_at(point, -self.tied.mass)
-        inertias[body] = (
-            lighter if inertias[body].inertia else MassProperties(lighter.mass, point, 0.0)
-        )
+        if not inertias[body].inertia:
+            lighter = MassProperties(lighter.mass, point, 0.0)
+        inertias[body] = lighter
 
     def with_its_own(self, values: Sequence[float]) -> list[float]:
         """Positions or speeds of MuJoCo's joints with those of the projectile, which are zero."""
@@ -180,44 +175,34 @@ class Thrown:
         if body != self.marker.body:
             return
         origin = self.mechanism.joint_of(body).child_point
-        ball = ET.SubElement(
-            element, "body", name=PROJECTILE, pos=from_origin(origin, self.marker.point)
-        )
+        ball = add(element, "body", name=PROJECTILE, pos=from_origin(origin, self.marker.point))
         self.tied.add_to(ball, (0.0, 0.0))
         for axis, way in (("x", "1 0 0"), ("z", "0 0 1")):
-            ET.SubElement(ball, "joint", name=f"{PROJECTILE}_{axis}", type="slide", axis=way)
-        ET.SubElement(ball, "site", name=PROJECTILE)
-        ET.SubElement(ball, "geom", name=PROJECTILE, type="sphere", size=number(radius), rgba=look)
+            add(ball, "joint", name=f"{PROJECTILE}_{axis}", type="slide", axis=way)
+        add(ball, "site", name=PROJECTILE)
+        add(ball, "geom", name=PROJECTILE, type="sphere", size=radius, rgba=look)
 
     def add_ground(self, world: ET.Element, level: float) -> None:
         """The ground that it lands on, at a height [m]."""
-        ET.SubElement(
-            world,
-            "geom",
-            group="4",
-            name=LANDING,
-            type="plane",
-            pos=numbers(0, 0, level),
-            size="0 0 1",
-        )
+        place = (0, 0, level)
+        add(world, "geom", group="4", name=LANDING, type="plane", pos=place, size="0 0 1")
 
     def add_constraints(self, root: ET.Element) -> None:
         """The equality, the contact with the ground, and the mass that is handed over."""
-        contact = root.find("contact")
-        contact = ET.SubElement(root, "contact") if contact is None else contact
-        soft = numbers(2 * self.timestep, 1)
-        ET.SubElement(
-            contact, "pair", name=LANDING, geom1=LANDING, geom2=PROJECTILE, solref=soft, condim="3"
-        )
-        equality = root.find("equality")
-        equality = ET.SubElement(root, "equality") if equality is None else equality
-        ET.SubElement(
+        contact, equality = root.find("contact"), root.find("equality")
+        if contact is None:
+            contact = add(root, "contact")
+        soft, pair = (2 * self.timestep, 1), {"geom1": LANDING, "geom2": PROJECTILE}
+        add(contact, "pair", {"name": LANDING} | pair, solref=soft, condim="3")
+        if equality is None:
+            equality = add(root, "equality")
+        add(
             equality, "connect", name=HOLD, site1=PROJECTILE, site2=self.marker.name,
-            solref=numbers(-1 / self.timestep**2, -2 / self.timestep),
+            solref=(-1 / self.timestep**2, -2 / self.timestep),
             solimp="0.9999 0.9999 0.001 0.5 2",
         )  # fmt: skip
-        custom = ET.SubElement(root, "custom")
-        ET.SubElement(custom, "numeric", name=HANDED_OVER, data=number(self.mass - self.tied.mass))
+        custom = add(root, "custom")
+        add(custom, "numeric", name=HANDED_OVER, data=self.mass - self.tied.mass)
 
 
 def released(model: Any, data: Any) -> Any:
@@ -234,12 +219,10 @@ def released(model: Any, data: Any) -> Any:
     data.eq_active[model.equality(HOLD).id] = 0
     ball, handed = model.body(PROJECTILE).id, float(model.numeric(HANDED_OVER).data[0])
     carrier, after = int(model.body_parentid[ball]), copy.copy(model)
-    at, centre = (
-        complex(vector[0], vector[2]) for vector in (model.body_pos[ball], model.body_ipos[carrier])
-    )
-    whole = MassProperties(
-        float(model.body_mass[carrier]), centre, float(model.body_inertia[carrier, 1])
-    )
+    place, middle = model.body_pos[ball], model.body_ipos[carrier]
+    at, centre = complex(place[0], place[2]), complex(middle[0], middle[2])
+    mass, inertia = float(model.body_mass[carrier]), float(model.body_inertia[carrier, 1])
+    whole = MassProperties(mass, centre, inertia)
     left = whole.with_mass_at(at, -handed)
     after.body_mass[[carrier, ball]] = left.mass, model.body_mass[ball] + handed
     after.body_ipos[carrier] = left.centre.real, 0.0, left.centre.imag

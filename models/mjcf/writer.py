@@ -14,13 +14,13 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, cast
 
-from ..elements import GROUND, STOPS, AnyJoint, ElementTable, PointStop, Stop
+from ..elements import GROUND, STOPS, ElementTable, PointStop, Stop
 from ..errors import InputError, UnsupportedProblemError
 from ..files import write_text
 from ..kinematics import initial_state
@@ -29,16 +29,15 @@ from ..mechanism import Body, Mechanism
 from ..spec import Vector
 from .appearance import STONE, Appearance
 from .elements import Forces, Points, force_sensor, torque_sensor
-from .recorded import HOME, RecordedMotion
-from .scene import SCENE_FILE, ground_level, scene
+from .scene import HOME, SCENE_FILE, RecordedMotion, ground_level, scene
 from .tree import (
+    add,
     add_angle_tendon,
     as_text,
     from_origin,
     hinge_weights,
     joint_values,
     names_in,
-    number,
     numbers,
     rename,
     slide_joints,
@@ -49,8 +48,6 @@ from .tree import (
 from .variants import Thrown, Variant, inertias
 
 KINETIC_ENERGY, POTENTIAL_ENERGY = "energy/kinetic", "energy/potential"
-
-_HINGE = "0 1 0"
 
 FAR = 1e10
 """Limit [rad] that stands for none: MuJoCo's ranges have two ends."""
@@ -99,11 +96,6 @@ def mjcf(
     return as_text(root)
 
 
-@lru_cache(maxsize=64)
-def _names(mechanism: Mechanism) -> Mapping[str, str]:
-    return MappingProxyType(names_in(_Writer(mechanism, 1e-3, None, Variant()).root()))
-
-
 def mjcf_names(mechanism: Model) -> Mapping[str, str]:
     """Names of bodies, joints, sites, sensors and the like in a mechanism's MJCF, read-only.
 
@@ -120,6 +112,11 @@ def mjcf_names(mechanism: Model) -> Mapping[str, str]:
     """
     # Type checkers do not see that a description has a hash.
     return _names(cast("Any", model(mechanism)))
+
+
+@lru_cache(maxsize=64)
+def _names(mechanism: Mechanism) -> Mapping[str, str]:
+    return MappingProxyType(names_in(_Writer(mechanism, 1e-3, None, Variant()).root()))
 
 
 def model_file(mechanism: Mechanism) -> str:
@@ -174,80 +171,27 @@ class _Writer:
         for stop in mechanism.stops:
             STOP_SENSORS[stop]
         self.mechanism, self.motion, self.variant = mechanism, motion, variant
-        self.thrown = Thrown(mechanism, timestep) if variant.throw else None
+        self.timestep = timestep
         self.inertias = inertias(mechanism, variant)
+        self.thrown = Thrown(mechanism, timestep) if variant.throw else None
+        held = None
         if self.thrown:
             self.thrown.take_from(self.inertias)
-        self.timestep = timestep
+            held = self.thrown.marker.body, self.thrown.marker.point
         self.start, self.speeds = (values.tolist() for values in initial_state(mechanism))
         self.angle = start_angles(mechanism)
-        self.slide = dict(zip(mechanism.coordinates, self.start, strict=True))
-        self.ranges: dict[str, list[float]] = {}
-        thrown = (self.thrown.marker.body, self.thrown.marker.point) if self.thrown else None
-        self.appearance = Appearance(mechanism, thrown)
+        self.appearance = Appearance(mechanism, held)
         self.points, self.forces = Points(mechanism), Forces(mechanism)
-        self.on_tendon = tuple(
-            stop for stop in mechanism.angle_stops if not self._fits_its_joint(stop)
-        )
-
-    def root(self) -> ET.Element:
-        """The `mujoco` element."""
-        root = ET.Element("mujoco", model=self.mechanism.name)
-        root.append(
-            ET.Comment(
-                " Written by trebucheck.models.mjcf.writer; see README.md for signs and stops. "
-            )
-        )
-        ET.SubElement(root, "compiler", angle="radian", autolimits="false")
-        option = ET.SubElement(
-            root, "option", timestep=number(self.timestep), integrator="RK4", tolerance="1e-30"
-        )
-        option.set("gravity", spatial(self.mechanism.gravity_vector))
-        if not self.points.walls and not self.thrown:
-            ET.SubElement(option, "flag", contact="disable")
-        self._add_defaults(ET.SubElement(root, "default"))
-        self._add_world(ET.SubElement(root, "worldbody"))
-        self.points.add_constraints(root, self.timestep)
-        if self.thrown:
-            self.thrown.add_constraints(root)
-        if self.on_tendon or self.points.turned or self.forces.needs_tendons:
-            self._add_tendons(ET.SubElement(root, "tendon"))
-        self.forces.add_actuators(root)
-        if self.variant.sensors:
-            self._add_sensors(ET.SubElement(root, "sensor"))
-        self._add_keyframes(ET.SubElement(root, "keyframe"))
-        return root
-
-    def _add_keyframes(self, keyframe: ET.Element) -> None:
-        """The start, and the events of the recorded motion."""
-        speeds = joint_values(self.mechanism, self.speeds)
-        if self.thrown:
-            speeds = self.thrown.with_its_own(speeds)
-        ET.SubElement(
-            keyframe, "key", name=HOME, qpos=numbers(*[0.0] * len(speeds)), qvel=numbers(*speeds)
-        )
-        for key in self.motion.keyframes if self.motion else ():
-            moved = [q - start for q, start in zip(key.q, self.start, strict=True)]
-            places, speeds = (joint_values(self.mechanism, values) for values in (moved, key.u))
-            if self.thrown:
-                places, speeds = self.thrown.with_its_own(places), self.thrown.with_its_own(speeds)
-            ET.SubElement(
-                keyframe,
-                "key",
-                name=key.name,
-                time=number(key.time),
-                qpos=numbers(*places),
-                qvel=numbers(*speeds),
-            )
-
-    def _gap(self, stop: Stop) -> float:
-        """Gap at the start [rad]; 0 to the last bit where it touches."""
-        if stop.closed:
-            return 0.0
-        return stop.sense * (self.angle[stop.body] - self.angle[stop.relative_to]) - stop.limit
+        self.ranges: dict[str, list[float]] = {}
+        self.on_tendon = tuple(s for s in mechanism.angle_stops if not self._fits_its_joint(s))
 
     def _range(self, stop: Stop) -> list[float]:
-        return [-self._gap(stop), FAR] if stop.sense > 0 else [-FAR, self._gap(stop)]
+        """Range of an angle's change from the start [rad]; 0 to the last bit where it touches."""
+        gap = 0.0
+        if not stop.closed:
+            turned = self.angle[stop.body] - self.angle[stop.relative_to]
+            gap = stop.sense * turned - stop.limit
+        return [-gap, FAR] if stop.sense > 0 else [-FAR, gap]
 
     def _fits_its_joint(self, stop: Stop) -> bool:
         """Give the stop an end of its joint's range; False if the joint has no such end."""
@@ -266,75 +210,99 @@ class _Writer:
         self.ranges[joint.name] = merged
         return True
 
-    def _add_defaults(self, default: ET.Element) -> None:
+    def root(self) -> ET.Element:
+        """The `mujoco` element."""
+        root = ET.Element("mujoco", model=self.mechanism.name)
+        root.append(
+            ET.Comment(
+                " Written by trebucheck.models.mjcf.writer; see README.md for signs and stops. "
+            )
+        )
+        add(root, "compiler", angle="radian", autolimits="false")
+        option = add(
+            root, "option", timestep=self.timestep, integrator="RK4", tolerance="1e-30",
+            gravity=spatial(self.mechanism.gravity_vector),
+        )  # fmt: skip
+        if not self.points.walls and not self.thrown:
+            add(option, "flag", contact="disable")
         # A time constant of two steps and the greatest impedance MuJoCo takes: errors of the stops'
         # softness then fall with the square of the step.
+        default = add(root, "default")
         solref, solimp = numbers(2 * self.timestep, 1), "0.9999 0.9999 0.001 0.5 2"
         stiff = {"solreflimit": solref, "solimplimit": solimp}
-        ET.SubElement(default, "joint", stiff, margin=number(MARGIN))
-        ET.SubElement(default, "tendon", stiff, margin=number(MARGIN))
-        ET.SubElement(default, "geom", group="2", contype="0", conaffinity="0", mass="0")
-        ET.SubElement(default, "site", group="4", size=number(0.01 * self.points.reach))
+        add(default, "joint", stiff, margin=MARGIN)
+        add(default, "tendon", stiff, margin=MARGIN)
+        add(default, "geom", group="2", contype="0", conaffinity="0", mass="0")
+        add(default, "site", group="4", size=0.01 * self.points.reach)
         self.points.add_defaults(default, solref, solimp, MARGIN)
-
-    def _add_world(self, world: ET.Element) -> None:
-        self.points.add_ground(world)
+        world = add(root, "worldbody")
+        self.points.add_points(world, GROUND, (0.0, 0.0))
         self._add_sites(world, GROUND, (0.0, 0.0))
         for body in self.mechanism.children(GROUND):
             self._add_body(world, body)
         if self.thrown:
             self.thrown.add_ground(world, ground_level(self.mechanism, self.motion))
+        self.points.add_constraints(root, self.timestep)
+        if self.thrown:
+            self.thrown.add_constraints(root)
+        if self.on_tendon or self.points.turned or self.forces.needs_tendons:
+            self._add_tendons(add(root, "tendon"))
+        self.forces.add_actuators(root)
+        if self.variant.sensors:
+            self._add_sensors(add(root, "sensor"))
+        # The start, and the events of the recorded motion.
+        keyframe, still = add(root, "keyframe"), [0.0] * len(self.speeds)
+        places, speeds = self._joint_values(still), self._joint_values(self.speeds)
+        add(keyframe, "key", name=HOME, qpos=places, qvel=speeds)
+        for key in self.motion.keyframes if self.motion else ():
+            moved = [q - start for q, start in zip(key.q, self.start, strict=True)]
+            places, speeds = self._joint_values(moved), self._joint_values(key.u)
+            add(keyframe, "key", name=key.name, time=key.time, qpos=places, qvel=speeds)
+        return root
+
+    def _joint_values(self, rates: Sequence[float]) -> list[float]:
+        values = joint_values(self.mechanism, rates)
+        return self.thrown.with_its_own(values) if self.thrown else values
 
     def _add_body(self, parent: ET.Element, body: Body) -> None:
         joint = self.mechanism.joint_of(body.name)
-        turn = self._turn(joint)
-        element = ET.SubElement(
-            parent, "body", name=body.name, pos=self._origin(joint), euler=numbers(0, turn, 0)
-        )
+        turn = joint.turned_by  # from the parent at the start [rad]
+        if turn is None:
+            turn = self.angle[joint.child] - self.angle[joint.parent]
+        # The origin of the body's frame is its joint, as it stands in the parent's at the start.
+        (x, y), origin = joint.parent_point, (0.0, 0.0)
+        coordinates = dict(zip(self.mechanism.coordinates, self.start, strict=True))
+        for name, direction in zip(joint.slides, joint.free_directions, strict=True):
+            x += coordinates[name] * direction.real
+            y += coordinates[name] * direction.imag
+        if joint.parent != GROUND:
+            origin = self.mechanism.joint_of(joint.parent).child_point
+        place = from_origin(origin, (x, y))
+        element = add(parent, "body", name=body.name, pos=place, euler=(0, turn, 0))
         self.inertias[body.name].add_to(element, joint.child_point)
-        self._add_joints(element, joint)
+        for name, direction in zip(slide_joints(joint), joint.free_directions, strict=True):
+            # MuJoCo takes an axis in the child's frame as it stands at the start.
+            c, s, (x, y) = math.cos(turn), math.sin(turn), (direction.real, direction.imag)
+            axis = spatial((c * x - s * y, s * x + c * y))
+            add(element, "joint", name=name, type="slide", axis=axis)
+        if not joint.holds_angle:
+            hinge = add(element, "joint", name=joint.name, type="hinge", axis="0 1 0")
+            if joint.name in self.ranges:
+                hinge.set("limited", "true")
+                hinge.set("range", numbers(*self.ranges[joint.name]))
         self.appearance.add(element, body, joint.child_point)
-        ET.SubElement(element, "site", name=f"{joint.name}/joint")
+        add(element, "site", name=f"{joint.name}/joint")
         self._add_sites(element, body.name, joint.child_point)
-        self.points.add_points(element, body, joint.child_point)
+        self.points.add_points(element, body.name, joint.child_point)
         if self.thrown:
             self.thrown.add_body(element, body.name, round(0.028 * self.points.reach, 3), STONE)
         for child in self.mechanism.children(body.name):
             self._add_body(element, child)
 
-    def _turn(self, joint: AnyJoint) -> float:
-        """Angle of a joint's child less that of its parent at the start [rad]."""
-        if joint.turned_by is None:
-            return self.angle[joint.child] - self.angle[joint.parent]
-        return joint.turned_by
-
-    def _origin(self, joint: AnyJoint) -> str:
-        """Origin of a body's frame, its joint, in its parent's frame at the start."""
-        x, y = joint.parent_point
-        for name, direction in zip(joint.slides, joint.free_directions, strict=True):
-            x, y = x + self.slide[name] * direction.real, y + self.slide[name] * direction.imag
-        if joint.parent == GROUND:
-            return spatial((x, y))
-        return from_origin(self.mechanism.joint_of(joint.parent).child_point, (x, y))
-
-    def _add_joints(self, element: ET.Element, joint: AnyJoint) -> None:
-        for name, direction in zip(slide_joints(joint), joint.free_directions, strict=True):
-            # MuJoCo takes an axis in the child's frame as it stands at the start.
-            axis = _turned_back((direction.real, direction.imag), self._turn(joint))
-            ET.SubElement(element, "joint", name=name, type="slide", axis=spatial(axis))
-        if joint.holds_angle:
-            return
-        hinge = ET.SubElement(element, "joint", name=joint.name, type="hinge", axis=_HINGE)
-        if joint.name in self.ranges:
-            hinge.set("limited", "true")
-            hinge.set("range", numbers(*self.ranges[joint.name]))
-
     def _add_sites(self, element: ET.Element, body: str, origin: Vector) -> None:
         for marker in self.mechanism.markers:
             if marker.body == body:
-                ET.SubElement(
-                    element, "site", name=marker.name, pos=from_origin(origin, marker.point)
-                )
+                add(element, "site", name=marker.name, pos=from_origin(origin, marker.point))
         self.forces.add_sites(element, body, origin)
 
     def _add_tendons(self, tendon: ET.Element) -> None:
@@ -344,37 +312,34 @@ class _Writer:
                 raise UnsupportedProblemError(
                     f"stop {stop.name!r} holds {stop.body!r} against itself."
                 )
-            limits = numbers(*self._range(stop))
             add_angle_tendon(
-                tendon, self.mechanism, stop.bodies, name=stop.name, limited="true", range=limits
-            )
+                tendon, self.mechanism, stop.bodies,
+                name=stop.name, limited="true", range=self._range(stop),
+            )  # fmt: skip
         self.points.add_tendons(tendon)
         self.forces.add_tendons(tendon)
 
     def _add_sensors(self, sensor: ET.Element) -> None:
         for stop in self.mechanism.stops:
             STOP_SENSORS[stop](self, sensor, stop)
-        for joint in self.mechanism.tree_joints:
-            if joint.held_directions:
-                ET.SubElement(
-                    sensor, "force", name=force_sensor(joint.name), site=f"{joint.name}/joint"
-                )
-        self.points.add_force_sensors(sensor)
+        joints = [joint for joint in self.mechanism.tree_joints if joint.held_directions]
+        for joint in (*joints, *self.mechanism.loop_joints):
+            add(sensor, "force", name=force_sensor(joint.name), site=f"{joint.name}/joint")
         for marker in self.mechanism.markers:
             of = {"objtype": "site", "objname": marker.name}
-            ET.SubElement(sensor, "framepos", of, name=position_sensor(marker.name))
-            ET.SubElement(sensor, "framelinvel", of, name=velocity_sensor(marker.name))
-        ET.SubElement(sensor, "e_kinetic", name=KINETIC_ENERGY)
-        ET.SubElement(sensor, "e_potential", name=POTENTIAL_ENERGY)
+            add(sensor, "framepos", of, name=position_sensor(marker.name))
+            add(sensor, "framelinvel", of, name=velocity_sensor(marker.name))
+        add(sensor, "e_kinetic", name=KINETIC_ENERGY)
+        add(sensor, "e_potential", name=POTENTIAL_ENERGY)
 
     def add_limit_sensor(self, sensor: ET.Element, stop: Stop) -> None:
         """Add the torque of a limit, of a joint or of a tendon."""
         name = torque_sensor(stop.name)
         if stop in self.on_tendon:
-            ET.SubElement(sensor, "tendonlimitfrc", name=name, tendon=stop.name)
+            add(sensor, "tendonlimitfrc", name=name, tendon=stop.name)
         else:
             joint = self.mechanism.joint_of(stop.body).name
-            ET.SubElement(sensor, "jointlimitfrc", name=name, joint=joint)
+            add(sensor, "jointlimitfrc", name=name, joint=joint)
 
     def add_contact_sensor(self, sensor: ET.Element, stop: PointStop) -> None:
         """Add the force of a contact."""
@@ -386,9 +351,3 @@ STOP_SENSORS: ElementTable[Callable[[_Writer, ET.Element, Any], None]] = Element
     STOPS,
     {Stop: _Writer.add_limit_sensor, PointStop: _Writer.add_contact_sensor},
 )
-
-
-def _turned_back(vector: Vector, angle: float) -> Vector:
-    """A direction of a frame in one that is turned by an angle (positive clockwise)."""
-    c, s = math.cos(angle), math.sin(angle)
-    return (c * vector[0] - s * vector[1], s * vector[0] + c * vector[1])

@@ -18,7 +18,7 @@ from PIL import Image
 from trebucheck.comparisons.data.certified import content
 from trebucheck.models import mjcf as descriptions
 from trebucheck.models.library.registry import models, parameters_type
-from trebucheck.models.mjcf.recorded import event_names, stored_motion
+from trebucheck.models.mjcf.scene import event_names, stored_motion
 from trebucheck.models.mjcf.variants import POINT_INERTIA, released, throw
 from trebucheck.models.mjcf.writer import mjcf
 from trebucheck.reference.solution import Solution

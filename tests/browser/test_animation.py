@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from mechanisms import everything, fixed, hanging_bob
-from trebucheck.comparisons.report.drawing import files
-from trebucheck.comparisons.report.drawing.animation import Animation
-from trebucheck.comparisons.report.drawing.files import Stage
+from trebucheck.comparisons.report.drawing import animation
+from trebucheck.comparisons.report.drawing.animation import Animation, Stage
 from trebucheck.comparisons.report.drawing.scene import RunLook, Scene, play_times, scene
 from trebucheck.reference.solver import solve
 
@@ -216,13 +215,13 @@ def test_an_svg_plays_in_a_browser(browser: Any, tmp_path: Path) -> None:
     shown = SCENES[0]
     Animation((shown,)).save(tmp_path / "motion.svg")
     stage = Stage(shown, 640)
-    times = play_times(shown, files._SVG_RATE)
+    times = play_times(shown, animation._SVG_RATE)
     page = browser.new_page(viewport={"width": 700, "height": 700})
     page.goto((tmp_path / "motion.svg").as_uri())
     seen = "getComputedStyle(e).visibility == 'visible'"
     for k in (0, len(times) // 3, len(times) - 1):
         page.evaluate("document.documentElement.pauseAnimations()")
-        instant = (k + 0.5) / files._SVG_RATE
+        instant = (k + 0.5) / animation._SVG_RATE
         page.evaluate("time => document.documentElement.setCurrentTime(time)", instant)
         boxes = page.evaluate(
             f"Array.from(document.querySelectorAll('g#mass'), e => {seen} && e.getBBox())"

@@ -22,9 +22,8 @@ from PIL import Image
 from trebucheck.__main__ import main
 from trebucheck.comparisons.report import html, markdown
 from trebucheck.comparisons.report.document import AnimationBlock, Document, Heading
-from trebucheck.comparisons.report.drawing import animation, files
-from trebucheck.comparisons.report.drawing.animation import Animation, scene_data
-from trebucheck.comparisons.report.drawing.files import PALETTE, Stage
+from trebucheck.comparisons.report.drawing import animation
+from trebucheck.comparisons.report.drawing.animation import PALETTE, Animation, Stage, scene_data
 from trebucheck.comparisons.report.drawing.scene import RunLook, Scene, resampled, scene
 from trebucheck.models.trajectory import Trajectory, save
 from trebucheck.reference.solution import Solution
@@ -290,7 +289,7 @@ def test_the_script_prints_in_the_colours_of_pictures() -> None:
 
 @pytest.mark.slow
 def test_a_gif_plays_the_motion_slower_about_events(tmp_path: Path) -> None:
-    times = files.play_times(_scene(), 18.0)
+    times = animation.play_times(_scene(), 18.0)
     assert times[0] == 0 and times[-1] == END
     steps = np.diff(times)
     (launch,) = (event.time for event in _scene().events if event.kind == "launch")
@@ -384,10 +383,10 @@ def test_an_svg_plays_by_itself_from_start_to_end(tmp_path: Path) -> None:
     text = (tmp_path / "motion.svg").read_text()
     root = ET.fromstring(text)
     assert "<script" not in text and "href" not in text and len(text) < 1_200_000
-    stage, times = Stage(shown, 640), files.play_times(shown, files._SVG_RATE)
+    stage, times = Stage(shown, 640), animation.play_times(shown, animation._SVG_RATE)
     frames = _layers(root, "frame")
     assert len(frames) == len(times)
-    duration = len(times) / files._SVG_RATE + files.HOLD
+    duration = len(times) / animation._SVG_RATE + animation.HOLD
     for k, (frame, time) in enumerate(zip(frames, times, strict=True)):
         drawn = np.array(_centres(frame, "mass"))
         for place in _masses(stage, time):
@@ -395,10 +394,11 @@ def test_an_svg_plays_by_itself_from_start_to_end(tmp_path: Path) -> None:
         states, at = _visibility(frame)
         assert states.count("visible") == 1
         begin = at[states.index("visible")]
-        assert begin == pytest.approx(k / files._SVG_RATE / duration, abs=1e-5)
+        assert begin == pytest.approx(k / animation._SVG_RATE / duration, abs=1e-5)
         end = 1.0 if states[-1] == "visible" else at[-1]
         last = k == len(times) - 1
-        assert end == pytest.approx(1.0 if last else (k + 1) / files._SVG_RATE / duration, abs=1e-5)
+        finish = (k + 1) / animation._SVG_RATE / duration
+        assert end == pytest.approx(1.0 if last else finish, abs=1e-5)
     labels = [each.text for each in root.iter(f"{SVG}text")]
     assert "t = 0.000 s" in labels and f"t = {END:.3f} s" in labels
 
@@ -428,7 +428,7 @@ def test_in_an_svg_a_run_is_not_seen_after_its_end(tmp_path: Path) -> None:
     Animation((shown,)).save(tmp_path / "motion.svg")
     root = ET.fromstring((tmp_path / "motion.svg").read_text())
     frames = _layers(root, "frame")
-    times = files.play_times(shown, files._SVG_RATE)
+    times = animation.play_times(shown, animation._SVG_RATE)
     assert len(frames) > 0
     for frame, time in zip(frames, times, strict=True):
         assert ("#00ff00" in ET.tostring(frame, encoding="unicode")) == (time <= 1.0)

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
-from trebucheck.comparisons.converge.results import (
+from trebucheck.comparisons.converge import (
     Curve,
     MachineStudies,
     Point,

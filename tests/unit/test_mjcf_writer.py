@@ -21,8 +21,7 @@ from trebucheck.models.library.registry import model, models
 from trebucheck.models.library.trebuchet import TrebuchetParameters, fixed, rolling
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.mjcf import writer as mjcf_writer
-from trebucheck.models.mjcf.recorded import stored_motion
-from trebucheck.models.mjcf.scene import SCENE_FILE, scene
+from trebucheck.models.mjcf.scene import SCENE_FILE, scene, stored_motion
 from trebucheck.models.mjcf.writer import FAR, mjcf, mjcf_names, write_model_folder
 
 MACHINES = {"fixed": fixed, "rolling": rolling}

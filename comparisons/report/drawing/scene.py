@@ -16,8 +16,7 @@ from ....models.errors import InputError
 from ....models.trajectory import PointMotion, Trajectory
 from .sketch import MOVING, Box, Drawing, draw
 
-_MOST_IMPACTS = 12
-"""Impacts of a stop that are shown; a bouncing body has any number of them."""
+_MOST_IMPACTS = 12  # impacts of a stop that are shown; a bouncing body has any number of them
 _FRAMES, _FEWEST = 180, 60
 _NUMBERS = 8_000  # of all frames together; a mechanism of many bodies has fewer frames
 _NEAR = 0.015  # parts of the end: about an event the frames are closer
@@ -33,11 +32,9 @@ _ROUNDING = 1e-14  # of the size, below which a deviation is rounding
 _SECONDS = 6.0  # of a motion, as files show it
 # Slow motion there: how much, and within which part of the end about an event
 _SLOWED, _CLOSE = (3.0, 0.02)
-HOLD = 1.2
-"""How long files show the last picture [s]."""
+HOLD = 1.2  # how long files show the last picture [s]
 _MOST = 1e8  # times that a deviation is magnified
-States = Callable[[FloatArray], Trajectory]
-"""A motion at any times [s] up to its end."""
+States = Callable[[FloatArray], Trajectory]  # a motion at any times [s] up to its end
 
 
 @dataclass(frozen=True)
@@ -45,14 +42,10 @@ class SceneEvent:
     """A release, an impact or the launch, and its time in each solver's motion."""
 
     kind: Literal["release", "impact", "launch"]
-    name: str
-    """The event in words."""
-    time: float
-    """Time in the reference, or in the first run that has it [s]."""
-    reference: float | None
-    """[s]; None: it does not happen there."""
-    runs: Mapping[str, float | None]
-    """[s], by run."""
+    name: str  # the event in words
+    time: float  # time in the reference, or in the first run that has it [s]
+    reference: float | None  # [s]; None: it does not happen there
+    runs: Mapping[str, float | None]  # [s], by run
     stop: str = ""
 
 
@@ -112,8 +105,7 @@ class RunLook:
     """A run to be shown beside the reference, and how."""
 
     trajectory: Trajectory
-    colour: str
-    """Colour of CSS, '#1f77b4'."""
+    colour: str  # colour of CSS, '#1f77b4'
     dashed: bool = False
 
 
@@ -124,8 +116,7 @@ class RunMotion:
     name: str
     colour: str
     dashed: bool
-    d: FloatArray
-    """Deviation of the coordinates, shape (n, n_q) [rad or m]."""
+    d: FloatArray  # deviation of the coordinates, shape (n, n_q) [rad or m]
     aside: Mapping[str, FloatArray]
     """Position of a marker less that by its coordinates, shape (n, 2) [m]; where they differ."""
     torques: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
@@ -140,10 +131,8 @@ class Scene:
 
     name: str
     drawing: Drawing
-    t: FloatArray
-    """Times of the frames [s], shape (n,)."""
-    reference: Trajectory
-    """At the frames."""
+    t: FloatArray  # times of the frames [s], shape (n,)
+    reference: Trajectory  # at the frames
     runs: tuple[RunMotion, ...]
     events: tuple[SceneEvent, ...]
     notes: str = field(default="", kw_only=True)

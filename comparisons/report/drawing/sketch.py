@@ -43,7 +43,7 @@ from ....models.elements import (
 )
 from ....models.kinematics import Kinematics, PointCoefficients
 from ....models.mechanism import Body, Mechanism
-from ....models.sketch import distinct, loaded_rod, on_a_line
+from ....models.mjcf.appearance import distinct, loaded_rod, on_a_line
 from ....models.spec import Vector
 
 Kind = Literal["line", "area", "disc", "hatch", "between", "spiral", "wheel", "arrow", "turn"]
@@ -70,8 +70,7 @@ ROLES: tuple[Role, ...] = Role.__args__
 """From what is drawn first, farthest behind, to what is drawn last."""
 MOVING: frozenset[Role] = frozenset({"rope", "body", "mass", "spring", "damper", "marker"})
 """Roles that are drawn again for each run, over the reference."""
-Box = tuple[float, float, float, float]
-"""Least x and y, greatest x and y [m]."""
+Box = tuple[float, float, float, float]  # least x and y, greatest x and y [m]
 Path = tuple[tuple[float, float], ...]
 
 
@@ -80,11 +79,9 @@ class FramePoint:
     """A point of a body, or at an arm from it that turns with another body's frame."""
 
     body: str
-    at: complex
-    """Place in the body's frame [m]."""
+    at: complex  # place in the body's frame [m]
     frame: str = GROUND
-    arm: complex = 0j
-    """Vector in the frame of `frame` [m]."""
+    arm: complex = 0j  # vector in the frame of `frame` [m]
 
     def coefficients(self, kinematics: Kinematics) -> PointCoefficients:
         """Its position's coefficients."""
@@ -102,8 +99,7 @@ class Shape:
     points: tuple[int, ...]
     size: float = 0.0
     path: Path = ()
-    stop: str = ""
-    """The stop that it shows; it is gone when that has opened for good."""
+    stop: str = ""  # the stop that it shows; it is gone when that has opened for good
 
 
 @dataclass(frozen=True)
@@ -113,19 +109,16 @@ class Drawing:
     mechanism: Mechanism
     points: tuple[FramePoint, ...]
     shapes: tuple[Shape, ...]
-    markers: dict[str, int]
-    """Index of each marker's point, by name."""
+    markers: dict[str, int]  # index of each marker's point, by name
     compared: tuple[int, ...]
     """Indices of the points whose distance from the reference's counts: the markers', else the
     bodies' centres of mass."""
-    joints: dict[str, int]
-    """Index of the point at which each joint's force acts."""
+    joints: dict[str, int]  # index of the point at which each joint's force acts
     stops: dict[str, tuple[int, int]]
     """Index of the point at which each stop acts; for a stop on a point also of a point along its
     normal, else the same index again."""
     box: Box
-    size: float
-    """A length [m] of the whole, from which the sizes of symbols follow."""
+    size: float  # a length [m] of the whole, from which the sizes of symbols follow
 
     @cached_property
     def kinematics(self) -> Kinematics:

@@ -221,20 +221,12 @@ def _quantities(title: str, changes: Sequence[QuantityChange]) -> Iterator[doc.B
     if not changes:
         return
     yield doc.Heading(f"{title} ({len(changes)})", 2, medium="any")
-    yield doc.table(_COLUMNS, changes[:_SHOWN], _CAPTION)
+    yield _table(changes[:_SHOWN])
     rest = changes[_SHOWN:]
     if rest:
-        yield doc.Fold(f"{len(rest)} more", (doc.table(_COLUMNS, rest, _CAPTION),))
+        yield doc.Fold(f"{len(rest)} more", (_table(rest),))
         text = f"and {len(rest)} more; --format html has all of them."
         yield doc.Text(text, "muted", medium="terminal")
-
-
-def _value(metric: Metric | None) -> doc.Cell:
-    """A size, or why there is none."""
-    if metric is None:
-        return doc.Cell("–")
-    size = None if metric.value is None else abs(metric.value)
-    return doc.Cell(format_number(size), hint=metric.note or "")
 
 
 def _factor(change: QuantityChange) -> str:
@@ -259,39 +251,46 @@ def _tolerances(change: QuantityChange) -> tuple[float | None, float | None]:
     return old, new
 
 
-def _tolerance(change: QuantityChange) -> str:
-    """The tolerance, or both where they read differently."""
-    texts = [format_number(limit) for limit in _tolerances(change) if limit is not None]
-    return " → ".join(dict.fromkeys(texts)) or "–"
-
-
-def _verdict(change: QuantityChange) -> doc.Cell:
-    old, new = _judged(change.old), _judged(change.new)
-    mark: doc.Mark = "good" if change.mended else "plain"
-    if change.broke or new == "breaks":
-        mark = "bad"
-    why = ", by its tolerance" if change.by_tolerance else ""
-    return doc.Cell(new if old == new else f"{old} → {new}{why}", mark)
-
-
 def _judged(metric: Metric | None) -> str:
     if metric is None:
         return "not there"
     return "not judged" if metric.holds is None else "holds" if metric.holds else "breaks"
 
 
-_CAPTION = "Errors, those that matter most first"
 _COLUMNS = (
-    doc.Column("run", of=lambda change: f"{change.model}, {change.run}", wrap=True),
-    doc.Column("quantity", of=lambda change: f"{change.either.label} [{change.either.unit}]",
-               rank=0, medium="terminal"),
-    doc.Column("quantity", of=lambda change: change.either.label, wrap=False, medium="page"),
-    doc.Column("unit", of=lambda change: change.either.unit, medium="page"),
-    doc.Column("old", align="right", of=lambda change: _value(change.old), rank=2),
-    doc.Column("new", align="right", of=lambda change: _value(change.new), rank=0),
-    doc.Column("factor", align="right", of=_factor, wrap=False),
-    doc.Column("tolerance", align="right", of=_tolerance, medium="page"),
-    doc.Column("unknown", align="right", of=lambda change: format_number(change.unknown),
-               medium="page"),
-    doc.Column("verdict", of=_verdict, rank=0),
-)  # fmt: skip
+    doc.Column("run", wrap=True),
+    doc.Column("quantity", rank=0, medium="terminal"),
+    doc.Column("quantity", wrap=False, medium="page"),
+    doc.Column("unit", medium="page"),
+    doc.Column("old", align="right", rank=2),
+    doc.Column("new", align="right", rank=0),
+    doc.Column("factor", align="right", wrap=False),
+    doc.Column("tolerance", align="right", medium="page"),
+    doc.Column("unknown", align="right", medium="page"),
+    doc.Column("verdict", rank=0),
+)
+
+
+def _table(changes: Sequence[QuantityChange]) -> doc.Table:
+    rows: list[doc.Row] = []
+    for change in changes:
+        label, unit = change.either.label, change.either.unit
+        sizes: list[doc.Cell] = []
+        for metric in (change.old, change.new):
+            size = None if metric is None or metric.value is None else abs(metric.value)
+            hint = metric.note or "" if metric else ""  # why there is none
+            sizes.append(doc.Cell(format_number(size), hint=hint))
+        # Both tolerances, where they read differently.
+        limits = [format_number(limit) for limit in _tolerances(change) if limit is not None]
+        tolerance = " → ".join(dict.fromkeys(limits)) or "–"
+        old, new = _judged(change.old), _judged(change.new)
+        mark: doc.Mark = "good" if change.mended else "plain"
+        if change.broke or new == "breaks":
+            mark = "bad"
+        verdict = new
+        if old != new:
+            verdict = f"{old} → {new}{', by its tolerance' if change.by_tolerance else ''}"
+        names = f"{change.model}, {change.run}", f"{label} [{unit}]", label, unit
+        end = _factor(change), tolerance, format_number(change.unknown), doc.Cell(verdict, mark)
+        rows.append(doc.row(*names, *sizes, *end))
+    return doc.table(_COLUMNS, rows, "Errors, those that matter most first")

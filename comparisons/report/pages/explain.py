@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...explain.results import (
+from ...explain import (
     Budget,
     ExplainedMachine,
     Explanation,
@@ -68,8 +68,7 @@ def document(explanation: Explanation) -> doc.Document:
     for machine in explanation.machines:
         blocks += _chapter(explanation, machine)
     runs = ((b.model, b.label, b.engine_version, b.settings) for b in explanation.budgets)
-    mechanisms = [(machine.model, machine.mechanism) for machine in explanation.machines]
-    blocks += [*provenance(explanation, runs, mechanisms), last_verdict]
+    blocks += [*provenance(explanation, runs, explanation.machines), last_verdict]
     title = "Where the errors come from"
     return doc.Document(title, tuple(blocks), "trebucheck explain", verdict=line)
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ...recommend.results import Advice, EngineAdvice
-from ...recommend.search import unit_of
+from ...recommend import Advice, EngineAdvice, unit_of
 from .. import document as doc
 from ..document import format_number, format_step, sentence
 from .tables import Settings, compared_time, provenance
@@ -45,7 +44,7 @@ def document(advice: Advice) -> doc.Document:
         doc.Heading("How it was found", 2),
         doc.Text(compared_time(advice.launch_time, advice.compared_to, advice.judged_to)),
         doc.Text(sentence(advice.rule)),
-        *provenance(advice, runs, [(model, mechanism)]),
+        *provenance(advice, runs, [advice]),
     ]
     verdict, window = f"{model}: {'; '.join(verdicts)}", f"trebucheck recommend: {model}"
     return doc.Document("Settings that reach the target", tuple(blocks), window, verdict=verdict)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Protocol
 
 from ....models.mechanism import Mechanism
 from ....reference.certification.certificate import Figure
@@ -53,9 +54,9 @@ def capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def is_tuned(label: str) -> bool:
-    """Whether a run's label ends in the tuned preset."""
-    return label.endswith("tuned")
+def both_tuned(first: str, second: str) -> bool:
+    """Whether both labels of runs end in the tuned preset."""
+    return first.endswith("tuned") and second.endswith("tuned")
 
 
 # --- Verdicts and causes
@@ -203,8 +204,15 @@ def partings(machine: Machine, runs: Iterable[Run]) -> Iterator[doc.Text]:
 # --- Evidence
 
 
+class _OfMechanism(Protocol):
+    @property
+    def model(self) -> str: ...
+    @property
+    def mechanism(self) -> Mechanism: ...
+
+
 def provenance(
-    result: ResultFile, runs: Iterable[Settings], mechanisms: Sequence[tuple[str, Mechanism]]
+    result: ResultFile, runs: Iterable[Settings], machines: Iterable[_OfMechanism]
 ) -> tuple[doc.Block, ...]:
     """The end of a page: versions, the settings of each run, and each machine's mechanism."""
     versions = f"trebucheck {result.trebucheck_version}, Python {result.python_version}"
@@ -221,7 +229,7 @@ def provenance(
     rows = [(*names, format_settings(settings)) for *names, settings in runs]
     heads = "machine | engine | version | settings"
     blocks.append(doc.table(heads, rows, "Settings of every run", "page"))
-    blocks += [mechanism_as_data(model, mechanism) for model, mechanism in mechanisms]
+    blocks += [mechanism_as_data(machine.model, machine.mechanism) for machine in machines]
     return tuple(blocks)
 
 
