@@ -322,8 +322,7 @@ class Data:
     gaps: dict[str, ScalarFunction]
     restitution: dict[str, Any]
     markers: dict[str, PointCoefficients]
-    applied: Any
-    """Force elements with what they act along: springs, rotational ones and forces."""
+    applied: Any  # force elements with what they act along: springs, rotational ones and forces
 
 
 def _mapped(function: Callable[..., Any], *values: Any) -> Any:

@@ -27,8 +27,7 @@ from ..solver import characteristic_time, solve_until
 
 FINE, COARSE = 1e-13, 1e-7
 """Relative local errors of a flight that counts, and of one that is only ranked among others."""
-LEVEL = 1e-12
-"""Rounding of a direction [rad]."""
+LEVEL = 1e-12  # Rounding of a direction [rad]
 
 # Durations of the motions, in characteristic times; Table I's sweep ends at 2.5.
 _SPANS = (3.0, 6.0, 12.0)
@@ -116,12 +115,9 @@ class Surroundings(Spec):
 class Release:
     """The projectile as it is let go."""
 
-    time: float
-    """[s]"""
-    position: tuple[float, float]
-    """World [m]."""
-    velocity: tuple[float, float]
-    """World [m/s]."""
+    time: float  # [s]
+    position: tuple[float, float]  # world [m]
+    velocity: tuple[float, float]  # world [m/s]
     acceleration: tuple[float, float] = (0.0, 0.0)
     """Of the projectile still on its machine, world [m/s^2]: what a later release would change."""
 
@@ -143,12 +139,9 @@ class Flight:
     release: Release
     range: float
     """Horizontal distance of the landing from the surroundings' origin [m]; negative behind it."""
-    apex_height: float
-    """Largest world y [m]."""
-    time: float
-    """From release to landing [s]."""
-    impact_velocity: tuple[float, float]
-    """[m/s]."""
+    apex_height: float  # largest world y [m]
+    time: float  # from release to landing [s]
+    impact_velocity: tuple[float, float]  # [m/s]
     state: Callable[[FloatArray], FloatArray]
     """States (x, y, vx, vy), shape (n, 4), at times since the release [s], shape (n,)."""
 
@@ -225,12 +218,9 @@ def fall_time(y: FloatArray, vy: FloatArray, surroundings: Surroundings) -> Floa
 
 
 def _fall(start: FloatArray, surroundings: Surroundings, tolerance: float) -> list[Any] | None:
-    """Integrate through air up to the apex, then down: y is monotone in each, so none is missed.
+    """Legs through air up to the apex, then down, from (x, y, vx, vy), or that and its variation.
 
-    Args:
-        start: (x, y, vx, vy), or that and its variation.
-        surroundings: with drag.
-        tolerance: relative local error.
+    The height y is monotone in each, so no landing is missed. None where it never lands.
     """
     drag, gravity, ground = surroundings.drag, surroundings.gravity, surroundings.ground
 
