@@ -224,11 +224,7 @@ class _Along:
         return tuple(name for name in segment.closed if name in self.movable)
 
     def _impulses(self, t: float) -> dict[str, float]:
-        """Impulses of the impact at t [s], by stop that acts on the motion; none without one.
-
-        Raises:
-            UnsupportedProblemError: there are several.
-        """
+        """Impulses of the impact at t [s], by stop that acts on the motion; none without one."""
         impacts = [impulses for time, impulses in self.solution.impacts if time == t]
         if len(impacts) > 1:
             raise _not_smooth(t, "several impacts follow each other there at once")

@@ -44,11 +44,7 @@ is one call of LAPACK."""
 
 
 def heyoka() -> Any:
-    """The library, imported when first asked for: it takes a quarter of a second.
-
-    Raises:
-        EngineNotInstalledError: it is not here.
-    """
+    """The library, imported when first asked for: it takes a quarter of a second."""
     try:
         return importlib.import_module("heyoka")
     except ImportError:
