@@ -35,8 +35,7 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkOption
 
     Raises:
         UnsupportedProblemError: the mechanism has a part that has no counterpart here.
-        SimulationError: Chipmunk's impulses do not settle: masses differ too much, or constraints
-            are nearly parallel.
+        SimulationError: Chipmunk's impulses do not converge.
     """
     touching = [stop.name for stop in mechanism.stops if stop.closed]
     built = build(mechanism, touching, 0.0, options.pivot_mass)

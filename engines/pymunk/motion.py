@@ -61,8 +61,7 @@ def run(problem: Problem, options: PymunkOptions) -> Recording:
     Raises:
         UnsupportedProblemError: the mechanism has a part that has no counterpart here, or under the
             release-once law starts with a closed stop whose gap changes.
-        SimulationError: impacts follow each other without an end, or their impulses do not
-            converge.
+        SimulationError: impacts do not end, or impulses do not converge.
     """
     motion = PymunkMotion(problem, options)
     return EventDriver(problem, motion, "pymunk", impacts=motion.unilateral).run()
@@ -162,12 +161,7 @@ class SteppedSegment:
             self._release_before_next(1)
 
     def advance(self, last: int) -> None:
-        """Step to a sample.
-
-        Raises:
-            SimulationError: loops are so nearly rigid or singular that their impulses do not
-                converge.
-        """
+        """Step to a sample; loops whose impulses do not converge are refused."""
         while self._checks_passes and self.stepper.steps < last:
             first = self.stepper.steps
             q, u, _ = self.reading(first, first).motion
@@ -265,14 +259,10 @@ class SteppedSegment:
         return MotionReading(self.assembly, self.stepper.samples(first, last), near)
 
     def recording(self, last: int) -> Recording:
-        """The segment up to a sample.
-
-        Raises:
-            SimulationError: impulses that did not converge have separated the bodies although all
-                numbers are finite.
-        """
+        """The segment up to a sample."""
         t, reading = self.times[: last + 1], self.reading(0, last)
         mechanism, gaps = self.assembly.mechanism, reading.gaps()
+        # Impulses that did not converge may have separated bodies although all numbers are finite.
         for name, gap in gaps.items():
             lost = np.flatnonzero(~(gap <= _reach(mechanism)))
             if len(lost):
@@ -508,19 +498,15 @@ def resolve_impact(
     pivot_mass: float,
     held: Collection[str] = (),
 ) -> TrialImpact:
-    """The impact of the contacts that touch.
+    """The impact of the contacts that touch, each with its restitution e.
 
-    Args:
-        placed: the mechanism there, with the speeds before; stops that touch are closed in it.
-        restitution: e of each of them.
-        pivot_mass: as the engine's option.
-        held: those that come to rest even if they have to pull, which is not recorded: forces bring
-            them back to their walls at once.
+    They are closed in the mechanism, which is placed there with the speeds before. Held contacts
+    come to rest even if they have to pull, which is not recorded: forces bring them back to their
+    walls at once. They are left to the others' impact where that contradicts itself.
 
     Raises:
         SimulationError: the impulses do not converge, or no set of contacts takes part.
     """
-    # Held contacts are left to the others' impact where that contradicts itself.
     weightless = placed.model_copy(update={"gravity": 0.0, "force_elements": ()})
     attempts: list[tuple[Mapping[str, float], Collection[str]]] = [(restitution, ())]
     if held:
