@@ -105,7 +105,7 @@ def _active_at_start(mechanism: Mechanism, h: float, pivot_mass: float) -> Conta
         stepper = Stepper(assembly, h, hold_lengths=True)
         stepper.start(_TRIAL_ITERATIONS, leapfrog=True, settle=bool(mechanism.loop_joints))
         reading = MotionReading(assembly, stepper.samples(0))
-        forces = forces_of(reading, tuple(assembly.stops)).torques
+        _, forces = forces_of(reading, tuple(assembly.stops))
         torques = {name: float(torque[0]) for name, torque in forces.items()}
         least = -_ROUNDING * max(map(abs, torques.values()), default=0.0)
         # Largest acceleration of a gap by the unit torque or force of its own stop, in the tree.
@@ -236,7 +236,8 @@ class SteppedSegment:
         first = max(min(max(self.regimes[-1][0], k - 2), k - 1), 0)
         reading = MotionReading(self.assembly, self.stepper.samples(first))
         due: dict[str, float] = {}
-        for name, torque in forces_of(reading, tuple(self.assembly.stops)).torques.items():
+        _, torques = forces_of(reading, tuple(self.assembly.stops))
+        for name, torque in torques.items():
             step = 0.0 if torque[-1] <= 0 else None
             if self.options.locate_releases:
                 step = _foreseen(torque)
@@ -274,10 +275,10 @@ class SteppedSegment:
         torques = {stop.name: np.zeros(len(t)) for stop in mechanism.stops}
         ends = [first for first, _ in self.regimes[1:]] + [len(t)]
         for (first, active), end in zip(self.regimes, ends, strict=True):
-            forces = forces_of(reading, active)
+            forces, pushes = forces_of(reading, active)
             for name, reaction in reactions.items():
-                reaction[first:end] = forces.reactions[name][first:end]
-            for name, torque in forces.torques.items():
+                reaction[first:end] = forces[name][first:end]
+            for name, torque in pushes.items():
                 torques[name][first:end] = np.maximum(torque[first:end], 0.0)
         q, u, _ = reading.motion
         kinetic, potential = reading.energies()
@@ -553,7 +554,7 @@ def _impact_of(
     increment = settled_increment(assembly)
     # Impulses by the bodies' change of momentum, and speeds after by their change of velocity.
     assembly.rates = np.zeros_like(increment)
-    torques = forces_of(reading_of(assembly, increment), active).torques
+    _, torques = forces_of(reading_of(assembly, increment), active)
     impulses = dict.fromkeys(restitution, 0.0)
     for name in active:
         impulses[name] = float(torques[name][0])
