@@ -14,7 +14,7 @@ from ...matrix import FLOOR, SHOWN, Matrix, MatrixProblem, MatrixRun, sentence, 
 from ...runs.results import COMPARED, Outcome
 from .. import document as doc
 from ..document import format_number
-from .tables import MARKS
+from .tables import MARKS, judged_mark
 
 READING = (
     "Own: how much of its runs on a table's problems is the engine's. “all”; “most”: trebucheck "
@@ -218,10 +218,10 @@ def _quantity(run: MatrixRun, metric: str) -> doc.Cell:
         return doc.Cell("")
     if not error.observed:
         return doc.Cell("–", "muted", hint=error.note or "")
-    mark: doc.Mark = "unjudged" if error.holds is None else doc.mark_of(error.holds)
     value = f"{format_number(error.value)} {error.unit}, tolerance {format_number(error.tolerance)}"
     text = "missing" if error.part is None else format_number(error.part)
-    return doc.Cell(text, mark, hint=error.note or " ".join(filter(None, (error.subject, value))))
+    hint = error.note or " ".join(filter(None, (error.subject, value)))
+    return doc.Cell(text, judged_mark(error.holds), hint=hint)
 
 
 # --- Refusals, causes, versions
