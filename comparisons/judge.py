@@ -356,11 +356,7 @@ def jumps(
 ) -> Iterator[GivenImpact]:
     """Find the impacts that speeds show: two samples at one time, between which the speed jumps up.
 
-    Args:
-        t: times [s], shape (n,).
-        q, u: states, shape (n, n_q).
-        kinematics: of the mechanism.
-        arm: its longest [m].
+    Samples are at times t [s], shape (n,); `arm` is the mechanism's longest [m].
     """
     for k in np.flatnonzero(np.diff(t) == 0):
         for stop in kinematics.mechanism.stops:
@@ -375,13 +371,9 @@ def jumps(
 def impact_metrics(
     motion: Trajectory, impacts: Sequence[GivenImpact], solution: Solution, end: float
 ) -> Iterator[Metric]:
-    """Impulses of each stop, and speeds of coordinates and markers beside impacts.
+    """Impulses of each stop, and speeds of coordinates and markers beside impacts, up to `end` [s].
 
-    Args:
-        motion: of the file, with its impacts.
-        impacts: as the file gives them.
-        solution: the reference.
-        end: of what is judged [s].
+    Impacts are as the file gives them.
     """
     comparison = against(motion, solution, end)
     common: list[tuple[float, float]] = []
