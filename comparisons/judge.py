@@ -38,16 +38,7 @@ from .diagnosis.case import ENERGIES
 from .diagnosis.diagnose import diagnose_motion, failed_diagnosis
 from .runs.metrics import against, not_observed
 from .runs.record import machine_row
-from .runs.results import (
-    Diagnosis,
-    Machine,
-    Measured,
-    Metric,
-    Outcome,
-    ResultFile,
-    Run,
-    verdict_on,
-)
+from .runs.results import Diagnosis, Machine, Measured, Metric, Outcome, ResultFile, Run, verdict_on
 from .runs.runner import Runner
 from .runs.study import REFERENCE, Counter, Progress, Study, one_end
 from .runs.tolerances import judge as judge_run
@@ -630,10 +621,7 @@ def _read_headings(cells: list[str], columns: Mapping[str, _Units]) -> dict[str,
 
 
 def _read_comment(
-    line: str,
-    mechanism: Mechanism,
-    releases: dict[str, float | None],
-    impacts: list[GivenImpact],
+    line: str, mechanism: Mechanism, releases: dict[str, float | None], impacts: list[GivenImpact]
 ) -> None:
     """Adds what a comment says of an event; any other comment says nothing.
 
