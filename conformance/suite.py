@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..comparisons.compare.study import MachineRuns, RunKey
+from ..comparisons.compare import MachineRuns, RunKey
 from ..comparisons.report.document import format_number
 from ..comparisons.report.pages.tables import diagnosis
 from ..comparisons.runs.balance import keeps_horizontal_momentum
