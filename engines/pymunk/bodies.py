@@ -342,7 +342,7 @@ def _is_bob(mechanism: Mechanism, body: str, mass: LumpedMass) -> bool:
     guides |= any(wall.relative_to == body for wall in walls)
     if guides or not is_pin(joint) or same_point(mass.centre, complex(*joint.child_point)):
         return False
-    # points of the body at which loop joints and stops act on it.
+    # Points of the body at which loop joints and stops act on it.
     ends = [(loop.parent, loop.parent_point) for loop in loops]
     ends += [(loop.child, loop.child_point) for loop in loops]
     ends += [(wall.body, wall.point) for wall in walls]
@@ -378,7 +378,7 @@ def _with_inertia(
         mass = LumpedMass(mass.mass * factor, pin + arm / factor, inertia)
     elif is_pin(joint) and mass.inertia <= 0 and not same_point(mass.centre, pin):
         parent = masses[joint.parent]
-        # all that can be taken away from the parent there: then the inertia of the rest is 0.
+        # All that can be taken away from the parent there: then the inertia of the rest is 0.
         spare = parent.mass
         if not (same_point(at, parent.centre) or math.isinf(parent.inertia)):
             about = parent.inertia + parent.mass * abs(at - parent.centre) ** 2

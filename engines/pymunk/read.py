@@ -251,7 +251,7 @@ class ConstraintForces:
 def forces_of(reading: MotionReading, active: Contacts) -> ConstraintForces:
     """Forces of all joints and of the active stops."""
     mechanism = reading.mechanism
-    # the force that each body's momentum needs beyond gravity and force elements [N].
+    # The force that each body's momentum needs beyond gravity and force elements [N].
     needed: _Forces = {}
     weight = complex(*mechanism.gravity_vector)
     for body in mechanism.bodies:
