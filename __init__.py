@@ -26,14 +26,14 @@ from .version import __version__ as __version__
 # two equal.
 _PUBLIC = {
     "comparisons.certify": "certify",
-    "comparisons.compare.study": "compare",
+    "comparisons.compare": "compare",
     "comparisons.converge": "converge",
     "comparisons.diff": "diff",
     "comparisons.explain": "explain",
     "comparisons.judge": "judge",
     "comparisons.matrix": "matrix",
     "comparisons.mjcf": "mjcf",
-    "comparisons.recommend.study": "recommend",
+    "comparisons.recommend": "recommend",
     "conformance.check": "check",
     "engines.protocol": "Capabilities Engine",
     "engines.registry": "engine engines",

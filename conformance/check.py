@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..comparisons.compare.study import MachineRuns, RunKey
+from ..comparisons.compare import MachineRuns, RunKey
 from ..comparisons.report.pages.tables import complaints, diagnosis
 from ..comparisons.runs.quantities import QUANTITIES, judged_quantity
 from ..comparisons.runs.results import COMPARED, Run

@@ -110,11 +110,7 @@ class MinimalMotion:
     def __init__(self, solution: Solution) -> None:
         self.solution = solution
         self.kinematics = solution.equations.kinematics
-
-    @property
-    def release_times(self) -> Mapping[str, float | None]:
-        """When each stop opened [s]."""
-        return self.solution.release_times
+        self.release_times: Mapping[str, float | None] = solution.release_times
 
     @property
     def launch(self) -> Launch | None:

@@ -453,11 +453,8 @@ class VariationalEquations(Equations):
         self.directions = tuple(directions)
         self._dual = DualEquations(mechanism, directions)
         self._still = DualEquations(mechanism)
-
-    @property
-    def data(self) -> Data:
+        self.data = self._dual.data
         """Data with the derivatives along the directions."""
-        return self._dual.data
 
     def along(self, path: str) -> FloatArray:
         """Derivatives of one number, shape (m,)."""

@@ -99,15 +99,12 @@ class TaylorQuantities:
     start_torques: Mapping[str, np.floating[Any]]
     """Torque of each stop at the start [N m]."""
     launch_time: np.floating[Any] | None = None
-    """[s]."""
     launch_speed: np.floating[Any] | None = None
-    """[m/s]."""
     launch_velocity: Real | None = None
-    """[m/s], shape (2,)."""
+    """[s], [m/s] and, of shape (2,), [m/s]."""
     launch_q: Real | None = None
-    """Shape (n_q,) [rad or m]."""
     launch_u: Real | None = None
-    """Shape (n_q,) [rad/s or m/s]."""
+    """Shape (n_q,) [rad, m, rad/s, m/s]."""
 
 
 def taylor_quantities(

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -20,7 +19,7 @@ from ...models.arrays import FloatArray
 from ...models.elements import GROUND
 from ...models.errors import InputError
 from ...models.launch import LAUNCH_ANGLE
-from ...models.mechanism import Body, Marker, Mechanism
+from ...models.mechanism import Mechanism
 from ...models.problem import StopLaw
 from ...models.spec import NonNegative, Positive, Real, Spec
 from ..solution import Solution
@@ -313,7 +312,6 @@ def range_rate(release: Release, surroundings: Surroundings) -> float:
     return float(dx - vx / vy * dy) if vy else math.nan
 
 
-@dataclass(frozen=True)
 class Projectile:
     """A marker of a continuous motion, as what is thrown.
 
@@ -321,46 +319,31 @@ class Projectile:
         InputError: the mechanism has no marker of that name.
     """
 
-    solution: Solution
-    name: str = "projectile"
-
-    def __post_init__(self) -> None:
-        names = [marker.name for marker in self.mechanism.markers]
-        if self.name not in names:
+    def __init__(self, solution: Solution, name: str = "projectile") -> None:
+        self.solution, self.name = solution, name
+        self.mechanism = mechanism = solution.problem.mechanism
+        marker = mechanism.marker(name)
+        if marker is None:
+            names = [marker.name for marker in mechanism.markers]
             raise InputError(
-                f"the mechanism has no marker {self.name!r} to throw; it has: {names or 'none'}."
+                f"the mechanism has no marker {name!r} to throw; it has: {names or 'none'}."
             )
-
-    @property
-    def mechanism(self) -> Mechanism:
-        """The machine that throws."""
-        return self.solution.problem.mechanism
-
-    @cached_property
-    def marker(self) -> Marker:
-        """The point that is thrown."""
-        return next(marker for marker in self.mechanism.markers if marker.name == self.name)
-
-    @cached_property
-    def body(self) -> Body:
+        self.marker = marker
+        self.body = mechanism.body(marker.body)
         """The body that carries it: a sling, say."""
-        return self.mechanism.body(self.marker.body)
-
-    @property
-    def mass(self) -> float | None:
-        """Mass of what is thrown [kg]; None where it is not known."""
-        return self.mechanism.thrown_mass(self.marker)
+        self.mass = mechanism.thrown_mass(marker)
+        """[kg]; None where it is not known."""
+        parent = mechanism.joint_of(marker.body).parent
+        self.arm = None if parent == GROUND else parent
+        """Body that its own one hangs on, as a sling on an arm; None on the ground."""
+        self.end = solution.segments[-1].end
+        """End of the motion [s]."""
 
     @property
     def opened(self) -> float:
         """When the last stop of its own body opened [s]; 0 where none did."""
         stops = [stop.name for stop in self.mechanism.stops if stop.body == self.body.name]
         return max((self.solution.release_times[name] or 0.0 for name in stops), default=0.0)
-
-    @property
-    def end(self) -> float:
-        """End of the motion [s]."""
-        return self.solution.segments[-1].end
 
     def sweep(self) -> tuple[float, float]:
         """First sweep [s]: from the opening of its stop to where its velocity points straight down.
@@ -374,12 +357,6 @@ class Projectile:
         """Position [m], velocity [m/s] and acceleration [m/s^2] at times t [s], each (n, 2)."""
         motion, kinematics = self.solution.motion(t), self.solution.equations.kinematics
         return kinematics.point_motion(self.marker, motion.q, motion.u, motion.a)
-
-    @property
-    def arm(self) -> str | None:
-        """Body that its own one hangs on, as a sling on an arm; None on the ground."""
-        parent = self.mechanism.joint_of(self.body.name).parent
-        return None if parent == GROUND else parent
 
     def sling_angle(self, t: FloatArray) -> FloatArray:
         """Angle of its body relative to that body's parent (phi - theta) [rad], shape (n,).

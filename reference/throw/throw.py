@@ -72,11 +72,7 @@ def throw(
     """
     performance = perform(
         model(mechanism),
-        {
-            "release_angle": release_angle,
-            "release_time": release_time,
-            "sling_angle": sling_angle,
-        },
+        {"release_angle": release_angle, "release_time": release_time, "sling_angle": sling_angle},
         best=best,
         density=density,
         drag_area=drag_area,

@@ -35,11 +35,11 @@ def _pages() -> dict[type, Callable[[Any], Document]]:
     """Maker of the report of each class of results; imported when the first report is made."""
     from ....reference.certification.certificate import Certificate
     from ....reference.throw.throw import Throw
-    from ...compare.study import Comparison
+    from ...compare import Comparison
     from ...converge import Studies
     from ...diff import Difference
     from ...explain import Explanation
-    from ...recommend.results import Advice
+    from ...recommend import Advice
     from . import compare, converge, diff, explain, recommend, run, throw
 
     return {

@@ -20,7 +20,7 @@ from ....models.problem import StopLaw
 from ....models.trajectory import Trajectory
 from ....reference.certification.certificate import load_certificate
 from ....reference.solution import Solution
-from ...compare.study import Comparison
+from ...compare import Comparison
 from ...runs.balance import sampled_balance
 from ...runs.metrics import LEAST_START
 from ...runs.results import COMPARED, FAILURES, Machine, Metric, Outcome, Pair, Results, Run
