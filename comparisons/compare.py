@@ -326,12 +326,7 @@ def compare(
 def compare_study(
     study: Study, progress: Callable[[RunKey, int, int], None] | None = None
 ) -> Comparison:
-    """Measure the engines of a study against the reference; raises as :func:`compare`.
-
-    Args:
-        study: its own `progress` is not used.
-        progress: called before each case is measured, with the number done and the number of all.
-    """
+    """Measure the engines of a study (not its own `progress`); raises as :func:`compare`."""
     cases = [
         RunKey(m.name, name, preset)
         for m in study.mechanisms
@@ -410,10 +405,7 @@ def stored(folder: str | Path) -> Comparison:
 
 
 def read_results(path: str | Path) -> Results:
-    """Results of a comparison.
-
-    Args:
-        path: of results.json, or of the folder that holds it.
+    """Results of a comparison, by the path of results.json or of the folder that holds it.
 
     Raises:
         InputError: the file is not there, is of another kind or format, or is broken.
@@ -443,11 +435,7 @@ def read_results(path: str | Path) -> Results:
 
 
 def format_of(path: Path) -> object:
-    """The format that a file of results states; None if it states none.
-
-    Raises:
-        InputError: it cannot be read, or is not JSON.
-    """
+    """The format that a file of results states, if any; InputError: it is not JSON."""
     text = read_bytes(path, Results.largest_file)
     try:
         content = json.loads(text)

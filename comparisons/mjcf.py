@@ -38,11 +38,7 @@ def record_motion(given: Mechanism | Problem) -> RecordedMotion:
 
 
 def recorded(runner: Runner) -> RecordedMotion:
-    """Its events, as :func:`record_motion`.
-
-    Raises:
-        SimulationError: the reference cannot move it.
-    """
+    """Its events, as :func:`record_motion`; SimulationError: the reference cannot move it."""
     solution, end = runner.solution, min(runner.end, runner.judged_to)
     # Times [s], stops and what becomes of them; of the launch, no stop
     events = [(t, stop, "release") for stop, t in solution.release_times.items() if t is not None]

@@ -245,10 +245,9 @@ class TargetedRuns:
         return {name: value for name, value in limits.items() if value is not None}
 
     def refuse_what_cannot_be_judged(self) -> None:
-        """Refuse a quantity that the machine lacks, or whose reference is too uncertain to judge.
+        """Raises InputError for a quantity that the machine lacks.
 
-        Raises:
-            InputError: the sentence names the quantity.
+        So it does where the reference is too uncertain to judge it.
         """
         mechanism, trials = self.trials.mechanism, self.trials
         of_stops = self.allowed.keys() & {"torque", "release"}
@@ -420,11 +419,7 @@ def configured(name: str, options: OptionSet, step: float) -> Engine:
 
 
 def ladder(characteristic_time: float) -> tuple[float, ...]:
-    """Time steps of 1, 2 and 5 times a power of ten, downwards [s].
-
-    Args:
-        characteristic_time: of the machine [s]; a small machine moves quickly.
-    """
+    """Time steps of 1, 2 and 5 times a power of ten, downwards [s]: small machines move quickly."""
     longest = characteristic_time * _LONGEST
     exponent = math.floor(math.log10(longest))
     first = max(i for i, f in enumerate((1, 2, 5)) if f * 10.0**exponent <= longest * (1 + 1e-12))
@@ -772,12 +767,8 @@ def recommend(
 def recommend_study(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advice:
     """Search settings for a study of one model; see :func:`recommend`.
 
-    Args:
-        study: one machine, by name or a mechanism of your own (whose masses and gravity are
-            varied), engines, how they are run, and the end of the compared motion. Its presets and
-            options are not used.
-        asked: largest errors allowed, up to that end.
-        neighbours: how many machines of the same kind are looked at; 0: only the machine itself.
+    Of a mechanism of your own masses and gravity are varied. The study's presets and options are
+    not used.
 
     Raises:
         InputError: a name or value is not valid, the end does not come, or the reference is not

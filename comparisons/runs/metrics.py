@@ -154,11 +154,7 @@ class AlignedRun:
 def against(
     trajectory: Trajectory, solution: Solution, end: float, reference: Trajectory | None = None
 ) -> AlignedRun:
-    """Set a trajectory beside the reference, from the start to `end` [s].
-
-    Args:
-        reference: at the trajectory's times, where it is known already.
-    """
+    """Set a trajectory beside the reference, which may be known, from the start to `end` [s]."""
     reference = reference or solution.trajectory(trajectory.t)
     return AlignedRun(trajectory, reference, solution, end, trajectory.t <= end)
 
@@ -195,8 +191,7 @@ def measure(
 
     Args:
         end: end of the compared motion, the reference's launch by default of the suite [s].
-        reference: at the trajectory's times, where it is known already.
-        scales: of the reference motion up to the end, where they are known already.
+        reference: at the trajectory's times, where it is known already; so are the scales.
         thrown: marker whose launch is measured.
         invariants_to: end of what invariants are compared over [s], where the motion cannot be
             predicted so long.

@@ -165,11 +165,7 @@ class Worker:
             raise SimulationError(f"{runner.name} ended its process: {error!r}.") from None
 
     def compute(self, compute: Callable[[], _Result], name: str = "the reference") -> _Result:
-        """Call a function without arguments in a process; raises as :meth:`call` does.
-
-        Args:
-            compute: a module's function, or a partial of one.
-            name: of whose work it is, for messages.
+        """Call a module's function without arguments, or a partial, in a process.
 
         Raises:
             SimulationError: as :meth:`call`, or its numbers became too large or too small to go on.
@@ -263,12 +259,7 @@ def packed(function: Callable[..., Any], *given: Any) -> bytes:
 
 
 def unpacked(name: str, answer: bytes | None, ended: int) -> Any:
-    """The result of a call.
-
-    Args:
-        name: of whose call it is, for messages.
-        answer: as :func:`call_forked` gives it.
-        ended: how its process ended, in the same way.
+    """The result of a call by the answer and the end that :func:`call_forked` gives.
 
     Raises:
         SimulationError: its process ended by itself.

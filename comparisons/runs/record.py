@@ -172,14 +172,7 @@ class RunRecord(Spec):
 
 
 def new_record(name: str, preset: str, engine: Engine, given: Mechanism) -> RunRecord:
-    """Record of a run that has not begun.
-
-    Args:
-        name: of the engine, as it is registered.
-        preset: as it was asked for.
-        engine: with its options.
-        given: mechanism that it is to simulate.
-    """
+    """Record of a run that has not begun, by the names that were asked for."""
     return RunRecord(
         engine=name,
         preset=preset,
@@ -195,9 +188,7 @@ def make(
     """Runs an engine and measures it, up to the predictability horizon; a failure is an outcome.
 
     Args:
-        runner: of the mechanism that the run is compared with.
-        engine: with its options.
-        given: mechanism that the engine simulates instead; None: the same.
+        given: mechanism that the engine simulates instead of the runner's.
         curves: whether to keep the difference from the reference over time.
     """
     record = new_record(engine.name, engine.preset, engine, given or runner.mechanism)
@@ -227,12 +218,9 @@ def curves_of(
     reference: Trajectory | None = None,
     thrown: str = THROWN,
 ) -> Curves:
-    """Interpolates trajectory minus reference, at the trajectory's times, to the common grid.
+    """Interpolates trajectory minus reference to the common grid, up to `end` [s].
 
-    Args:
-        end: end of the compared motion [s]; the trajectory should go on a little beyond it.
-        reference: at the trajectory's times, where it is known already.
-        thrown: marker whose launch is measured.
+    The trajectory should go on a little beyond it.
     """
     t, reference = trajectory.t, reference or solution.trajectory(trajectory.t)
     grid = np.linspace(0.0, end, GRID + 1)
@@ -280,12 +268,7 @@ class EngineRuns:
     """Runs of engines on one mechanism, each made once and kept in memory and in a store.
 
     Runs are compared up to the end of the motion, or to the predictability horizon if that is
-    earlier.
-
-    Args:
-        runner: of the mechanism; its reference is solved at once.
-        store: where records are kept; None: only in memory.
-        curves: keep differences as functions of time; without them a record is small.
+    earlier. Without curves, differences as functions of time, a record is small.
 
     Raises:
         InputError: the end is not valid, or does not come.
@@ -327,7 +310,6 @@ class EngineRuns:
         """Record of an engine's run, which is made if it is not known, or timed too seldom.
 
         Args:
-            engine: with its options.
             repeats: how often it is timed; less often where its runs are long.
             given: mechanism that the engine simulates instead of the one it is compared with: a
                 slightly wrong one shows what that wrongness does.
@@ -355,11 +337,7 @@ class EngineRuns:
 
 
 def runs_of(study: Study, worker: Worker) -> tuple[list[EngineRuns], dict[str, str]]:
-    """Runs on each mechanism of a study; and why the references of the others failed, by name.
-
-    Raises:
-        InputError: as :class:`EngineRuns`.
-    """
+    """Runs on each mechanism of a study; and why the references of the others failed, by name."""
 
     def solved(mechanism: Mechanism) -> EngineRuns | str:
         try:
@@ -379,12 +357,7 @@ def runs_of(study: Study, worker: Worker) -> tuple[list[EngineRuns], dict[str, s
 
 
 def run_row(record: RunRecord, engine: Engine, model: str) -> Run:
-    """Row of a comparison for a record, not judged.
-
-    Args:
-        engine: as it ran.
-        model: name of the mechanism.
-    """
+    """Row of a comparison for a record of an engine as it ran, not judged."""
     declared = engine_study(record.engine).step_orders.get(record.preset, StepOrder(None, ""))
     return Run(
         model=model,

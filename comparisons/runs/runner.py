@@ -48,13 +48,7 @@ _LARGEST = 1e100  # in SI units: its square is still a number
 def refuse_invalid(
     engine: str, trajectory: object, mechanism: Mechanism, capabilities: Capabilities
 ) -> Trajectory:
-    """The trajectory, if it is a valid one.
-
-    Args:
-        engine: for messages.
-        trajectory: what the engine gave.
-        mechanism: what it was to move.
-        capabilities: what it says it observes.
+    """The trajectory that an engine gave for a mechanism, if it is a valid one.
 
     Raises:
         SimulationError: the sentence says what is wrong with it.
@@ -183,14 +177,7 @@ def reference_uncertainties(
     The coarser integration is measured as any engine is. Its distance is about its own error,
     thirty times that of the reference unless they agree by chance: hence four times the distance,
     and sixty-four roundings of the scale. What a certificate says of its quantities, up to the
-    launch, replaces that.
-
-    Args:
-        end: of the compared motion [s].
-        scales: of the motion up to there.
-        thrown: marker whose launch is measured.
-        invariants_to: end of what invariants are compared over [s].
-        stretching: of the motion up to there.
+    launch, replaces that. The arguments are those of :func:`.metrics.measure`.
     """
     problem, mechanism = solution.problem, solution.problem.mechanism
     until = invariants_to or end
@@ -255,15 +242,7 @@ class Farthest:
 
 
 def farthest(trajectory: Trajectory, runner: Runner) -> Farthest:
-    """The largest distance of any point from the reference, at the run's own sample times.
-
-    Args:
-        runner: of the mechanism, with the end of the motion.
-
-    Raises:
-        InputError: the reference cannot begin, or the end does not come.
-        SimulationError: the reference failed.
-    """
+    """The largest distance of any point from the reference, at the run's own sample times."""
     end = runner.judged_to
     times = trajectory.t[trajectory.t <= end]
     expected = points(runner.reference(times))
@@ -398,11 +377,7 @@ class Runner:
 
     @_once
     def uncertainties(self) -> Uncertainties:
-        """Uncertainties of the reference, up to the end of the compared motion.
-
-        Raises:
-            SimulationError: as for :attr:`solution`.
-        """
+        """Uncertainties of the reference, up to the end of the compared motion."""
         motion = (self.solution, self.judged_to, self.scales, self.until.thrown)
         estimate = partial(reference_uncertainties, *motion, self.end, self._stretching)
         return self.worker.compute(estimate)
@@ -457,11 +432,7 @@ class Runner:
         )  # fmt: skip
 
     def problem(self, engine: Engine, given: Mechanism | None = None) -> Problem:
-        """Problem that an engine is to simulate.
-
-        Args:
-            given: a mechanism instead of the runner's.
-        """
+        """Problem that an engine is to simulate, of the given mechanism instead of the runner's."""
         duration = run_duration(self.end, engine.timestep or 0.0, self.solution.problem.duration)
         return Problem(given or self.mechanism, duration=duration, stop_law=self.law)
 

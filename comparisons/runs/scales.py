@@ -158,9 +158,7 @@ def _independence(solution: Solution, end: float, length: float) -> float:
 def away_from_poles(solution: Solution, t: FloatArray, time: float) -> BoolArray:
     """Times that are not beside a singular position, where forces grow beyond all bounds.
 
-    Args:
-        t: times [s], shape (n,).
-        time: characteristic time [s].
+    `time` is the characteristic time [s].
     """
     away = np.ones(len(t), dtype=bool)
     for passage in solution.singular_passages:

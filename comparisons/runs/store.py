@@ -87,12 +87,7 @@ class Store:
         return self.folder / f"{model}-{label.replace(' ', '-')}.nc"
 
     def trajectory(self, model: str, label: str, conditions: str) -> Trajectory | None:
-        """A kept trajectory made under these conditions; None if there is none, or it was changed.
-
-        Args:
-            label: engine and preset.
-            conditions: as :func:`conditions` gives them.
-        """
+        """A kept trajectory of these conditions; None if there is none, or it was changed."""
         path = self.path(model, label)
         # The checksum is compared before the file is opened: HDF5 may end the process over a broken
         # one.
@@ -117,10 +112,7 @@ class Store:
     def keep(
         self, trajectory: Trajectory, model: str, label: str, conditions: str, jobs: int = 1
     ) -> None:
-        """Write a trajectory.
-
-        Args:
-            jobs: runs made at once when it was.
+        """Write a trajectory that was made while so many `jobs` ran at once.
 
         Raises:
             InputError: the folder cannot be written to.
@@ -141,11 +133,7 @@ class Store:
         return self._read(name, self.records / f"{name}.json", kind, conditions)
 
     def keep_record(self, name: str, record: Spec, conditions: str, jobs: int = 1) -> None:
-        """Write a record.
-
-        Args:
-            jobs: runs made at once when its times were taken; at least as many as for what it was
-                made from.
+        """Write a record whose times were taken while so many `jobs` ran at once.
 
         Raises:
             InputError: the folder cannot be written to.
@@ -188,13 +176,8 @@ def conditions(*parts: object, engine: Engine | None = None, code: str | None = 
 
     The code that a run depends on, its version, Python, NumPy, SciPy and the kind of machine always
     belong to it; an engine does with its version, its settings and the files of its package, which
-    change without a new version while they are being written.
-
-    Args:
-        parts: what else decides it, e.g. hash of the mechanism, duration and law; each as JSON or
-            text.
-        engine: that makes it.
-        code: folder of further code that it depends on, below the package.
+    change without a new version while they are being written. So does `code`, a folder of further
+    code below the package.
     """
     folders = _SHARED if code is None else (*_SHARED, code)
     made_by: list[object] = [code_digest(*folders), __version__, platform.python_version()]

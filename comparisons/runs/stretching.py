@@ -106,13 +106,7 @@ class Stretching:
 
 
 def stretching_until(solution: Solution, end: float, scales: Scales) -> Stretching:
-    """Computes the growth of errors of a reference motion.
-
-    Args:
-        solution: of the reference.
-        end: of the compared motion [s].
-        scales: of the motion up to there.
-    """
+    """Computes the growth of errors of a reference motion up to `end` [s], by its scales."""
     changed = _Changed(solution, end, scales)
     t, mechanism = changed.t, solution.problem.mechanism
     others = chain(_with_other_inertias(mechanism), _with_other_forces(mechanism))
@@ -291,11 +285,7 @@ def parting(
 ) -> Iterator[Metric]:
     """Time of first parting and its base error, if the end is beyond the horizon.
 
-    Args:
-        reference: at the trajectory's times.
-        angles: which coordinates are angles, shape (n_q,).
-        scales: of the compared motion.
-        stretching: of the reference motion to its end.
+    The reference is at the trajectory's times; `angles` says which coordinates are angles.
     """
     end = float(stretching.t[-1])
     if stretching.horizon >= end:

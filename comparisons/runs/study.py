@@ -363,11 +363,7 @@ class Study:
         return tuple(self.engines)
 
     def engine(self, name: str, preset: str) -> Engine:
-        """An engine with the study's options.
-
-        Raises:
-            InputError: the preset or an option is not valid.
-        """
+        """An engine with the study's options; InputError: the preset or an option is not valid."""
         return registry.engine(name, preset, **options_for(name, self.options))
 
     def engine_for(self, model: str, time: float, made: Engine) -> Engine:
@@ -377,8 +373,7 @@ class Study:
         of a second to minutes: one step for all would say little of any.
 
         Args:
-            model: name of the mechanism.
-            time: characteristic time of its motion [s].
+            time: characteristic time of the mechanism's motion [s].
             made: as :meth:`engine` makes it.
         """
         in_library = model in self._problems and find_benchmark(model) is not None
@@ -399,11 +394,7 @@ class Study:
 
 
 def one_end(duration: float | None, until: str | float | None) -> str | float | None:
-    """The end of a compared motion, from either way of saying it.
-
-    Raises:
-        InputError: both are given.
-    """
+    """The end of a compared motion, from either way of saying it; InputError: both are given."""
     if duration is not None and until is not None:
         raise InputError(
             f"duration = {duration!r} s and until = {until!r} both name the end; "

@@ -133,11 +133,7 @@ class Needs:
         return self.by_quantity.get((metric.name, metric.subject), of_all)
 
     def refuse_what_only_files_tell(self) -> None:
-        """Refuse a tolerance that no run of an engine would be held to.
-
-        Raises:
-            InputError: the sentence names it.
-        """
+        """Raises InputError for a tolerance that no run of an engine would be held to."""
         for metric, _ in self.by_quantity:
             if QUANTITIES[metric].of_files:
                 title = QUANTITIES[metric].title
@@ -147,11 +143,7 @@ class Needs:
                 )
 
     def refuse_unknown_subjects(self, mechanisms: tuple[Mechanism, ...]) -> None:
-        """Refuse a subject that the quantity has on no mechanism.
-
-        Raises:
-            InputError: the sentence names it.
-        """
+        """Raises InputError for a subject that the quantity has on no mechanism."""
         for metric, subject in self.by_quantity:
             quantity = QUANTITIES[metric]
             known = {name for machine in mechanisms for name in quantity.subjects(machine)}
@@ -208,11 +200,7 @@ def tolerance_for(
     """Engine's own tolerance in plain units; None where none is stated, or it has no step.
 
     Args:
-        engine: its name.
-        preset: of the engine.
-        metric: its name.
         subject: marker, stop or joint that the metric is about; None: none.
-        mechanism: that the engine moves.
         step: of the engine on Table I [s].
         table_one: whether the mechanism is one of Table I (:func:`is_table_one`); ten times as much
             elsewhere.
@@ -294,10 +282,7 @@ def _judged(metric: Metric, run: Run, machine: Machine, needs: Needs) -> Metric:
 def _held_against(metric: Metric, applied: AppliedTolerance, most: float) -> Metric:
     """The metric with its tolerance, widened by what its samples leave unknown.
 
-    It is not judged if only that much can decide.
-
-    Args:
-        most: a claim may be widened up to this.
+    It is not judged if only that much can decide. A claim may be widened up to `most`.
     """
     unknown, value, reason = metric.sampling_error or 0.0, applied.value, applied.reason
     if unknown and metric.value is not None and abs(metric.value) > value:
