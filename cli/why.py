@@ -23,7 +23,7 @@ def explain_command(call: Call) -> bool:
 
     trebucheck explain --preset tuned --timestep 5e-4 --set l1=9.5 --out why
     """
-    from ..comparisons.explain.study import explain
+    from ..comparisons.explain import explain
     from ..comparisons.report.pages.explain import document
 
     how, store = call.run_options(), call.store()
@@ -56,7 +56,7 @@ def converge_command(call: Call) -> bool:
 
     trebucheck converge --models pendulum.json --until 5
     """
-    from ..comparisons.converge.study import converge
+    from ..comparisons.converge import converge
     from ..comparisons.report.pages.converge import document
 
     how, knobs, store = call.run_options(), call.names("knobs"), call.store()
@@ -104,7 +104,7 @@ def recommend_command(call: Call) -> None:
 
     trebucheck recommend --model pendulum.json --position 1e-4 --until 5
     """
-    from ..comparisons.recommend.study import recommend
+    from ..comparisons.recommend import recommend
     from ..comparisons.report.pages.recommend import document, files
     from ..models.files import write_text
 

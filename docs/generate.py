@@ -23,11 +23,11 @@ import trebucheck as tb
 import typer
 from mjcf_readme import readme
 from trebucheck.cli.app import app
-from trebucheck.comparisons.compare.study import Comparison
-from trebucheck.comparisons.converge.results import Studies
+from trebucheck.comparisons.compare import Comparison
+from trebucheck.comparisons.converge import Studies
 from trebucheck.comparisons.data.certified import names, publish
 from trebucheck.comparisons.diff import DifferenceData
-from trebucheck.comparisons.explain.results import Explanation
+from trebucheck.comparisons.explain import Explanation
 from trebucheck.comparisons.judge import Judgement
 from trebucheck.comparisons.matrix import distilled, orders_of
 from trebucheck.comparisons.matrix import matrix as read_matrix

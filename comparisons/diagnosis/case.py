@@ -8,10 +8,9 @@ deviation by least squares.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -21,83 +20,80 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.trajectory import PointMotion, Trajectory
 from ...reference.equations import Equations
+from ...reference.integrator import MOST_STEPS
 from ...reference.solution import MotionSamples, Solution
 from ...reference.solver import solve
 from ..runs.metrics import EVENT_GUARD
+from ..runs.quantities import Kind, Quantity
 from ..runs.results import RankedCause
 from .rank import Estimate
 
-ENERGIES = ("kinetic energy", "potential energy")
+ENERGIES = (Kind.KINETIC_ENERGY.value, Kind.POTENTIAL_ENERGY.value)
 _FAINT = 1e-4  # of the largest: earlier than this, rounding and steps are most of a deviation
+_SAMPLES = 300  # of the compared motion: enough to tell suspects apart
+_FEWEST = 3
+_ROUNDING = 1e-10  # of the forces of gravity
+_ROUGH_MARGIN = 10  # a fault's motion may be so many times as sensitive as the reference's
+_ROUGH_ENOUGH = 0.01  # error of a share up to which a rough one is of use
+_REFERENCE_STEPS = 100  # at least, as a measure of what a motion with a fault may cost
+FINE = 1e-11
+"""Tolerance of the suspects' motions."""
+ROUGH = 1e-6
+"""Tolerance at which suspects are tried that are probably not worth more."""
+PATIENCE = 20
+"""Steps of a motion with a fault, in parts of the reference's, which takes twice as many."""
 
 
-def _values(trajectory: Trajectory) -> dict[str, FloatArray]:
-    """All that a trajectory tells, by name as a report has it, each of shape (n, n_components)."""
-    stops = {
-        s.name: s.effort
-        for s in trajectory.mechanism.stops
-        if s.closed and s.name in trajectory.stop_torques
-    }
-    return {
-        "coordinates": trajectory.q,
-        "speeds of coordinates": trajectory.u,
-        **{
-            f"position of the {name}": marker.position
-            for name, marker in trajectory.markers.items()
-        },
-        **{
-            f"velocity of the {name}": marker.velocity
-            for name, marker in trajectory.markers.items()
-        },
-        **{
-            f"{effort} of the {name}": trajectory.stop_torques[name][:, None]
-            for name, effort in stops.items()
-        },
-        **{f"force of the {name}": force for name, force in trajectory.joint_reactions.items()},
-        "kinetic energy": trajectory.kinetic_energy[:, None],
-        "potential energy": trajectory.potential_energy[:, None],
-    }
+def _values(trajectory: Trajectory) -> dict[Quantity, FloatArray]:
+    """All that a trajectory tells, each of shape (n, n_components)."""
+    values = {Quantity(Kind.COORDINATES): trajectory.q, Quantity(Kind.SPEEDS): trajectory.u}
+    for name, marker in trajectory.markers.items():
+        values[Quantity(Kind.POSITION, name)] = marker.position
+    for name, marker in trajectory.markers.items():
+        values[Quantity(Kind.VELOCITY, name)] = marker.velocity
+    for stop in trajectory.mechanism.stops:
+        if stop.closed and stop.name in trajectory.stop_torques:
+            effort = trajectory.stop_torques[stop.name]
+            values[Quantity(Kind(stop.effort), stop.name)] = effort[:, None]
+    for name, force in trajectory.joint_reactions.items():
+        values[Quantity(Kind.FORCE, name)] = force
+    values[Quantity(Kind.KINETIC_ENERGY)] = trajectory.kinetic_energy[:, None]
+    values[Quantity(Kind.POTENTIAL_ENERGY)] = trajectory.potential_energy[:, None]
+    return values
 
 
-def _sizes(trajectory: Trajectory) -> dict[str, float | FloatArray]:
-    """The size of each of them in its own motion."""
-    n_angles = len(trajectory.mechanism.angles)
-    markers = trajectory.markers.items()
-    reach = max((_largest(m.position) for _, m in markers), default=0.0) or 1.0
-    speed = (
-        max((_largest(m.velocity) for _, m in markers), default=0.0)
-        or _largest(trajectory.u)
-        or 1.0
-    )
-    force = max((_largest(f) for f in trajectory.joint_reactions.values()), default=0.0) or 1.0
+def _sizes(trajectory: Trajectory) -> dict[Quantity, float | FloatArray]:
+    """Size of each of them in its own motion."""
+    values, n_angles = _values(trajectory), len(trajectory.mechanism.angles)
+
+    def largest(kind: Kind, subjects: Container[str | None]) -> float:
+        chosen = [v for (k, subject), v in values.items() if k == kind and subject in subjects]
+        return max(map(_largest, chosen), default=0.0)
+
+    reach = largest(Kind.POSITION, trajectory.markers) or 1.0
+    speed = largest(Kind.VELOCITY, trajectory.markers) or _largest(trajectory.u) or 1.0
+    rate = _largest(trajectory.u[:, :n_angles]) or 1.0
     energy = _largest(trajectory.kinetic_energy) or 1.0
     is_angle = np.arange(trajectory.q.shape[1]) < n_angles
-    rate = _largest(trajectory.u[:, :n_angles]) or 1.0
-    return {
-        "coordinates": np.where(is_angle, 1.0, reach),
-        "speeds of coordinates": np.where(is_angle, rate, speed),
-        **{f"position of the {name}": reach for name, _ in markers},
-        **{f"velocity of the {name}": speed for name, _ in markers},
-        **_stops(trajectory),
-        **{f"force of the {name}": force for name in trajectory.joint_reactions},
-        "kinetic energy": energy,
-        # Of a slow motion it is much the larger: in parts of the kinetic one it would outweigh all
-        # else.
-        "potential energy": max(energy, _largest(trajectory.potential_energy)),
+    by_kind: dict[Kind, float | FloatArray] = {
+        Kind.COORDINATES: np.where(is_angle, 1.0, reach),
+        Kind.SPEEDS: np.where(is_angle, rate, speed),
+        Kind.POSITION: reach,
+        Kind.VELOCITY: speed,
+        Kind.FORCE: largest(Kind.FORCE, trajectory.joint_reactions) or 1.0,
+        Kind.KINETIC_ENERGY: energy,
+        # The potential energy of a slow motion is much the larger one: in parts of the kinetic
+        # energy it would outweigh all else.
+        Kind.POTENTIAL_ENERGY: max(energy, _largest(trajectory.potential_energy)),
     }
-
-
-def _stops(trajectory: Trajectory) -> dict[str, float]:
-    """Sizes of the closed stops' torques and forces: the largest of their unit."""
-    stops = [
-        s for s in trajectory.mechanism.stops if s.closed and s.name in trajectory.stop_torques
-    ]
-    peak = {s.force_unit: 0.0 for s in stops}
-    for stop in stops:
-        peak[stop.force_unit] = max(
-            peak[stop.force_unit], _largest(trajectory.stop_torques[stop.name])
-        )
-    return {f"{s.effort} of the {s.name}": peak[s.force_unit] or 1.0 for s in stops}
+    sizes: dict[Quantity, float | FloatArray] = {}
+    for kind, subject in values:
+        if kind in (Kind.TORQUE, Kind.FORCE) and subject in trajectory.stop_torques:
+            # A stop's: the largest of any stop that pushes with the same kind.
+            sizes[Quantity(kind, subject)] = largest(kind, trajectory.stop_torques) or 1.0
+        else:
+            sizes[Quantity(kind, subject)] = by_kind[kind]
+    return sizes
 
 
 def _largest(values: FloatArray) -> float:
@@ -108,9 +104,11 @@ def _largest(values: FloatArray) -> float:
 class Channels:
     """Quantities of a deviation and their sizes, the same for all compared trajectories."""
 
-    sizes: Mapping[str, float | FloatArray]
+    sizes: Mapping[Quantity, float | FloatArray]
     """Size of each quantity in the reference; of an energy that of the larger motion."""
-    unusable: Mapping[str, float]
+    widths: Mapping[Quantity, int]
+    """Number of components of each quantity."""
+    unusable: Mapping[Quantity, float]
     """Quantities that are not finite, and from which time on [s]."""
 
     @classmethod
@@ -118,42 +116,57 @@ class Channels:
         cls, trajectory: Trajectory, reference: Trajectory, told: Container[str] | None = None
     ) -> Channels:
         """Those that both have, at the same times, and of them those that are told."""
-        given, right = _values(trajectory), _values(reference)
-        given = (
-            given if told is None else {name: each for name, each in given.items() if name in told}
-        )
-        common = [
-            name for name in right if name in given and given[name].shape == right[name].shape
-        ]
-        finite = {name: np.isfinite(given[name]).all(axis=1) for name in common}
-        unusable = {
-            name: float(trajectory.t[np.argmin(ok)]) for name, ok in finite.items() if not ok.all()
-        }
-        own, others = _sizes(reference), _sizes(trajectory)
-        sizes = {name: own[name] for name in common if name not in unusable}
+        recorded, right = _values(trajectory), _sizes(reference)
+        sizes: dict[Quantity, float | FloatArray] = {}
+        widths: dict[Quantity, int] = {}
+        unusable: dict[Quantity, float] = {}
+        for quantity, values in _values(reference).items():
+            if quantity not in recorded or not (told is None or quantity.text in told):
+                continue
+            if recorded[quantity].shape != values.shape:
+                continue
+            finite = np.isfinite(recorded[quantity]).all(axis=1)
+            if finite.all():
+                sizes[quantity], widths[quantity] = right[quantity], values.shape[1]
+            else:
+                unusable[quantity] = float(trajectory.t[np.argmin(finite)])
         # An energy goes with the square of a speed: one that is much too large would outweigh the
         # speeds themselves.
-        larger = {name: max(sizes[name], others[name]) for name in ENERGIES if name in sizes}
-        sizes |= {name: size for name, size in larger.items() if math.isfinite(size)}
-        return cls(sizes, unusable)
+        others = _sizes(trajectory)
+        for energy in (Quantity(Kind.KINETIC_ENERGY), Quantity(Kind.POTENTIAL_ENERGY)):
+            if energy in sizes and np.isfinite(others[energy]):
+                sizes[energy] = np.maximum(sizes[energy], others[energy])
+        return cls(sizes, widths, unusable)
 
-    def parts(self, one: Trajectory, other: Trajectory) -> dict[str, FloatArray]:
-        """Differences at the same times in units of size, each of shape (n, n_components)."""
-        first, second = _values(one), _values(other)
-        # A suspect may have lost the stop or the joint: then it carries nothing.
-        return {
-            name: (first.get(name, 0.0) - second[name]) / size for name, size in self.sizes.items()
-        }
+    @cached_property
+    def _columns(self) -> dict[Quantity, slice]:
+        """Columns of each quantity."""
+        ends = np.cumsum([0, *self.widths.values()]).tolist()
+        return dict(zip(self.widths, map(slice, ends, ends[1:]), strict=False))
 
-    def stacked(self, one: Trajectory, other: Trajectory) -> FloatArray:
-        """All parts beside each other, shape (n, n_channels)."""
-        return np.concatenate(list(self.parts(one, other).values()), axis=1)
+    @cached_property
+    def _scale(self) -> FloatArray:
+        """Size of each column."""
+        sizes = [np.broadcast_to(size, self.widths[name]) for name, size in self.sizes.items()]
+        return np.concatenate(sizes)
 
+    def stacked(self, trajectory: Trajectory) -> FloatArray:
+        """All quantities beside each other, shape (n, n_channels)."""
+        stacked = np.zeros((len(trajectory.t), len(self._scale)))
+        values = _values(trajectory)
+        for quantity, columns in self._columns.items():
+            # A suspect may have lost the stop or the joint: then it carries nothing.
+            if quantity in values:
+                stacked[:, columns] = values[quantity]
+        return stacked
 
-def weights(deviation: FloatArray) -> FloatArray:
-    """One over how large the deviation has become by each time, shape (n, 1)."""
-    grown = np.maximum.accumulate(np.abs(deviation).max(axis=1))
-    return 1.0 / np.maximum(grown, _FAINT * (grown[-1] or 1.0))[:, None]
+    def differences(self, one: FloatArray, other: FloatArray) -> FloatArray:
+        """Differences of two stacked motions at the same times, in units of size."""
+        return (one - other) / self._scale
+
+    def parts(self, stacked: FloatArray) -> dict[Quantity, FloatArray]:
+        """Columns of each quantity."""
+        return {quantity: stacked[:, columns] for quantity, columns in self._columns.items()}
 
 
 @dataclass(frozen=True)
@@ -191,46 +204,47 @@ def fit(deviation: FloatArray, signatures: FloatArray) -> tuple[FloatArray, floa
     size, lengths = float(np.linalg.norm(deviation)), np.linalg.norm(signatures, axis=1)
     if size == 0.0 or not lengths.all() or not np.isfinite(lengths).all():
         return np.zeros(len(signatures)), 0.0
-    factors = (
-        np.linalg.lstsq((signatures / lengths[:, None]).T, deviation, rcond=1e-10)[0] / lengths
-    )
+    unit = (signatures / lengths[:, None]).T
+    factors = np.linalg.lstsq(unit, deviation, rcond=1e-10)[0] / lengths
     return factors, 1.0 - float(np.linalg.norm(deviation - factors @ signatures)) / size
 
 
 def thinned(trajectory: Trajectory, keep: IndexArray) -> Trajectory:
     """The trajectory at some of its samples only."""
+
+    def kept(values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        return {name: array[keep] for name, array in values.items()}
+
     return replace(
         trajectory,
         t=trajectory.t[keep],
         q=trajectory.q[keep],
         u=trajectory.u[keep],
         markers={
-            n: PointMotion(m.position[keep], m.velocity[keep])
-            for n, m in trajectory.markers.items()
+            name: PointMotion(marker.position[keep], marker.velocity[keep])
+            for name, marker in trajectory.markers.items()
         },
         kinetic_energy=trajectory.kinetic_energy[keep],
         potential_energy=trajectory.potential_energy[keep],
-        stop_torques={n: torque[keep] for n, torque in trajectory.stop_torques.items()},
-        joint_reactions={n: force[keep] for n, force in trajectory.joint_reactions.items()},
-        joint_gaps={n: gap[keep] for n, gap in trajectory.joint_gaps.items()},
+        stop_torques=kept(trajectory.stop_torques),
+        joint_reactions=kept(trajectory.joint_reactions),
+        joint_gaps=kept(trajectory.joint_gaps),
     )
 
 
-_SAMPLES = 300  # of the compared motion: enough to tell suspects apart
-_FEWEST = 3
-_ROUNDING = 1e-10  # of the forces of gravity
-_ROUGH_MARGIN = 10  # a fault's motion may be so many times as sensitive as the reference's
-_ROUGH_ENOUGH = 0.01  # error of a share up to which a rough one is of use
-_REFERENCE_STEPS = 100  # at least, as a measure of what a motion with a fault may cost
-FINE = 1e-11
-"""Tolerance of the suspects' motions."""
-ROUGH = 1e-6
-"""Tolerance at which suspects are tried that are probably not worth more."""
-
-PATIENCE = 20
+def _solution(
+    problem: Problem, equations: Equations | None, tolerance: float, most_steps: int = MOST_STEPS
+) -> Solution | None:
+    """A motion; None if it cannot be computed."""
+    try:
+        with np.errstate(all="ignore"):
+            return solve(problem, tolerance, tolerance, equations, most_steps)
+    except (TrebucheckError, np.linalg.LinAlgError, ValueError):
+        return None
 
 
-"""Steps of a motion with a fault, in parts of the reference's, which takes twice as many."""
+_kept_solution: Callable[..., Solution | None] = lru_cache(maxsize=128)(_solution)
+"""The same, kept for the next run on the mechanism; equations count as the same object only."""
 
 
 @dataclass(frozen=True)
@@ -251,60 +265,49 @@ class Case:
         return self.solution.problem.mechanism
 
     @property
-    def compared(self) -> int:
-        """How many samples of the trajectory are compared."""
-        return int(np.searchsorted(self.whole.t, self.end, side="right"))
-
-    @property
     def can_be_read(self) -> bool:
         """Whether there are samples enough."""
-        return self.compared > _FEWEST and not self.misshapen
+        return self._compared > _FEWEST and not self.misshapen
+
+    @property
+    def _compared(self) -> int:
+        """How many samples of the trajectory are compared."""
+        return int(np.searchsorted(self.whole.t, self.end, side="right"))
 
     @property
     def misshapen(self) -> dict[str, str]:
         """Coordinates or speeds of another shape than the mechanism's, and their shape."""
         right = (len(self.whole.t), len(self.mechanism.coordinates))
-        given = {"coordinates": self.whole.q.shape, "speeds of coordinates": self.whole.u.shape}
+        shapes = {Kind.COORDINATES.value: self.whole.q.shape, Kind.SPEEDS.value: self.whole.u.shape}
         return {
-            name: f"{shape} instead of {right}" for name, shape in given.items() if shape != right
+            name: f"{shape} instead of {right}" for name, shape in shapes.items() if shape != right
         }
-
-    @property
-    def missing_markers(self) -> tuple[str, ...]:
-        """Markers of the mechanism that the trajectory does not have."""
-        return tuple(
-            marker.name
-            for marker in self.mechanism.markers
-            if marker.name not in self.whole.markers
-        )
 
     @cached_property
     def trajectory(self) -> Trajectory:
         """The recorded trajectory at some of its times."""
-        chosen = self._away[np.unique(np.linspace(0, len(self._away) - 1, _SAMPLES).astype(int))]
-        return thinned(self.whole, chosen)
-
-    @property
-    def _away(self) -> IndexArray:
-        """Compared samples that are not beside an event of either; all if few are left."""
-        every = np.arange(
-            1, self.compared
-        )  # without the start: an engine that records its states late starts there
-        motions = self.solution, self.whole
-        impacts = [time for motion in motions for time, _ in motion.impacts]
-        releases = [
-            time for motion in motions for time in motion.release_times.values() if time is not None
-        ]
-        t, guard = self.whole.t[every], EVENT_GUARD * self.step
+        # Without the start: an engine that records its states late starts there.
+        compared = np.arange(1, self._compared)
+        t, guard = self.whole.t[compared], EVENT_GUARD * self.step
         beside = np.zeros(len(t), dtype=bool)
-        for time in (*impacts, *releases):
-            beside |= np.abs(t - time) <= guard
-        return every[~beside] if (~beside).sum() > _FEWEST else every
+        for motion in (self.solution, self.whole):
+            releases = [time for time in motion.release_times.values() if time is not None]
+            for time in (*(impact for impact, _ in motion.impacts), *releases):
+                beside |= np.abs(t - time) <= guard
+        if (~beside).sum() > _FEWEST:
+            compared = compared[~beside]
+        chosen = np.unique(np.linspace(0, len(compared) - 1, _SAMPLES).astype(int))
+        return thinned(self.whole, compared[chosen])
 
     @property
     def t(self) -> FloatArray:
         """Times at which it is compared [s]."""
         return self.trajectory.t
+
+    @property
+    def step(self) -> float:
+        """The engine's [s]."""
+        return float(np.median(np.diff(self.whole.t)))
 
     @cached_property
     def motion(self) -> MotionSamples:
@@ -334,70 +337,88 @@ class Case:
         return Channels.of(self.trajectory, self.reference, self.told)
 
     @cached_property
+    def _right(self) -> FloatArray:
+        """The reference's values, shape (n, n_channels)."""
+        return self.channels.stacked(self.reference)
+
+    @cached_property
+    def differences(self) -> FloatArray:
+        """Differences from the reference in units of size, not weighted, (n, n_channels)."""
+        return self.channels.differences(self.channels.stacked(self.trajectory), self._right)
+
+    @cached_property
     def weights(self) -> FloatArray:
-        """Weight of each time, shape (n, 1)."""
-        return weights(self.channels.stacked(self.trajectory, self.reference))
+        """One over how large the deviation has become by each time, shape (n, 1)."""
+        grown = np.maximum.accumulate(np.abs(self.differences).max(axis=1))
+        return 1.0 / np.maximum(grown, _FAINT * (grown[-1] or 1.0))[:, None]
 
     @cached_property
     def deviation(self) -> FloatArray:
         """The deviation to be explained, flat."""
-        return self.signature(self.trajectory)
+        return (self.weights * self.differences).ravel()
 
     @cached_property
-    def shares(self) -> dict[str, float]:
+    def shares(self) -> dict[Quantity, float]:
         """Size of the deviation of each quantity, in parts of the whole."""
-        parts = self.channels.parts(self.trajectory, self.reference)
         size = float(np.linalg.norm(self.deviation)) or 1.0
+        parts = self.channels.parts(self.differences)
         return {
             name: float(np.linalg.norm(self.weights * part)) / size for name, part in parts.items()
         }
 
     @cached_property
-    def first_errors(self) -> dict[str, float]:
+    def first_errors(self) -> dict[Quantity, float]:
         """Largest deviation of each quantity at t = 0, in units of its size."""
         first = thinned(self.whole, np.zeros(1, dtype=int))
-        parts = self.channels.parts(first, self.solution.trajectory(first.t))
-        return {name: float(np.abs(part).max(initial=0.0)) for name, part in parts.items()}
+        right = self.channels.stacked(self.solution.trajectory(first.t))
+        errors = self.channels.differences(self.channels.stacked(first), right)
+        return {name: _largest(part) for name, part in self.channels.parts(errors).items()}
 
     def signature(self, wrong: Trajectory) -> FloatArray:
         """Signature of a trajectory at the same times, flat."""
-        return (self.weights * self.channels.stacked(wrong, self.reference)).ravel()
-
-    @property
-    def step(self) -> float:
-        """The engine's [s]."""
-        return float(np.median(np.diff(self.whole.t)))
+        differences = self.channels.differences(self.channels.stacked(wrong), self._right)
+        return (self.weights * differences).ravel()
 
     def carried(self, other: Trajectory) -> FloatArray:
         """Signature of a trajectory at other times, interpolated between its nearest samples."""
         after = np.minimum(np.searchsorted(other.t, self.t), len(other.t) - 1)
         near = thinned(other, np.unique([np.maximum(after - 1, 0), after]))
-        difference = self.channels.stacked(near, self.solution.trajectory(near.t))
-        columns = [np.interp(self.t, near.t, column) for column in difference.T]
+        right = self.channels.stacked(self.solution.trajectory(near.t))
+        differences = self.channels.differences(self.channels.stacked(near), right)
+        columns = [np.interp(self.t, near.t, column) for column in differences.T]
         return (self.weights * np.stack(columns, axis=1)).ravel()
 
-    def problem(self, mechanism: Mechanism) -> Problem:
-        """Problem of a mechanism, solved as far as is compared."""
-        law = StopLaw(self.solution.problem.stop_law)
+    def problem(self, mechanism: Mechanism, law: StopLaw | None = None) -> Problem:
+        """Problem of a mechanism, solved as far as is compared, by the reference's law or other."""
+        law = law or StopLaw(self.solution.problem.stop_law)
         return Problem(mechanism, duration=float(self.t[-1]), stop_law=law)
 
     def solved(
-        self, equations: Equations, patience: int = PATIENCE, tolerance: float = FINE
+        self,
+        fault: Equations | StopLaw,
+        patience: int = PATIENCE,
+        tolerance: float = FINE,
+        keep: bool = False,
     ) -> Solution | None:
-        """The motion under other equations; None if it cannot be computed.
+        """The motion under other equations, or another law of the stops; None if it has none.
 
         Args:
+            fault: what is wrong.
             patience: it is given up after so many times the reference's steps: equations that are
-                so stiff are far from any that fit.
+                so stiff are far from any that fit. Another law of the stops is not given up.
             tolerance: relative and absolute, of a step.
+            keep: the equations are kept, too, so that other runs may ask for the same motion.
         """
-        try:
-            with np.errstate(all="ignore"):
-                most = patience * self._reference_steps
-                problem = self.problem(equations.mechanism)
-                return solve(problem, tolerance, tolerance, equations, most)
-        except (TrebucheckError, np.linalg.LinAlgError, ValueError):
-            return None
+        solution = _kept_solution if keep else _solution
+        if isinstance(fault, StopLaw):
+            return solution(self.problem(self.mechanism, fault), None, tolerance)
+        most = patience * self._reference_steps
+        return solution(self.problem(fault.mechanism), fault, tolerance, most)
+
+    @cached_property
+    def _reference_steps(self) -> int:
+        steps = sum(len(segment.interpolant.ts) for segment in self.solution.segments)
+        return max(_REFERENCE_STEPS, steps)
 
     @cached_property
     def rough_error(self) -> float | None:
@@ -414,48 +435,34 @@ class Case:
         error = _ROUGH_MARGIN * float(np.linalg.norm(signature)) / size
         return error if error <= _ROUGH_ENOUGH else None
 
-    @cached_property
-    def _reference_steps(self) -> int:
-        return max(
-            _REFERENCE_STEPS, sum(len(segment.interpolant.ts) for segment in self.solution.segments)
-        )
-
-    def under(self, law: StopLaw, tolerance: float = FINE) -> Solution | None:
-        """The motion under the other law of the stops; None if it cannot be computed."""
-        problem = Problem(self.mechanism, duration=float(self.t[-1]), stop_law=law)
-        try:
-            return solve(problem, tolerance, tolerance)
-        except (TrebucheckError, np.linalg.LinAlgError, ValueError):
-            return None
-
     def seen(self, wrong: Solution, motion: MotionSamples) -> tuple[FloatArray, FloatArray]:
         """Signatures of a faulty motion, read by an engine with the fault, and by others.
 
         An engine with a wrong body computes markers and energies by that; an adapter that gets
         coordinates from the engine computes them from the right description.
         """
-        told = self.reference.provenance
-        own = wrong.reading(self.t, motion, told)
-        right = self.solution.reading(self.t, replace(self.motion, q=motion.q, u=motion.u), told)
+        provenance = self.reference.provenance
+        own = wrong.reading(self.t, motion, provenance)
+        states = replace(self.motion, q=motion.q, u=motion.u)
+        right = self.solution.reading(self.t, states, provenance)
         mixed = replace(right, stop_torques=own.stop_torques, joint_reactions=own.joint_reactions)
         return self.signature(own), self.signature(mixed)
 
+    def estimated(
+        self, cause: RankedCause, share: Callable[[float], float | None], fine: float = FINE
+    ) -> RankedCause | Estimate:
+        """A cause by its rough share where that is of use, else by its accurate one.
 
-def estimate(
-    cause: RankedCause, share: Callable[[bool], float | None], error: float | None
-) -> RankedCause | Estimate:
-    """A cause by its rough share where that is of use, else by its accurate one.
+        Args:
+            cause: without its share.
+            share: computes it from a motion of some tolerance; None where there is none.
+            fine: tolerance of the accurate share.
+        """
 
-    Args:
-        cause: without its share.
-        share: computes it, roughly if its argument is true; None where no motion can be solved.
-        error: of a rough share; None where it is of no use.
-    """
+        def accurate() -> RankedCause:
+            return cause.model_copy(update={"explained": share(fine) or 0.0})
 
-    def accurate() -> RankedCause:
-        return cause.model_copy(update={"explained": share(False) or 0.0})
-
-    rough = None if error is None else share(True)
-    if rough is None or error is None:
-        return accurate()
-    return Estimate(cause.model_copy(update={"explained": rough}), error, accurate)
+        rough = None if self.rough_error is None else share(ROUGH)
+        if rough is None or self.rough_error is None:
+            return accurate()
+        return Estimate(cause.model_copy(update={"explained": rough}), self.rough_error, accurate)

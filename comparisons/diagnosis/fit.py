@@ -28,112 +28,14 @@ from ...models.arrays import FloatArray
 from ...models.errors import TrebucheckError
 from ...models.kinematics import initial_state
 from ...models.mechanism import Mechanism
-from ...models.problem import Problem
 from ...reference.equations import Equations
-from ...reference.solution import MotionSamples, Segment, Solution
+from ...reference.solution import Segment, Solution
 from ..runs.results import RankedCause
 from .case import PATIENCE, Case, fit, match
-from .faults import Hypothesis, gross_faults, hypotheses, once_a_mechanism
+from .faults import Fault, gross_faults, hypotheses, once_a_mechanism
 from .rank import EXACT
 
 _STEP = 1e-6  # of a state, in parts of its size, for central differences
-
-
-@dataclass(frozen=True)
-class _Path:
-    """The reference in one segment, at the ends and the middles of its m intervals."""
-
-    times: FloatArray
-    y: FloatArray
-    closed: tuple[str, ...]
-
-
-def first_order(solution: Solution, faulty: Sequence[Equations], t: FloatArray) -> FloatArray:
-    """Change of the state (q, u) that each fault causes, shape (n_faulty, n_t, 2 n_q).
-
-    Args:
-        solution: the reference's, without impacts up to the last time.
-        faulty: equations of mechanisms with a small fault; their starts count.
-        t: ascending times [s], shape (n_t,).
-    """
-    start = np.concatenate(initial_state(solution.problem.mechanism))
-    s = np.stack(
-        [np.concatenate(initial_state(equations.mechanism)) - start for equations in faulty], axis=1
-    )
-    times, states = [np.zeros(1)], [s[None]]
-    for path in _paths(solution, t):
-        grown = _integrated(solution.equations, faulty, path, s)
-        times.append(path.times[2::2])
-        states.append(grown)
-        s = grown[-1]
-    nodes, grown = np.concatenate(times), np.concatenate(states)
-    return np.moveaxis(grown[np.searchsorted(nodes, t)], 2, 0)
-
-
-def _paths(solution: Solution, t: FloatArray) -> list[_Path]:
-    return [_path(segment, t) for segment in solution.segments if segment.start < t[-1]]
-
-
-def _path(segment: Segment, t: FloatArray) -> _Path:
-    end = min(segment.end, float(t[-1]))
-    inside = [
-        values[(values > segment.start) & (values < end)] for values in (t, segment.interpolant.ts)
-    ]
-    nodes = np.unique(np.concatenate([[segment.start, end], *inside]))
-    times = np.empty(2 * len(nodes) - 1)
-    times[::2], times[1::2] = nodes, 0.5 * (nodes[1:] + nodes[:-1])
-    return _Path(times, np.asarray(segment.interpolant(times)).T, segment.closed)
-
-
-def _integrated(
-    right: Equations, faulty: Sequence[Equations], path: _Path, s: FloatArray
-) -> FloatArray:
-    """The change at the end of each interval, shape (m, 2 n_q, n_faulty), from that at first."""
-    jacobian, forcing = _jacobian(right, path), _forcing(right, faulty, path)
-    results: list[FloatArray] = []
-    for i, h in zip(
-        range(0, len(path.times) - 2, 2), path.times[2::2] - path.times[:-2:2], strict=True
-    ):
-        k1 = jacobian[i] @ s + forcing[i]
-        k2 = jacobian[i + 1] @ (s + 0.5 * h * k1) + forcing[i + 1]
-        k3 = jacobian[i + 1] @ (s + 0.5 * h * k2) + forcing[i + 1]
-        k4 = jacobian[i + 2] @ (s + h * k3) + forcing[i + 2]
-        s = s + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        results.append(s)
-    return np.array(results)
-
-
-def _accelerations(equations: Equations, y: FloatArray, closed: tuple[str, ...]) -> FloatArray:
-    n = y.shape[-1] // 2
-    return equations.solve(y[..., :n], y[..., n:], closed)[0]
-
-
-def _jacobian(right: Equations, path: _Path) -> FloatArray:
-    """D(u, a)/dy, shape (2 m + 1, 2 n_q, 2 n_q), by central differences."""
-    n = path.y.shape[1] // 2
-    size = np.concatenate([np.ones(n), np.full(n, np.abs(path.y[:, n:]).max() or 1.0)])
-    jacobian = np.zeros((len(path.y), 2 * n, 2 * n))
-    jacobian[:, :n, n:] = np.eye(n)
-    for k, step in enumerate(_STEP * size):
-        shift = np.zeros(2 * n)
-        shift[k] = step
-        ahead, behind = (
-            _accelerations(right, path.y + sign * shift, path.closed) for sign in (1, -1)
-        )
-        jacobian[:, n:, k] = (ahead - behind) / (2 * step)
-    return jacobian
-
-
-def _forcing(right: Equations, faulty: Sequence[Equations], path: _Path) -> FloatArray:
-    """Rates that each fault adds in the same state, shape (2 m + 1, 2 n_q, n_faulty)."""
-    n = path.y.shape[1] // 2
-    own = _accelerations(right, path.y, path.closed)
-    forcing = np.zeros((len(path.y), 2 * n, len(faulty)))
-    for k, equations in enumerate(faulty):
-        forcing[:, n:, k] = _accelerations(equations, path.y, path.closed) - own
-    return forcing
-
-
 _WINDOWS = (0.08, 0.3, 1.0)  # parts of the motion to which suspects are fitted to first order
 _SOLVED = 3  # suspects of each window that are then solved
 _ALIKE = 6  # that are, where so many account for all of it
@@ -147,91 +49,108 @@ _STILL = 1e-10  # of the accelerations: rounding
 _PARSIMONY = 0.5
 
 
+# -------------------------------------------------------------------------------- first order
+
+
+def first_order(solution: Solution, faulty: Sequence[Equations], t: FloatArray) -> FloatArray:
+    """Change of the state (q, u) that each fault causes, shape (n_faulty, n_t, 2 n_q).
+
+    Args:
+        solution: the reference's, without impacts up to the last time.
+        faulty: equations of mechanisms with a small fault; their starts count.
+        t: ascending times [s], shape (n_t,).
+    """
+    start = np.concatenate(initial_state(solution.problem.mechanism))
+    starts = [np.concatenate(initial_state(equations.mechanism)) for equations in faulty]
+    s = np.stack([wrong - start for wrong in starts], axis=1)
+    nodes, changes = [np.zeros(1)], [s[None]]
+    for segment in solution.segments:
+        if segment.start < t[-1]:
+            ends, grown = _along(segment, solution.equations, faulty, t, s)
+            nodes.append(ends)
+            changes.append(grown)
+            s = grown[-1]
+    at_nodes = np.searchsorted(np.concatenate(nodes), t)
+    return np.moveaxis(np.concatenate(changes)[at_nodes], 2, 0)
+
+
+def _along(
+    segment: Segment, right: Equations, faulty: Sequence[Equations], t: FloatArray, s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Ends of m intervals of a segment [s], and the change there, shape (m, 2 n_q, n_faulty)."""
+    end = min(segment.end, float(t[-1]))
+    ends = [np.array([segment.start, end])]
+    for inside in (t, segment.interpolant.ts):
+        ends.append(inside[(inside > segment.start) & (inside < end)])
+    nodes = np.unique(np.concatenate(ends))
+    times = np.empty(2 * len(nodes) - 1)  # ends and middles of the intervals
+    times[::2], times[1::2] = nodes, 0.5 * (nodes[1:] + nodes[:-1])
+    y = np.asarray(segment.interpolant(times)).T
+    n = y.shape[1] // 2
+
+    def accelerations(equations: Equations, y: FloatArray) -> FloatArray:
+        return equations.solve(y[..., :n], y[..., n:], segment.closed)[0]
+
+    # d(u, a)/dy by central differences, shape (2 m + 1, 2 n_q, 2 n_q)
+    size = np.concatenate([np.ones(n), np.full(n, np.abs(y[:, n:]).max() or 1.0)])
+    jacobian = np.zeros((len(y), 2 * n, 2 * n))
+    jacobian[:, :n, n:] = np.eye(n)
+    for k, step in enumerate(_STEP * size):
+        shift = np.zeros(2 * n)
+        shift[k] = step
+        ahead, behind = (accelerations(right, y + sign * shift) for sign in (1, -1))
+        jacobian[:, n:, k] = (ahead - behind) / (2 * step)
+    # Rates that each fault adds in the same state, shape (2 m + 1, 2 n_q, n_faulty)
+    own = accelerations(right, y)
+    forcing = np.zeros((len(y), 2 * n, len(faulty)))
+    for k, equations in enumerate(faulty):
+        forcing[:, n:, k] = accelerations(equations, y) - own
+
+    grown: list[FloatArray] = []
+    for m, h in enumerate(times[2::2] - times[:-2:2]):
+        i = 2 * m
+        k1 = jacobian[i] @ s + forcing[i]
+        k2 = jacobian[i + 1] @ (s + 0.5 * h * k1) + forcing[i + 1]
+        k3 = jacobian[i + 1] @ (s + 0.5 * h * k2) + forcing[i + 1]
+        k4 = jacobian[i + 2] @ (s + h * k3) + forcing[i + 2]
+        s = s + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        grown.append(s)
+    return nodes[1:], np.array(grown)
+
+
+# -------------------------------------------------------------------------------------- fits
+
+
 @dataclass(frozen=True)
-class _Lead:
-    """A hypothesis, as fitted to first order."""
+class Fit:
+    """A fault of a size, with the share of the deviation that it accounts for."""
 
-    hypothesis: Hypothesis
-    signatures: FloatArray
-    """Signatures of its components, shape (n, m)."""
-    reading: int
-    """0: as an engine reads it that believes in the fault; 1: as others do."""
-    factors: FloatArray
-    explained: float
-
-
-@dataclass(frozen=True)
-class Found:
-    """A hypothesis of a size, with the share of the deviation that its motion accounts for."""
-
-    hypothesis: Hypothesis
+    fault: Fault
     factors: FloatArray
     explained: float
 
     @property
     def cause(self) -> RankedCause:
         """The cause as reported."""
-        text = self.hypothesis.text(self.factors.tolist())
         return RankedCause(
-            name=self.hypothesis.name,
-            kind=self.hypothesis.kind,
-            amount=text,
+            name=self.fault.name,
+            kind=self.fault.kind,
+            amount=self.fault.text(self.factors.tolist()),
             explained=self.explained,
         )
 
 
-def fitting_faults(case: Case) -> list[RankedCause]:
-    """The faults that fit the deviation, each as large as it fits best."""
-    every = _signatures(case)
-    found: dict[str, Found] = {}
-    for part in _WINDOWS:
-        for lead in _leads(case, every, part):
-            result, group = _solved(case, lead, part), lead.hypothesis.group
-            if result is not None:
-                found[group] = better(found[group], result) if group in found else result
-        if any(each.explained > EXACT for each in found.values()):
-            break
-    order = list(dict.fromkeys(hypothesis.group for hypothesis, _ in every))
-    return [found[group].cause for group in order if group in found]
+@dataclass(frozen=True)
+class _Lead(Fit):
+    """A fit to first order."""
+
+    signatures: FloatArray
+    """Signatures of its components, shape (n, m)."""
+    reading: int
+    """0: as an engine reads it that believes in the fault; 1: as others do."""
 
 
-def faults_at_the_same_motion(case: Case) -> Iterator[RankedCause]:
-    """Faults that change forces or energies and no motion, as mistakes of reading do."""
-    for hypothesis in hypotheses(case.mechanism):
-        units = np.eye(len(hypothesis.components)).tolist()
-        found = [_unmoved(case, hypothesis.make(unit)) for unit in units]
-        signatures = [signature for signature in found if signature is not None]
-        if len(signatures) < len(found):
-            continue
-        for reading in range(2):
-            factors, _ = fit(case.deviation, np.array([each[reading] for each in signatures]))
-            sized = (
-                _unmoved(case, hypothesis.equations(factors.tolist())) if factors.any() else None
-            )
-            if sized is not None:
-                share = match(case.deviation, sized[reading], fixed=True).explained
-                yield Found(hypothesis, factors, share).cause
-    for name, equations in gross_faults(case.mechanism):
-        found = _unmoved(case, equations)
-        if found is not None:
-            shares = [match(case.deviation, signature, fixed=True).explained for signature in found]
-            yield RankedCause(name=name, kind="law", explained=max(shares))
-
-
-def _unmoved(case: Case, equations: Equations | None) -> FloatArray | None:
-    """Both readings of the reference's motion by other equations; None if those move it."""
-    if equations is None or equations.mechanism.start != case.mechanism.start:
-        return None
-    wrong = replace(case.solution, problem=_problem(case, equations), equations=equations)
-    try:
-        motion = wrong.motion_of(case.t, case.motion.q, case.motion.u)
-    except (TrebucheckError, np.linalg.LinAlgError, ValueError):
-        return None
-    moved = np.abs(motion.a - case.motion.a).max() > _STILL * np.abs(case.motion.a).max(initial=0.0)
-    return None if moved else np.array(case.seen(wrong, motion))
-
-
-def better(one: Found, other: Found) -> Found:
+def better(one: Fit, other: Fit) -> Fit:
     """The better fit; a fault of two numbers has to leave much less than one of one number."""
     simple, general = sorted((one, other), key=lambda found: len(found.factors))
     if simple.explained >= EXACT:
@@ -242,84 +161,102 @@ def better(one: Found, other: Found) -> Found:
     return general if 1 - general.explained < left else simple
 
 
-def _leads(
-    case: Case, every: Sequence[tuple[Hypothesis, FloatArray]], part: float
-) -> Iterator[_Lead]:
-    """The groups that fit the first part of the motion best, each by the best of its hypotheses."""
-    fitted = sorted((_fitted(case, h, s, part) for h, s in every), key=lambda lead: -lead.explained)
-    groups = dict.fromkeys(lead.hypothesis.group for lead in fitted)
-    alike = dict.fromkeys(lead.hypothesis.group for lead in fitted if lead.explained > EXACT)
-    for group in list(groups)[: min(max(_SOLVED, len(alike)), _ALIKE)]:
-        members = [lead for lead in fitted if lead.hypothesis.group == group]
-        yield from (m for m in members if m.explained > _WORTH_SOLVING * members[0].explained)
+def fitting_faults(case: Case) -> list[RankedCause]:
+    """The faults that fit the deviation, each as large as it fits best."""
+    signatures = _signatures(case)
+    best: dict[str, Fit] = {}
+    for part in _WINDOWS:
+        for lead in _leads(case, signatures, part):
+            solved, group = _solved(case, lead, part), lead.fault.group
+            if solved is not None:
+                best[group] = better(best[group], solved) if group in best else solved
+        if any(fitted.explained > EXACT for fitted in best.values()):
+            break
+    groups = dict.fromkeys(fault.group for fault, _ in signatures)
+    return [best[group].cause for group in groups if group in best]
 
 
-def _fitted(case: Case, hypothesis: Hypothesis, readings: FloatArray, part: float) -> _Lead:
-    """The lead fitted to the first part of the motion, by the reading that fits better."""
-    n = _first(case, part)
-    fits = [fit(case.deviation[:n], signatures[:, :n]) for signatures in readings]
-    best = max(range(len(fits)), key=lambda k: fits[k][1])
-    return _Lead(hypothesis, readings[best], best, *fits[best])
-
-
-def _signatures(case: Case) -> list[tuple[Hypothesis, FloatArray]]:
-    """Each hypothesis with the signatures of its components by both readings.
-
-    These are of shape (2, n_components, m).
-    """
+def _signatures(case: Case) -> list[tuple[Fault, FloatArray]]:
+    """Each fault with its components' signatures by both readings, (2, n_components, m)."""
     small = _small_faults(case.mechanism)
-    rows = iter(_responses(case, [each for _, equations in small for each in equations]))
+    faulty = [equations for _, several in small for equations in several]
+    rows: list[FloatArray] = []
+    if case.has_impacts:
+        # From the solved motion; zero where it has none.
+        for equations in faulty:
+            solution, row = case.solved(equations), np.zeros((2, len(case.deviation)))
+            if solution is not None:
+                row = np.array(case.seen(solution, solution.motion(case.t)))
+            rows.append(row)
+    else:
+        n = case.motion.q.shape[1]
+        changes = first_order(case.solution, faulty, case.t)
+        for equations, change in zip(faulty, changes, strict=True):
+            wrong = _with_equations(case, equations)
+            q, u = case.motion.q + change[:, :n], case.motion.u + change[:, n:]
+            rows.append(np.array(case.seen(wrong, wrong.motion_of(case.t, q, u))))
+    left = iter(rows)
     return [
-        (hypothesis, np.array([next(rows) for _ in equations]).swapaxes(0, 1))
-        for hypothesis, equations in small
+        (fault, np.array([next(left) for _ in several]).swapaxes(0, 1)) for fault, several in small
     ]
 
 
 @once_a_mechanism
-def _small_faults(mechanism: Mechanism) -> tuple[tuple[Hypothesis, tuple[Equations, ...]], ...]:
-    """Hypotheses with their equations, of the small size of each component alone."""
-    found: list[tuple[Hypothesis, tuple[Equations, ...]]] = []
-    for hypothesis in hypotheses(mechanism):
-        made = [hypothesis.make(unit.tolist()) for unit in np.eye(len(hypothesis.components))]
+def _small_faults(mechanism: Mechanism) -> tuple[tuple[Fault, tuple[Equations, ...]], ...]:
+    """Faults with their equations, of the small size of each component alone."""
+    small: list[tuple[Fault, tuple[Equations, ...]]] = []
+    for fault in hypotheses(mechanism):
+        made = [fault.make(unit.tolist()) for unit in np.eye(len(fault.components))]
         equations = tuple(each for each in made if each is not None)
         if len(equations) == len(made):
-            found.append((hypothesis, equations))
-    return tuple(found)
+            small.append((fault, equations))
+    return tuple(small)
 
 
-def _responses(case: Case, faulty: Sequence[Equations]) -> Iterator[FloatArray]:
-    """The signatures of small faults by both readings, each of shape (2, m)."""
-    if case.has_impacts:
-        yield from (_solved_response(case, equations) for equations in faulty)
-        return
-    n = case.motion.q.shape[1]
-    for equations, change in zip(faulty, first_order(case.solution, faulty, case.t), strict=True):
-        wrong = replace(case.solution, problem=_problem(case, equations), equations=equations)
-        motion = wrong.motion_of(
-            case.t, case.motion.q + change[:, :n], case.motion.u + change[:, n:]
-        )
-        yield np.array(case.seen(wrong, motion))
+def _with_equations(case: Case, equations: Equations) -> Solution:
+    """The reference's segments under other equations, to read states by."""
+    changed = {"mechanism": equations.mechanism}
+    problem = case.solution.problem.model_copy(update=changed)
+    return replace(case.solution, problem=problem, equations=equations)
 
 
-def _problem(case: Case, equations: Equations) -> Problem:
-    return case.solution.problem.model_copy(update={"mechanism": equations.mechanism})
+def _leads(
+    case: Case, signatures: Sequence[tuple[Fault, FloatArray]], part: float
+) -> Iterator[_Lead]:
+    """The groups that fit the first part of the motion best, each by the best of its faults."""
+    n, leads = _first(case, part), list[_Lead]()
+    for fault, readings in signatures:
+        fits = [fit(case.deviation[:n], components[:, :n]) for components in readings]
+        best = max(range(len(fits)), key=lambda k: fits[k][1])
+        leads.append(_Lead(fault, *fits[best], readings[best], best))
+    leads.sort(key=lambda lead: -lead.explained)
+    groups: dict[str, list[_Lead]] = {}
+    for lead in leads:
+        groups.setdefault(lead.fault.group, []).append(lead)
+    alike = {lead.fault.group for lead in leads if lead.explained > EXACT}
+    for members in list(groups.values())[: min(max(_SOLVED, len(alike)), _ALIKE)]:
+        worth = _WORTH_SOLVING * members[0].explained
+        yield from (member for member in members if member.explained > worth)
 
 
-def _solved_response(case: Case, equations: Equations) -> FloatArray:
-    """The same from the solved motion, for motions with impacts; zero where it has none."""
-    solution = case.solved(equations)
-    if solution is None:
-        return np.zeros((2, len(case.deviation)))
-    return np.array(case.seen(solution, solution.motion(case.t)))
+def _first(case: Case, part: float) -> int:
+    """How many values of a signature belong to the first part of the motion."""
+    return max(1, round(part * len(case.t))) * (len(case.deviation) // len(case.t))
 
 
-def _solved(case: Case, lead: _Lead, part: float) -> Found | None:
-    """The hypothesis of the size that fits best; None where no size can be solved.
+def _share(case: Case, signature: FloatArray, part: float) -> float:
+    """Share of the deviation in the first part of the motion that a signature explains."""
+    n = _first(case, part)
+    return match(case.deviation[:n], signature[:n], fixed=True).explained
+
+
+def _solved(case: Case, lead: _Lead, part: float) -> Fit | None:
+    """The fault of the size that fits best; None where no size can be solved.
 
     It is corrected by that part of the motion to which it was fitted, then by more of it: what is
     wrong by much may be of no use as a measure of a size at the end.
     """
-    best: Found | None = None
+    best: Fit | None = None
     factors, windows = lead.factors, [other for other in _WINDOWS if other >= part]
     corrections, patience = _CORRECTIONS, PATIENCE
     if lead.explained <= _HOPELESS:
@@ -334,44 +271,64 @@ def _solved(case: Case, lead: _Lead, part: float) -> Found | None:
             continue
         share = _share(case, signature, 1.0)
         if best is None or share > best.explained:
-            best = Found(lead.hypothesis, factors, share)
+            best = Fit(lead.fault, factors, share)
         while len(windows) > 1 and _share(case, signature, windows[0]) > EXACT:
             windows, before = windows[1:], 0.0
         here = _share(case, signature, windows[0])
         if share > EXACT or (before and here < before + _GAIN):
             break
         before = max(before, here)
-        factors = _corrected(case, lead, factors, signature, windows[0])
+        # One number is corrected by the secant through zero, several to first order.
+        n = _first(case, windows[0])
+        if len(factors) == 1:
+            factors = factors * fit(case.deviation[:n], signature[None, :n])[0]
+        else:
+            left = case.deviation[:n] - signature[:n]
+            factors = factors + fit(left, lead.signatures[:, :n])[0]
     return best
-
-
-def _share(case: Case, signature: FloatArray, part: float) -> float:
-    """Share of the deviation in the first part of the motion that a signature explains."""
-    n = _first(case, part)
-    return match(case.deviation[:n], signature[:n], fixed=True).explained
-
-
-def _first(case: Case, part: float) -> int:
-    """How many values of a signature belong to the first part of the motion."""
-    return max(1, round(part * len(case.t))) * (len(case.deviation) // len(case.t))
 
 
 def _measured(case: Case, lead: _Lead, factors: FloatArray, patience: int) -> FloatArray | None:
     """Signature of the motion with the fault of a size, read as the lead has it."""
-    equations = lead.hypothesis.equations(factors.tolist())
+    equations = lead.fault.equations(factors.tolist())
     solution = None if equations is None else case.solved(equations, patience)
     if solution is None:
         return None
-    motion: MotionSamples = solution.motion(case.t)
-    signature = case.seen(solution, motion)[lead.reading]
+    signature = case.seen(solution, solution.motion(case.t))[lead.reading]
     return signature if np.isfinite(signature).all() else None
 
 
-def _corrected(
-    case: Case, lead: _Lead, factors: FloatArray, signature: FloatArray, part: float
-) -> FloatArray:
-    """The corrected size: one number by the secant through zero, several to first order."""
-    n = _first(case, part)
-    if len(factors) == 1:
-        return factors * fit(case.deviation[:n], signature[None, :n])[0]
-    return factors + fit(case.deviation[:n] - signature[:n], lead.signatures[:, :n])[0]
+def faults_at_the_same_motion(case: Case) -> Iterator[RankedCause]:
+    """Faults that change forces or energies and no motion, as mistakes of reading do."""
+    for fault in hypotheses(case.mechanism):
+        units = np.eye(len(fault.components)).tolist()
+        found = [_unmoved(case, fault.make(unit)) for unit in units]
+        signatures = [signature for signature in found if signature is not None]
+        if len(signatures) < len(found):
+            continue
+        for reading in range(2):
+            factors, _ = fit(case.deviation, np.array([each[reading] for each in signatures]))
+            if not factors.any():
+                continue
+            sized = _unmoved(case, fault.equations(factors.tolist()))
+            if sized is not None:
+                share = match(case.deviation, sized[reading], fixed=True).explained
+                yield Fit(fault, factors, share).cause
+    for fault in gross_faults(case.mechanism):
+        found = _unmoved(case, fault.make(()))
+        if found is not None:
+            shares = [match(case.deviation, signature, fixed=True).explained for signature in found]
+            yield RankedCause(name=fault.name, kind=fault.kind, explained=max(shares))
+
+
+def _unmoved(case: Case, equations: Equations | None) -> FloatArray | None:
+    """Both readings of the reference's motion by other equations; None if those move it."""
+    if equations is None or equations.mechanism.start != case.mechanism.start:
+        return None
+    wrong = _with_equations(case, equations)
+    try:
+        motion = wrong.motion_of(case.t, case.motion.q, case.motion.u)
+    except (TrebucheckError, np.linalg.LinAlgError, ValueError):
+        return None
+    moved = np.abs(motion.a - case.motion.a).max() > _STILL * np.abs(case.motion.a).max(initial=0.0)
+    return None if moved else np.array(case.seen(wrong, motion))

@@ -18,13 +18,13 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.elements import GROUND
-from ...models.mechanism import Body, Mechanism
+from ...models.mechanism import Mechanism
 from ...models.spec import Vector
 from ...models.trajectory import PointMotion, Trajectory
 from ...reference.equations import Equations
 from ...reference.solution import Solution
 from ..runs.quantities import Kind
-from .faults import mechanism_length
+from .faults import mechanism_length, parallel_axis_term
 
 NO_MOTION = "no motion: everything as at the start"
 
@@ -71,6 +71,7 @@ def change(
     """A trajectory with the arrays of some kinds of quantity changed.
 
     Args:
+        r: the trajectory.
         kinds: torques are those of all stops, forces those of all joints.
         to: new values by kind, subject ('' of coordinates and energies) and old values.
         only: subjects that are changed; None: all.
@@ -124,12 +125,33 @@ def all_readings(
             yield _unsized(f"{what} {how}", reference, kinds, mirror)
     yield from _points(reference)
     yield from _of_coordinates(reference)
-    yield from _rounded(reference, recorded)
-    yield _frozen(solution, reference)
+    # The reference, rounded in those quantities that are rounded in the recorded trajectory.
+    given = _values(recorded)
+    for what, cut in _CUTS.items():
+
+        def rounded(kind: Kind, subject: str, v: FloatArray, cut: Transform = cut) -> FloatArray:
+            other = given.get((kind, subject))
+            return cut(v) if other is not None and np.array_equal(cut(other), other) else v
+
+        yield Reading(f"values in {what}", (change(reference, _ALL, rounded),))
+    # Everything as at the start; forces stay, which may be those of a state at rest.
+    start = _values(solution.trajectory(np.zeros(1)))
+
+    def frozen(kind: Kind, subject: str, v: FloatArray) -> FloatArray:
+        return np.broadcast_to(start[kind, subject], v.shape) if kind in _PLACES else 0.0 * v
+
+    yield Reading(NO_MOTION, (change(reference, _ALL - _FORCES, frozen),))
     yield from _energies(reference)
     yield from _late(solution, reference, step)
     yield from _forces(reference, recorded)
-    yield from _torques(reference, recorded)
+    # Torques of stops, and forces of those on points, each under another one's name.
+    stops = [stop.name for stop in reference.mechanism.stops if stop.closed]
+    right = _common({n: reference.stop_torques[n] for n in stops}, recorded.stop_torques)
+    exchanged = _exchange("torques of the ", right, recorded.stop_torques)
+    if exchanged is not None:
+        torques = {name: right[other] for name, other in exchanged[1].items()}
+        every = {**reference.stop_torques, **torques}
+        yield Reading(exchanged[0], (replace(reference, stop_torques=every),))
     yield from _markers(reference, recorded)
     yield from _orders(reference, recorded)
     yield from _conventions(reference, recorded)
@@ -163,32 +185,30 @@ def _scales(r: Trajectory, step: float) -> Iterator[Reading]:
     """Some kinds of quantity, of one subject or of all, times a number."""
     subjects = {Kind.TORQUE: r.stop_torques, Kind.FORCE: r.joint_reactions}
     for one, every, at_least, kinds in _SCALES:
+        impulse = step if kinds <= _FORCES else math.nan  # a force times the step is an impulse
+        # A mass that is negative makes no sense.
+        least = _NOTHING - 1.0 if kinds == _FORCES | _ENERGIES else -math.inf
         names = list(subjects.get(next(iter(kinds)), r.markers)) if one or at_least else []
+        chosen: list[tuple[str, list[str] | None]] = []
         for name in names if one else ():
             if Kind.TORQUE not in kinds:
-                yield _scale(one.format(name), r, kinds, step, [name])
+                chosen.append((one.format(name), [name]))
             elif r.stop_torques[name].any():
-                what = one.format(name, effort=r.mechanism.stop(name).effort)
-                yield _scale(what, r, kinds, step, [name])
+                effort = r.mechanism.stop(name).effort
+                chosen.append((one.format(name, effort=effort), [name]))
         if len(names) >= at_least:
-            yield _scale(every, r, kinds, step)
+            chosen.append((every, None))
+        for what, only in chosen:
+            wrong = change(r, kinds, lambda _, __, v: 2 * v, only)
+            yield Reading(
+                f"scale of {what}",
+                (wrong,),
+                lambda f, impulse=impulse: _scale_text(f[0], impulse),
+                least=least,
+            )
 
 
-def _scale(
-    what: str,
-    r: Trajectory,
-    kinds: frozenset[Kind],
-    step: float,
-    only: Collection[str] | None = None,
-) -> Reading:
-    impulse = step if kinds <= _FORCES else math.nan  # a force times the step is an impulse
-    # A mass that is negative makes no sense.
-    least = _NOTHING - 1.0 if kinds == _FORCES | _ENERGIES else -math.inf
-    wrong = change(r, kinds, lambda _, __, v: 2 * v, only)
-    return Reading(f"scale of {what}", (wrong,), lambda f: scale_text(f[0], impulse), least=least)
-
-
-def scale_text(factor: float, step: float = math.nan) -> str:
+def _scale_text(factor: float, step: float = math.nan) -> str:
     """The mistake that adds `factor` times the right value; a sign or a unit where it is one.
 
     Args:
@@ -209,7 +229,7 @@ def scale_text(factor: float, step: float = math.nan) -> str:
     return "always zero" if abs(value) < _NOTHING else f"times {value:.6g}"
 
 
-# ------------------------------------------------------------------------ axes, points, coordinates
+# --------------------------------------------------------------- axes, points, coordinates, digits
 
 MIRRORS: tuple[tuple[str, Transform], ...] = (
     ("mirrored, x", lambda v: v * [-1, 1]),
@@ -217,6 +237,22 @@ MIRRORS: tuple[tuple[str, Transform], ...] = (
     ("x and y exchanged", lambda v: v[:, ::-1]),
 )
 """Components of vectors with the wrong sign, or exchanged."""
+
+_WRAPS: dict[str, Transform] = {
+    "half a turn": lambda q: np.angle(np.exp(1j * q)),
+    "a turn": lambda q: q % (2 * math.pi),
+}
+
+
+def _six_digits(values: FloatArray) -> FloatArray:
+    unit = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(values), 1e-300))) - 5)
+    return np.round(values / unit) * unit
+
+
+_CUTS: dict[str, Transform] = {
+    "single precision": lambda v: v.astype(np.float32).astype(np.float64),
+    "six digits": _six_digits,
+}
 
 
 def _points(r: Trajectory) -> Iterator[Reading]:
@@ -267,51 +303,9 @@ def _of_coordinates(r: Trajectory) -> Iterator[Reading]:
         ):
             yield _unsized(f"sign of {what}", r, kinds, lambda v, sign=sign: sign * v)
     is_angle = np.arange(r.q.shape[1]) < len(r.mechanism.angles)
-    wraps: tuple[tuple[str, Transform], ...] = (
-        ("half a turn", lambda q: np.angle(np.exp(1j * q))),
-        ("a turn", lambda q: q % (2 * math.pi)),
-    )
-    for what, wrap in wraps:
+    for what, wrap in _WRAPS.items():
         q = np.where(is_angle, wrap(r.q), r.q)
         yield Reading(f"angles wrapped to {what}", (replace(r, q=q),))
-
-
-# ------------------------------------------------------------------------- precision, and no motion
-
-
-def _rounded(r: Trajectory, recorded: Trajectory) -> Iterator[Reading]:
-    """The reference, rounded in those quantities that are rounded in the recorded trajectory."""
-    given = _values(recorded)
-    cuts: tuple[tuple[str, Transform], ...] = (
-        ("single precision", _single),
-        ("six digits", _six_digits),
-    )
-    for what, cut in cuts:
-
-        def like(kind: Kind, subject: str, v: FloatArray, cut: Transform = cut) -> FloatArray:
-            other = given.get((kind, subject))
-            return cut(v) if other is not None and np.array_equal(cut(other), other) else v
-
-        yield Reading(f"values in {what}", (change(r, _ALL, like),))
-
-
-def _single(values: FloatArray) -> FloatArray:
-    return values.astype(np.float32).astype(np.float64)
-
-
-def _six_digits(values: FloatArray) -> FloatArray:
-    unit = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(values), 1e-300))) - 5)
-    return np.round(values / unit) * unit
-
-
-def _frozen(solution: Solution, r: Trajectory) -> Reading:
-    """Everything as at the start; forces stay, which may be those of a state at rest."""
-    start = _values(solution.trajectory(np.zeros(1)))
-
-    def frozen(kind: Kind, subject: str, v: FloatArray) -> FloatArray:
-        return np.broadcast_to(start[kind, subject], v.shape) if kind in _PLACES else 0.0 * v
-
-    return Reading(NO_MOTION, (change(r, _ALL - _FORCES, frozen),))
 
 
 # ---------------------------------------------------------------------------------------- energies
@@ -319,7 +313,7 @@ def _frozen(solution: Solution, r: Trajectory) -> Reading:
 
 def _energies(r: Trajectory) -> Iterator[Reading]:
     """Energies from another zero, as the other kind, or in part."""
-    kinetic, potential = r.kinetic_energy, r.potential_energy
+    kinetic, potential, m = r.kinetic_energy, r.potential_energy, r.mechanism
     unit = float(np.abs(kinetic).max()) or 1.0
     raised = replace(r, potential_energy=potential + unit)
     yield Reading("zero of the potential energy", (raised,), lambda f: f"{f[0] * unit:+.4g} J")
@@ -330,13 +324,26 @@ def _energies(r: Trajectory) -> Iterator[Reading]:
     for how, energy in _kinetic_mistakes(r).items():
         if _is_part(energy, kinetic):
             yield Reading(f"kinetic energy {how}", (replace(r, kinetic_energy=energy),))
-    for name, part in _potential_parts(r):
+    # Energies of single weights, of single springs, and of all springs.
+    others: list[tuple[str, Mechanism]] = []
+    for body in m.bodies if m.gravity else ():
+        bodies = [b.model_copy(update={"mass": 0.0}) if b == body else b for b in m.bodies]
+        weightless = m.model_copy(update={"bodies": tuple(bodies)})
+        others.append((f"weight of the {body.name}", weightless))
+    for element in m.force_elements:
+        left = tuple(each for each in m.force_elements if each != element)
+        others.append((element.name, m.model_copy(update={"force_elements": left})))
+    if m.force_elements:
+        others.append(("springs", m.model_copy(update={"force_elements": ()})))
+    for name, other in others:
+        part = potential - Equations(other).potential_energy(r.q)
         if part.any() and _is_part(part, potential):
             wrong = replace(r, potential_energy=potential + part)
-            yield Reading(f"{name} in the potential energy", (wrong,), lambda f: scale_text(f[0]))
-    origins = Equations(_changed_bodies(r.mechanism, centre=(0.0, 0.0))).potential_energy(r.q)
-    if (origins != potential).any():
-        wrong = replace(r, potential_energy=origins)
+            yield Reading(f"{name} in the potential energy", (wrong,), lambda f: _scale_text(f[0]))
+    bodies = [body.model_copy(update={"centre": (0.0, 0.0)}) for body in m.bodies]
+    at_origins = Equations(m.model_copy(update={"bodies": tuple(bodies)})).potential_energy(r.q)
+    if (at_origins != potential).any():
+        wrong = replace(r, potential_energy=at_origins)
         yield Reading("potential energy of the bodies' origins", (wrong,))
 
 
@@ -359,38 +366,9 @@ def _kinetic_mistakes(r: Trajectory) -> dict[str, FloatArray]:
     wrong |= {f"without the rotation of the {name}": every - v for name, v in turning.items()}
     if len(turning) > 1:
         wrong["without the rotation of the bodies"] = every - sum(turning.values(), zero)
-    parallel = [0.5 * _parallel(r.mechanism, b) * spin[b.name] for b in bodies]
+    parallel = [0.5 * parallel_axis_term(r.mechanism, b) * spin[b.name] for b in bodies]
     wrong["with inertias about the joints"] = every + sum(parallel, zero)
     return wrong
-
-
-def _parallel(m: Mechanism, body: Body) -> float:
-    """Inertia about the joint less that about the centre of mass [kg m^2]."""
-    arm = np.subtract(body.centre, m.joint_of(body.name).child_point)
-    return body.mass * float(arm @ arm)
-
-
-def _potential_parts(r: Trajectory) -> Iterator[tuple[str, FloatArray]]:
-    """Energies of single weights, of single springs, and of all springs; each of shape (n,)."""
-    m = r.mechanism
-
-    def less(other: Mechanism) -> FloatArray:
-        return r.potential_energy - Equations(other).potential_energy(r.q)
-
-    if m.gravity:
-        for body in m.bodies:
-            yield f"weight of the {body.name}", less(_changed_bodies(m, body.name, mass=0.0))
-    for element in m.force_elements:
-        others = tuple(each for each in m.force_elements if each != element)
-        yield element.name, less(m.model_copy(update={"force_elements": others}))
-    if m.force_elements:
-        yield "springs", less(m.model_copy(update={"force_elements": ()}))
-
-
-def _changed_bodies(m: Mechanism, only: str = "", **fields: object) -> Mechanism:
-    """The mechanism with other fields of a body, or of all."""
-    bodies = [b.model_copy(update=fields) if only in ("", b.name) else b for b in m.bodies]
-    return m.model_copy(update={"bodies": tuple(bodies)})
 
 
 # ------------------------------------------------------------------------------------- other times
@@ -428,12 +406,22 @@ class _Times:
         end = self.solution.segments[-1].end
         return replace(self.solution.trajectory(np.clip(times, 0.0, end)), t=self.reference.t)
 
+    @property
+    def instant(self) -> float:
+        """A shift of size one [s]."""
+        return _INSTANT * float(self.reference.t[-1])
+
+    def later(self) -> Trajectory:
+        """The motion later by one instant."""
+        return self.read(self.reference.t + self.instant)
+
     def shifted(
         self, name: str, later: Trajectory, taken: Callable[[Trajectory], Trajectory]
     ) -> Reading:
         """A reading of which some quantities are taken from a later motion.
 
         Args:
+            name: of the reading.
             later: the motion later by one instant.
             taken: the reading, from a later motion.
         """
@@ -448,43 +436,28 @@ class _Times:
 
         return Reading(name, (taken(later),), text, at)
 
-    @property
-    def instant(self) -> float:
-        """A shift of size one [s]."""
-        return _INSTANT * float(self.reference.t[-1])
-
-    def later(self) -> Trajectory:
-        """The motion later by one instant."""
-        return self.read(self.reference.t + self.instant)
-
-    def rated(self) -> Reading:
-        """Times that run at another rate."""
-        t = self.reference.t
-
-        def at(factor: float) -> Trajectory | None:
-            late = abs(factor) * _INSTANT
-            return self.read(t * (1 + factor * _INSTANT)) if late < _LATEST else None
-
-        def text(f: Sequence[float]) -> str:
-            return f"times {1 / (1 + f[0] * _INSTANT):.6g}"
-
-        return Reading("rate of time", (self.read(t * (1 + _INSTANT)),), text, at)
-
-
-def _take(r: Trajectory, later: Trajectory, kinds: Collection[Kind]) -> Trajectory:
-    """The reference with some kinds of quantity from a later motion."""
-    values = _values(later)
-    return change(r, kinds, lambda kind, subject, _: values[kind, subject])
+    def taken(self, later: Trajectory, kinds: Collection[Kind]) -> Trajectory:
+        """The reference with some kinds of quantity from a later motion."""
+        values = _values(later)
+        return change(self.reference, kinds, lambda kind, subject, _: values[kind, subject])
 
 
 def _late(solution: Solution, r: Trajectory, step: float) -> Iterator[Reading]:
     """Times at another rate; everything, or some kinds of quantity, read at another time."""
     times = _Times(solution, r, step)
-    yield times.rated()
+
+    def at(factor: float) -> Trajectory | None:
+        late = abs(factor) * _INSTANT
+        return times.read(r.t * (1 + factor * _INSTANT)) if late < _LATEST else None
+
+    def text(f: Sequence[float]) -> str:
+        return f"times {1 / (1 + f[0] * _INSTANT):.6g}"
+
+    yield Reading("rate of time", (times.read(r.t * (1 + _INSTANT)),), text, at)
     later = times.later()
     alone = {f"{name} shifted in time": frozenset({kind}) for kind, name in _ALONE.items()}
     for name, kinds in (_LATE | alone).items():
-        yield times.shifted(name, later, lambda x, kinds=kinds: _take(r, x, kinds))
+        yield times.shifted(name, later, lambda x, kinds=kinds: times.taken(x, kinds))
 
 
 def partly_late_readings(
@@ -503,13 +476,16 @@ def partly_late_readings(
         kinds.add(Kind.TORQUE)  # a stop on a point pushes with a force
     if len(kinds) > 1 and kinds not in _LATE.values():
         name = ", ".join(_ALONE[kind] for kind in Kind if kind in kinds)
-        yield times.shifted(f"{name} shifted in time", times.later(), lambda x: _take(r, x, kinds))
+        yield times.shifted(
+            f"{name} shifted in time", times.later(), lambda x: times.taken(x, kinds)
+        )
     if {Kind.SPEEDS, Kind.KINETIC_ENERGY} <= kinds and Kind.COORDINATES not in kinds:
 
         def fast(x: Trajectory) -> Trajectory:
             # What an engine shows whose speeds are those of another time than its coordinates.
             mixed = solution.reading(r.t, solution.motion_of(r.t, r.q, x.u))
-            return _take(mixed, r, _FORCES)
+            right = _values(r)
+            return change(mixed, _FORCES, lambda kind, subject, _: right[kind, subject])
 
         yield times.shifted("speeds, and the energy of them, shifted in time", times.later(), fast)
 
@@ -517,7 +493,7 @@ def partly_late_readings(
 # ------------------------------------------------------------ other names, frames, points and zeros
 
 
-def _apart(one: FloatArray, other: FloatArray) -> float:
+def _distance(one: FloatArray, other: FloatArray) -> float:
     distance = float(np.linalg.norm(one - other))
     return distance if math.isfinite(distance) else math.inf
 
@@ -526,25 +502,24 @@ def _common(right: Values, given: Values) -> dict[str, FloatArray]:
     return {name: v for name, v in right.items() if name in given and given[name].shape == v.shape}
 
 
-def _nearer(given: Values, right: Values, wrong: Values) -> list[str]:
-    """Subjects of which the wrong values are nearer to the recorded ones than the right ones."""
-    return [
-        name
-        for name, v in right.items()
-        if _apart(given[name], wrong[name]) < _apart(given[name], v)
-    ]
+def _nearer(given: Values, right: Values, wrong: Values) -> tuple[list[str], str]:
+    """Subjects of which the wrong values are nearer to the recorded ones than the right ones.
 
-
-def _subjects(names: Sequence[str], right: Values, wrong: Values) -> str:
-    """The subjects in words, unless they are all that the mistake changes."""
-    changed = [name for name, values in right.items() if _apart(values, wrong[name]) > 0]
-    return "" if len(names) == len(changed) else f" of the {', '.join(names)}"
+    And their names in words, unless they are all that the mistake changes.
+    """
+    nearer: list[str] = []
+    for name, v in right.items():
+        if _distance(given[name], wrong[name]) < _distance(given[name], v):
+            nearer.append(name)
+    changed = [name for name, values in right.items() if _distance(values, wrong[name]) > 0]
+    return nearer, "" if len(nearer) == len(changed) else f" of the {', '.join(nearer)}"
 
 
 def _exchange(of: str, right: Values, given: Values) -> tuple[str, dict[str, str]] | None:
     """A sentence and whose value each subject has, where it is another one's."""
     nearest = {
-        name: min(right, key=lambda m: (_apart(given[name], right[m]), m != name)) for name in right
+        name: min(right, key=lambda m: (_distance(given[name], right[m]), m != name))
+        for name in right
     }
     wrong = {name: other for name, other in nearest.items() if name != other}
     if not wrong:
@@ -554,6 +529,9 @@ def _exchange(of: str, right: Values, given: Values) -> tuple[str, dict[str, str
     return f"{of}{', '.join(wrong)} are those of {', '.join(wrong.values())}", nearest
 
 
+_WRONG_SIGN = "wrong sign"
+
+
 def _forces(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
     """Forces under other joints' names, mirrored, in a body's frame, or without a weight."""
     right = _common(r.joint_reactions, given.joint_reactions)
@@ -561,52 +539,34 @@ def _forces(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
     if exchanged is not None:
         forces = {name: right[other] for name, other in exchanged[1].items()}
         yield Reading(exchanged[0], (replace(r, joint_reactions={**r.joint_reactions, **forces}),))
-    for how, mistake in _force_mistakes(r):
+    ends = {joint.name: (joint.child, joint.parent) for joint in r.mechanism.joints}
+    gravity = np.array(r.mechanism.gravity_vector)
+    mistakes: dict[str, Callable[[str, FloatArray], FloatArray]] = {}
+    for how, mirror in MIRRORS:
+        mistakes[how] = lambda _, v, mirror=mirror: mirror(v)
+    mistakes[_WRONG_SIGN] = lambda _, v: -v
+    for sign, other in ((1, ""), (-1, ", wrong sign")):
+        for end, whose in enumerate(("the body", "the parent")):
+            mistakes[f"in the frame of {whose}{other}"] = lambda name, v, sign=sign, end=end: (
+                sign * _in_frame(r, ends[name][end], v)
+            )
+    mistakes["without the weight of the body"] = lambda name, v: (
+        v + r.mechanism.body(ends[name][0]).mass * gravity
+    )
+    for how, mistake in mistakes.items():
         wrong = {name: mistake(name, values) for name, values in right.items()}
-        names = _nearer(given.joint_reactions, right, wrong)
+        names, subjects = _nearer(given.joint_reactions, right, wrong)
         # The wrong sign of one force, or of all, is a scale.
         if names and not (how == _WRONG_SIGN and len(names) in (1, len(right))):
             forces = {**r.joint_reactions, **{name: wrong[name] for name in names}}
-            what = f"joint forces{_subjects(names, right, wrong)} {how}"
-            yield Reading(what, (replace(r, joint_reactions=forces),))
+            yield Reading(f"joint forces{subjects} {how}", (replace(r, joint_reactions=forces),))
 
 
-_WRONG_SIGN = "wrong sign"
-
-
-def _force_mistakes(r: Trajectory) -> Iterator[tuple[str, Callable[[str, FloatArray], FloatArray]]]:
-    for how, mirror in MIRRORS:
-        yield how, lambda _, v, mirror=mirror: mirror(v)
-    yield _WRONG_SIGN, lambda _, v: -v
-    ends = {joint.name: (joint.child, joint.parent) for joint in r.mechanism.joints}
-    for sign, other in ((1, ""), (-1, ", wrong sign")):
-        for end, whose in enumerate(("the body", "the parent")):
-            yield (
-                f"in the frame of {whose}{other}",
-                lambda name, v, sign=sign, end=end: sign * in_frame(r, ends[name][end], v),
-            )
-    gravity = np.array(r.mechanism.gravity_vector)
-    yield (
-        "without the weight of the body",
-        lambda name, v: v + r.mechanism.body(ends[name][0]).mass * gravity,
-    )
-
-
-def in_frame(r: Trajectory, body: str, vectors: FloatArray) -> FloatArray:
+def _in_frame(r: Trajectory, body: str, vectors: FloatArray) -> FloatArray:
     """Vectors of the world by their components in a body's frame."""
     angle = r.kinematics.angle(body).value(r.q)
     z = (vectors[:, 0] + 1j * vectors[:, 1]) * np.exp(1j * angle)
     return np.stack([z.real, z.imag], axis=1)
-
-
-def _torques(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
-    """Torques of stops, and forces of those on points, each under another one's name."""
-    closed = {s.name: r.stop_torques[s.name] for s in r.mechanism.stops if s.closed}
-    right = _common(closed, given.stop_torques)
-    exchanged = _exchange("torques of the ", right, given.stop_torques)
-    if exchanged is not None:
-        torques = {name: right[other] for name, other in exchanged[1].items()}
-        yield Reading(exchanged[0], (replace(r, stop_torques={**r.stop_torques, **torques}),))
 
 
 def _markers(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
@@ -618,35 +578,37 @@ def _markers(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
     if exchanged is not None:
         nearest = exchanged[1]
         yield Reading(exchanged[0], (_with(r, {n: r.markers[m] for n, m in nearest.items()}),))
-    taken = {n: _nearest_points(r, n, given.markers[n]) for n in names}
-    text = "; ".join(filter(None, (_taken_text(n, *labels) for n, (labels, _) in taken.items())))
-    same = [_is_same(motion, r.markers.get(nearest[n])) for n, (_, motion) in taken.items()]
-    if text and not all(same):  # else they are exchanged
-        yield Reading(text, (_with(r, {n: motion for n, (_, motion) in taken.items()}),))
+    texts: list[str] = []
+    taken: dict[str, PointMotion] = {}
+    same: list[bool] = []
+    for name in names:
+        position, velocity, motion = _nearest_points(r, name, given.markers[name])
+        taken[name] = motion
+        if position == velocity:
+            texts += [f"{name} taken for {position}"] if position else []
+        else:
+            for what, other in (("position", position), ("velocity", velocity)):
+                texts += [f"{what} of the {name} taken for that of {other}"] if other else []
+        mistaken, stacked = r.markers.get(nearest[name]), _stacked(motion)
+        size = _ROUNDING * float(np.abs(stacked).max())
+        same.append(mistaken is not None and _distance(stacked, _stacked(mistaken)) < size)
+    if texts and not all(same):  # else they are exchanged
+        yield Reading("; ".join(texts), (_with(r, taken),))
     bodies = {marker.name: marker.body for marker in r.mechanism.markers}
     velocities = {n: r.markers[n].velocity for n in names}
-    local = {n: in_frame(r, bodies[n], v) for n, v in velocities.items()}
-    turned = _nearer({n: given.markers[n].velocity for n in names}, velocities, local)
+    local = {n: _in_frame(r, bodies[n], v) for n, v in velocities.items()}
+    turned, subjects = _nearer({n: given.markers[n].velocity for n in names}, velocities, local)
     if turned:
         wrong = _with(r, {n: replace(r.markers[n], velocity=local[n]) for n in turned})
-        of = _subjects(turned, velocities, local) or " of the markers"
+        of = subjects or " of the markers"
         yield Reading(f"velocities{of} in the frame of the body", (wrong,))
-
-
-def _is_same(one: PointMotion, other: PointMotion | None) -> bool:
-    if other is None:
-        return False
-    size = float(np.abs(_stacked(one)).max())
-    return _apart(_stacked(one), _stacked(other)) < _ROUNDING * size
 
 
 def _stacked(motion: PointMotion) -> FloatArray:
     return np.concatenate([motion.position, motion.velocity], axis=1)
 
 
-def _nearest_points(
-    r: Trajectory, name: str, given: PointMotion
-) -> tuple[tuple[str, str], PointMotion]:
+def _nearest_points(r: Trajectory, name: str, given: PointMotion) -> tuple[str, str, PointMotion]:
     """The known points that a marker's position and its velocity are nearest to, and their motion.
 
     The name of its own point is ''.
@@ -654,37 +616,31 @@ def _nearest_points(
     marker = r.mechanism.marker(name)
     assert marker is not None
     points = {"": r.markers[name]}
-    for at, what in _known_points(r).items():
+    for at, what in _known_points(r.mechanism).items():
         if at != (marker.body, marker.point):
             points[what] = _at(r, *at)
-    position = min(points, key=lambda what: _apart(given.position, points[what].position))
-    velocity = min(points, key=lambda what: _apart(given.velocity, points[what].velocity))
-    if _apart(given.velocity, points[position].velocity) == _apart(
-        given.velocity, points[velocity].velocity
-    ):
+    position = min(points, key=lambda what: _distance(given.position, points[what].position))
+    speeds = {what: _distance(given.velocity, point.velocity) for what, point in points.items()}
+    velocity = min(speeds, key=speeds.__getitem__)
+    if speeds[position] == speeds[velocity]:
         velocity = position  # on a body that does not turn the velocity tells no point
-    return (position, velocity), PointMotion(points[position].position, points[velocity].velocity)
-
-
-def _taken_text(name: str, position: str, velocity: str) -> str:
-    if position == velocity:
-        return f"{name} taken for {position}" if position else ""
-    parts = (("position", position), ("velocity", velocity))
-    return "; ".join(
-        f"{what} of the {name} taken for that of {other}" for what, other in parts if other
+    return (
+        position,
+        velocity,
+        PointMotion(points[position].position, points[velocity].velocity),
     )
 
 
-def _known_points(r: Trajectory) -> dict[tuple[str, Vector], str]:
+def _known_points(m: Mechanism) -> dict[tuple[str, Vector], str]:
     """Points of the bodies that something is at; the first name of a point counts."""
     points: dict[tuple[str, Vector], str] = {}
-    for body in r.mechanism.bodies:
+    for body in m.bodies:
         points.setdefault((body.name, body.centre), f"the {body.name}'s centre of mass")
-    for joint in r.mechanism.joints:
+    for joint in m.joints:
         points.setdefault((joint.child, joint.child_point), f"the {joint.name}")
         if joint.parent != GROUND:
             points.setdefault((joint.parent, joint.parent_point), f"the {joint.name}")
-    for body in r.mechanism.bodies:
+    for body in m.bodies:
         points.setdefault((body.name, (0.0, 0.0)), f"the {body.name}'s origin")
     return points
 
@@ -695,85 +651,22 @@ def _orders(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
     texts: list[str] = []
     wrong: list[FloatArray] = []
     for right, recorded in ((r.q, given.q), (r.u, given.u)):
-        columns = {name: right[:, i] for i, name in enumerate(names)}
-        other = {name: recorded[:, i] for i, name in enumerate(names)}
-        exchanged = _exchange("coordinates ", columns, other)
-        order = list(names) if exchanged is None else list(exchanged[1].values())
-        texts += [] if exchanged is None else [exchanged[0]]
+        columns = dict(zip(names, right.T, strict=True))
+        exchanged = _exchange("coordinates ", columns, dict(zip(names, recorded.T, strict=False)))
+        order = list(names)
+        if exchanged is not None:
+            order = list(exchanged[1].values())
+            texts.append(exchanged[0])
         wrong.append(np.stack([columns[name] for name in order], axis=1))
     if texts:
         yield Reading(texts[0], (replace(r, q=wrong[0], u=wrong[1]),))
 
 
-@dataclass(frozen=True)
-class _Convention:
-    """Coordinates and speeds by another convention, and the start by it."""
-
-    how: str
-    q: FloatArray
-    u: FloatArray
-    start: FloatArray
-
-    def scaled(self, size: FloatArray, how: str) -> _Convention:
-        """The same in other units, or with other signs."""
-        named = ", ".join(filter(None, (self.how, how)))
-        return _Convention(named, self.q * size, self.u * size, self.start * size)
-
-
 def _conventions(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
     """Angles relative to the parents', anticlockwise, in degrees, from another zero."""
-    is_angle = np.arange(r.q.shape[1]) < len(r.mechanism.angles)
-    signs, units = ((1, ""), (-1, "anticlockwise")), ((1, ""), (_DEGREES, "degrees"))
-    for angles in _frames(r):
-        for (sign, turned), (factor, unit) in product(signs, units):
-            how = ", ".join(filter(None, (turned, unit)))
-            # In other units alone, and of angles alone, it is a scale of all coordinates.
-            if angles.how or not how or not is_angle.all():
-                wrong = angles.scaled(np.where(is_angle, sign * factor, 1.0), how)
-                yield from _by(r, given, wrong)
-
-
-def _by(r: Trajectory, given: Trajectory, wrong: _Convention) -> Iterator[Reading]:
-    """Coordinates and speeds, or the one that is nearer so, by a convention and its zeros."""
-    zeros = _zeros(given.q - wrong.q, np.ptp(wrong.q, axis=0))
-    misread = _apart(given.q, wrong.q + zeros) < _apart(given.q, r.q)
-    fast = _apart(given.u, wrong.u) < _apart(given.u, r.u)
-    if not (misread or fast):
-        return
-    taken = replace(r, q=wrong.q + zeros if misread else r.q, u=wrong.u if fast else r.u)
-    if not wrong.how:
-        yield Reading(f"coordinates {_zero_text(r, zeros, wrong)}", (taken,))
-        return
-    if misread and fast:
-        what = "angles"
-    else:
-        what = "angles, not their speeds," if misread else "speeds of the angles"
-    text = _zero_text(r, zeros, wrong) if misread and zeros.any() else ""
-    yield Reading(" ".join(filter(None, (what, wrong.how, text))), (taken,))
-
-
-def _zeros(difference: FloatArray, motion: FloatArray) -> FloatArray:
-    """The constant that each coordinate differs by; 0 where it varies beside what it moves by."""
-    middle = np.median(difference, axis=0)
-    spread = np.abs(difference - middle).max(axis=0)
-    least = _ROUNDING * np.abs(middle)
-    steady = (spread <= least + _STEADY * np.minimum(np.abs(middle), motion)) & np.isfinite(spread)
-    return np.where(steady, middle, 0.0)
-
-
-def _zero_text(r: Trajectory, zeros: FloatArray, wrong: _Convention) -> str:
-    if np.allclose(zeros, -wrong.start, rtol=_STEADY, atol=_STEADY * float(np.abs(zeros).max())):
-        return "relative to the start"
-    angle = "deg" if wrong.how.endswith("degrees") else "rad"
-    units = [angle if i < len(r.mechanism.angles) else "m" for i in range(len(zeros))]
-    shown = zip(r.mechanism.coordinates, zeros, units, strict=True)
-    return f"from another zero ({', '.join(f'{n} {v:+.4g} {unit}' for n, v, unit in shown if v)})"
-
-
-def _frames(r: Trajectory) -> Iterator[_Convention]:
-    """Angles as they are, and relative to the parents', where those turn."""
-    start = np.array(r.mechanism.start)
-    yield _Convention("", r.q, r.u, start)
+    start, is_angle = np.array(r.mechanism.start), np.arange(r.q.shape[1]) < len(r.mechanism.angles)
+    # Angles as they are, and relative to the parents', where those turn.
+    frames = [("", r.q, r.u, start)]
     joints = [joint for joint in r.mechanism.tree_joints if not joint.holds_angle]  # one an angle
     columns = [r.mechanism.attitudes[joint.parent][0] for joint in joints]
     relative = np.eye(len(start))
@@ -782,4 +675,51 @@ def _frames(r: Trajectory) -> Iterator[_Convention]:
             relative[i, column] -= 1.0
     if any(column is not None for column in columns):
         q, u = r.q @ relative.T, r.u @ relative.T
-        yield _Convention("relative to the parent", q, u, relative @ start)
+        frames.append(("relative to the parent", q, u, relative @ start))
+    signs, units = ((1, ""), (-1, "anticlockwise")), ((1, ""), (_DEGREES, "degrees"))
+    for (frame, q, u, first), (sign, turned), (factor, unit) in product(frames, signs, units):
+        # In other units alone, and of angles alone, it is a scale of all coordinates.
+        if not frame and (turned or unit) and is_angle.all():
+            continue
+        size = np.where(is_angle, sign * factor, 1.0)
+        how = ", ".join(filter(None, (frame, turned, unit)))
+        yield from _by(r, given, how, (q * size, u * size, first * size))
+
+
+def _by(
+    r: Trajectory, given: Trajectory, how: str, wrong: tuple[FloatArray, FloatArray, FloatArray]
+) -> Iterator[Reading]:
+    """Coordinates and speeds, or the one that is nearer so, by a convention and its zeros.
+
+    Args:
+        r: the reference.
+        given: the recorded trajectory.
+        how: name of the convention; '' for that of the reference.
+        wrong: coordinates, speeds and start by the convention.
+    """
+    q, u, start = wrong
+    # The constant that each coordinate differs by; 0 where it varies beside what it moves by.
+    difference = given.q - q
+    middle = np.median(difference, axis=0)
+    spread, size = np.abs(difference - middle).max(axis=0), np.abs(middle)
+    allowed = _ROUNDING * size + _STEADY * np.minimum(size, np.ptp(q, axis=0))
+    zeros = np.where((spread <= allowed) & np.isfinite(spread), middle, 0.0)
+    misread = _distance(given.q, q + zeros) < _distance(given.q, r.q)
+    fast = _distance(given.u, u) < _distance(given.u, r.u)
+    if not (misread or fast):
+        return
+    from_zero = "relative to the start"
+    if not np.allclose(zeros, -start, rtol=_STEADY, atol=_STEADY * float(np.abs(zeros).max())):
+        angle = "deg" if how.endswith("degrees") else "rad"
+        shown: list[str] = []
+        for i, (name, zero) in enumerate(zip(r.mechanism.coordinates, zeros, strict=True)):
+            if zero:
+                shown.append(f"{name} {zero:+.4g} {angle if i < len(r.mechanism.angles) else 'm'}")
+        from_zero = f"from another zero ({', '.join(shown)})"
+    what = f"coordinates {from_zero}"
+    if how:
+        which = "angles" if fast else "angles, not their speeds,"
+        which = which if misread else "speeds of the angles"
+        what = " ".join(filter(None, (which, how, from_zero if misread and zeros.any() else "")))
+    taken = replace(r, q=q + zeros if misread else r.q, u=u if fast else r.u)
+    yield Reading(what, (taken,))

@@ -12,7 +12,7 @@ import numpy as np
 from ...engines.protocol import Engine
 from ...engines.registry import causes_of, with_options
 from ...engines.registry import engine as make
-from ...engines.study import Intervention, Options
+from ...engines.study import Options
 from ...models.arrays import FloatArray
 from ...models.errors import TrebucheckError
 from ...models.mechanism import Mechanism
@@ -59,125 +59,107 @@ class Rerun:
 
         Where none does alone, what explains most is taken out with each of the others.
         """
-        found: list[tuple[float, _Setting]] = []
+        size = float(np.linalg.norm(case.deviation))
+        most, best = 0.0, None
         settings = tuple(_other_settings(self.engine, case.mechanism))
         for setting in settings:
-            explained = self._explained(case, setting, self._of_the_step)
+            left = self._left(case, setting.options)
+            explained = 0.0 if left is None else _share(left, size)
+            partly = _STEP in setting.options and _FIRST_ORDER < explained < SUFFICIENT
+            if left is not None and partly:
+                rest = self._beside_the_step(case, setting.options, left)
+                explained = max(explained, 1.0 - rest / size)
             if explained > 0:
-                found.append((explained, setting))
                 yield setting.cause(explained)
-        most, best = max(found, key=lambda each: each[0], default=(0.0, None))
+            if explained > most:
+                most, best = explained, setting
         if best is None or not _MOST_OF_IT < most < SUFFICIENT:
             return
         for other in settings:
             if best.options.keys().isdisjoint(other.options):
                 both = best.with_other(other)
-                explained = self._explained(case, both)
+                left = self._left(case, both.options)
+                explained = 0.0 if left is None else _share(left, size)
                 if 1.0 - explained < (1.0 - most) / 2:
                     yield both.cause(explained)
 
-    def _explained(
-        self, case: Case, setting: _Setting, further: Callable[..., float] | None = None
-    ) -> float:
-        """Share of the deviation that vanishes with other settings; 0 where they cannot be run."""
-        size = float(np.linalg.norm(case.deviation))
-        given = case.solution.problem.stop_law
-        problem = Problem(case.mechanism, duration=case.whole.provenance.duration, stop_law=given)
-        changed = with_options(self.engine, setting.options)
+    def _left(self, case: Case, options: Options) -> FloatArray | None:
+        """The deviation of a run with other settings; None where they cannot be run."""
+        law, duration = case.solution.problem.stop_law, case.whole.provenance.duration
+        problem = Problem(case.mechanism, duration=duration, stop_law=law)
         try:
-            left = case.carried(self.simulate(changed, problem))
-        except TrebucheckError:
-            return 0.0
-        explained = 1.0 - float(np.linalg.norm(left)) / size if size else 0.0
-        if (
-            further is None
-            or _STEP not in setting.options
-            or not _FIRST_ORDER < explained < SUFFICIENT
-        ):
-            return explained
-        return max(explained, 1.0 - further(case, problem, changed, left) / size)
-
-    def _of_the_step(self, case: Case, problem: Problem, finer: Engine, left: FloatArray) -> float:
-        """How much of a deviation the step does not take out, however short it is."""
-        rest = self._beside_first_order(case, problem, finer, left)
-        if rest <= (1.0 - SUFFICIENT) * float(np.linalg.norm(case.deviation)):
-            return rest
-        return min(rest, self._beside_all_orders(case, problem, finer, left))
-
-    def _beside_first_order(
-        self, case: Case, problem: Problem, finer: Engine, left: FloatArray
-    ) -> float:
-        """Part of a deviation that is no error of first order in the step.
-
-        A finer step leaves a part of such an error.
-
-        With d(h) = c h + rest, steps h and r h tell rest = (d(r h) - r d(h)) / (1 - r): the larger
-        one of two, with r of the finer engine and with a half, so that only what falls as the step
-        does is gone. Infinite where half the step cannot be run.
-        """
-        step = self.engine.timestep
-        half = self._at_half(self.engine, case, problem)
-        if half is None or step is None or finer.timestep is None:
-            return math.inf
-        pairs = ((finer.timestep / step, left), (0.5, half))
-        return max(
-            float(np.linalg.norm((other - r * case.deviation) / (1 - r))) for r, other in pairs
-        )
-
-    def _beside_all_orders(
-        self, case: Case, problem: Problem, finer: Engine, left: FloatArray
-    ) -> float:
-        """Part of a deviation that is no error of several orders in the step.
-
-        Such is a rule's of second and a soft contact's of first order.
-
-        Of the finer engine's error the first order is most, so that half of its step h tells what
-        stays: 2 d(h / 2) - d(h) has all of what no step takes out, and of the second order a 128th
-        of the whole, h being an eighth.
-        """
-        half = self._at_half(finer, case, problem)
-        return math.inf if half is None else float(np.linalg.norm(2.0 * half - left))
-
-    def _at_half(self, engine: Engine, case: Case, problem: Problem) -> FloatArray | None:
-        """Signature of an engine's run at half its step; None where it cannot be run."""
-        if engine.timestep is None:
-            return None
-        try:
-            return case.carried(
-                self.simulate(with_options(engine, {_STEP: 0.5 * engine.timestep}), problem)
-            )
+            return case.carried(self.simulate(with_options(self.engine, options), problem))
         except TrebucheckError:
             return None
+
+    def _beside_the_step(self, case: Case, options: Options, left: FloatArray) -> float:
+        """Size of the part of a deviation that no step takes out, however short it is.
+
+        Either it is what is no error of first order in the step: with d(h) = c h + rest, steps h
+        and r h tell rest = (d(r h) - r d(h)) / (1 - r), the larger one of two, with r of the finer
+        engine and with a half, so that only what falls as the step does is gone.
+
+        Or, where that is too much, it is what is no error of several orders, as of a rule of second
+        and a soft contact of first order. Of the finer engine's error the first order is most, so
+        that half of its step h tells what stays: 2 d(h / 2) - d(h) has all of what no step takes
+        out, and of the second order a 128th of the whole, h being an eighth.
+
+        Args:
+            case: the deviation.
+            options: of the finer engine.
+            left: its deviation.
+        """
+        step, finer = self.engine.timestep, with_options(self.engine, options).timestep
+
+        def beside_first_order(r: float, other: FloatArray | None) -> float:
+            if other is None:
+                return math.inf
+            return float(np.linalg.norm((other - r * case.deviation) / (1 - r)))
+
+        def beside_all_orders() -> float:
+            half = None if finer is None else self._left(case, {**options, _STEP: 0.5 * finer})
+            return math.inf if half is None else float(np.linalg.norm(2.0 * half - left))
+
+        if step is None or finer is None:
+            return beside_all_orders()
+        allowed = (1.0 - SUFFICIENT) * float(np.linalg.norm(case.deviation))
+        rest = beside_first_order(finer / step, left)
+        if rest > allowed:
+            # The larger of two is no smaller: if all orders leave less than this, it is not needed.
+            of_all_orders = beside_all_orders()
+            if of_all_orders <= rest:
+                return of_all_orders
+            half = self._left(case, {_STEP: 0.5 * step})
+            return min(of_all_orders, max(rest, beside_first_order(0.5, half)))
+        half = self._left(case, {_STEP: 0.5 * step})
+        rest = max(rest, beside_first_order(0.5, half))
+        return rest if rest <= allowed else min(rest, beside_all_orders())
+
+
+def _share(left: FloatArray, size: float) -> float:
+    return 1.0 - float(np.linalg.norm(left)) / size if size else 0.0
 
 
 def _other_settings(engine: Engine, mechanism: Mechanism) -> Iterator[_Setting]:
-    """The engine without one of its budget's causes, or with one option as tuned."""
+    """The engine without one of its budget's causes, or with one option as tuned.
+
+    A removal that shortens the step leaves what follows the step, options that are None, to follow
+    it. An error budget keeps it as it is, to tell the parts of an error. Who looks for a cause has
+    the step alone to turn, and neither part explains a deviation that both make.
+    """
     options = engine.settings
     known: set[str] = set()
     for cause in causes_of(engine, mechanism):
-        if cause.removal is not None and cause.removal.options:
-            known |= cause.removal.options.keys()
-            removal = _of_one_knob(cause.removal, options)
-            yield _Setting(cause.name, removal.described(options), removal.options)
+        removal = cause.removal
+        if removal is None or not removal.options:
+            continue
+        known |= removal.options.keys()
+        if _STEP in removal.options:
+            followers = [o for o in removal.options if o != _STEP and options.get(o) is None]
+            kept = {name: v for name, v in removal.options.items() if name not in followers}
+            removal = replace(removal, options=kept)
+        yield _Setting(cause.name, removal.described(options), removal.options)
     tuned = make(engine.name, "tuned").settings
     for name, value in options.items():
         if name in tuned and value != tuned[name] and name not in known | {_STEP}:
             yield _Setting(f"option {name}", f"{value}; tuned: {tuned[name]}", {name: tuned[name]})
-
-
-def _of_one_knob(removal: Intervention, settings: Options) -> Intervention:
-    """A removal that shortens the step, with what follows the step left to follow it.
-
-    What follows it are options that are None.
-
-    An error budget keeps that, to tell the parts of an error. Who looks for a cause has the step
-    alone to turn, and neither part explains a deviation that both make.
-    """
-    if _STEP not in removal.options:
-        return removal
-    kept = {
-        name: value
-        for name, value in removal.options.items()
-        if name == _STEP or settings.get(name) is not None
-    }
-    return replace(removal, options=kept)

@@ -10,9 +10,7 @@ import math
 import numpy as np
 import pytest
 from conftest import again
-from trebucheck.comparisons.explain import causes_of
-from trebucheck.comparisons.explain.results import Budget, Share
-from trebucheck.comparisons.explain.study import budget, with_filtered_torques
+from trebucheck.comparisons.explain import Budget, Share, budget, causes_of, with_filtered_torques
 from trebucheck.comparisons.runs.record import EngineRuns
 from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.engines.mujoco.engine import MujocoEngine

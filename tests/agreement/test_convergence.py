@@ -13,9 +13,13 @@ import pytest
 import trebucheck as tb
 from conftest import again
 from mechanisms import chain, hanging_bob
-from trebucheck.comparisons.converge import study as studying
-from trebucheck.comparisons.converge.results import MachineStudies, SweepStudy
-from trebucheck.comparisons.converge.study import converge_study, swept_parameters
+from trebucheck.comparisons import converge as studying
+from trebucheck.comparisons.converge import (
+    MachineStudies,
+    SweepStudy,
+    converge_study,
+    swept_parameters,
+)
 from trebucheck.comparisons.runs import study as runs
 from trebucheck.engines.study import SweptParameter
 from trebucheck.models.mechanism import Marker

@@ -16,12 +16,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
-from trebucheck.comparisons.explain import Cause, Intervention, causes_of
-from trebucheck.comparisons.explain.results import Budget, ExplainedMachine, Explanation
-from trebucheck.comparisons.explain.study import (
+from trebucheck.comparisons.explain import (
+    Budget,
+    Cause,
+    ExplainedMachine,
+    Explanation,
+    Intervention,
     Reread,
     budget,
     by_kinematics,
+    causes_of,
     explain_study,
     orders,
     stock_against_tuned,

@@ -18,15 +18,15 @@ import plugin_engines
 import pytest
 import trebucheck as tb
 from trebucheck.cli.app import main
-from trebucheck.comparisons.converge import study as floors
-from trebucheck.comparisons.converge import study as studying
-from trebucheck.comparisons.converge.results import Studies
-from trebucheck.comparisons.converge.study import (
+from trebucheck.comparisons import converge as floors
+from trebucheck.comparisons import converge as studying
+from trebucheck.comparisons.converge import (
     ASYMPTOTIC,
     FEWEST,
     SLOPE,
     Level,
     Site,
+    Studies,
     converge_study,
     fitting,
     floor,

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from trebucheck.comparisons.diagnosis.case import Case, match
 from trebucheck.comparisons.diagnosis.diagnose import active_contacts_at, check_and_diagnose, growth
 from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model, random_states
-from trebucheck.comparisons.diagnosis.faults import combined, machine_suspects
+from trebucheck.comparisons.diagnosis.faults import combined, hypotheses, machine_suspects
 from trebucheck.comparisons.diagnosis.rerun import Rerun, _other_settings
 from trebucheck.comparisons.report.pages.tables import diagnosis
 from trebucheck.comparisons.runs.results import Diagnosis, Outcome, RankedCause, Run
@@ -107,7 +107,8 @@ def test_a_suspect_can_be_made_larger(build: Build) -> None:
     larger = combined(build(), (suspect,), (1000.0,))
     assert larger is not None
     assert larger.body("hanger").mass == pytest.approx(3000.0 * 1.001, rel=1e-12)
-    assert suspect.amount(1000.0) == "+0.1 %"
+    fault = next(fault for fault in hypotheses(build()) if fault.name == suspect.name)
+    assert fault.text([1000.0]) == "+0.1 %"
 
 
 @pytest.mark.slow

@@ -31,13 +31,7 @@ RANKS: tuple[tuple[str, ...], ...] = (
     ("comparisons/report/drawing",),
     ("comparisons/report",),
     ("comparisons/diagnosis",),
-    (
-        "comparisons/compare",
-        "comparisons/converge",
-        "comparisons/data",
-        "comparisons/explain",
-        "comparisons/recommend",
-    ),
+    ("comparisons/data",),
     ("comparisons",),  # the studies of one module: diff, matrix, ...
     ("comparisons/report/pages",),
     ("conformance",),

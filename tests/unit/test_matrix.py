@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
-from trebucheck.comparisons.converge.results import (
+from trebucheck.comparisons.converge import (
     Curve,
     MachineStudies,
     Point,
@@ -387,6 +387,13 @@ def test_bad_files_get_one_sentence(
     ) in said
     assert main(["matrix", str(good), "--out", str(tmp_path / "m.txt")]) == 2
     assert "must end in .html, .md or .json" in capsys.readouterr().err
+
+
+def test_a_file_that_is_not_there_is_said_to_be_unreadable_and_not_to_be_of_another_kind(
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(InputError, match=r"none\.json cannot be read: No such file"):
+        tb.matrix(tmp_path / "none.json")
 
 
 def test_a_table_is_no_wider_than_a_screen_and_every_problem_is_in_one() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons import certify as certifying
-from trebucheck.comparisons.compare.study import Comparison
+from trebucheck.comparisons.compare import Comparison
 from trebucheck.models.library.registry import library_problem
 from trebucheck.models.shown import Reported, Shown
 from trebucheck.reference.certification.certificate import load_certificate
@@ -190,8 +190,8 @@ def test_certify_takes_a_problems_own_duration_and_law(monkeypatch: pytest.Monke
 @pytest.mark.parametrize(
     "module",
     [
-        "comparisons.converge.study",
-        "comparisons.explain.study",
+        "comparisons.converge",
+        "comparisons.explain",
         "comparisons.certify",
         "comparisons.diff",
     ],

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...explain.results import (
+from ...explain import (
     Budget,
     ExplainedMachine,
     Explanation,

@@ -1,1 +1,0 @@
-"""Convergence studies: how an engine's error falls as a knob is turned, and where that ends."""

@@ -1,0 +1,777 @@
+"""Error budgets: causes taken out one after the other, and the error split among them.
+
+Causes interact: pymunk's bias lets joints drift by an amount that falls with the step, so that
+taking out either takes out the same error. What a cause contributes then depends on what has been
+taken out before it. The value of Shapley (A value for n-person games, 1953) is the mean of that
+contribution over all orders; it is the only split that adds up to the whole and treats causes
+alike. Here two orders are taken, one the other's reverse: they already add up, and as long as
+causes interact in pairs they give Shapley's value exactly,
+
+    v(S) = sum_i a_i + sum_{i<j} b_ij:  in order  a_i + sum_{j before i} b_ij,  in reverse  a_i +
+    sum_{j after i} b_ij, their mean  a_i + 1/2 sum_j b_ij.
+
+Where some causes can only be taken out after others, the orders are those that keep to it (Faigle
+and Kern, The Shapley value for cooperative games under precedence constraints, 1992). Half the
+difference of the two orders is shown with each share: the part of it that is a matter of order.
+
+Stock against tuned shows what each single option buys, from either end.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+from typing import Annotated, Literal, Unpack
+
+import numpy as np
+from pydantic import Field, JsonValue
+
+from ..engines.given import Engines, Names
+from ..engines.protocol import Capabilities, Engine
+from ..engines.registry import causes_of, with_options
+from ..engines.study import Cause, Intervention
+from ..models.arrays import FloatArray
+from ..models.errors import InputError
+from ..models.kinematics import Kinematics
+from ..models.library.registry import Models
+from ..models.mechanism import Mechanism
+from ..models.problem import Problem
+from ..models.shown import Reported
+from ..models.spec import Real, Spec
+from ..models.trajectory import PointMotion, Trajectory
+from .runs.process import all_in_order
+from .runs.record import Curves, EngineRuns, RunRecord, runs_of
+from .runs.results import ResultFile
+from .runs.study import PRESETS, Counter, RunOptions, Study
+
+__path__: list[str] = []  # names of earlier releases below this module: see renamed.py
+
+# ------------------------------------------------------------------------------ explain.json
+
+FORMAT = "trebucheck-explain-1"
+
+_Fraction = Real | None
+
+
+class Share(Spec):
+    """Contribution of one cause to one quantity's error."""
+
+    cause: str
+    fraction: _Fraction = Field(
+        description="signed, of the whole error: its projection on it; None if there is none"
+    )
+    first: _Fraction = Field(description="the same, causes taken out in the order of the table")
+    second: _Fraction = Field(description="the same in the reverse order, or by scaling")
+    rms: Real = Field(description="over time, in the quantity's unit")
+    largest: Real = Field(description="at any time, in the quantity's unit")
+    interaction: Real = Field(
+        description="rms of half the difference between first and second, in the same unit"
+    )
+
+
+class QuantityBudget(Spec):
+    """The budget of one quantity: a function of time, or a single figure."""
+
+    name: str
+    unit: str
+    rms: Real = Field(description="of the run's error over time")
+    largest: Real
+    shares: tuple[Share, ...]
+    rest: Share = Field(description="what no cause accounts for")
+    rest_rms: Real
+    rest_largest: Real
+    roundoff: Real = Field(
+        description="random part of the run, rms, from runs that differ in their last bits"
+    )
+    roundoff_left: Real = Field(description="random part of what is left, rms")
+    explained: _Fraction = Field(
+        description="1 - rms of the rest, its random part taken off, over rms of the error"
+    )
+
+
+class Measurement(Spec):
+    """A cause, and how it was measured."""
+
+    name: str
+    explanation: str
+    done: str = Field(description="what was done to the run")
+    after: tuple[str, ...] = Field(default=(), description="causes that had to be taken out before")
+    message: str | None = Field(
+        default=None, description="why it could not be measured; it then counts as unexplained"
+    )
+
+
+class Budget(Spec):
+    """One engine and preset on one machine."""
+
+    model: str
+    engine: str
+    engine_version: str
+    preset: str
+    settings: dict[str, JsonValue]
+    message: str | None = Field(default=None, description="why there is none")
+    point: str | None = Field(
+        default=None, description="whose position is split: that with the largest error"
+    )
+    causes: tuple[Measurement, ...] = ()
+    quantities: tuple[QuantityBudget, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """Engine and preset in one."""
+        return f"{self.engine} {self.preset}"
+
+    def quantity(self, name: str) -> QuantityBudget | None:
+        """A quantity's budget, if it has one."""
+        return next((quantity for quantity in self.quantities if quantity.name == name), None)
+
+
+class Figures(Spec):
+    """How good and how dear one setting is."""
+
+    message: str | None = Field(default=None, description="why it failed")
+    position: Real | None = Field(default=None, description="largest distance of any marker [m]")
+    torque: Real | None = Field(
+        default=None, description="largest error of any stop's torque [N m, N]"
+    )
+    release: Real | None = Field(default=None, description="largest error of a release time [s]")
+    wall_time: Real | None = Field(default=None, description="median, warm [s]")
+
+
+class Change(Spec):
+    """Gain by a single option."""
+
+    option: str
+    stock: JsonValue
+    tuned: JsonValue
+    alone: Figures = Field(description="stock, with this one option as tuned")
+    back: Figures = Field(description="tuned, with this one option as stock")
+
+
+class StockAgainstTuned(Spec):
+    """An engine's two presets at the same step."""
+
+    model: str
+    engine: str
+    timestep: Real | None = Field(description="of both [s]")
+    force_unit: str = Field(default="N m", description="of what the machine's stops push with")
+    stock: Figures
+    tuned: Figures
+    changes: tuple[Change, ...]
+
+
+class ExplainedMachine(Spec):
+    """A machine whose runs are explained."""
+
+    model: str
+    mechanism: Mechanism
+    mechanism_hash: str
+    launch_time: Annotated[Real, Field(gt=0)] | None = Field(
+        description="of the reference [s]; None: it does not launch within what is compared"
+    )
+    compared_to: Real | None = Field(
+        default=None, description="end of the compared motion [s]; None: the launch"
+    )
+    judged_to: Real | None = Field(
+        default=None, description="that, or the predictability horizon if earlier [s]"
+    )
+
+
+class Explanation(Reported, ResultFile):
+    """The whole of it."""
+
+    format: Literal["trebucheck-explain-1"] = FORMAT
+    machines: tuple[ExplainedMachine, ...]
+    failures: dict[str, str] = Field(
+        default_factory=dict, description="machines whose reference failed, and why"
+    )
+    budgets: tuple[Budget, ...]
+    comparisons: tuple[StockAgainstTuned, ...]
+
+    def headline(self) -> str:
+        """Which runs have a budget."""
+        runs = ", ".join(f"{budget.model} by {budget.label}" for budget in self.budgets)
+        return f"Explanation of {runs or 'no run'}"
+
+    def rows(self) -> Iterator[dict[str, object]]:
+        """A cause's share of a quantity's error a row."""
+        for budget in self.budgets:
+            head = {"model": budget.model, "engine": budget.engine, "preset": budget.preset}
+            for quantity in budget.quantities:
+                names = {"quantity": quantity.name, "unit": quantity.unit}
+                for share in (*quantity.shares, quantity.rest):
+                    yield {**head, **names, **share.model_dump()}
+
+
+# ------------------------------------------------------------------------- changed runs
+
+LAST_BITS = 1e-15
+"""Relative change of gravity (without it, of the start speeds), a few units in the last place:
+what it does to a run is roundoff."""
+_SHAPIRO = np.array([-1.0, 4.0, 10.0, 4.0, -1.0]) / 16.0
+_EVEN = 1e-6  # relative difference of steps that are meant to be equal: rounding of the times
+
+
+@dataclass(frozen=True)
+class Reread:
+    """An engine whose runs are read otherwise."""
+
+    engine: Engine
+    own_kinematics: bool
+    """Markers and energies are taken from its coordinates by the machine's kinematics."""
+    filtered_torques: bool
+    """Torques are rid of what changes sign with every step."""
+
+    @property
+    def name(self) -> str:
+        """Name of the engine."""
+        return self.engine.name
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """Capabilities of the engine."""
+        return self.engine.capabilities
+
+    @property
+    def timestep(self) -> float | None:
+        """Time step of the engine [s]."""
+        return self.engine.timestep
+
+    @property
+    def preset(self) -> str:
+        """Preset of the engine."""
+        return self.engine.preset
+
+    @property
+    def settings(self) -> dict[str, JsonValue]:
+        """The engine's options and how it is read: what a trial is remembered by."""
+        return {
+            **self.engine.settings,
+            "own_kinematics": self.own_kinematics,
+            "filtered_torques": self.filtered_torques,
+        }
+
+    def simulate(self, problem: Problem) -> Trajectory:
+        """Simulate as the engine does, and read the result otherwise."""
+        trajectory = self.engine.simulate(problem)
+        if self.own_kinematics:
+            trajectory = by_kinematics(trajectory)
+        return with_filtered_torques(trajectory) if self.filtered_torques else trajectory
+
+
+def by_kinematics(trajectory: Trajectory) -> Trajectory:
+    """The same motion, its markers and energies computed from q and u."""
+    kinematics, q, u = Kinematics(trajectory.mechanism), trajectory.q, trajectory.u
+    markers: dict[str, PointMotion] = {}
+    for marker in trajectory.mechanism.markers:
+        row = kinematics.point(marker.body, marker.point)
+        position, velocity = kinematics.position(row, q), kinematics.velocity(row, q, u)
+        markers[marker.name] = PointMotion(position, velocity)
+    return dataclasses.replace(
+        trajectory,
+        markers=markers,
+        kinetic_energy=kinematics.kinetic_energy(q, u),
+        potential_energy=kinematics.potential_energy(q),
+    )
+
+
+def with_filtered_torques(trajectory: Trajectory) -> Trajectory:
+    """The same motion, its torques rid of what alternates from sample to sample.
+
+    By the filter of fourth order of Shapiro (Smoothing, filtering, and boundary effects, 1970),
+    (-1, 4, 10, 4, -1)/16, which leaves every cubic as it is. Samples stay as they are where the
+    five are not equally spaced, or a stop releases among them.
+    """
+    t = trajectory.t
+    if len(t) < len(_SHAPIRO):
+        return trajectory
+    spans = np.lib.stride_tricks.sliding_window_view(np.diff(t), len(_SHAPIRO) - 1)
+    even = spans.max(axis=1) - spans.min(axis=1) <= _EVEN * spans.max(axis=1)
+    for time in trajectory.release_times.values():
+        if time is not None and time > 0:
+            even &= (time < t[:-4]) | (time > t[4:])
+    inside = np.flatnonzero(even) + 2
+    torques: dict[str, FloatArray] = {}
+    for name, torque in trajectory.stop_torques.items():
+        torques[name] = torque.copy()
+        torques[name][inside] = np.convolve(torque, _SHAPIRO, mode="same")[inside]
+    return dataclasses.replace(trajectory, stop_torques=torques)
+
+
+def varied(
+    runs: EngineRuns, base: Engine, interventions: Sequence[Intervention], last_bits: int = 0
+) -> RunRecord:
+    """The run of an engine with some interventions made, the later ones over the earlier ones.
+
+    Args:
+        runs: of one machine.
+        base: the engine that is explained.
+        interventions: in the order in which they are made.
+        last_bits: +1 or -1 changes gravity, or without it the start speeds, by as many
+            :data:`LAST_BITS`.
+
+    Raises:
+        InputError: an option of an intervention is not valid.
+    """
+    options: dict[str, JsonValue] = {}
+    for intervention in interventions:
+        options |= intervention.options
+    engine = with_options(base, options)
+    kinematics = any(intervention.own_kinematics for intervention in interventions)
+    filtered = any(intervention.filtered_torques for intervention in interventions)
+    if kinematics or filtered:
+        engine = Reread(engine, kinematics, filtered)
+    mechanism, factor = runs.mechanism, 1.0 + last_bits * LAST_BITS
+    changes: dict[str, object] = {}
+    if last_bits and mechanism.gravity:
+        changes["gravity"] = mechanism.gravity * factor
+    elif last_bits:
+        changes["start_speeds"] = tuple(speed * factor for speed in mechanism.start_speeds)
+    for intervention in interventions:
+        if intervention.point_inertia is not None:
+            inertia = {"inertia": intervention.point_inertia}
+            changes["bodies"] = tuple(
+                body if body.inertia else body.model_copy(update=inertia)
+                for body in mechanism.bodies
+            )
+    changed = mechanism.model_copy(update=changes)
+    return runs.record(engine, given=None if changed == mechanism else changed)
+
+
+# ------------------------------------------------------------------------------ budgets
+
+_ROUNDOFF = "roundoff"
+
+
+class VariantFailedError(Exception):
+    """A run with causes taken out ended early, or with other events than the base run."""
+
+    def __init__(self, cause: str, reason: str) -> None:
+        super().__init__(reason)
+        self.cause = cause
+
+
+@dataclass(frozen=True)
+class Observed:
+    """Error of one quantity, from a deviation."""
+
+    unit: str
+    values: FloatArray
+    components: int = 1
+    """Whether it is a vector: its values are all x, then all y."""
+
+    def size(self, values: FloatArray) -> tuple[float, float]:
+        """Root mean square over time and largest value of a function, Euclidean over components."""
+        lengths = np.linalg.norm(values.reshape(self.components, -1), axis=0)
+        return float(np.sqrt(np.mean(lengths**2))), float(lengths.max())
+
+    def noise(self, run: FloatArray, others: Sequence[FloatArray]) -> float:
+        """Size of the random part of a run [rms], from runs that differ in their last bits only.
+
+        The difference of two such runs has twice the variance of one.
+        """
+        squares = [self.size(other - run)[0] ** 2 / 2 for other in others]
+        return math.sqrt(sum(squares) / len(squares)) if squares else 0.0
+
+    def share(self, cause: str, part: TwoWayShare) -> Share:
+        """A cause's contribution; fractions are projections, so that all of them add up to one."""
+        whole = self.values
+        square = float(whole @ whole)
+
+        def fraction(values: FloatArray) -> float | None:
+            return float(values @ whole) / square if square else None
+
+        rms, largest = self.size(part.share)
+        return Share(
+            cause=cause,
+            fraction=fraction(part.share),
+            first=fraction(part.first),
+            second=fraction(part.second),
+            rms=rms,
+            largest=largest,
+            interaction=self.size((part.first - part.second) / 2)[0],
+        )
+
+
+def observed(curves: Curves) -> dict[str, Observed]:
+    """Every quantity a budget is made for, by its name; what the run does not tell is absent."""
+    position = np.array(curves.positions[curves.farthest]).ravel()
+    quantities = {"position": Observed("m", position, components=2)}
+    for stop, torque in curves.torques.items():
+        unit = curves.force_units.get(stop, "N m")
+        effort = "torque" if unit == "N m" else "force"
+        quantities[f"{stop} {effort}"] = Observed(unit, np.array(torque))
+    quantities["energy"] = Observed("J", np.array(curves.energy))
+    events = {f"{stop} release": ("s", time) for stop, time in curves.release_times.items()}
+    events["launch time"] = "s", curves.launch_time
+    events["launch speed"] = "m/s", curves.launch_speed
+    for name, (unit, value) in events.items():
+        quantities[name] = Observed(unit, np.array([math.nan if value is None else value]))
+    return {name: each for name, each in quantities.items() if np.isfinite(each.values).all()}
+
+
+@dataclass(frozen=True)
+class TwoWayShare:
+    """A cause's contribution to one quantity, as functions of time."""
+
+    share: FloatArray
+    first: FloatArray
+    """Found one way: in the order of the table."""
+    second: FloatArray
+    """Found the other way: in the reverse order, or by scaling."""
+
+    @classmethod
+    def of(cls, first: FloatArray, second: FloatArray) -> TwoWayShare:
+        """The mean of two ways."""
+        return cls((first + second) / 2, first, second)
+
+
+@dataclass
+class _Chain:
+    """Deviations with more and more causes taken out: one more than there are causes."""
+
+    causes: tuple[Cause, ...]
+    deviations: list[Curves]
+
+    def part(self, cause: Cause, quantity: str) -> FloatArray:
+        """Change from taking out one more cause, extrapolated where a known part of it remains."""
+        i = [known.name for known in self.causes].index(cause.name)
+        removal = self.causes[i].removal
+        assert removal is not None
+        before, after = (observed(d)[quantity].values for d in self.deviations[i : i + 2])
+        return (before - after) / (1.0 - removal.leaves)
+
+
+def budget(runs: EngineRuns, engine: Engine) -> Budget:
+    """Split an engine's error on one machine among its causes.
+
+    Each removal is a run. A cause whose run fails is left out and says so: its part stays
+    unexplained.
+    """
+    base = varied(runs, engine, [])
+    empty = Budget(
+        model=runs.mechanism.name,
+        engine=engine.name,
+        engine_version=base.engine_version,
+        preset=base.preset,
+        settings=engine.settings,
+        message=base.message,
+    )
+    if base.curves is None:
+        return empty
+    point = base.curves.farthest
+    known = causes_of(engine, runs.mechanism)
+    measurement = _BudgetRuns(runs, engine, known, base.curves.of_point(point))
+    quantities = measurement.quantities()
+    causes: list[Measurement] = []
+    for cause in known:
+        ways = [way for way in (cause.removal, cause.scaling) if way is not None]
+        causes.append(
+            Measurement(
+                name=cause.name,
+                explanation=cause.explanation,
+                done="; or ".join(way.described(engine.settings) for way in ways),
+                after=cause.after,
+                message=measurement.failed.get(cause.name),
+            )
+        )
+    changed = "gravity" if runs.mechanism.gravity else "start speeds"
+    roundoff = Measurement(
+        name=_ROUNDOFF,
+        explanation="the random part: what changes when the machine's data change in their last "
+        "bits",
+        done=f"{changed} changed by ±{LAST_BITS:g} of itself",
+        message=measurement.failed.get(_ROUNDOFF),
+    )
+    update = {"point": point, "causes": (*causes, roundoff), "quantities": quantities}
+    return empty.model_copy(update=update)
+
+
+@dataclass
+class _BudgetRuns:
+    """The runs of one budget."""
+
+    runs: EngineRuns
+    engine: Engine
+    causes: Sequence[Cause]
+    base: Curves
+    failed: dict[str, str] = field(default_factory=dict[str, str])
+    """Why a cause could not be measured, by its name."""
+
+    def quantities(self) -> tuple[QuantityBudget, ...]:
+        """The budget of every quantity that all runs tell."""
+        first, second = self._chains()
+        alone = self._scaled()
+        ideal = first.deviations[-1]
+        runs = [*first.deviations, *second.deviations, *(larger for larger, _ in alone.values())]
+        near_base = self._last_bits([], (1, -1))
+        near_ideal = self._last_bits(self._removals(first.causes), (1,))
+        # What is left is the ideal run, extrapolated with the base where a removal leaves a known
+        # part: the weight of the ideal run's own error.
+        leaves = [cause.removal.leaves if cause.removal else 0.0 for cause in first.causes]
+        weight = 1.0 + sum(part / (1.0 - part) for part in leaves)
+
+        def noise(whole: Observed, run: Curves, near: Sequence[Curves], name: str) -> float:
+            others = [observed(other) for other in near]
+            values = [quantities[name].values for quantities in others if name in quantities]
+            return whole.noise(observed(run)[name].values, values)
+
+        quantities: list[QuantityBudget] = []
+        for name, whole in observed(self.base).items():
+            if not all(name in observed(run) for run in runs):
+                continue
+            scaled: dict[str, FloatArray] = {}
+            for cause, (larger, factor) in alone.items():
+                growth = observed(larger)[name].values - whole.values
+                scaled[cause] = growth / (factor - 1.0)
+            parts: dict[str, TwoWayShare] = {}
+            for cause in first.causes:
+                part = TwoWayShare.of(first.part(cause, name), second.part(cause, name))
+                if cause.name in scaled:
+                    # Shares of removals add up: scaling, an independent measure, is shown beside
+                    # them and makes the band.
+                    part = TwoWayShare(part.share, part.share, scaled[cause.name])
+                parts[cause.name] = part
+            for cause, part in scaled.items():
+                parts.setdefault(cause, TwoWayShare.of(part, part))
+            roundoff = noise(whole, self.base, near_base, name)
+            left = math.hypot(
+                weight * noise(whole, ideal, near_ideal, name), (weight - 1.0) * roundoff
+            )
+            e = whole.values
+            rest = e - np.sum([part.share for part in parts.values()], axis=0) if parts else e
+            rms, largest = whole.size(e)
+            rest_rms, rest_largest = whole.size(rest)
+            # Roundoff is random: it enters the rest's size, not the rest as a function, and is
+            # taken from it in quadrature.
+            unexplained = math.sqrt(max(0.0, rest_rms**2 - left**2))
+            quantities.append(
+                QuantityBudget(
+                    name=name,
+                    unit=whole.unit,
+                    rms=rms,
+                    largest=largest,
+                    shares=tuple(whole.share(cause, part) for cause, part in parts.items()),
+                    rest=whole.share("unexplained", TwoWayShare.of(rest, rest)),
+                    rest_rms=rest_rms,
+                    rest_largest=rest_largest,
+                    roundoff=roundoff,
+                    roundoff_left=left,
+                    explained=1.0 - unexplained / rms if rms else None,
+                )
+            )
+        return tuple(quantities)
+
+    def _chains(self) -> tuple[_Chain, _Chain]:
+        """Both orders of removal, without the causes whose runs fail in either."""
+        removable = [cause for cause in self.causes if cause.removal is not None]
+        while True:
+            left = [cause for cause in removable if cause.name not in self.failed]
+            try:
+                first, second = (_Chain(order, self._along(order)) for order in orders(left))
+            except VariantFailedError as failure:
+                self.failed[failure.cause] = str(failure)
+            else:
+                return first, second
+
+    def _along(self, order: Sequence[Cause]) -> list[Curves]:
+        deviations = [self.base]
+        for n, cause in enumerate(order, start=1):
+            # Merged in the table's order whatever the order of removal: the same causes are the
+            # same run.
+            deviations.append(self._deviation(self._removals(order[:n]), cause.name))
+        return deviations
+
+    def _removals(self, causes: Sequence[Cause]) -> list[Intervention]:
+        names = {cause.name for cause in causes}
+        table = orders(self.causes)[0]
+        return [c.removal for c in table if c.name in names and c.removal is not None]
+
+    def _deviation(
+        self, interventions: Sequence[Intervention], cause: str, last_bits: int = 0
+    ) -> Curves:
+        try:
+            run = varied(self.runs, self.engine, interventions, last_bits)
+        except InputError as error:
+            raise VariantFailedError(cause, str(error)) from error
+        if run.curves is None:
+            raise VariantFailedError(cause, run.message or "it did not run")
+        return run.curves.of_point(self.base.farthest)
+
+    def _scaled(self) -> dict[str, tuple[Curves, float]]:
+        """Deviations with one cause made larger, and by what factor."""
+        deviations: dict[str, tuple[Curves, float]] = {}
+        for cause in self.causes:
+            if cause.scaling is None:
+                continue
+            try:
+                larger = self._deviation([cause.scaling], cause.name)
+            except VariantFailedError as failure:
+                if cause.removal is None:  # with a removal, this is the second measure only
+                    self.failed[cause.name] = str(failure)
+            else:
+                deviations[cause.name] = larger, cause.scaling.leaves
+        return deviations
+
+    def _last_bits(
+        self, interventions: Sequence[Intervention], signs: Sequence[int]
+    ) -> list[Curves]:
+        deviations: list[Curves] = []
+        for sign in signs:
+            try:
+                deviations.append(self._deviation(interventions, _ROUNDOFF, sign))
+            except VariantFailedError as failure:
+                self.failed[_ROUNDOFF] = str(failure)
+        return deviations
+
+
+def orders(causes: Sequence[Cause]) -> tuple[tuple[Cause, ...], tuple[Cause, ...]]:
+    """Make both orders of taking out causes: the given one, and its reverse as `after` allows.
+
+    Causes an `after` names that are not among these are taken for absent.
+    """
+    names = {cause.name for cause in causes}
+
+    def ordered(left: list[Cause]) -> tuple[Cause, ...]:
+        done: list[Cause] = []
+        while left:
+            missing = names - {cause.name for cause in done}
+            ready = next((c for c in left if missing.isdisjoint(c.after)), left[0])
+            done.append(ready)
+            left.remove(ready)
+        return tuple(done)
+
+    return ordered(list(causes)), ordered(list(causes[::-1]))
+
+
+# ------------------------------------------------------------------------------ the study
+
+
+def explain(
+    models: Models = ("fixed", "rolling"),
+    engines: Engines | None = None,
+    presets: Names | None = None,
+    **how: Unpack[RunOptions],
+) -> Explanation:
+    """Split each engine's error among its causes, each measured by a run without it.
+
+        >>> import trebucheck as tb
+        >>> budget = tb.explain("fixed", "mujoco", "stock")  # doctest: +SKIP
+        >>> budget.to_dataframe()[["cause", "fraction"]]  # doctest: +SKIP
+
+    Args:
+        models: one or several: names of machines or of the library's problems, paths of mechanisms'
+            .json files, mechanisms, or problems.
+        engines: one or several: names, or engines as `tb.engine` makes them; all but the reference
+            if left out.
+        presets: for which a budget is made: 'tuned', 'stock', or both; both if left out, or those
+            of the engines given.
+        how: runs are made; see :class:`..runs.study.RunOptions`.
+
+    Raises:
+        InputError: a name or value is not valid. A run that fails becomes a budget without shares.
+    """
+    return explain_study(Study.of(models, engines, presets, **how))
+
+
+def explain_study(study: Study) -> Explanation:
+    """Measure the budgets of a study; see :func:`explain`.
+
+    Args:
+        study: mechanisms, engines (all known ones but the reference if None), presets for which a
+            budget is made, how engines are run, and the end of the compared motion.
+
+    Raises:
+        InputError: a name or a value is not valid, or the end does not come. A run that fails
+            raises nothing: it becomes a budget without shares, or a cause that could not be
+            measured.
+    """
+    for preset in study.presets:
+        if preset not in PRESETS:
+            raise InputError(f"there is no preset {preset!r}; there are: {', '.join(PRESETS)}.")
+    # The reference has a budget where it is named: its stock preset differs from the tuned one.
+    names = study.measured_engines if study.engines is None else study.every_engine
+    engines = {name: {preset: study.engine(name, preset) for preset in PRESETS} for name in names}
+    # A part a preset, and one for the presets side by side.
+    parts_of_each = len(list(study.presets)) + 1
+    count = Counter(len(study.mechanisms) * len(engines) * parts_of_each, study.progress)
+
+    def part(wanted: tuple[EngineRuns, str, str | None]) -> Budget | StockAgainstTuned:
+        runs, name, preset = wanted
+        made = engines[name]
+        what = f" {preset}" if preset else ", option by option"
+        count.start(f"{runs.mechanism.name}: {name}{what}")
+        if preset:
+            return budget(runs, made[preset])
+        return stock_against_tuned(runs, made["stock"], made["tuned"])
+
+    with study.worker() as worker:
+        moved, failures = runs_of(study, worker)
+        wanted = list(product(moved, engines, (*study.presets, None)))
+        parts = all_in_order(part, wanted, study.jobs)
+    machines: list[ExplainedMachine] = []
+    for runs in moved:
+        machines.append(
+            ExplainedMachine(
+                model=runs.mechanism.name,
+                mechanism=runs.mechanism,
+                mechanism_hash=runs.mechanism.content_hash,
+                launch_time=runs.runner.launch_time,
+                compared_to=runs.runner.end,
+                judged_to=runs.end,
+            )
+        )
+    return Explanation.made_here(
+        machines=tuple(machines),
+        budgets=tuple(each for each in parts if isinstance(each, Budget)),
+        comparisons=tuple(each for each in parts if isinstance(each, StockAgainstTuned)),
+        failures=failures,
+        jobs=study.timed_at_once,
+    )
+
+
+_REPEATS = 3  # timed runs of each setting, of some hundredths of a second each
+
+
+def stock_against_tuned(runs: EngineRuns, stock: Engine, tuned: Engine) -> StockAgainstTuned:
+    """Compare an engine's presets at the stock one's step, changing one option at a time."""
+    step = stock.settings.get("timestep")
+    if step is not None:
+        tuned = with_options(tuned, {"timestep": step})
+
+    def figures(engine: Engine, options: dict[str, JsonValue]) -> Figures:
+        try:
+            changed = with_options(engine, options)
+        except InputError as error:
+            return Figures(message=str(error))
+        record = runs.record(changed, repeats=_REPEATS)
+        if record.curves is None:
+            return Figures(message=record.message or "it did not run")
+        late = [abs(time) for time in record.curves.release_times.values() if time is not None]
+        return Figures(
+            position=record.position,
+            torque=record.torque,
+            release=max(late, default=None),
+            wall_time=float(np.median(record.wall_times)),
+        )
+
+    changes: list[Change] = []
+    after = tuned.settings
+    for name, value in stock.settings.items():
+        if name in after and after[name] != value:
+            alone, back = figures(stock, {name: after[name]}), figures(tuned, {name: value})
+            changes.append(
+                Change(option=name, stock=value, tuned=after[name], alone=alone, back=back)
+            )
+    return StockAgainstTuned(
+        model=runs.mechanism.name,
+        engine=stock.name,
+        timestep=float(step) if isinstance(step, int | float) else None,
+        force_unit=runs.mechanism.force_unit,
+        stock=figures(stock, {}),
+        tuned=figures(tuned, {}),
+        changes=tuple(changes),
+    )
