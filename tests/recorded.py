@@ -149,16 +149,28 @@ def _apart(wrong: tb.Trajectory, right: tb.Trajectory) -> list[float]:
 
 
 def suspects(name: str) -> list[Any]:
-    """Every mechanism that is wrong in one place: by how much, and what it says of an amount."""
+    """Every mechanism that is wrong in one place, and by how much."""
     mechanism = MOVED[name][0]()
     right = list(_numbers(json.loads(mechanism.to_json())))
     found: list[Any] = []
-    for suspect in (*machine_suspects(mechanism), *systematic_faults(mechanism)):
-        wrong = list(_numbers(json.loads(suspect.wrong.to_json())))
-        changes = [b - a for a, b in zip(right, wrong, strict=False)]
-        found.append([suspect.name.replace(" ", "-"), len(wrong), *size(np.array(changes) * 1e3)])
-        found.append(suspect.amount(3.0))
+    for suspect in machine_suspects(mechanism):
+        found.append(
+            [suspect.name.replace(" ", "-"), suspect.scale, *_changed(suspect.wrong, right)]
+        )
+    for fault in systematic_faults(mechanism):
+        factors = [3.0 + k for k in range(len(fault.components))]
+        equations = fault.equations(factors)
+        wrong = [] if equations is None else _changed(equations.mechanism, right)
+        found.append([fault.name.replace(" ", "-"), *wrong])
+        found.append(f"sizes {fault.text(factors)}")
     return found
+
+
+def _changed(wrong: tb.Mechanism, right: list[float]) -> list[float]:
+    """How many numbers a wrong mechanism has, and how far they are from the right ones."""
+    numbers = list(_numbers(json.loads(wrong.to_json())))
+    apart = [b - a for a, b in zip(right, numbers, strict=False)]
+    return [len(numbers), *size(np.array(apart) * 1e3)]
 
 
 def _numbers(value: Any) -> Iterator[float]:
