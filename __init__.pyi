@@ -1,14 +1,14 @@
 """The public names for type checkers; `__init__.py` loads them when they are first asked for."""
 
 from .comparisons.certify import certify
-from .comparisons.compare.study import compare
+from .comparisons.compare import compare
 from .comparisons.converge import converge
 from .comparisons.diff import diff
 from .comparisons.explain import explain
 from .comparisons.judge import judge
 from .comparisons.matrix import matrix
 from .comparisons.mjcf import mjcf
-from .comparisons.recommend.study import recommend
+from .comparisons.recommend import recommend
 from .conformance.check import check
 from .engines.protocol import Capabilities, Engine
 from .engines.registry import engine, engines

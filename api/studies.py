@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..comparisons.compare.study import Comparison, compare
+from ..comparisons.compare import Comparison, compare
 from ..comparisons.data.certified import certified_dataset, content
 from ..comparisons.runs.process import Worker
 from ..comparisons.runs.results import Outcome, ResultFile, Run

@@ -42,7 +42,7 @@ def compare_command(call: Call) -> bool:
     trebucheck compare --models fixed --engines mujoco,pymunk --preset tuned --timestep 1e-3 --set
     l1=9.5
     """
-    from ..comparisons.compare.study import compare
+    from ..comparisons.compare import compare
     from ..comparisons.report import markdown
     from ..comparisons.report.pages.compare import document, summary
 
@@ -313,7 +313,7 @@ def figures_command(call: Call) -> None:
 
     trebucheck figures report --formats pdf,png --only fixed-distances,work-precision
     """
-    from ..comparisons.compare.study import stored
+    from ..comparisons.compare import stored
     from ..comparisons.report.document import figures_of
     from ..comparisons.report.pages.compare import document
     from ..comparisons.report.plots import FORMATS, picture, write_picture

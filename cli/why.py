@@ -104,7 +104,7 @@ def recommend_command(call: Call) -> None:
 
     trebucheck recommend --model pendulum.json --position 1e-4 --until 5
     """
-    from ..comparisons.recommend.study import recommend
+    from ..comparisons.recommend import recommend
     from ..comparisons.report.pages.recommend import document, files
     from ..models.files import write_text
 

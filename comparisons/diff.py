@@ -23,7 +23,7 @@ from pydantic import Field, JsonValue
 from ..models.errors import InputError
 from ..models.shown import Reported
 from ..models.spec import Real, Spec
-from .compare.study import Comparison, read_results
+from .compare import Comparison, read_results
 from .runs.quantities import QUANTITIES, metric_label
 from .runs.results import COMPARED, Diagnosis, Machine, Metric, Outcome, Results, Run
 

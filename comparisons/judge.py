@@ -38,21 +38,12 @@ from .diagnosis.case import ENERGIES
 from .diagnosis.diagnose import diagnose_motion, failed_diagnosis
 from .runs.metrics import against, not_observed
 from .runs.record import machine_row
-from .runs.results import (
-    Diagnosis,
-    Machine,
-    Measured,
-    Metric,
-    Outcome,
-    ResultFile,
-    Run,
-    verdict_on,
-)
+from .runs.results import Diagnosis, Machine, Measured, Metric, Outcome, ResultFile, Run, verdict_on
 from .runs.runner import Runner
 from .runs.study import REFERENCE, Counter, Progress, Study, one_end
 from .runs.tolerances import judge as judge_run
 
-__path__: list[str] = []  # lets `renamed.py` find the modules that this was in earlier releases
+__path__: list[str] = []  # names of earlier releases below this module: see renamed.py
 
 NOT_GIVEN = "the file does not give it"
 TIME = "t"
@@ -356,11 +347,7 @@ def jumps(
 ) -> Iterator[GivenImpact]:
     """Find the impacts that speeds show: two samples at one time, between which the speed jumps up.
 
-    Args:
-        t: times [s], shape (n,).
-        q, u: states, shape (n, n_q).
-        kinematics: of the mechanism.
-        arm: its longest [m].
+    Samples are at times t [s], shape (n,); `arm` is the mechanism's longest [m].
     """
     for k in np.flatnonzero(np.diff(t) == 0):
         for stop in kinematics.mechanism.stops:
@@ -375,13 +362,9 @@ def jumps(
 def impact_metrics(
     motion: Trajectory, impacts: Sequence[GivenImpact], solution: Solution, end: float
 ) -> Iterator[Metric]:
-    """Impulses of each stop, and speeds of coordinates and markers beside impacts.
+    """Impulses of each stop, and speeds of coordinates and markers beside impacts, up to `end` [s].
 
-    Args:
-        motion: of the file, with its impacts.
-        impacts: as the file gives them.
-        solution: the reference.
-        end: of what is judged [s].
+    Impacts are as the file gives them.
     """
     comparison = against(motion, solution, end)
     common: list[tuple[float, float]] = []
@@ -638,10 +621,7 @@ def _read_headings(cells: list[str], columns: Mapping[str, _Units]) -> dict[str,
 
 
 def _read_comment(
-    line: str,
-    mechanism: Mechanism,
-    releases: dict[str, float | None],
-    impacts: list[GivenImpact],
+    line: str, mechanism: Mechanism, releases: dict[str, float | None], impacts: list[GivenImpact]
 ) -> None:
     """Adds what a comment says of an event; any other comment says nothing.
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import combinations
@@ -16,15 +15,23 @@ from pydantic import Field, model_validator
 
 from ..engines.supplied import Own, own
 from ..models.errors import InputError
-from ..models.files import read_bytes
 from ..models.library.registry import find_benchmark
 from ..models.spec import Positive, Real, Spec
-from .compare.study import read_results
+from .compare import format_of, read_results
 from .converge import FORMAT as CONVERGE
 from .converge import Studies
 from .runs.quantities import QUANTITIES
 from .runs.results import FORMAT as COMPARE
-from .runs.results import Machine, Metric, Outcome, ResultFile, Results, Run, with_time_limit
+from .runs.results import (
+    Machine,
+    Metric,
+    Outcome,
+    ResultFile,
+    Results,
+    Run,
+    verdict_on,
+    with_time_limit,
+)
 from .runs.study import REFERENCE
 
 __path__: list[str] = []  # names of earlier releases below this module: see renamed.py
@@ -168,25 +175,23 @@ class Matrix(ResultFile):
 
     def run(self, label: str, problem: str) -> MatrixRun | None:
         """The run of an engine and preset on a problem; None if it was not made."""
-        return next(
-            (run for run in self.runs if (run.label, run.problem) == (label, problem)), None
-        )
+        return next((run for run in self.of(label) if run.problem == problem), None)
 
     def schemes(self) -> dict[str, list[str]]:
         """Engines with their presets by scheme, alphabetically; those without one last."""
-        found: dict[str, set[str]] = {}
+        schemes: dict[str, set[str]] = {}
         for run in self.runs:
-            found.setdefault(run.scheme, set()).add(run.label)
-        return {
-            name: sorted(found[name])
-            for name in sorted(found, key=lambda name: (not name, name.lower()))
-        }
+            schemes.setdefault(run.scheme, set()).add(run.label)
+        names = sorted(schemes, key=lambda name: (not name, name.lower()))
+        return {name: sorted(schemes[name]) for name in names}
 
     def of(self, label: str) -> Iterable[MatrixRun]:
         """All runs of an engine and preset."""
         return (run for run in self.runs if run.label == label)
 
 
+_SAME_END = 1e-6
+"""Tolerance of the end: horizons are computed, and other libraries round otherwise."""
 _Part = TypeVar("_Part", MatrixRun, MeasuredOrder)
 
 
@@ -208,149 +213,121 @@ def matrix(files: str | Path | Iterable[str | Path]) -> Matrix:
     paths = [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]
     if not paths:
         raise InputError("no file: the results.json of one comparison at least is needed.")
-    found = [(path, _one(path)) for path in paths]
-    runs = _once(found, lambda matrix: matrix.runs, "the run")
-    orders = _once(found, lambda matrix: matrix.orders, "the order of")
+    parts = [(path, _read(path)) for path in paths]
+    runs = _once("the run", [(path, run) for path, part in parts for run in part.runs])
+    orders = _once("the order of", [(path, order) for path, part in parts for order in part.orders])
     if not runs:
         raise InputError(f"{', '.join(map(str, paths))}: there is no run of any engine.")
-    return Matrix.made_here(problems=_problems(found), runs=runs, orders=orders)
+    # One name is one mechanism and motion; problems of the library come first, in its order.
+    problems: dict[str, tuple[Path, MatrixProblem]] = {}
+    for path, part in parts:
+        for problem in part.problems:
+            before, other = problems.setdefault(problem.name, (path, problem))
+            same = (problem.mechanism_hash, problem.stop_law) == (
+                other.mechanism_hash,
+                other.stop_law,
+            )
+            if not (same and math.isclose(problem.judged_to, other.judged_to, rel_tol=_SAME_END)):
+                raise InputError(
+                    f"{problem.name!r} is another mechanism or motion in {path} than in "
+                    f"{before}; a matrix compares engines on the same."
+                )
+    ordered = sorted((problem for _, problem in problems.values()), key=lambda p: p.number)
+    return Matrix.made_here(problems=tuple(ordered), runs=runs, orders=orders)
 
 
-_Found = Sequence[tuple[Path, Matrix]]
-
-
-def _once(
-    found: _Found, parts: Callable[[Matrix], tuple[_Part, ...]], what: str
-) -> tuple[_Part, ...]:
+def _once(what: str, parts: Iterable[tuple[Path, _Part]]) -> tuple[_Part, ...]:
     """Parts of all files; none may be there twice."""
     merged: dict[tuple[str, str], tuple[Path, _Part]] = {}
-    for path, matrix in found:
-        for part in parts(matrix):
-            before, _ = merged.setdefault((part.label, part.problem), (path, part))
-            if merged[part.label, part.problem][1] is not part:
-                raise InputError(
-                    f"{what} {part.label} on {part.problem} is in {before} and in {path}; once "
-                    f"is needed."
-                )
+    for path, part in parts:
+        before, known = merged.setdefault((part.label, part.problem), (path, part))
+        if known is not part:
+            raise InputError(
+                f"{what} {part.label} on {part.problem} is in {before} and in {path}; once is "
+                "needed."
+            )
     return tuple(part for _, part in merged.values())
 
 
-def _problems(found: _Found) -> tuple[MatrixProblem, ...]:
-    """Problems in the order of the library, others last; one name is one mechanism and motion."""
-    merged: dict[str, tuple[Path, MatrixProblem]] = {}
-    for path, matrix in found:
-        for problem in matrix.problems:
-            before, other = merged.setdefault(problem.name, (path, problem))
-            if not _same(problem, other):
-                raise InputError(
-                    f"{problem.name!r} is another mechanism or motion in {path} than in "
-                    f"{before}; a matrix compares "
-                    "engines on the same."
-                )
-    return tuple(
-        sorted((problem for _, problem in merged.values()), key=lambda problem: problem.number)
-    )
-
-
-def _same(a: MatrixProblem, b: MatrixProblem) -> bool:
-    same = (a.mechanism_hash, a.stop_law) == (b.mechanism_hash, b.stop_law)
-    return same and math.isclose(a.judged_to, b.judged_to, rel_tol=_SAME_END)
-
-
-_SAME_END = 1e-6
-"""Tolerance of the end: horizons are computed, and other libraries round otherwise."""
-
-
-def _one(path: Path) -> Matrix:
-    """A file as a matrix."""
-    path = _file(path)
-    format = _format(path)
-    if format == FORMAT:
+def _read(path: Path) -> Matrix:
+    """A file, or the one file of a folder, as a matrix."""
+    if path.is_dir():
+        names = ("results.json", "converge.json", "matrix.json")
+        inside = [path / name for name in names if (path / name).is_file()]
+        if len(inside) != 1:
+            raise InputError(
+                f"{path} holds {len(inside)} of results.json, converge.json and matrix.json; name "
+                "one file."
+            )
+        path = inside[0]
+    stated = format_of(path)
+    if stated == FORMAT:
         return Matrix.load(path)
-    if format == COMPARE:
+    if stated == COMPARE:
         date = datetime.fromtimestamp(path.stat().st_mtime, UTC).date().isoformat()
         return distilled(read_results(path), date)
-    if format == CONVERGE:
+    if stated == CONVERGE:
         return Matrix.made_here(problems=(), runs=(), orders=tuple(orders_of(Studies.load(path))))
-    has = "no format" if format is None else f"format {str(format)[:60]!r}"
+    has = "no format" if stated is None else f"format {str(stated)[:60]!r}"
     raise InputError(f"{path} has {has}; needed is one of {COMPARE}, {CONVERGE}, {FORMAT}.")
-
-
-def _file(path: Path) -> Path:
-    if not path.is_dir():
-        return path
-    inside = [
-        path / name
-        for name in ("results.json", "converge.json", "matrix.json")
-        if (path / name).is_file()
-    ]
-    if len(inside) != 1:
-        raise InputError(
-            f"{path} holds {len(inside)} of results.json, converge.json and matrix.json; name "
-            f"one file."
-        )
-    return inside[0]
-
-
-def _format(path: Path) -> object:
-    try:
-        content = json.loads(read_bytes(path, Results.largest_file))
-    except (ValueError, RecursionError):
-        raise InputError(
-            f"{path} is not JSON; the results.json of `trebucheck compare` is needed."
-        ) from None
-    return content.get("format") if isinstance(content, dict) else None
 
 
 def orders_of(studies: Studies) -> Iterator[MeasuredOrder]:
     """Orders of the sweeps of the time step in which something moved."""
     for machine in studies.machines:
         for study in machine.studies:
-            curve = study.curve("position")
-            law, floor = curve.law, curve.floor
-            if study.knob == "timestep" and any(
-                point.position is not None for point in study.points
-            ):
-                yield MeasuredOrder(
-                    engine=study.engine,
-                    preset=study.preset,
-                    problem=machine.model,
-                    exponent=None if law is None else law.exponent,
-                    half_width=None if law is None else law.half_width,
-                    floor=None if floor is None else floor.error,
-                    floor_cause="" if floor is None else floor.cause,
-                )
+            if study.knob != "timestep" or all(p.position is None for p in study.points):
+                continue
+            law, floor = study.curve("position").law, study.curve("position").floor
+            yield MeasuredOrder(
+                engine=study.engine,
+                preset=study.preset,
+                problem=machine.model,
+                exponent=None if law is None else law.exponent,
+                half_width=None if law is None else law.half_width,
+                floor=None if floor is None else floor.error,
+                floor_cause="" if floor is None else floor.cause,
+            )
 
 
 def distilled(results: Results, date: str) -> Matrix:
     """The part of a comparison that a matrix needs; the reference against itself is left out."""
     machines = {machine.model: machine for machine in results.machines}
-    runs = [run for run in results.runs if run.engine != REFERENCE]
-    return Matrix.made_here(
-        problems=tuple(map(_problem, results.machines)),
-        runs=tuple(
-            _run(run, machines.get(run.model), date, results.trebucheck_version) for run in runs
-        ),
-    )
-
-
-def _problem(machine: Machine) -> MatrixProblem:
-    mechanism, entry = machine.mechanism, find_benchmark(machine.model)
-    return MatrixProblem(
-        name=machine.model,
-        number="" if entry is None else entry.number,
-        mechanism_hash=machine.mechanism_hash,
-        stop_law=machine.stop_law,
-        judged_to=machine.judged_to,
-        stops=bool(mechanism.stops),
-        loops=bool(mechanism.loop_joints),
-        elements=bool(mechanism.force_elements),
-    )
+    problems: list[MatrixProblem] = []
+    for name, machine in machines.items():
+        mechanism, entry = machine.mechanism, find_benchmark(name)
+        problem = MatrixProblem(
+            name=name,
+            number="" if entry is None else entry.number,
+            mechanism_hash=machine.mechanism_hash,
+            stop_law=machine.stop_law,
+            judged_to=machine.judged_to,
+            stops=bool(mechanism.stops),
+            loops=bool(mechanism.loop_joints),
+            elements=bool(mechanism.force_elements),
+        )
+        problems.append(problem)
+    runs = [
+        _run(run, machines.get(run.model), date, results.trebucheck_version)
+        for run in results.runs
+        if run.engine != REFERENCE
+    ]
+    return Matrix.made_here(problems=tuple(problems), runs=tuple(runs))
 
 
 def _run(run: Run, machine: Machine | None, date: str, version: str) -> MatrixRun:
-    found, step = run.diagnosis, run.settings.get("timestep")
-    named = () if found is None else found.named
+    diagnosis, step = run.diagnosis, run.settings.get("timestep")
+    causes = () if diagnosis is None else diagnosis.named
+    # Of the error to its tolerance; infinite for a missing value
+    ratios: dict[str, float] = {}
+    for metric in run.judged:
+        value = math.inf if metric.value is None else abs(metric.value)
+        if metric.tolerance:
+            value /= metric.tolerance
+        elif value:
+            value = math.inf
+        ratios[metric.label] = value
+    worst = max(ratios, key=ratios.__getitem__, default=None)
     return MatrixRun(
         problem=run.model,
         engine=run.engine,
@@ -365,69 +342,55 @@ def _run(run: Run, machine: Machine | None, date: str, version: str) -> MatrixRu
         time_limit=run.time_limit,
         judged=len(run.judged),
         held=len(run.judged) - len(run.broken),
-        worst=_worst(run.judged),
+        worst=None if worst is None else Breach(label=worst, ratio=_finite(ratios[worst])),
         errors=() if machine is None else tuple(_errors(run, machine)),
-        first_in=None if found is None or found.note else found.leads,
-        causes=tuple(cause.name for cause in named),
-        explained=named[0].explained if named else None,
+        first_in=None if diagnosis is None or diagnosis.note else diagnosis.leads,
+        causes=tuple(cause.name for cause in causes),
+        explained=causes[0].explained if causes else None,
         date=date,
         made_by=version,
     )
-
-
-def _worst(judged: Sequence[Metric]) -> Breach | None:
-    ratios = {metric.label: _ratio(metric) for metric in judged}
-    label = max(ratios, key=ratios.__getitem__, default=None)
-    return None if label is None else Breach(label=label, ratio=_finite(ratios[label]))
-
-
-def _ratio(metric: Metric) -> float:
-    """Ratio of the error to its tolerance; infinite for a missing value."""
-    if metric.value is None:
-        return math.inf
-    if metric.tolerance:
-        return abs(metric.value) / metric.tolerance
-    return math.inf if metric.value else 0.0
 
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
+_HOLDS = {Outcome.AGREES: True, Outcome.DISAGREES: False, Outcome.NOT_JUDGED: None}
+
+
 def _errors(run: Run, machine: Machine) -> Iterator[Error]:
     """The largest of each quantity's figures; one that is missing counts as the largest."""
     for name in SHOWN:
-        of = [metric for metric in run.metrics if metric.name == name]
-        if not of:
+        metrics = [metric for metric in run.metrics if metric.name == name]
+        if not metrics:
             continue
-        shown = [metric for metric in of if metric.observed] or of
-        worst = max(shown, key=lambda m: math.inf if m.value is None else _part(m, machine) or 0.0)
-        verdicts = [metric.holds for metric in of if metric.holds is not None]
-        holds = None
-        if not all(verdicts):
-            holds = False
-        elif verdicts and not any(metric.unjudged for metric in of):
-            holds = True
+        parts = {metric.label: _part(metric, machine) for metric in metrics}
+        observed = [metric for metric in metrics if metric.observed] or metrics
+        worst = max(observed, key=lambda metric: parts[metric.label])
         yield Error(
             metric=name,
             subject=worst.subject,
             value=worst.value,
             unit=worst.unit,
-            part=_part(worst, machine),
+            part=_finite(parts[worst.label]),
             observed=worst.observed,
             tolerance=worst.tolerance,
             note=worst.note,
-            holds=holds,
+            holds=_HOLDS[verdict_on(tuple(metrics))],
         )
 
 
-def _part(metric: Metric, machine: Machine) -> float | None:
+def _part(metric: Metric, machine: Machine) -> float:
+    """Error as a part of the quantity's scale; infinite where there is no value."""
     if metric.value is None:
-        return None
+        return math.inf
     quantity = QUANTITIES[metric.name]
     scales = machine.whole_scales if quantity.invariant and machine.whole_scales else machine.scales
     return abs(metric.value) / quantity.scale_of(scales, metric.subject, machine.mechanism)
 
+
+# Spread of engines of one scheme
 
 FLOOR = 1e-12
 """Part of the scale: smaller errors are rounding over thousands of steps, and count as this."""
@@ -476,69 +439,50 @@ class Spread:
 def spreads(matrix: Matrix) -> Iterator[Spread]:
     """Spread of every scheme that two engines have, where there are pairs."""
     for scheme, labels in matrix.schemes().items():
-        engines = sorted({run.engine for label in labels for run in matrix.of(label)})
+        runs = [run for label in labels for run in matrix.of(label)]
+        engines = sorted({run.engine for run in runs})
         if not scheme or len(engines) < 2:
             continue
-        runs = (run for label in labels for run in matrix.of(label))
-        moved = tuple(
-            sorted({run.engine for run in runs if own(run.supplied or {}) is Own.DYNAMICS})
-        )
+        moved = sorted({run.engine for run in runs if own(run.supplied or {}) is Own.DYNAMICS})
         for constrained in (False, True):
-            problems = [
-                each for each in matrix.problems if (each.stops or each.loops) == constrained
-            ]
-            found = _spread(matrix, problems, scheme)
-            if found[0].found:
-                yield Spread(scheme, constrained, tuple(engines), moved, *found)
+            within: list[Ratio] = []
+            between: list[Ratio] = []
+            for problem in matrix.problems:
+                if (problem.stops or problem.loops) != constrained:
+                    continue
+                for a, b, ratio in _pairs(matrix, problem.name):
+                    if a.scheme == b.scheme == scheme:
+                        within.append(ratio)
+                    elif scheme in (a.scheme, b.scheme):
+                        between.append(ratio)
+            if within:
+                pairs = Ratios(tuple(within)), Ratios(tuple(between))
+                yield Spread(scheme, constrained, tuple(engines), tuple(moved), *pairs)
 
 
-def _spread(
-    matrix: Matrix, problems: Iterable[MatrixProblem], scheme: str
-) -> tuple[Ratios, Ratios]:
-    within: list[Ratio] = []
-    between: list[Ratio] = []
-    for problem in problems:
-        for a, b in _pairs(
-            [run for run in matrix.runs if run.problem == problem.name and run.scheme]
-        ):
-            if a.scheme == b.scheme == scheme:
-                within.append(_ratio_spread(a, b))
-            elif scheme in (a.scheme, b.scheme):
-                between.append(_ratio_spread(a, b))
-    return Ratios(tuple(within)), Ratios(tuple(between))
-
-
-def _pairs(runs: Sequence[MatrixRun]) -> Iterator[tuple[MatrixRun, MatrixRun]]:
-    """Two runs of different engines with equal steps, both with an error."""
-    moved = [run for run in runs if _error(run) is not None]
-    for a, b in combinations(moved, 2):
-        if a.engine != b.engine and math.isclose(
-            a.timestep or 0.0, b.timestep or math.inf, rel_tol=1e-9
-        ):
-            yield a, b
-
-
-def _ratio_spread(a: MatrixRun, b: MatrixRun) -> Ratio:
-    low, high = sorted(max(_error(run) or 0.0, FLOOR) for run in (a, b))
-    return Ratio(high / low, f"{a.label} and {b.label} on {a.problem}")
-
-
-def _error(run: MatrixRun) -> float | None:
-    error = run.error(_METRIC)
-    return None if error is None or not error.observed else error.part
+def _pairs(matrix: Matrix, problem: str) -> Iterator[tuple[MatrixRun, MatrixRun, Ratio]]:
+    """Two runs of different engines with equal steps, and the ratio of their errors."""
+    errors: list[tuple[MatrixRun, float]] = []
+    for run in matrix.runs:
+        error = run.error(_METRIC)
+        part = error.part if error is not None and error.observed else None
+        if run.problem == problem and run.scheme and part is not None:
+            errors.append((run, max(part, FLOOR)))
+    for (a, first), (b, second) in combinations(errors, 2):
+        steps = a.timestep or 0.0, b.timestep or math.inf
+        if a.engine != b.engine and math.isclose(*steps, rel_tol=1e-9):
+            low, high = sorted((first, second))
+            yield a, b, Ratio(high / low, f"{a.label} and {b.label} on {a.problem}")
 
 
 def sentence(spread: Spread) -> str:
     """The comparison of the two."""
     where = "with stops or loops" if spread.constrained else "without stops and loops"
-    one = (
-        f"; the steps of {' and '.join(spread.moved)} are trebucheck's"
-        if len(spread.moved) > 1
-        else ""
-    )
+    one = ""
+    if len(spread.moved) > 1:
+        one = f"; the steps of {' and '.join(spread.moved)} are trebucheck's"
     return (
         f"position errors of two of its engines ({', '.join(spread.engines)}) on one problem "
-        f"{where}, at equal steps, "
-        f"have a ratio of {spread.within}; those of one of them and one of another scheme "
-        f"{spread.between}{one}."
+        f"{where}, at equal steps, have a ratio of {spread.within}; those of one of them and one "
+        f"of another scheme {spread.between}{one}."
     )

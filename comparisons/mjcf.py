@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -14,9 +13,8 @@ from ..models.mjcf import as_spec as spec_of
 from ..models.mjcf import writer
 from ..models.mjcf.scene import Keyframe, RecordedMotion, event_names, stored_motion
 from ..models.mjcf.variants import Variant
-from ..models.problem import Problem, StopLaw, mechanism_of
-from .runs.runner import Runner
-from .runs.study import Until
+from ..models.problem import Problem, mechanism_of
+from .runs.runner import Runner, motion_of
 
 __path__: list[str] = []  # names of earlier releases below this module: see renamed.py
 
@@ -39,38 +37,21 @@ def record_motion(given: Mechanism | Problem) -> RecordedMotion:
     return recorded(motion_of(given))
 
 
-def motion_of(given: Mechanism | Problem) -> Runner:
-    """Reference run of a problem, or of a mechanism; see :func:`record_motion`.
-
-    Raises:
-        InputError: the reference cannot begin.
-    """
-    problem = given if isinstance(given, Problem) else None
-    mechanism = mechanism_of(given)
-    until = Until.of(problem.duration if problem else None)
-    return Runner(mechanism, until=until, law=problem.stop_law if problem else StopLaw.RELEASE_ONCE)
-
-
-def suitable_step(runner: Runner) -> float:
-    """A hundredth of a motion's characteristic time [s], with two digits; 1 ms at most.
-
-    Raises:
-        SimulationError: the reference cannot move it.
-    """
-    return min(LONGEST_STEP, float(f"{_STEP * runner.scales.time:.1e}"))
-
-
 def recorded(runner: Runner) -> RecordedMotion:
-    """Its events, as :func:`record_motion`.
-
-    Raises:
-        SimulationError: the reference cannot move it.
-    """
-    end = min(runner.end, runner.judged_to)
-    events = sorted((t, stop, what) for t, stop, what in _events(runner) if t <= end)[:_MOST]
+    """Its events, as :func:`record_motion`; SimulationError: the reference cannot move it."""
+    solution, end = runner.solution, min(runner.end, runner.judged_to)
+    # Times [s], stops and what becomes of them; of the launch, no stop
+    events = [(t, stop, "release") for stop, t in solution.release_times.items() if t is not None]
+    for time, impulses in solution.impacts:
+        events += [(time, stop, "impact") for stop, impulse in impulses.items() if impulse]
+    for stop, times in solution.rest_times.items():
+        events += [(time, stop, "rest") for time in times]
+    if runner.launch_time is not None:
+        events.append((runner.launch_time, "", "launch"))
+    events = sorted(event for event in events if event[0] <= end)[:_MOST]
     names = event_names([(stop, what) for _, stop, what in events])
-    at = runner.solution.motion(np.array([t for t, *_ in events]))
-    path = runner.solution.motion(np.linspace(0.0, end, _PATH + 1)).q
+    at = solution.motion(np.array([time for time, *_ in events]))
+    path = solution.motion(np.linspace(0.0, end, _PATH + 1)).q
     return RecordedMotion(
         mechanism_hash=runner.mechanism.content_hash,
         keyframes=tuple(
@@ -79,23 +60,6 @@ def recorded(runner: Runner) -> RecordedMotion:
         ),
         path=tuple(tuple(round(value, _DIGITS) for value in q) for q in path.tolist()),
     )
-
-
-def _events(runner: Runner) -> Iterator[tuple[float, str, str]]:
-    """Times [s], stops and what becomes of them; of the launch, no stop."""
-    solution = runner.solution
-    yield from (
-        (time, stop, "release") for stop, time in solution.release_times.items() if time is not None
-    )
-    struck = (
-        (time, stop, size) for time, impulses in solution.impacts for stop, size in impulses.items()
-    )
-    yield from ((time, stop, "impact") for time, stop, size in struck if size)
-    yield from (
-        (time, stop, "rest") for stop, times in solution.rest_times.items() for time in times
-    )
-    if runner.launch_time is not None:
-        yield runner.launch_time, "", "launch"
 
 
 def mjcf(
@@ -142,11 +106,10 @@ def mjcf(
         SimulationError: the reference cannot move it; without keyframes it is written all the same.
         EngineNotInstalledError: MuJoCo is not there, for `as_spec`.
     """
-    found = model_of(given, named_parameters(given, parameters))
-    mechanism = mechanism_of(found)
+    model = model_of(given, named_parameters(given, parameters))
     variant = Variant(sensors=sensors, finite_inertia=finite_inertia, throw=throw)
-    step, motion = step_and_motion(found, timestep, keyframes=keyframes)
-    text = writer.mjcf(mechanism, step, motion, variant)
+    step, motion = step_and_motion(model, timestep, keyframes=keyframes)
+    text = writer.mjcf(mechanism_of(model), step, motion, variant)
     return spec_of(text) if as_spec else text
 
 
@@ -164,10 +127,13 @@ def step_and_motion(
     stored = stored_motion(given) if isinstance(given, Mechanism) else None
     if stored or (timestep is not None and not keyframes):
         return LONGEST_STEP if timestep is None else timestep, stored if keyframes else None
-    runner = motion_of(given)
-    if keyframes:
-        return suitable_step(runner) if timestep is None else timestep, recorded(runner)
+    runner, step = motion_of(given), timestep
     try:
-        return suitable_step(runner), None
+        if step is None:
+            # Two digits of a part of the characteristic time
+            step = min(LONGEST_STEP, float(f"{_STEP * runner.scales.time:.1e}"))
     except (InputError, SimulationError):
-        return LONGEST_STEP, None
+        if keyframes:
+            raise
+        step = LONGEST_STEP
+    return step, recorded(runner) if keyframes else None

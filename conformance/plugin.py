@@ -284,7 +284,7 @@ class Reports:
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_testnodedown(self, node: Any) -> None:
-        """Which rows the processes of pytest-xdist leave to this one."""
+        """Note the rows that a process of pytest-xdist leaves to this one."""
         self._rows.update(getattr(node, "workeroutput", {}).get(ROWS, ()))
 
     @pytest.hookimpl(wrapper=True)
@@ -300,16 +300,9 @@ class Reports:
                     outcome, text = "failed", verdict.complaint
                 elif verdict.state.value == "skipped":
                     outcome, text = "skipped", (str(Path.cwd()), 0, f"Skipped: {verdict.text}")
-                where, properties = (id, None, id), verdict.properties
-                report: Any = pytest.TestReport(
-                    id,
-                    where,
-                    {},
-                    outcome,
-                    text,
-                    "call",
-                    user_properties=properties,  # type: ignore
-                )
+                make_report: Any = pytest.TestReport
+                report = make_report(id, (id, None, id), {}, outcome, text, "call")
+                report.user_properties = verdict.properties
                 report.trebucheck_verdict = verdict.to_json()
                 self._config.hook.pytest_runtest_logreport(report=report)
         return done

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from ..comparisons.compare.study import MachineRuns, RunKey
+from ..comparisons.compare import MachineRuns, RunKey
 from ..comparisons.report.document import format_number
-from ..comparisons.report.pages.compare import diagnosis
+from ..comparisons.report.pages.tables import diagnosis
 from ..comparisons.runs.balance import keeps_horizontal_momentum
 from ..comparisons.runs.metrics import THROWN
 from ..comparisons.runs.process import Worker, simulate
@@ -26,15 +26,8 @@ from ..comparisons.runs.quantities import JUDGED
 from ..comparisons.runs.results import FAILURES, Metric, Outcome, Run
 from ..comparisons.runs.runner import refuse_invalid
 from ..comparisons.runs.study import Study
+from ..engines import registry
 from ..engines.protocol import Capabilities, Engine
-from ..engines.registry import (
-    EngineClass,
-    announce,
-    capabilities_of,
-    engine,
-    engine_class,
-    supplied_in,
-)
 from ..models.errors import InputError, SimulationError, TrebucheckError, UnsupportedProblemError
 from ..models.features import missing_elements
 from ..models.files import refuse_unwritable, write_text
@@ -53,7 +46,7 @@ STANDARD = (
 """From the simplest on, so that errors are found early; every feature is in one."""
 TIERS = ("quick", "standard", "full")
 INTERFACE = "interface"
-"""In the place of a problem's name: checks of the engine's description and of how it answers."""
+"""Name in place of a problem's, for checks of the engine's description and of how it answers."""
 _DIAGNOSED = 2  # broken problems whose cause is looked for: that may take as long as ten runs
 _SHORT = 200  # steps of a run that is only made to see whether it is made
 _SPAN = 0.1  # [s] of an engine that has no step
@@ -124,7 +117,7 @@ def quantities(mechanism: Mechanism, law: StopLaw, capabilities: Capabilities) -
 # --- The engine
 
 
-def absence(cls: EngineClass) -> str:
+def absence(cls: registry.EngineClass) -> str:
     """A sentence for an engine that is not installed, in its own words where it has any."""
     in_own_words = getattr(cls, "absence", None)
     return str(in_own_words() if in_own_words else f"engine {cls.name!r} is not installed here.")
@@ -147,8 +140,8 @@ class Target:
             InputError: there is no such engine or preset, or it cannot be loaded.
         """
         name, _, preset = text.strip().partition("/")
-        name = announce(name) if ":" in name else name
-        engine_type = engine_class(name)
+        name = registry.announce(name) if ":" in name else name
+        engine_type = registry.engine_class(name)
         try:
             presets = tuple(engine_type.presets())
         except Exception as error:
@@ -170,14 +163,14 @@ class Target:
         return f"{self.engine}/{self.preset}"
 
     @property
-    def engine_type(self) -> EngineClass:
+    def engine_type(self) -> registry.EngineClass:
         """The engine's class."""
-        return engine_class(self.engine)
+        return registry.engine_class(self.engine)
 
     @cached_property
     def capabilities(self) -> Capabilities:
         """Capabilities with the options of its preset."""
-        return capabilities_of(self.engine, self.preset)
+        return registry.capabilities_of(self.engine, self.preset)
 
     def lacks(self, problem: str) -> tuple[str, ...]:
         """Names of what a problem needs and the engine does not declare."""
@@ -187,23 +180,25 @@ class Target:
 # --- Checks of the interface
 
 
-class _Interface:
-    """How an engine describes itself and answers.
+class _SkippedError(Exception):
+    """Reason for which a check is skipped."""
 
-    Each check raises an error where something is wrong; a text that it returns is the reason for
-    which it is skipped.
-    """
+
+class _Interface:
+    """How an engine describes itself and answers; each check gives what is wrong, if anything."""
 
     def __init__(self, target: Target, problems: Sequence[str], worker: Worker) -> None:
         self.target, self.problems, self.worker = target, problems, worker
 
-    @property
-    def fitting(self) -> list[str]:
-        """Problems that it declares to be able to build."""
-        return [problem for problem in self.problems if not self.target.lacks(problem)]
-
     def _make(self) -> Engine:
-        return engine(self.target.engine, self.target.preset)
+        return registry.engine(self.target.engine, self.target.preset)
+
+    def _fitting(self) -> list[str]:
+        """Problems that the engine declares to be able to build."""
+        fitting = [problem for problem in self.problems if not self.target.lacks(problem)]
+        if not fitting:
+            raise _SkippedError("none of the problems is one that it can build")
+        return fitting
 
     def _shortened(self, problem: str, made: Engine) -> Problem:
         mechanism, law = given(problem)
@@ -219,56 +214,43 @@ class _Interface:
         short = self._shortened(problem, made)
         self._valid(self.worker.call(simulate, made, short), short)
 
-    def description(self) -> str:
+    def description(self) -> Iterator[str]:
         cls, name = self.target.engine_type, self.target.engine
         capabilities: Any = cls.capabilities
         if not isinstance(capabilities, Capabilities):
-            raise TrebucheckError(
-                f"capabilities is a {type(capabilities).__name__}; a trebucheck.Capabilities is "
-                "needed"
-            )
+            kind = type(capabilities).__name__
+            yield f"capabilities is a {kind}; a trebucheck.Capabilities is needed"
         if cls.name != name:
-            raise TrebucheckError(
+            yield (
                 f"the class is called {cls.name!r} and announced as {name!r}; both must be the same"
             )
         version: Any = cls.version()
         if not isinstance(version, str) or not version:
-            raise TrebucheckError(f"version() gives {version!r}; a text is needed")
+            yield f"version() gives {version!r}; a text is needed"
         lacking = {"tuned", "stock"} - set(cls.presets())
         if lacking:
-            raise TrebucheckError(
-                f"presets() lacks {sorted(lacking)[0]!r}; two names may lead to the same maker"
-            )
-        return ""
+            yield f"presets() lacks {sorted(lacking)[0]!r}; two names may lead to the same maker"
 
-    def made_again(self) -> str:
+    def made_again(self) -> Iterator[str]:
         first = self._make()
-        again = engine(first.name, first.preset, **first.settings)
+        again = registry.engine(first.name, first.preset, **first.settings)
         for name in (*first.settings, *again.settings):
             value, changed = first.settings.get(name), again.settings.get(name)
             if changed != value:
-                raise TrebucheckError(
+                yield (
                     f"made again from its settings, its {name} is {changed!r} instead of {value!r}"
                 )
         label = f"{first.name}/{first.preset}"
         if label != self.target.label:
-            raise TrebucheckError(
-                f"the engine made says that it is {label}, not {self.target.label}"
-            )
-        return ""
+            yield f"the engine made says that it is {label}, not {self.target.label}"
 
-    def short_run(self) -> str:
-        fitting = self.fitting
-        if not fitting:
-            return _NONE_FITS
-        self._run_briefly(fitting[0], self._make())
-        return ""
+    def short_run(self) -> Iterator[str]:
+        self._run_briefly(self._fitting()[0], self._make())
+        yield from ()
 
-    def same_again(self) -> str:
+    def same_again(self) -> Iterator[str]:
         """Compare with a second run after one of another problem: state must not be kept."""
-        made, names = self._make(), self.fitting[:2]
-        if not names:
-            return _NONE_FITS
+        made, names = self._make(), self._fitting()[:2]
         problems = [self._shortened(problem, made) for problem in (*names, names[0])]
         try:
             runs = self.worker.call(_first_and_last, made, problems)
@@ -278,19 +260,18 @@ class _Interface:
         for label, values in first.items():
             other = second[label]
             if values.shape != other.shape:
-                raise TrebucheckError(
+                yield (
                     f"{names[0]}: {label} has the shape {other.shape} in a second run, "
                     f"{values.shape} in the first"
                 )
-            if not np.array_equal(values, other):
+            elif not np.array_equal(values, other):
                 difference = float(np.abs(values - other).max())
-                raise TrebucheckError(
+                yield (
                     f"{names[0]}: {label} differs by up to {difference:.3g} between two runs of "
                     "the same problem"
                 )
-        return ""
 
-    def refuses(self) -> str:
+    def refuses(self) -> Iterator[str]:
         """Require UnsupportedProblemError for what it does not declare."""
         made, seen = self._make(), set[str]()
         for problem in STANDARD:
@@ -303,17 +284,15 @@ class _Interface:
             except UnsupportedProblemError:
                 continue
             except (SimulationError, InputError) as error:
-                raise TrebucheckError(
-                    f"{problem}: it fails instead of refusing {lacking[0]}: {error}"
-                ) from None
-            raise TrebucheckError(
-                f"it moves {problem!r}, which has {lacking[0]}, and does not declare that it can"
-            )
-        return "" if seen else "it declares everything"
+                yield f"{problem}: it fails instead of refusing {lacking[0]}: {error}"
+            else:
+                element = lacking[0]
+                yield f"it moves {problem!r}, which has {element}, and does not declare that it can"
+        if not seen:
+            raise _SkippedError("it declares everything")
 
 
-_NONE_FITS = "none of the problems is one that it can build"
-_INTERFACE_CHECKS: dict[str, Callable[[_Interface], str]] = {
+_INTERFACE_CHECKS: dict[str, Callable[[_Interface], Iterator[str]]] = {
     "description": _Interface.description,
     "made-again": _Interface.made_again,
     "short-run": _Interface.short_run,
@@ -397,16 +376,6 @@ class Suite:
         self._worker.close()
 
     @cached_property
-    def supplied(self) -> dict[str, str] | None:
-        """Parts of a run that trebucheck does, as the engine states; None if it does not."""
-        return supplied_in(self.target.engine, self.target.preset)
-
-    @cached_property
-    def version(self) -> str:
-        """Version of the engine."""
-        return str(self.target.engine_type.version())
-
-    @cached_property
     def _checks(self) -> dict[str, tuple[str, ...]]:
         """Names of the checks by problem."""
         checks, capabilities = {INTERFACE: tuple(_INTERFACE_CHECKS)}, self.target.capabilities
@@ -420,36 +389,32 @@ class Suite:
     @cached_property
     def ids(self) -> tuple[str, ...]:
         """Ids of all checks, in their order."""
-        return tuple(
-            self._id(problem, check) for problem in self._checks for check in self._checks[problem]
-        )
-
-    def _id(self, problem: str, check: str) -> str:
-        return f"{self.target.label}/{problem}/{check}"
+        ids: list[str] = []
+        for problem, checks in self._checks.items():
+            ids += [f"{self.target.label}/{problem}/{check}" for check in checks]
+        return tuple(ids)
 
     def verdict(self, id: str) -> CheckVerdict:
         """Verdict on a check; its problem is run now if this is its first one."""
         _, problem, check = id.rsplit("/", 2)
         if problem not in self._verdicts:
             self._verdicts[problem] = self._judge(problem)
-        return self._verdicts[problem][check]
+        return self._verdicts[problem][check].model_copy(update={"id": id})
 
     def verdicts(self) -> Iterable[CheckVerdict]:
         """Verdicts on all checks, each when it is asked for."""
         return map(self.verdict, self.ids)
 
-    def _verdict(self, problem: str, check: str, state: CheckState, text: str = "") -> CheckVerdict:
-        return CheckVerdict(id=self._id(problem, check), state=state, text=text)
+    # The verdicts below get their ids from :meth:`verdict`.
 
     def _all(self, problem: str, state: CheckState, text: str) -> dict[str, CheckVerdict]:
-        checks = self._checks[problem]
-        return {check: self._verdict(problem, check, state, text) for check in checks}
+        return dict.fromkeys(self._checks[problem], _plain(state, text))
 
     def _failed(self, problem: str, text: str, check: str = "runs") -> dict[str, CheckVerdict]:
         """One check broken, and the others without a motion to look at."""
         nothing = "there is no motion to judge; see the first check of this problem"
         others = self._all(problem, CheckState.SKIPPED, nothing)
-        return others | {check: self._verdict(problem, check, CheckState.BROKEN, text)}
+        return others | {check: _plain(CheckState.BROKEN, text)}
 
     def _judge(self, problem: str) -> dict[str, CheckVerdict]:
         cls = self.target.engine_type
@@ -470,15 +435,17 @@ class Suite:
     def _judge_interface(self) -> dict[str, CheckVerdict]:
         verdicts: dict[str, CheckVerdict] = {}
         for name, check in _INTERFACE_CHECKS.items():
-            state = CheckState.BROKEN
+            interface = _Interface(self.target, self.problems, self._worker)
             try:
-                text = check(_Interface(self.target, self.problems, self._worker))
-                state = CheckState.SKIPPED if text else CheckState.KEPT
+                text = next(check(interface), "")
+                verdicts[name] = _plain(CheckState.BROKEN if text else CheckState.KEPT, text)
+            except _SkippedError as reason:
+                verdicts[name] = _plain(CheckState.SKIPPED, str(reason))
             except TrebucheckError as error:
-                text = str(error)
+                verdicts[name] = _plain(CheckState.BROKEN, str(error))
             except Exception as error:
                 text = f"{type(error).__name__}: {error}"
-            verdicts[name] = self._verdict(INTERFACE, name, state, text)
+                verdicts[name] = _plain(CheckState.BROKEN, text)
         return verdicts
 
     def _run(self, problem: str) -> dict[str, CheckVerdict]:
@@ -520,20 +487,20 @@ class Suite:
         for metric in run.metrics:
             check = check_name(metric.name)
             metrics[check if check in metrics else runs].append(metric)
-        verdicts: dict[str, CheckVerdict] = {}
-        for check, judged in metrics.items():
-            changes: dict[str, object] = {"id": self._id(problem, check)}
-            verdict = judgement(judged, run)
-            if check == runs:
-                changes["wall_time"] = run.wall_time
-                if verdict.state is CheckState.SKIPPED:  # nothing else was judged: it ran
-                    changes |= {"state": CheckState.KEPT, "text": ""}
-            verdicts[check] = verdict.model_copy(update=changes)
-        state, text = CheckState.KEPT, ""
+        verdicts = {check: judgement(metrics[check], run) for check in metrics}
+        rest: dict[str, object] = {"wall_time": run.wall_time}
+        if verdicts[runs].state is CheckState.SKIPPED:  # nothing else was judged: it ran
+            rest |= {"state": CheckState.KEPT, "text": ""}
+        verdicts[runs] = verdicts[runs].model_copy(update=rest)
+        verdicts[model_check] = _plain(CheckState.KEPT)
         if run.equality is None or not run.equality.exposed:
-            state = CheckState.SKIPPED
             text = "it does not show its built model (`inspect`): only its motion tells"
-        return verdicts | {model_check: self._verdict(problem, model_check, state, text)}
+            verdicts[model_check] = _plain(CheckState.SKIPPED, text)
+        return verdicts
+
+
+def _plain(state: CheckState, text: str = "") -> CheckVerdict:
+    return CheckVerdict(id="", state=state, text=text)
 
 
 def judgement(metrics: Iterable[Metric], run: Run) -> CheckVerdict:
@@ -546,7 +513,7 @@ def judgement(metrics: Iterable[Metric], run: Run) -> CheckVerdict:
         # What was compared and has no tolerance is no success, and not merely absent.
         absent = "it has no tolerance" if unjudged else "there is no such event in this motion"
         state = CheckState.NOT_JUDGED if unjudged else CheckState.SKIPPED
-        return CheckVerdict(id="", state=state, text=notes[0] if notes else absent)
+        return _plain(state, notes[0] if notes else absent)
     worst, complaints = judged[-1], list[str]()
     for m in reversed(judged):
         if m.holds is False:
@@ -663,9 +630,10 @@ class Session:
     @property
     def results(self) -> Conformance:
         """The verdicts so far."""
+        targets = [suite.target for suite in self._suites]
         return Conformance.made_here(
-            engines={suite.target.label: suite.version for suite in self._suites},
-            supplied={suite.target.label: suite.supplied for suite in self._suites},
+            engines={t.label: str(t.engine_type.version()) for t in targets},
+            supplied={t.label: registry.supplied_in(t.engine, t.preset) for t in targets},
             tier=self._tier,
             verdicts=tuple(self._found[id] for id in self.ids if id in self._found),
         )

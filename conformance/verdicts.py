@@ -120,7 +120,7 @@ class Deviation(Spec):
     """A row of the file of deviations: checks that are known to fail."""
 
     id: _Text
-    """Of a check, or a pattern of several: `*`, `?` and `[...]` stand for parts of it."""
+    """Id of a check, or a pattern of several: `*`, `?` and `[...]` stand for parts of it."""
     reason: _Text
     owner: _Text
 

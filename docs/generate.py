@@ -23,8 +23,7 @@ import trebucheck as tb
 import typer
 from mjcf_readme import readme
 from trebucheck.cli.app import app
-from trebucheck.comparisons import problems as check
-from trebucheck.comparisons.compare.study import Comparison
+from trebucheck.comparisons.compare import Comparison
 from trebucheck.comparisons.converge import Studies
 from trebucheck.comparisons.data.certified import names, publish
 from trebucheck.comparisons.diff import DifferenceData
@@ -33,6 +32,7 @@ from trebucheck.comparisons.judge import Judgement
 from trebucheck.comparisons.matrix import distilled, orders_of
 from trebucheck.comparisons.matrix import matrix as read_matrix
 from trebucheck.comparisons.mjcf import record_motion
+from trebucheck.comparisons.problems import check
 from trebucheck.comparisons.recommend import Advice
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.document import Document, table, without_empty_columns

@@ -35,7 +35,7 @@ event again, up to the event. An engine whose time step must not change implemen
 from __future__ import annotations
 
 import functools
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
@@ -77,16 +77,16 @@ RestitutionRule = Callable[[Mapping[str, float], FloatArray, FloatArray], Mappin
 """Restitution e of each contact in an impact, from its gap speed [rad/s, m/s], q and u."""
 
 S = TypeVar("S")
+_Names = Collection[str]
 
 
 # --- Rules
 
 
 class ContactEvents:
-    """Keeps the releases and impacts of one run, and applies their rules."""
+    """The releases and impacts of one run, and their rules; the engine's name is for messages."""
 
     def __init__(self, mechanism: Mechanism, engine: str) -> None:
-        """Start with no event; `engine` is the name in messages."""
         self.mechanism, self.engine = mechanism, engine
         self.releases: dict[str, float | None] = {stop.name: None for stop in mechanism.stops}
         """First opening of each stop that was closed at the start [s]."""
@@ -109,7 +109,7 @@ class ContactEvents:
             time: of the impact [s].
             met: the contact whose gap falls through zero.
             active: contacts that are active there.
-            gap: gap of an inactive contact there [rad, m], by its name.
+            gap: of an inactive contact there [rad, m], by its name.
         """
         certain = {met, *active}
         for before, impulses in self.impacts[-_RECENT:]:
@@ -120,11 +120,7 @@ class ContactEvents:
         )
 
     def restitution(
-        self,
-        speeds: Mapping[str, float],
-        q: FloatArray,
-        u: FloatArray,
-        plastic: Collection[str] = (),
+        self, speeds: Mapping[str, float], q: FloatArray, u: FloatArray, plastic: _Names = ()
     ) -> dict[str, float]:
         """Restitution e of each contact in an impact: 0 for the plastic ones.
 
@@ -141,11 +137,7 @@ class ContactEvents:
         return restitution
 
     def note_impact(self, time: float, impulses: Mapping[str, float]) -> None:
-        """Record an impact.
-
-        Raises:
-            SimulationError: there are `MOST_IMPACTS` already.
-        """
+        """Record an impact; SimulationError if there are `MOST_IMPACTS` already."""
         if len(self.impacts) >= MOST_IMPACTS:
             raise SimulationError(
                 f"{self.engine} gave up at t = {time:.6g} s: {MOST_IMPACTS} impacts, and no end."
@@ -158,11 +150,10 @@ class ContactEvents:
 
 
 def refuse_moving_gaps(mechanism: Mechanism, engine: str) -> None:
-    """Refuse a start with a closed stop whose gap changes.
+    """Refuse a start with a closed stop whose gap changes: with an impact or an opening.
 
     Raises:
-        UnsupportedProblemError: there is one; the engine would have to begin with an impact or an
-            opening.
+        UnsupportedProblemError: there is one.
     """
     kinematics, (q, u) = Kinematics(mechanism), initial_state(mechanism)
     for stop in mechanism.stops:
@@ -181,12 +172,10 @@ def refuse_moving_gaps(mechanism: Mechanism, engine: str) -> None:
 class Halt:
     """The end of an uninterrupted motion: an event, or the end of the problem."""
 
-    time: float
-    """[s]"""
+    time: float  # [s]
     opened: Mapping[str, float] = field(default_factory=dict[str, float])
     """Contacts that were held and have opened on the way or now, and when [s]."""
-    met: str | None = None
-    """Open stop whose gap falls through zero now."""
+    met: str | None = None  # open stop whose gap falls through zero now
     again: tuple[frozenset[str], frozenset[str]] | None = None
     """The last impact is to be resolved once more, with these contacts plastic (e = 0) and these
     kept at rest even if they would have to pull: they came back too soon for the engine's steps.
@@ -197,8 +186,7 @@ class Halt:
 class Watch:
     """Stops that may be met on the way."""
 
-    open: Contacts
-    """Open stops; none under the release-once law."""
+    open: Contacts  # open stops; none under the release-once law
     parted: frozenset[str]
     """Those of them that an impact opened. Others may have a small speed by drift or softness."""
     rebounds: Rebounds
@@ -213,23 +201,21 @@ class Watch:
 class EventMotion(Protocol):
     """An engine in its present state; it records its samples itself."""
 
-    @property
-    def held(self) -> Contacts:
-        """Contacts that are held now."""
-        ...
+    held: Contacts  # contacts that are held now
 
+    @abstractmethod
     def gap(self, stop: str) -> tuple[float, float]:
         """Gap of a stop now [rad, m], and its speed [rad/s, m/s]."""
-        ...
 
+    @abstractmethod
     def proceed(self, start: float, end: float, watch: Watch) -> Halt:
         """Move from one time [s] to the next event, or to another time [s].
 
         Records every sample on the way. At an impact the sample after it is recorded by
         :meth:`hold`, in place of one before it at the same time.
         """
-        ...
 
+    @abstractmethod
     def impact(
         self, touching: Contacts, rule: RestitutionRule, kept: frozenset[str]
     ) -> tuple[Mapping[str, float], Contacts]:
@@ -243,22 +229,21 @@ class EventMotion(Protocol):
         Returns:
             The impulse of each [N m s, N s], and those that rest afterwards.
         """
-        ...
 
+    @abstractmethod
     def hold(self, rest: Contacts, time: float) -> Contacts:
         """Hold of all contacts those at rest that push, and record the sample at this time [s].
 
         Called at the start and after every impact.
 
         Returns:
-            The contacts that are held. An engine may find later that one of the others opens now,
-            and return it in the next :attr:`Halt.opened`.
+            The contacts that are held. One of the others may still be found to open now, by the
+            next :attr:`Halt.opened`.
         """
-        ...
 
+    @abstractmethod
     def recording(self, events: ContactEvents) -> Recording:
         """The samples, with the run's events."""
-        ...
 
 
 class EventDriver:
@@ -328,18 +313,11 @@ class EventDriver:
             self._hold(closed, resting(speeds), 0.0)
 
     def _resolve_impact(
-        self,
-        touching: Contacts,
-        time: float,
-        plastic: frozenset[str] = frozenset(),
-        kept: frozenset[str] = frozenset(),
+        self, touching: Contacts, time: float, plastic: _Names = (), kept: _Names = ()
     ) -> None:
         """Resolve the impact of all contacts that touch at a time [s], and hold those that rest."""
-
-        def rule(speeds: Mapping[str, float], q: FloatArray, u: FloatArray) -> Mapping[str, float]:
-            return self.events.restitution(speeds, q, u, plastic)
-
-        impulses, rest = self.motion.impact(touching, rule, kept)
+        rule = functools.partial(self.events.restitution, plastic=plastic)
+        impulses, rest = self.motion.impact(touching, rule, frozenset(kept))
         self.events.note_impact(time, impulses)
         self._last_impact = time, touching
         self._hold(touching, rest, time)
@@ -355,7 +333,7 @@ class EventDriver:
             self.events.release([name], time)
 
 
-class SteppedMotion(ABC, Generic[S]):
+class SteppedMotion(EventMotion, Generic[S]):
     """EventMotion of an engine that takes steps of any length from a saved state `S`.
 
     Subclasses move, hold and record; this class locates events inside a step. Whole steps end at
@@ -380,10 +358,8 @@ class SteppedMotion(ABC, Generic[S]):
         steps = problem.duration / timestep
         near = abs(steps - round(steps)) < ROUNDING * steps
         self._whole = round(steps) if near else int(steps)
-        self._taken = 0
-        """Whole steps taken or begun."""
-        self._step_end = 0.0
-        """End of the whole step that was begun last [s]."""
+        self._taken = 0  # whole steps taken or begun
+        self._step_end = 0.0  # end of the whole step that was begun last [s]
 
     # --- The engine's part
 
@@ -428,20 +404,6 @@ class SteppedMotion(ABC, Generic[S]):
     @abstractmethod
     def record(self, time: float) -> None:
         """Add the present sample, in place of one at the same time [s]."""
-
-    @abstractmethod
-    def hold(self, rest: Contacts, time: float) -> Contacts:
-        """See :meth:`EventMotion.hold`."""
-
-    @abstractmethod
-    def impact(
-        self, touching: Contacts, rule: RestitutionRule, kept: frozenset[str]
-    ) -> tuple[Mapping[str, float], Contacts]:
-        """See :meth:`EventMotion.impact`; `kept` is empty."""
-
-    @abstractmethod
-    def recording(self, events: ContactEvents) -> Recording:
-        """See :meth:`EventMotion.recording`."""
 
     def ahead(self, first: int, n: int, watch: Watch) -> int:
         """Take up to n whole steps at once after the first ones, and record those without an event.
@@ -564,12 +526,10 @@ def impact_by_rule(
     """The impact of all contacts that touch, through a mass matrix.
 
     Args:
-        inertia: at the position there.
+        inertia, gaps, engine: as for :func:`.impact.resolve_impact`.
         speeds: before, shape (n_v,); their drift from loops and held contacts is removed.
-        gaps: gap Jacobian of each contact that touches, shape (n_v,).
-        held: those of them that were held before.
+        held: contacts that were held before.
         restitution: e of each, from the closing speeds of the gaps and the speeds without drift.
-        engine: its name, for messages.
 
     Raises:
         SimulationError: no set of contacts takes part.
@@ -585,16 +545,10 @@ def impact_by_rule(
 
 
 def may_be_met(gap: FloatArray, speed: FloatArray, least: float, step: float) -> NDArray[np.bool_]:
-    """Whether a stop may be met between states that are a step apart; shapes (n + 1,) -> (n,).
+    """Whether a stop may be met between states that are a step [s] apart; (n + 1,) -> (n,).
 
     It is met if it closes in penetration at one of the two, or at the lowest point of the cubic
-    between them.
-
-    Args:
-        gap: in each state [rad, m].
-        speed: of the gap [rad/s, m/s].
-        least: closing speed from which it is met.
-        step: [s].
+    between them, by the gap [rad, m] and its speed, from a `least` closing speed on [rad/s, m/s].
     """
     closing = (gap < 0) & (speed < -least)
     (g0, g1), (v0, v1) = (gap[:-1], gap[1:]), (speed[:-1] * step, speed[1:] * step)
@@ -611,14 +565,11 @@ def onto_zero_gap(
     step: float,
     least: float,
 ) -> float | None:
-    """The part of a step [s] after which a stop is met.
-
-    None if it only comes near, or too slowly to be met.
+    """The part of a step [s] after which a stop is met; None if it only comes near, or too slowly.
 
     Args:
         motion: gap [rad, m] and its speed [rad/s, m/s] after a part of the step [s].
-        gap: before the step.
-        speeds: of the gap, before the step and after it.
+        gap, speeds: the gap before the step, its speeds before and after it.
         step: [s].
         least: closing speed from which it is met.
     """
@@ -640,7 +591,7 @@ def onto_zero_gap(
 
 
 def root_in(function: Callable[[float], float], low: float, high: float) -> float:
-    """Zero of a function that changes its sign over part of a step [s].
+    """Zero of a function that changes its sign in an interval [s].
 
     Where rounding hides the change of sign, the end with the smaller value.
     """

@@ -19,11 +19,9 @@ Names = str | Iterable[str]
 class ChosenEngines:
     """Engines by name, their presets, and options over the presets'."""
 
-    names: tuple[str, ...] | None
-    """None: every known engine."""
+    names: tuple[str, ...] | None  # None: every known engine
     presets: tuple[str, ...]
-    options: Mapping[str, Any]
-    """Of every engine that has them, or of one, as 'mujoco.solref'."""
+    options: Mapping[str, Any]  # of every engine that has them, or of one, as 'mujoco.solref'
 
 
 def engines_of(

@@ -34,8 +34,7 @@ _RANK = 1e-12  # of the largest singular value: redundant constraints have small
 # The same where errors of positions are undone: near singular positions they would grow.
 _NEARLY = 1e-6
 
-Contacts = tuple[str, ...]
-"""Names of stops, in the order of the mechanism's."""
+Contacts = tuple[str, ...]  # names of stops, in the order of the mechanism's
 
 
 # --- Which contacts push
@@ -56,9 +55,8 @@ def active_contacts(touching: Contacts, violated: Callable[[Contacts], str | Non
 
     Args:
         touching: contacts with zero gap and zero gap speed.
-        violated: function of a set of active contacts; it returns the first one of `touching` that
-            would have to pull while it is active, or that would close while it is inactive, or
-            None.
+        violated: by a set of active contacts, the first one of `touching` that would have to pull
+            while it is active, or close while it is inactive, or None.
     """
     active, tried = touching, set[Contacts]()
     while touching and active not in tried and (wrong := violated(active)):
@@ -70,10 +68,7 @@ def active_contacts(touching: Contacts, violated: Callable[[Contacts], str | Non
 def pushing(touching: Contacts, violated: Callable[[Contacts], str | None]) -> Contacts | None:
     """The contacts that push in an impact; None if no set of them fulfils the law.
 
-    Args:
-        touching: contacts that touch.
-        violated: function of a set of contacts that push; it returns one of `touching` that breaks
-            the law, or None.
+    `violated` is as for :func:`active_contacts`: one that breaks the law if a set of them pushes.
     """
     active = active_contacts(touching, violated)
     if violated(active) is None:
@@ -136,19 +131,13 @@ def _complementary(matrix: FloatArray, offset: FloatArray) -> FloatArray | None:
 class Impact:
     """Speeds and impulses of one impact."""
 
-    speeds: FloatArray
-    """After it, shape (n_v,)."""
-    impulses: Mapping[str, float]
-    """Of the contacts that touch [N m s, or N s for one on a point]."""
-    left: Mapping[str, float]
-    """Speeds of their gaps after it [rad/s, m/s]."""
+    speeds: FloatArray  # after it, shape (n_v,)
+    impulses: Mapping[str, float]  # of the contacts that touch [N m s, or N s for one on a point]
+    left: Mapping[str, float]  # speeds of their gaps after it [rad/s, m/s]
 
 
 def inverse(mass: FloatArray) -> FloatArray:
-    """Inverse of a mass matrix, scaled to a diagonal of ones before it is inverted.
-
-    Joints of a light body and of a heavy one are then equally well inverted.
-    """
+    """Inverse of a mass matrix, scaled to a diagonal of ones: for light and heavy bodies alike."""
     scale = 1.0 / np.sqrt(np.diag(mass))
     return scale[:, None] * np.linalg.inv(scale[:, None] * mass * scale) * scale
 
@@ -166,28 +155,20 @@ def mass_matrix(kinematics: Kinematics, q: FloatArray) -> FloatArray:
 class Inertia:
     """Response of the speeds to impulses in one position."""
 
-    mass: FloatArray
-    """Full mass matrix, shape (n_v, n_v)."""
-    loops: FloatArray
-    """Jacobian of the joints that close loops, shape (n_loops, n_v)."""
+    mass: FloatArray  # full mass matrix, shape (n_v, n_v)
+    loops: FloatArray  # Jacobian of the joints that close loops, shape (n_loops, n_v)
 
     def without_drift(self, speeds: FloatArray, active: FloatArray) -> FloatArray:
-        """Speeds that violate neither the loops nor the active contacts.
+        """Speeds (n_v,) that violate neither loops nor active contacts of Jacobian (n_active, n_v).
 
         Soft constraints leave them speeds of some 1e-9 rad/s, which are none of an impact's.
-
-        Args:
-            speeds: shape (n_v,).
-            active: Jacobian of the active contacts, shape (n_active, n_v).
         """
         return self._allowed(np.concatenate([self.loops, active])) @ speeds
 
     def move_onto(self, active: FloatArray, residual: FloatArray) -> FloatArray:
         """The least change of the position that makes residuals zero, shape (n_v,).
 
-        Args:
-            active: Jacobian of the contacts, shape (n_active, n_v).
-            residual: of the loops, then of the contacts, shape (n_loops + n_active,).
+        Residuals are those of the loops, then of the active contacts, shape (n_loops + n_active,).
         """
         rows = np.concatenate([self.loops, active])
         by_impulse = inverse(self.mass) @ rows.T
@@ -216,8 +197,7 @@ def resolve_impact(
     Args:
         inertia: at the position there.
         speeds: before, without drift, shape (n_v,).
-        gaps: gap Jacobian of each contact that touches, shape (n_v,).
-        restitution: e of each of them.
+        gaps, restitution: gap Jacobian (n_v,) and e of each contact that touches.
         engine: its name in the message.
 
     Raises:
@@ -254,12 +234,9 @@ class Rebounds:
         self._energy = max(self._energy, float(self._kinematics.kinetic_energy(q, u)))
 
     def least_speed(self, stop: str, q: FloatArray, u: FloatArray | None = None) -> float:
-        """Closing speed of a stop's gap below which it does not rebound [rad/s, m/s].
+        """Closing speed of a stop's gap at q below which it does not rebound [rad/s, m/s].
 
-        Args:
-            stop: its name.
-            q: position, shape (n_q,).
-            u: speeds there, to be taken into account without an impact.
+        Speeds u there are taken into account as those before an impact are.
         """
         now = 0.0 if u is None else float(self._kinematics.kinetic_energy(q, u))
         # Speed of the gap by a unit impulse of its stop, loops kept closed [1/(kg m^2), 1/kg].

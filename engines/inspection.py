@@ -12,7 +12,7 @@ from ..models.mechanism import Mechanism
 
 @dataclass(frozen=True)
 class State:
-    """A state to look at the built model in.
+    """A state to look at the built model in: coordinates and speeds, each of shape (n_q,).
 
     `closed` are stops whose gap and gap speed are zero there and that push; every other stop is
     open (its gap is positive). They are stops that are closed at the mechanism's start: an engine
@@ -20,9 +20,7 @@ class State:
     """
 
     q: FloatArray
-    """Generalized coordinates, shape (n_q,) [rad or m]."""
     u: FloatArray
-    """Generalized speeds, shape (n_q,)."""
     closed: tuple[str, ...] = ()
 
 
@@ -38,10 +36,8 @@ class Dynamics:
     """a, shape (n_q,) [rad/s^2 or m/s^2], the closed stops (and loops) held."""
     stop_torques: Mapping[str, float]
     """Of the closed stops [N m, or N of one on a point], positive where they push."""
-    mass_matrix: FloatArray | None = None
-    """M, shape (n_q, n_q)."""
-    forces: FloatArray | None = None
-    """f = Q - b, shape (n_q,)."""
+    mass_matrix: FloatArray | None = None  # M, shape (n_q, n_q)
+    forces: FloatArray | None = None  # f = Q - b, shape (n_q,)
     centres: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
     """Centre of mass of each body in the world [m], shape (2,)."""
     stop_gaps: Mapping[str, float] = field(default_factory=dict[str, float])
@@ -53,11 +49,8 @@ class Inspection:
     """The model that an engine has built, at the start and in each state asked for."""
 
     start: FloatArray
-    """q as the built model starts, shape (n_q,)."""
-    start_speeds: FloatArray
-    """u as the built model starts, shape (n_q,)."""
-    dynamics: tuple[Dynamics, ...]
-    """One a state asked for, in the same order."""
+    start_speeds: FloatArray  # q and u as the built model starts, each of shape (n_q,)
+    dynamics: tuple[Dynamics, ...]  # one a state asked for, in the same order
     total_mass: float | None = None
     """[kg]; None where the engine's bodies carry other masses by construction."""
     roundoff: float = 2.0**-53

@@ -30,14 +30,10 @@ _ABSENT = "not installed"
 class NodePackage:
     """One package of npm, installed beside a plug-in."""
 
-    title: str
-    """As messages have it: `Rapier 2D`."""
-    package: str
-    """Its name on npm: `@dimforge/rapier2d-compat`."""
-    module: str
-    """The plug-in's Python package; `python -m MODULE` calls :meth:`install`."""
-    folder: Path
-    """With package.json and move.cjs."""
+    title: str  # as messages have it: `Rapier 2D`
+    package: str  # its name on npm: `@dimforge/rapier2d-compat`
+    module: str  # the plug-in's Python package; `python -m MODULE` calls `install`
+    folder: Path  # with package.json and move.cjs
 
     @property
     def _manifest(self) -> Path:
@@ -77,18 +73,12 @@ class NodePackage:
         raise SystemExit(subprocess.run(command, cwd=self.folder, check=False).returncode)
 
     def move(self, scene: Mapping[str, Any]) -> FloatArray:
-        """Samples of a scene, shape (steps + 1, columns): what move.cjs writes of each.
-
-        Raises:
-            SimulationError: the process failed.
-        """
-        command = [shutil.which("node") or "node", "move.cjs", str(SCENE)]
-        given = json.dumps(scene).encode()
-        found = subprocess.run(
-            command, cwd=self.folder, input=given, capture_output=True, check=False
+        """Samples of a scene, shape (steps + 1, columns); SimulationError if the process fails."""
+        command, text = [shutil.which("node") or "node", "move.cjs", str(SCENE)], json.dumps(scene)
+        ended = subprocess.run(
+            command, cwd=self.folder, input=text.encode(), capture_output=True, check=False
         )
-        if found.returncode:
-            raise SimulationError(
-                f"{self.title} failed: {found.stderr.decode(errors='replace').strip()[-500:]}"
-            )
-        return np.frombuffer(found.stdout, dtype="<f8").reshape(scene["steps"] + 1, -1)
+        if ended.returncode:
+            complaint = ended.stderr.decode(errors="replace").strip()[-500:]
+            raise SimulationError(f"{self.title} failed: {complaint}")
+        return np.frombuffer(ended.stdout, dtype="<f8").reshape(scene["steps"] + 1, -1)

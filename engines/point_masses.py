@@ -34,8 +34,7 @@ LeastInertia = Annotated[
 
 _ADDED = 1e-5
 """Least inertia in all cases, of m d^2; for a body without a pin it changes the motion."""
-_LENT = 0.5
-"""Most that a body gives of its mass and of its inertia for one pin."""
+_LENT = 0.5  # most that a body gives of its mass and of its inertia for one pin
 
 
 @dataclass

@@ -56,22 +56,15 @@ _GROUP = Path("/sys/fs/cgroup")
 class Capabilities:
     """Observations that an engine makes, and mechanisms that it can move."""
 
-    joint_reactions: bool
-    """Forces of the joints, as vectors in the world frame."""
-    joint_gaps: bool
-    """Joints are constraints that can part, and the engine tells how far."""
-    located_releases: bool
-    """A release is found inside a step, not at its end."""
-    stop_laws: frozenset[StopLaw]
-    """Laws of the stops it can follow."""
-    formulation: str
-    """Coordinates and treatment of constraints, in a few words."""
-    stop_torques: bool = True
-    """Torques and forces of the stops."""
+    joint_reactions: bool  # forces of the joints, as vectors in the world frame
+    joint_gaps: bool  # joints are constraints that can part, and the engine tells how far
+    located_releases: bool  # a release is found inside a step, not at its end
+    stop_laws: frozenset[StopLaw]  # laws of the stops it can follow
+    formulation: str  # coordinates and treatment of constraints, in a few words
+    stop_torques: bool = True  # torques and forces of the stops
     features: frozenset[Feature] = frozenset()
     """Elements that it can build beside pins, slots in the ground and stops against it."""
-    lacking: frozenset[Basic] = frozenset()
-    """Elements of every mechanism that it cannot build."""
+    lacking: frozenset[Basic] = frozenset()  # elements of every mechanism that it cannot build
     elements: frozenset[type] = COVERED_BY_FEATURES
     """Classes of elements that it builds; those of later releases must be stated here."""
 
@@ -122,8 +115,7 @@ class Simulator(Protocol):
 class Engine(Simulator, Protocol):
     """Extension point: an engine with its numerical options.
 
-    It is determined by its name, its preset and its settings: `engine(name, preset, **settings)`
-    makes it again.
+    Name, preset and settings determine it: `engine(name, preset, **settings)` makes it again.
     """
 
     @property
@@ -195,11 +187,7 @@ class EngineOptions(Spec):
 
 
 class BuiltinEngine(EngineOptions, ABC):
-    """Base class of engines; fields are numerical options, their defaults the tuned preset.
-
-    Raises:
-        InputError: an option is unknown or outside its range.
-    """
+    """Base class of engines; fields are numerical options, their defaults the tuned preset."""
 
     name: ClassVar[str]
     package: ClassVar[str]
@@ -252,8 +240,7 @@ class BuiltinEngine(EngineOptions, ABC):
 
         Raises:
             EngineNotInstalledError: the engine's package is not here.
-            UnsupportedProblemError: the engine cannot build the mechanism or follow the law of its
-            stops.
+            UnsupportedProblemError: the engine cannot build the mechanism or follow its stops' law.
             SimulationError: the engine gave up, crashed or left the finite numbers.
         """
         self._refuse_what_cannot_run(problem)
@@ -272,10 +259,7 @@ class BuiltinEngine(EngineOptions, ABC):
         except Exception as error:
             raise SimulationError(f"{self.name} failed: {type(error).__name__}: {error}") from error
         wall = time.perf_counter() - started
-        if not isinstance(recording, Recording):  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise SimulationError(
-                f"{self.name}: _run returned {type(recording).__name__}; a Recording is needed."
-            )
+        self._refuse_wrong_result(problem, recording)
         if idle:
             no_torques = dict.fromkeys(idle, np.zeros(len(recording.t)))
             recording = replace(
@@ -283,7 +267,6 @@ class BuiltinEngine(EngineOptions, ABC):
                 stop_torques={**recording.stop_torques, **no_torques},
                 release_times={**recording.release_times, **dict.fromkeys(idle)},
             )
-        self._refuse_wrong_result(problem, recording)
         provenance = Provenance(
             engine=self.name,
             engine_version=self.version(),
@@ -318,11 +301,7 @@ class BuiltinEngine(EngineOptions, ABC):
         return f"engine {cls.name!r} is not installed here; `pip install {cls.package}` brings it."
 
     def refuse_absence(self) -> None:
-        """Say that the engine is not here, before its library is missed.
-
-        Raises:
-            EngineNotInstalledError: the engine's package is not here.
-        """
+        """Raise EngineNotInstalledError if the engine is not here, before its library is missed."""
         if not self.is_installed():
             raise EngineNotInstalledError(self.absence())
 
@@ -359,7 +338,11 @@ class BuiltinEngine(EngineOptions, ABC):
             )
 
     def _refuse_wrong_result(self, problem: Problem, recording: Recording) -> None:
-        """Check coordinates and speeds; everything else is judged with the trajectory."""
+        """Check type, coordinates and speeds; everything else is judged with the trajectory."""
+        if not isinstance(recording, Recording):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise SimulationError(
+                f"{self.name}: _run returned {type(recording).__name__}; a Recording is needed."
+            )
         needed = (*np.shape(recording.t), len(problem.mechanism.coordinates))
         for name in ("q", "u"):
             if (shape := np.shape(getattr(recording, name))) != needed:
@@ -376,11 +359,7 @@ class BuiltinEngine(EngineOptions, ABC):
 
 
 def refuse_no_problem(given: object) -> None:
-    """Refuse a mechanism, or anything else, that is given for a problem.
-
-    Raises:
-        InputError: what is given is no problem.
-    """
+    """Raise InputError for a mechanism, or anything else, that is given for a problem."""
     if not isinstance(given, Problem):
         what = "a Mechanism" if isinstance(given, Mechanism) else type(given).__name__
         raise InputError(

@@ -101,17 +101,13 @@ def _announced() -> dict[str, importlib.metadata.EntryPoint]:
 
 
 def announce(path: str) -> str:
-    """Make an engine's class known by its name, here and in processes started from now on.
+    """Make a class known by its engine's name, here and in processes started from now on.
 
     Args:
         path: of the class, as 'package.module:Class'.
 
-    Returns:
-        The engine's name.
-
     Raises:
-        InputError: there is no such class, it has no name, or its name is that of an engine of this
-            package.
+        InputError: there is no such class, or its name is missing, unusable or a built-in engine's.
     """
     cls = _loaded(importlib.metadata.EntryPoint(path, path, PLUGIN_GROUP))
     name: object = getattr(cls, "name", None)
@@ -124,8 +120,8 @@ def announce(path: str) -> str:
             f"engine {path}: its name {name!r} is that of an engine of trebucheck; another one "
             f"is needed."
         )
-    known = {known: point.value for known, point in _announced().items()} | {name: path}
-    os.environ[ANNOUNCED] = " ".join(f"{known}={value}" for known, value in known.items())
+    known = {point.name: point.value for point in _announced().values()} | {name: path}
+    os.environ[ANNOUNCED] = " ".join(f"{name}={value}" for name, value in known.items())
     return name
 
 
@@ -158,12 +154,7 @@ def _loaded(point: importlib.metadata.EntryPoint) -> EngineClass:
 
 
 def engine_class(name: str) -> EngineClass:
-    """The class of an engine.
-
-    Raises:
-        InputError: no engine has that name, or its plug-in cannot be loaded; the sentence lists the
-            names there are.
-    """
+    """The class of an engine; InputError if none has that name, or its plug-in cannot be loaded."""
     if name in _BUILTIN:
         module, cls = _BUILTIN[name]
         return cast("EngineClass", getattr(importlib.import_module(f".{module}", __package__), cls))
@@ -194,11 +185,7 @@ def causes_of(engine: Engine, mechanism: Mechanism | None = None) -> tuple[Cause
     """Causes of error that an engine with these options may have, in the order of removal.
 
     Nothing is run. A cause whose options are already set as its removal would set them is left out.
-    Of an engine without a table (a plug-in) only the time step is known, if it has one.
-
-    Args:
-        mechanism: that it moves: some causes are there only where points are held, by stops or by
-            loops of joints.
+    Some are there only where the mechanism holds points, by stops or by loops of joints.
     """
     settings = engine.settings
     causes: list[Cause] = []
@@ -229,10 +216,8 @@ def engines() -> dict[str, EngineStatus]:
     status: dict[str, EngineStatus] = {}
     for name in engine_names():
         cls = engine_class(name)
-        presets = tuple(cls.presets())
-        status[name] = EngineStatus(
-            name, cls.is_installed(), cls.version(), presets, cls.capabilities
-        )
+        version, presets = cls.version(), tuple(cls.presets())
+        status[name] = EngineStatus(name, cls.is_installed(), version, presets, cls.capabilities)
     return status
 
 
@@ -268,13 +253,7 @@ def option_names(name: str) -> tuple[str, ...] | None:
 
 
 def option_table(name: str) -> tuple[OptionRow, ...]:
-    """Every option of an engine, a plug-in's among them.
-
-    Options of a class that does not tell them are those of the settings of its presets.
-
-    Raises:
-        InputError: there is no such engine, or its plug-in cannot be loaded.
-    """
+    """Every option of an engine; of a class that does not tell them, those that its presets set."""
     cls = engine_class(name)
     settings = {preset: engine(name, preset).settings for preset in cls.presets()}
     fields = option_fields(cls)
@@ -294,10 +273,7 @@ def option_table(name: str) -> tuple[OptionRow, ...]:
 def options_for(name: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """Options of one engine among those of several.
 
-    Args:
-        name: of the engine.
-        options: by name, for every engine that has it, or as 'mujoco.solref' for one, which goes
-            first.
+    Names without an engine are for every one that has them; 'mujoco.solref' goes first.
     """
     known = option_names(name)
     shared, own = dict[str, Any](), dict[str, Any]()
@@ -312,11 +288,7 @@ def options_for(name: str, options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def refuse_unknown_options(options: Mapping[str, Any], names: Sequence[str]) -> None:
-    """Refuse options that none of these engines has; values are checked where an engine is made.
-
-    Raises:
-        InputError: an option belongs to no engine, or to one that is not among these.
-    """
+    """Raise InputError if an option belongs to none of these engines; values are checked later."""
     refuse_reserved({key.rpartition(".")[2]: value for key, value in options.items()})
     for key in options:
         owner, dot, option = key.rpartition(".")
@@ -331,11 +303,7 @@ def refuse_unknown_options(options: Mapping[str, Any], names: Sequence[str]) -> 
 
 
 def with_options(base: Engine, changes: Mapping[str, JsonValue]) -> Engine:
-    """The engine made again, with some options set otherwise.
-
-    Raises:
-        InputError: an option is not valid, or the engine takes no options.
-    """
+    """The engine made again, with options set otherwise; InputError if it cannot take them."""
     if not changes:
         return base
     try:
@@ -347,11 +315,7 @@ def with_options(base: Engine, changes: Mapping[str, JsonValue]) -> Engine:
 
 
 def capabilities_of(name: str, preset: str) -> Capabilities:
-    """Capabilities of an engine with the options of a preset.
-
-    Raises:
-        InputError: there is no engine of that name, or it cannot be loaded.
-    """
+    """Capabilities of an engine with the options of a preset."""
     try:
         return able(engine(name, preset))
     except Exception:  # of a class that cannot be made, which is said where it is to move something
@@ -421,13 +385,7 @@ class CompletedInspectable(CompletedEngine):
 
 
 def completed(simulator: Simulator, preset: str, options: Mapping[str, Any]) -> CompletedEngine:
-    """An engine with its preset, its settings and its time step.
-
-    Args:
-        simulator: as the plug-in makes it.
-        preset: that it was made from.
-        options: that it was given.
-    """
+    """A plug-in's engine, made from a preset with options, as :class:`.protocol.Engine` asks."""
     settings = settings_of(simulator, options)
     step = getattr(simulator, "timestep", settings.get("timestep"))
     cls = CompletedInspectable if isinstance(simulator, Inspectable) else CompletedEngine
@@ -447,17 +405,12 @@ class Viewable(Protocol):
 
 def has_viewer(name: str) -> bool:
     """Whether an engine of that name is here and has a viewer."""
-    known = engine_class(name)
-    return hasattr(known, "view") and known.is_installed()
+    cls = engine_class(name)
+    return hasattr(cls, "view") and cls.is_installed()
 
 
 def view(engine: Engine, mechanism: Mechanism) -> None:
-    """Open an engine's own viewer, and return when it is closed.
-
-    Raises:
-        InputError: the engine has none, or there is no display.
-        EngineNotInstalledError: the engine's package is not here.
-    """
+    """Open an engine's own viewer until it is closed; InputError without viewer or display."""
     if not isinstance(engine, Viewable):
         raise InputError(
             f"{engine.name} has no viewer of its own; `trebucheck animate` writes a page to play."

@@ -27,10 +27,8 @@ REFINEMENT = 8
 class ConstraintKinds:
     """Kinds of constraints in a mechanism, for options of engines that act on one kind only."""
 
-    angles: bool = True
-    """Stops on angles."""
-    points: bool = False
-    """Stops on points, or joints that close loops."""
+    angles: bool = True  # stops on angles
+    points: bool = False  # stops on points, or joints that close loops
 
     @classmethod
     def of(cls, mechanism: Mechanism | None) -> ConstraintKinds:
@@ -48,12 +46,10 @@ class Intervention:
 
     options: Mapping[str, JsonValue] = field(default_factory=dict[str, JsonValue])
     """Options of the engine that are set otherwise."""
-    point_inertia: float | None = None
-    """Inertia given to bodies that have none [kg m^2]."""
+    point_inertia: float | None = None  # inertia given to bodies that have none [kg m^2]
     own_kinematics: bool = False
     """Whether positions, speeds and energies are computed from the engine's coordinates."""
-    filtered_torques: bool = False
-    """Whether torques are rid of what changes sign with every step."""
+    filtered_torques: bool = False  # whether torques are rid of what changes sign with every step
     leaves: float = 0.0
     """What is left of the cause's error: 0 if it is taken out, 2 if it is doubled."""
 
@@ -92,10 +88,8 @@ class Cause:
     """A named cause of an engine's error."""
 
     name: str
-    explanation: str
-    """One line."""
-    removal: Intervention | None = None
-    """Takes it out; several removals can be made together."""
+    explanation: str  # one line
+    removal: Intervention | None = None  # takes it out; several removals can be made together
     scaling: Intervention | None = None
     """Makes it larger by itself: the only measure of it, or a second one."""
     after: tuple[str, ...] = ()
@@ -145,24 +139,18 @@ class SweptParameter:
     always there, does not hide the law.
     """
 
-    name: str
-    """The option's, which `--knobs` asks for."""
+    name: str  # the option's, which `--knobs` asks for
     title: str
     unit: str
-    values: tuple[float, ...]
-    """From coarse to fine."""
-    options: Callable[[float], Options]
-    """What a value means to the engine."""
-    why: str
-    """Where the expected exponent comes from, or why none is expected."""
+    values: tuple[float, ...]  # from coarse to fine
+    options: Callable[[float], Options]  # what a value means to the engine
+    why: str  # where the expected exponent comes from, or why none is expected
     expected: float | None = None
     preset: str = "tuned"
     base: Options = field(default_factory=dict[str, Any])
     """Options that stay as they are, over the preset's."""
-    without: Options | None = None
-    """Options that take the parameter's own error out."""
-    repeats: int = 1
-    """How often a value is timed, unless its run is long."""
+    without: Options | None = None  # options that take the parameter's own error out
+    repeats: int = 1  # how often a value is timed, unless its run is long
 
     @property
     def requires(self) -> set[str]:
@@ -195,8 +183,7 @@ impulses between bodies.
 class StepOrder:
     """Power of the time step with which an engine's error is expected to fall."""
 
-    order: float | None
-    """None: with no power."""
+    order: float | None  # None: with no power
     reason: str
     scheme: str = ""
     """Name of the scheme, common to all engines with it: of :data:`SCHEME_NAMES` where one fits."""
@@ -233,13 +220,10 @@ class OptionSet:
     """Options of an engine, all but the time step, that may be recommended."""
 
     name: str
-    description: str
-    """How it differs from the others, in a few words."""
+    description: str  # how it differs from the others, in a few words
     preset: str
-    options: Options = field(default_factory=dict[str, Any])
-    """Where they differ from the preset's."""
-    scaled: Callable[[float], Options] = lambda _: {}
-    """Options that follow from the step [s]."""
+    options: Options = field(default_factory=dict[str, Any])  # where they differ from the preset's
+    scaled: Callable[[float], Options] = lambda _: {}  # options that follow from the step [s]
 
     def all_options(self, step: float) -> dict[str, Any]:
         """Options over the preset at a step [s]."""
@@ -257,18 +241,12 @@ class Tolerance:
     preset: str
     metric: str
     value: float
-    timestep: float
-    """Step the value is stated for [s]."""
-    order: int
-    """Order in the step with which the value grows at longer steps."""
-    reason: str
-    """Why just that much."""
-    per: str = ""
-    """'': in the metric's unit; 'start' or 'peak': times the stop's torque there."""
-    subject: str | None = None
-    """Marker, stop or joint; None: any."""
-    model: str | None = None
-    """Name of the mechanism; None: any."""
+    timestep: float  # step the value is stated for [s]
+    order: int  # order in the step with which the value grows at longer steps
+    reason: str  # why just that much
+    per: str = ""  # '': in the metric's unit; 'start' or 'peak': times the stop's torque there
+    subject: str | None = None  # marker, stop or joint; None: any
+    model: str | None = None  # name of the mechanism; None: any
     on_points: bool | None = None
     """Whether it is for stops on points (True), on angles (False), or any (None)."""
 
@@ -283,9 +261,7 @@ class Tolerance:
         )
 
 
-def no_snippets(*_: Any) -> dict[str, str]:
-    """No snippet beside trebucheck's own lines."""
-    return {}
+_Snippets = Callable[[Any, Mechanism, float], Mapping[str, str]]
 
 
 @dataclass(frozen=True)
@@ -296,18 +272,17 @@ class EngineStudy:
     """Causes of its error, from settings and kinds of constraints, in the order of removal."""
     swept_parameters: tuple[SweptParameter, ...] = ()
     """Beside the time step, which is swept for every engine."""
-    step_orders: Mapping[str, StepOrder] = field(default_factory=dict[str, StepOrder])
-    """By preset."""
+    step_orders: Mapping[str, StepOrder] = field(default_factory=dict[str, StepOrder])  # by preset
     refinements: tuple[Refinement, ...] = (HALF_THE_STEP,)
-    option_sets: tuple[OptionSet, ...] = ()
-    """From plain to tuned; none: one a preset."""
+    option_sets: tuple[OptionSet, ...] = ()  # from plain to tuned; none: one a preset
     tolerances: tuple[Tolerance, ...] = ()
-    snippets: Callable[[Any, Mechanism, float], Mapping[str, str]] = no_snippets
+    snippets: Callable[[Any, Mechanism, float], Mapping[str, str]] = (
+        lambda _engine, _mechanism, _duration: {}
+    )
     """Texts to paste by title, from engine, mechanism and a duration [s] that has most launches."""
     single_precision: bool = False
     """Whether its state, or what moves it, is rounded to single precision, whatever its options."""
-    colour: str | None = None
-    """In plots, as '#rrggbb'; None: one follows from the engine's name."""
+    colour: str | None = None  # in plots, as '#rrggbb'; None: one follows from the engine's name
 
 
 def same_value(a: JsonValue, b: JsonValue) -> bool:

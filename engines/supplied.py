@@ -30,14 +30,12 @@ class Part(StrEnum):
 class Own(StrEnum):
     """How much of a run is the engine's."""
 
-    ALL = "all"
-    """Every part of it."""
+    ALL = "all"  # every part of it
     MOST = "most"
     """Trebucheck finds when stops open and are met, computes impulses, or adds or reads forces."""
     STEPS = "steps"
     """Its dynamics and its integrator; what stops, loops or springs do is trebucheck's."""
-    DYNAMICS = "dynamics"
-    """Mass matrix, forces, energies and points; the steps are trebucheck's."""
+    DYNAMICS = "dynamics"  # mass matrix, forces, energies and points; the steps are trebucheck's
 
 
 Supplied = Mapping[Part, str]
@@ -64,14 +62,7 @@ def stated(engine: object) -> dict[str, str] | None:
 
 
 def concerned(*, stops: bool, impacts: bool, loops: bool, elements: bool) -> frozenset[Part]:
-    """Parts that a run has on a mechanism with such things.
-
-    Args:
-        stops: whether there are any.
-        impacts: whether stops may be met.
-        loops: whether joints close any.
-        elements: whether there are springs, dampers or motors.
-    """
+    """Parts that a run has on a mechanism with stops (that may be met), loops, force elements."""
     present = {
         Part.STOPS: stops,
         Part.TORQUES: stops,
@@ -84,22 +75,16 @@ def concerned(*, stops: bool, impacts: bool, loops: bool, elements: bool) -> fro
 
 
 def own(supplied: Mapping[str, str], concerned: Collection[Part] = tuple(Part)) -> Own:
-    """How much of a run is the engine's.
-
-    Args:
-        supplied: what trebucheck supplies; steps that it supplies in some cases are those of what
-        is held or pushed.
-        concerned: parts that the run has.
-    """
+    """How much of a run with the parts `concerned` is the engine's."""
+    if supplied.get(Part.STEPS) == "":
+        return Own.DYNAMICS
     held = {Part.STOPS, Part.LOOPS}
-    if Part.STEPS in supplied:
-        if not supplied[Part.STEPS]:
-            return Own.DYNAMICS
-        held = held | {Part.STEPS, Part.ELEMENTS}
-    found = set(supplied).intersection(concerned) - {Part.STEPS}
-    if held & found:
+    if Part.STEPS in supplied:  # in some cases: of what is held or pushed
+        held.add(Part.ELEMENTS)
+    of_run = set(supplied).intersection(concerned) - {Part.STEPS}
+    if held & of_run:
         return Own.STEPS
-    return Own.MOST if found else Own.ALL
+    return Own.MOST if of_run else Own.ALL
 
 
 def parts(supplied: Mapping[str, str]) -> str:

@@ -28,8 +28,7 @@ from ..models.trajectory import PointMotion
 from .inspection import Dynamics, Inspection, State
 from .protocol import Recording
 
-_Dimension = tuple[int, int, int]
-"""Powers of length, mass and time."""
+_Dimension = tuple[int, int, int]  # powers of length, mass and time
 _LENGTH_UNIT: _Dimension = (1, 0, 0)
 _DIMENSIONS: Mapping[str, _Dimension] = {
     "m": _LENGTH_UNIT,

@@ -80,15 +80,8 @@ class CompiledEquations:
     @cached_property
     def arrays(self) -> tuple[Any, ...]:
         """All arrays, in the order in which the kernel takes them."""
-        matrices = self.products, self.weights, self.inertias
-        return (
-            self.angles,
-            self.carried,
-            *matrices,
-            self.added.arrays,
-            self.point_rows,
-            self.angle_rows,
-        )
+        matrices = self.products, self.weights, self.inertias, self.added.arrays
+        return (self.angles, self.carried, *matrices, self.point_rows, self.angle_rows)
 
     def solve(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Accelerations and multipliers of states of shape (n_q,) or (n, n_q).
@@ -157,17 +150,15 @@ def compiled_equations(
             points[k] = function.coefficients
         else:
             return None
-    carried = np.array(kinematics.carried, dtype=np.intp).reshape(-1, 2)
-    name = kinematics.mechanism.name
     return CompiledEquations(
-        name,
-        n_q,
-        kinematics.is_angle,
-        carried,
-        np.ascontiguousarray(products),
-        weights.conj(),
-        inertias,
-        added,
-        points,
-        angles,
+        name=kinematics.mechanism.name,
+        n_q=n_q,
+        angles=kinematics.is_angle,
+        carried=np.array(kinematics.carried, dtype=np.intp).reshape(-1, 2),
+        products=np.ascontiguousarray(products),
+        weights=weights.conj(),
+        inertias=inertias,
+        added=added,
+        point_rows=points,
+        angle_rows=angles,
     )

@@ -90,15 +90,9 @@ class Integrator(DOP853):
         self._rates, self._tolerance = rates, tolerance
         self.limit = limit or StepLimit(len(y), end)
         with numerical(f"at t = {start:.6g} s"):
-            super().__init__(
-                cast("Any", rates),
-                start,
-                y,
-                end,
-                max_step=longest,
-                rtol=tolerance[0],
-                atol=tolerance[1],
-            )
+            rtol, atol = tolerance
+            function: Any = rates
+            super().__init__(function, start, y, end, max_step=longest, rtol=rtol, atol=atol)
             if not (np.isfinite(self.f).all() and np.isfinite(self.h_abs)):
                 raise SimulationError(
                     f"the reference's accelerations are not finite at t = {start:.6g} s."
@@ -134,9 +128,7 @@ class Integrator(DOP853):
             self.status = "finished"
 
 
-@cache
-def _blas() -> ThreadpoolController:
-    return ThreadpoolController()
+_blas = cache(ThreadpoolController)
 
 
 @contextmanager
@@ -231,29 +223,21 @@ class CompiledIntegrator(Integrator):
                 break
             # An error that is no number asks for the shortest step.
             size, rejected = size * np.fmax(_LEAST_FACTOR, _SAFETY * error**_EXPONENT), True
-        factor = (
-            _GREATEST_FACTOR if error == 0 else min(_GREATEST_FACTOR, _SAFETY * error**_EXPONENT)
-        )
+        factor = _GREATEST_FACTOR
+        if error > 0:
+            factor = min(factor, _SAFETY * error**_EXPONENT)
         self.h_previous, self.y_old = size, self.y
         self.t, self.y, self.f = t, end, stages[-1]
         self.h_abs, self._stages = size * (min(1.0, factor) if rejected else factor), stages
         return True, None
 
     def _dense_output_impl(self) -> DenseOutput:
-        extra, weights = _extra()
-        coefficients = kernel().dense_output(
-            self.y_old,
-            self.y,
-            self._stages,
-            self.h_previous,
-            extra,
-            weights,
-            self._equations.arrays,
-        )
+        extra, weights = np.ascontiguousarray(DOP853.A_EXTRA), np.ascontiguousarray(DOP853.D)
+        step = self.y_old, self.y, self._stages, self.h_previous
+        coefficients = kernel().dense_output(*step, extra, weights, self._equations.arrays)
         self.nfev += len(extra)
-        return Interpolant(
-            self.t_old, self.t, np.asarray(self.y_old, dtype=np.float64), coefficients
-        )
+        start = np.asarray(self.y_old, dtype=np.float64)
+        return Interpolant(self.t_old, self.t, start, coefficients)
 
 
 class Interpolant(DenseOutput):
@@ -275,9 +259,3 @@ class Interpolant(DenseOutput):
 def _tableau() -> tuple[Any, ...]:
     """Stages and the end's weights as the last row, and the weights of both error estimates."""
     return np.ascontiguousarray(np.vstack([DOP853.A, DOP853.B])), DOP853.E5, DOP853.E3
-
-
-@cache
-def _extra() -> tuple[Any, ...]:
-    """Three further stages, and the weights of the interpolant's coefficients."""
-    return np.ascontiguousarray(DOP853.A_EXTRA), np.ascontiguousarray(DOP853.D)

@@ -145,8 +145,7 @@ class ReferenceMotion(Shown):
 
     def kinetic_energy(self, t: ArrayLike) -> FloatArray:
         """Kinetic energy [J], shape (...,)."""
-        motion = self._read(t)
-        kinematics = self.solution.equations.kinematics
+        motion, kinematics = self._read(t), self.solution.equations.kinematics
         return self._shaped(t, kinematics.kinetic_energy(motion.q, motion.u))
 
     def potential_energy(self, t: ArrayLike) -> FloatArray:
@@ -174,14 +173,15 @@ class ReferenceMotion(Shown):
     @cached_property
     def events(self) -> tuple[StopOpening | StopImpact | Launch, ...]:
         """Openings of stops, impacts and the launch, in the order of time."""
-        openings = [
-            StopOpening(time, name)
-            for name, time in self.solution.release_times.items()
-            if time is not None
-        ]
-        impacts = [StopImpact(time, dict(impulses)) for time, impulses in self.solution.impacts]
-        launch = [] if self.launch is None else [self.launch]
-        return tuple(sorted((*openings, *impacts, *launch), key=lambda event: event.time))
+        events: list[StopOpening | StopImpact | Launch] = []
+        for name, time in self.solution.release_times.items():
+            if time is not None:
+                events.append(StopOpening(time, name))
+        for time, impulses in self.solution.impacts:
+            events.append(StopImpact(time, dict(impulses)))
+        if self.launch is not None:
+            events.append(self.launch)
+        return tuple(sorted(events, key=lambda event: event.time))
 
     @property
     def launch(self) -> Launch | None:
@@ -221,10 +221,8 @@ class ReferenceMotion(Shown):
             known = ", ".join(marker.name for marker in self.mechanism.markers) or "none"
             raise InputError(f"{self.mechanism.name!r} has no marker {name!r}; there are: {known}.")
         motion, kinematics = self._read(t), self.solution.equations.kinematics
-        point = kinematics.point(marker.body, marker.point)
-        return PointMotion(
-            kinematics.position(point, motion.q), kinematics.velocity(point, motion.q, motion.u)
-        )
+        position, velocity, _ = kinematics.point_motion(marker, motion.q, motion.u, motion.a)
+        return PointMotion(position, velocity)
 
     @staticmethod
     def _shaped(t: ArrayLike, values: FloatArray) -> FloatArray:

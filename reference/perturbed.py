@@ -152,24 +152,21 @@ def solve_scheduled(
     for name in releases:
         if name not in names:
             raise InputError(f"releases names the stop {name!r}; there are: {', '.join(names)}.")
-    own = equations or Equations(problem.mechanism)
+    equations = equations or Equations(problem.mechanism)
     schedule = {s.name: releases.get(s.name, 0.0) for s in problem.mechanism.stops if s.closed}
     started = time.perf_counter()
     y = np.concatenate(initial_state(problem.mechanism))
-    times = sorted(
-        {t for t in schedule.values() if t is not None and 0 < t < problem.duration}
-        | {problem.duration}
-    )
+    openings = {t for t in schedule.values() if t is not None and 0 < t < problem.duration}
     segments: list[Segment] = []
-    now = 0.0
-    for end in times:
+    now, bounds = 0.0, (tolerance, tolerance)
+    for end in (*sorted(openings), problem.duration):
         closed = tuple(name for name, t in schedule.items() if t is None or t > now)
-        segment, _, stepper = integrate_segment(own, closed, now, y, end, (tolerance, tolerance))
+        segment, _, stepper = integrate_segment(equations, closed, now, y, end, bounds)
         segments.append(segment)
         now, y = end, stepper.y
     return Solution(
         problem=problem,
-        equations=own,
+        equations=equations,
         segments=tuple(segments),
         release_times={name: schedule.get(name) for name in names},
         impacts=(),

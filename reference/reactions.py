@@ -33,13 +33,28 @@ def joint_reactions(
         stop_torques: of all stops [N m, N of one on a point], shape (n,).
     """
     mechanism, left = kinematics.mechanism, dict(needed)
-    loops = _loop_forces(kinematics, q, loop_multipliers)
+
+    def act(body: str, other: str, force: FloatArray) -> None:
+        """Take a known force on a body, and the opposite one on another, off what they need."""
+        for name, sign in ((body, -1.0), (other, 1.0)):
+            if name in left:
+                left[name] = left[name] + sign * force
+
+    loops, column = dict[str, FloatArray](), 0
     for joint in mechanism.loop_joints:
-        _act(left, joint.child, joint.parent, loops[joint.name])
+        frame = joint.parent if joint.free_directions else GROUND
+        force = np.zeros((len(q), 2))
+        for direction in joint.held_directions:
+            multiplier = loop_multipliers[:, column, None]
+            force = force + multiplier * _in_world(kinematics, q, frame, direction)
+            column += 1
+        column += joint.holds_angle
+        loops[joint.name] = force
+        act(joint.child, joint.parent, force)
     for stop in mechanism.stops:
         normal = _NORMALS[stop](kinematics, q, stop)
         if normal is not None:
-            _act(left, stop.body, stop.relative_to, stop_torques[stop.name][:, None] * normal)
+            act(stop.body, stop.relative_to, stop_torques[stop.name][:, None] * normal)
     joints = mechanism.tree_joints
     for joint in reversed(joints):  # from the tips to the ground
         if joint.parent != GROUND:
@@ -60,36 +75,10 @@ _NORMALS: ElementTable[Callable[[Kinematics, FloatArray, Any], FloatArray | None
 )
 
 
-def _act(left: dict[str, FloatArray], body: str, other: str, force: FloatArray) -> None:
-    """Take a known force on a body, and the opposite one on another, off what they need."""
-    for name, sign in ((body, -1.0), (other, 1.0)):
-        if name in left:
-            left[name] = left[name] + sign * force
-
-
 def _in_world(kinematics: Kinematics, q: FloatArray, body: str, direction: complex) -> FloatArray:
     """A direction of a body's frame (or the ground's) in the world, shape (n, 2)."""
     turned = direction * np.exp(-1j * kinematics.angle(body).value(q))
     return np.stack([turned.real, turned.imag], axis=-1)
-
-
-def _loop_forces(
-    kinematics: Kinematics, q: FloatArray, multipliers: FloatArray
-) -> dict[str, FloatArray]:
-    """Force of each loop joint on its child [N], from its multipliers."""
-    forces: dict[str, FloatArray] = {}
-    column = 0
-    for joint in kinematics.mechanism.loop_joints:
-        frame = joint.parent if joint.free_directions else GROUND
-        force = np.zeros((len(q), 2))
-        for direction in joint.held_directions:
-            force = force + multipliers[:, column, None] * _in_world(
-                kinematics, q, frame, direction
-            )
-            column += 1
-        column += joint.holds_angle
-        forces[joint.name] = force
-    return forces
 
 
 def undetermined_forces(

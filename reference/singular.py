@@ -8,7 +8,7 @@ and Guillemin, Stable Mappings and Their Singularities, 1973, on transversal cro
 value that only touches zero tells of branches that touch, or of a mechanism at rest.
 
 Across such a position the motion is taken as one polynomial over a short window that fulfils the
-equations of motion at Gauss's points, which lie beside the position (:func:`collocated`). Whatever
+equations of motion at Gauss's points, which lie beside the position (collocation). Whatever
 leaves the branch has a pole in the window and is near no polynomial: then polynomials of different
 degrees differ, or the loops do not close between the points. Their difference tells how far the
 passage is known. Multipliers have simple poles there in general: see
@@ -17,7 +17,7 @@ passage is known. Multipliers have simple poles there in general: see
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -67,9 +67,8 @@ class RankWatch:
             self.arms = arms.max(axis=0)
             self.reach = float(self.arms.max(initial=0.0)) or 1.0
             self.scales = scales_of(np.sum(arms**2, axis=0), arms)
-            self._slopes = (
-                np.linalg.norm(self.scales.rows[:, None] * arms, axis=0) * self.scales.columns
-            )
+            rows = np.linalg.norm(self.scales.rows[:, None] * arms, axis=0)
+            self._slopes = rows * self.scales.columns
         self._slack, self._speeds = -np.inf, np.zeros(len(q))
 
     def window(
@@ -85,7 +84,13 @@ class RankWatch:
         Raises:
             SimulationError: the speed does not tell the branch.
         """
-        if not self.level or self._is_far(end - start, speeds):
+        if not self.level:
+            return None
+        # Each singular value changes at most as its matrix does: none can be near zero for a while.
+        fastest = np.maximum(np.abs(self._speeds), np.abs(speeds))
+        self._speeds = speeds
+        self._slack -= _SAFETY * (end - start) * float(fastest @ self._slopes)
+        if self._slack > 0:
             return None
         times = start + _PROBES * (end - start)
         states = np.asarray(dense(times)).T
@@ -99,20 +104,13 @@ class RankWatch:
         k = max(int(near[0]) - 1, 0)
         return self.window_from(float(times[k]), *np.split(states[k], 2), least=float(values.min()))
 
-    def _is_far(self, time: float, speeds: FloatArray) -> bool:
-        """Whether no singular value can be near zero: each changes at most as its matrix does."""
-        fastest = np.maximum(np.abs(self._speeds), np.abs(speeds))
-        self._speeds = speeds
-        self._slack -= _SAFETY * time * float(fastest @ self._slopes)
-        return self._slack > 0
-
     def nears(self, q: FloatArray, change: FloatArray) -> bool:
         """Whether another change of the coordinates leads near a singular position."""
-        values = (
-            self._values(q + _PROBES[:, None] * change)[:, -1] if self.level else np.array([np.inf])
-        )
+        if not self.level:
+            return False
+        values = self._values(q + _PROBES[:, None] * change)[:, -1]
         if values[0] > _NEAR:
-            self.level = self.level and _NEAR
+            self.level = _NEAR
         return bool(values.min() < self.level)
 
     def window_from(
@@ -126,7 +124,9 @@ class RankWatch:
             least: singular value to which an integrator has come by itself, of which it may come
                 closer without one.
         """
-        window = self._across(Given(start, *self.projected(q, u)))
+        given = Given(start, *self.projected(q, u))
+        placed = self._placed(given)
+        window = None if placed is None else self._refined(placed, given)
         if window is None:
             self.level = 0.5 * min(least, self.level, self._least(q))
             if self.level < _VANISHES:
@@ -154,12 +154,8 @@ class RankWatch:
                     break
             window = None if motion is None else self._refined(motion, given)
             if window is not None and window.passages:
-                later = (
-                    passage for passage in window.passages if passage.time > start - half * BESIDE
-                )
-                passages = tuple(
-                    replace(passage, time=max(passage.time, start)) for passage in later
-                )
+                later = [p for p in window.passages if p.time > start - half * BESIDE]
+                passages = tuple(replace(p, time=max(p.time, start)) for p in later)
                 return replace(window, start=start, passages=passages)
         raise SimulationError(
             f"the reference cannot start at t = {start:.6g} s in a singular position, in which "
@@ -170,9 +166,8 @@ class RankWatch:
     def projected(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The nearest coordinates and speeds that fulfil the constraints."""
         for _ in range(3):
-            q = q - least_step(
-                self.equations.constraint_jacobian(q, self.closed), self._residual(q), self.rank
-            )
+            jacobian = self.equations.constraint_jacobian(q, self.closed)
+            q = q - least_step(jacobian, self._residual(q), self.rank)
         jacobian = self.equations.constraint_jacobian(q, self.closed)
         return q, u - least_step(jacobian, jacobian @ u, self.rank)
 
@@ -193,26 +188,20 @@ class RankWatch:
         gaps = [self.equations.kinematics.gap(name, q)[..., None] for name in self.closed]
         return np.concatenate([self.equations.loop_residual(q), *gaps], axis=-1)
 
-    def _across(self, given: Given) -> Window | None:
-        half = self._nearest_ahead(given)
-        placed = None if half is None else self._placed(given, half)
-        return None if placed is None else self._refined(placed, given)
-
-    def _nearest_ahead(self, given: Given) -> float | None:
-        """Time until the motion is nearest to a singular position, as it looks now [s]."""
+    def _placed(self, given: Given) -> Polynomial | None:
+        """A first polynomial on a window with the singular position ahead about its middle."""
+        # The time until the motion is nearest to the position, as it looks now [s].
         q, u, a = given.q, given.u, self._accelerations(given.q, given.u)
         value, step = self._least(q), 1e-4 / max(float(np.abs(u).max()), 1e-300)
         rate = (self._least(q + u * step) - value) / step
         if rate >= 0:
             return None
         t = np.linspace(0.0, -3 * value / rate, 61)
-        ahead = self._values(q + u * t[:, None] + 0.5 * a * t[:, None] ** 2)[:, -1]
-        k = int(np.argmax(np.diff(ahead) > 0))
-        return float(t[k]) if k > 0 else None
-
-    def _placed(self, given: Given, half: float) -> Polynomial | None:
-        """A first polynomial on a window with the singular position about its middle."""
-        motion = None
+        values = self._values(q + u * t[:, None] + 0.5 * a * t[:, None] ** 2)[:, -1]
+        k = int(np.argmax(np.diff(values) > 0))
+        if k == 0:
+            return None
+        half, motion = float(t[k]), None
         for _ in range(_PLACINGS):
             if (motion := self._collocated(given, given.time, half, _FIRST, motion)) is None:
                 return None
@@ -222,7 +211,7 @@ class RankWatch:
             if k == 0:
                 return None
             if abs(ahead[k] - half) < 0.05 * half:
-                # Of the next singular position, if there is one.
+                # The window ends clear of the next singular position, if there is one.
                 clear = ahead[k:][values[k:] > 0.5 * values[0]]
                 end = clear[np.argmin(np.abs(clear - 2 * half))] if len(clear) else 2 * half
                 return self._collocated(given, given.time, 0.5 * float(end), _FIRST, motion)
@@ -237,19 +226,21 @@ class RankWatch:
             before, motion = motion, self._collocated(given, placed.start, placed.half, n, motion)
             if motion is None:
                 return None
-            difference = float(
-                (np.abs(motion.values(motion.q, t) - before.values(before.q, t)) * self.arms).max()
-            )
-            difference /= self.reach
+            change = np.abs(motion.values(motion.q, t) - before.values(before.q, t))
+            difference = float((change * self.arms).max()) / self.reach
             if difference <= _AGREE:
                 break
         passages = tuple(self._passages(motion, difference, t)) if difference <= _WORST else ()
         if not self._is_branch(motion, passages, difference, t):
             return None
         poles = np.array([passage.time for passage in passages])
-        return Window(
-            float(t[0]), float(t[-1]), passages, motion, self._forces(motion, poles), poles
-        )
+        x, to_series, _, _ = gauss(len(motion.a), -1.0)
+        at = motion.start + motion.half * (x + 1)
+        states = motion.values(motion.q, at), motion.values(motion.u, at)
+        forces = self.equations.solve(*states, self.closed)[1]
+        distances = np.prod((at[:, None] - poles) / motion.half, axis=1)[:, None]
+        series = to_series @ (forces * distances)
+        return Window(float(t[0]), float(t[-1]), passages, motion, series, poles)
 
     def _is_branch(
         self,
@@ -266,9 +257,8 @@ class RankWatch:
         open_by = float(np.abs(self._residual(motion.values(motion.q, t))).max()) / self.reach
         if not passages:
             values = self._values(motion.values(motion.q, t))[:, -1]
-            return bool(
-                open_by < _CLOSES and difference <= _AGREE and values.min() < _CLOSE < values[0]
-            )
+            closes = open_by < _CLOSES and difference <= _AGREE
+            return bool(closes and values.min() < _CLOSE < values[0])
         if _CLOSES < open_by < _DRIFT:
             raise SimulationError(
                 f"the reference gave up at t = {passages[0].time:.6g} s near a singular position: "
@@ -282,18 +272,16 @@ class RankWatch:
         self, motion: Polynomial, difference: float, t: FloatArray
     ) -> Iterator[SingularPassage]:
         """Where singular values vanish, each of them changing its sign."""
-        for bracket in (
-            fine for rough in self._minima(motion, t) for fine in self._minima(motion, rough)
-        ):
-            time, value, rate = self._zero(motion, bracket)
-            if value > _VANISHES:
-                continue
-            lost = int(
-                (self._values(motion.values(motion.q, np.array(time))) < 10 * _VANISHES).sum()
-            )
-            self._refuse_touching(motion, time, lost)
-            uncertain = (difference + _EPSILON) / abs(rate) + _EPSILON * abs(time)
-            yield SingularPassage(time, uncertain, difference, lost)
+        for rough in self._minima(motion, t):
+            for bracket in self._minima(motion, rough):
+                time, value, rate = self._zero(motion, bracket)
+                if value > _VANISHES:
+                    continue
+                values = self._values(motion.values(motion.q, np.array(time)))
+                lost = int((values < 10 * _VANISHES).sum())
+                self._refuse_touching(motion, time, lost)
+                uncertain = (difference + _EPSILON) / abs(rate) + _EPSILON * abs(time)
+                yield SingularPassage(time, uncertain, difference, lost)
 
     def _minima(self, motion: Polynomial, t: FloatArray) -> Iterator[FloatArray]:
         """Times around each minimum of the least singular value at times t [s]: `_SAMPLES`."""
@@ -305,14 +293,12 @@ class RankWatch:
         """Newton's zero of the least singular value in t [s]; its value and rate [1/s] there."""
         time, step, rate, value = float(t[len(t) // 2]), 0.1 * float(t[-1] - t[0]), 0.0, np.inf
         for _ in range(_ITERATIONS):
-            before, here, after = self._scaled(
-                motion.values(motion.q, time + step * np.array([-1.0, 0.0, 1.0]))
-            )
+            beside = time + step * np.array([-1.0, 0.0, 1.0])
+            before, here, after = self._scaled(motion.values(motion.q, beside))
             left, values, right = np.linalg.svd(here)
             value = float(values[self.rank - 1])
-            rate = float(left[:, self.rank - 1] @ (after - before) @ right[self.rank - 1]) / (
-                2 * step
-            )
+            change = float(left[:, self.rank - 1] @ (after - before) @ right[self.rank - 1])
+            rate = change / (2 * step)
             newton = time - value / rate if rate else time
             if abs(newton - time) <= _EPSILON * abs(time):
                 break
@@ -339,21 +325,72 @@ class RankWatch:
     def _collocated(
         self, given: Given, start: float, half: float, n: int, guess: Polynomial | None
     ) -> Polynomial | None:
-        return collocated(
-            self._accelerations, given, (start, half), n, guess, self.arms / self.reach
-        )
+        """The polynomial motion that fulfils the equations at n points of a window and a state.
+
+        Hairer, Norsett, Wanner, *Solving Ordinary Differential Equations I*, 1993, II.7. Where the
+        motion is analytic the error falls as fast as its Legendre series does. What happens between
+        the points, at which the equations may be singular, is never evaluated.
+
+        Args:
+            given: the state, at the window's start or in its middle.
+            start, half: the window's start and half its length [s].
+            n: number of points.
+            guess: another polynomial near it; None: constant accelerations, those of the given
+                state, or zero where that is in the middle, so singular.
+
+        Returns:
+            None if Newton's iteration does not converge.
+        """
+        base = (given.time - start) / half - 1.0
+        x, to_series, once, twice = gauss(n, base)
+        once, twice = half * once, half**2 * twice
+        start_q = given.q + half * np.outer(x - base, given.u)
+        start_u = np.broadcast_to(given.u, (n, len(given.u)))
+        if guess is not None:
+            a = guess.values(guess.a, start + half * (x + 1))
+        elif base < 0:
+            a = np.broadcast_to(self._accelerations(given.q, given.u), start_u.shape)
+        else:
+            a = np.zeros(start_u.shape)
+        last, factors = np.inf, None
+        for _ in range(_ITERATIONS):
+            q, u = start_q + twice @ a, start_u + once @ a
+            if factors is None:
+                factors = lu_factor(self._newton(q, u, once, twice), check_finite=False)
+            residual = (self._accelerations(q, u) - a).ravel()
+            change = lu_solve(factors, residual, check_finite=False).reshape(a.shape)
+            a = a + change
+            size = float((np.abs(twice @ change) * (self.arms / self.reach)).max())
+            if not size < 10:
+                return None
+            if size < _ROUNDING or (size < _STALLED and size > 0.3 * last):
+                series = to_series @ a
+                u = np.asarray(half * legendre.legint(series, lbnd=base), dtype=np.float64)
+                u[0] += given.u
+                q = np.asarray(half * legendre.legint(u, lbnd=base), dtype=np.float64)
+                q[0] += given.q
+                return Polynomial(start, half, q, u, series)
+            factors = None if size > 0.1 * last else factors
+            last = size
+        return None
+
+    def _newton(
+        self, q: FloatArray, u: FloatArray, once: FloatArray, twice: FloatArray
+    ) -> FloatArray:
+        """Derivative of a - f(q, u) by the accelerations at all points, f's own by differences."""
+        (n, n_q), f = q.shape, self._accelerations
+        matrix = np.zeros((n, n_q, n, n_q))
+        for j in range(n_q):
+            dq, du = np.zeros(n_q), np.zeros(n_q)
+            dq[j], du[j] = 1e-7, 1e-6 * max(1.0, float(np.abs(u).max()))
+            by_q = (f(q + dq, u) - f(q - dq, u)) / (2 * dq[j])
+            by_u = (f(q, u + du) - f(q, u - du)) / (2 * du[j])
+            through_q = by_q[:, :, None] * twice[:, None, :]
+            matrix[:, :, :, j] = -(through_q + by_u[:, :, None] * once[:, None, :])
+        return matrix.reshape(n * n_q, n * n_q) + np.eye(n * n_q)
 
     def _accelerations(self, q: FloatArray, u: FloatArray) -> FloatArray:
         return self.equations.solve(q, u, self.closed)[0]
-
-    def _forces(self, motion: Polynomial, poles: FloatArray) -> FloatArray:
-        """Legendre series of :attr:`Window.forces`, through Gauss's points."""
-        x, to_series, _, _ = gauss(len(motion.a), -1.0)
-        t = motion.start + motion.half * (x + 1)
-        forces = self.equations.solve(
-            motion.values(motion.q, t), motion.values(motion.u, t), self.closed
-        )[1]
-        return to_series @ (forces * np.prod((t[:, None] - poles) / motion.half, axis=1)[:, None])
 
 
 def note_singular_start(equations: Equations, q: FloatArray, u: FloatArray) -> None:
@@ -364,17 +401,13 @@ def note_singular_start(equations: Equations, q: FloatArray, u: FloatArray) -> N
     for rank in range(equations.n_loops, equations.rank(q, ()), -1):
         place = beside
         for _ in range(_ITERATIONS):
-            place = place - least_step(
-                equations.constraint_jacobian(place, ()), equations.loop_residual(place), rank
-            )
+            jacobian = equations.constraint_jacobian(place, ())
+            place = place - least_step(jacobian, equations.loop_residual(place), rank)
             # Where the rank is less, steps have no bound.
             if not np.abs(place - beside).max() < 1.0:
                 break
-        near = (
-            np.abs(place - beside).max() < 1e-2
-            and np.abs(equations.loop_residual(place)).max() < 1e-12
-        )
-        if near and equations.rank(place, ()) == rank:
+        moved, left = np.abs(place - beside).max(), np.abs(equations.loop_residual(place)).max()
+        if moved < 1e-2 and left < 1e-12 and equations.rank(place, ()) == rank:
             equations.note_rank((), rank)
             return
 
@@ -421,11 +454,8 @@ class Window:
                 f"the reference gave up at t = {end:.6g} s: a stop opens in a singular position, "
                 "in which its torque grows beyond all bounds."
             )
-        return replace(
-            self,
-            end=end,
-            passages=tuple(passage for passage in self.passages if passage.time <= end),
-        )
+        passages = tuple(passage for passage in self.passages if passage.time <= end)
+        return replace(self, end=end, passages=passages)
 
     def dense_output(self) -> DenseOutput:
         """Dense output, as that of an integrator's step."""
@@ -440,20 +470,17 @@ class Window:
 
         Within a hundred-thousandth of the window the mean of both sides is given: the finite part.
         """
+        if not len(self.poles):
+            return self.motion.values(self.forces, t)
         near = _POLE * self.motion.half
-        if len(self.poles):
-            of = np.argmin(np.abs(t[:, None] - self.poles), axis=1)
-        else:
-            of = np.zeros(len(t), dtype=int)
-        pole = self.poles[of] if len(self.poles) else np.full(len(t), np.inf)
+        pole = self.poles[np.argmin(np.abs(t[:, None] - self.poles), axis=1)]
         inside = np.abs(t - pole) < near
-        sides = [np.where(inside, pole + side * near, t) for side in (-1.0, 1.0)]
-        return 0.5 * np.sum(
-            [self.motion.values(self.forces, at) / self._distances(at) for at in sides], axis=0
-        )
-
-    def _distances(self, t: FloatArray) -> FloatArray:
-        return np.prod((t[:, None] - self.poles) / self.motion.half, axis=1)[:, None]
+        total = np.zeros((len(t), self.forces.shape[-1]))
+        for side in (-1.0, 1.0):
+            at = np.where(inside, pole + side * near, t)
+            distances = np.prod((at[:, None] - self.poles) / self.motion.half, axis=1)
+            total += self.motion.values(self.forces, at) / distances[:, None]
+        return 0.5 * total
 
 
 class _WindowOutput(DenseOutput):
@@ -468,8 +495,6 @@ class _WindowOutput(DenseOutput):
 
 # Of the largest arm: a change this small ends Newton's iteration; and one where none is smaller.
 _ROUNDING, _STALLED = 1e-15, 1e-12
-Accelerations = Callable[[FloatArray, FloatArray], FloatArray]
-"""Of coordinates and speeds, shapes (n, n_q)."""
 
 
 @dataclass(frozen=True)
@@ -495,95 +520,6 @@ class Polynomial:
         """A series at times t [s]: shape (*t.shape, ...)."""
         values = legendre.legval((np.asarray(t) - self.start) / self.half - 1.0, series)
         return np.asarray(np.moveaxis(values, 0, -1), dtype=np.float64)
-
-
-def collocated(
-    accelerations: Accelerations,
-    given: Given,
-    window: tuple[float, float],
-    n: int,
-    guess: Polynomial | None,
-    arms: FloatArray,
-) -> Polynomial | None:
-    """The polynomial motion that fulfils the equations at n points of a window and a given state.
-
-    Hairer, Norsett, Wanner, *Solving Ordinary Differential Equations I*, 1993, II.7. Where the
-    motion is analytic the error falls as fast as its Legendre series does. What happens between
-    the points, at which the equations may be singular, is never evaluated.
-
-    Args:
-        accelerations: the equations of motion.
-        given: the state, at the window's start or in its middle.
-        window: its start and half its length [s].
-        n: number of points.
-        guess: another polynomial near it; constant accelerations, those of the given state, if left
-        out.
-        arms: weights of the coordinates, shape (n_q,), that make them comparable.
-
-    Returns:
-        None if Newton's iteration does not converge.
-    """
-    start, half = window
-    base = (given.time - start) / half - 1.0
-    x, to_series, once, twice = gauss(n, base)
-    once, twice = half * once, half**2 * twice
-    start_q = given.q + half * np.outer(x - base, given.u)
-    start_u = np.broadcast_to(given.u, (n, len(given.u)))
-    if guess is None:
-        a = _first(accelerations, given, base, n)
-    else:
-        a = guess.values(guess.a, start + half * (x + 1))
-    last, factors = np.inf, None
-    for _ in range(_ITERATIONS):
-        q, u = start_q + twice @ a, start_u + once @ a
-        if factors is None:
-            factors = lu_factor(_newton(accelerations, q, u, once, twice), check_finite=False)
-        change = lu_solve(factors, (accelerations(q, u) - a).ravel(), check_finite=False).reshape(
-            a.shape
-        )
-        a = a + change
-        size = float((np.abs(twice @ change) * arms).max())
-        if not size < 10:
-            return None
-        if size < _ROUNDING or (size < _STALLED and size > 0.3 * last):
-            return _integrated(given, window, to_series @ a, base)
-        factors = None if size > 0.1 * last else factors
-        last = size
-    return None
-
-
-def _first(accelerations: Accelerations, given: Given, base: float, n: int) -> FloatArray:
-    """Constant accelerations; zero where the given state is in the middle, so singular."""
-    a = accelerations(given.q, given.u) if base < 0 else np.zeros_like(given.u)
-    return np.broadcast_to(a, (n, len(a)))
-
-
-def _integrated(
-    given: Given, window: tuple[float, float], series: FloatArray, base: float
-) -> Polynomial:
-    start, half = window
-    u = np.asarray(half * legendre.legint(series, lbnd=base), dtype=np.float64)
-    u[0] += given.u
-    q = np.asarray(half * legendre.legint(u, lbnd=base), dtype=np.float64)
-    q[0] += given.q
-    return Polynomial(start, half, q, u, series)
-
-
-def _newton(
-    accelerations: Accelerations, q: FloatArray, u: FloatArray, once: FloatArray, twice: FloatArray
-) -> FloatArray:
-    """Derivative of a - f(q, u) by the accelerations at all points, f's own by differences."""
-    n, n_q = q.shape
-    matrix = np.zeros((n, n_q, n, n_q))
-    for j in range(n_q):
-        dq, du = np.zeros(n_q), np.zeros(n_q)
-        dq[j], du[j] = 1e-7, 1e-6 * max(1.0, float(np.abs(u).max()))
-        by_q = (accelerations(q + dq, u) - accelerations(q - dq, u)) / (2 * dq[j])
-        by_u = (accelerations(q, u + du) - accelerations(q, u - du)) / (2 * du[j])
-        matrix[:, :, :, j] = -(
-            by_q[:, :, None] * twice[:, None, :] + by_u[:, :, None] * once[:, None, :]
-        )
-    return matrix.reshape(n * n_q, n * n_q) + np.eye(n * n_q)
 
 
 @lru_cache(16)

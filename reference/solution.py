@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -54,12 +54,6 @@ class Segment:
         return a, multipliers
 
 
-_Forces = Callable[
-    [Segment, Equations, FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray]
-]
-"""Accelerations and multipliers of states of a segment."""
-
-
 @dataclass(frozen=True)
 class MotionSamples:
     """States, accelerations and multipliers at given times."""
@@ -92,10 +86,8 @@ class Solution(Shown):
     def headline(self) -> str:
         """The mechanism, the end of the motion and the number of segments."""
         name, end = self.problem.mechanism.name, self.segments[-1].end
-        return (
-            f"Solution of {name!r}: continuous from 0 to {end:.6g} s in {len(self.segments)} "
-            "segments"
-        )
+        n = len(self.segments)
+        return f"Solution of {name!r}: continuous from 0 to {end:.6g} s in {n} segments"
 
     def facts(self) -> Iterator[tuple[str, str]]:
         """Its events."""
@@ -122,7 +114,7 @@ class Solution(Shown):
         for segment, indices in self._by_segment(t):
             y = np.asarray(segment.interpolant(t[indices])).T
             q[indices], u[indices] = y[:, :n_q], y[:, n_q:]
-        return self._motion(t, q, u, Segment.forces)
+        return self._samples(t, q, u, exactly=True)
 
     def _by_segment(self, t: FloatArray) -> Iterator[tuple[Segment, IndexArray]]:
         of = np.searchsorted([segment.end for segment in self.segments[:-1]], t, side="right")
@@ -138,25 +130,24 @@ class Solution(Shown):
             t: shape (n,).
             q, u: states, shape (n, n_q).
         """
-        return self._motion(
-            t, q, u, lambda segment, equations, _, q, u: equations.solve(q, u, segment.closed)
-        )
+        return self._samples(t, q, u, exactly=False)
 
-    def _motion(
-        self, t: FloatArray, q: FloatArray, u: FloatArray, forces: _Forces
+    def _samples(
+        self, t: FloatArray, q: FloatArray, u: FloatArray, *, exactly: bool
     ) -> MotionSamples:
-        a, loops = np.empty_like(q), np.empty((len(t), self.equations.n_loops))
+        """Accelerations and multipliers; `exactly`: of the motion itself, by its windows, too."""
+        equations, n_loops = self.equations, self.equations.n_loops
+        a, loops = np.empty_like(q), np.empty((len(t), n_loops))
         torques = {stop.name: np.zeros(len(t)) for stop in self.problem.mechanism.stops}
         with numerical("with the forces of its motion"):
-            for segment, indices in self._by_segment(t):
-                a[indices], multipliers = forces(
-                    segment, self.equations, t[indices], q[indices], u[indices]
-                )
-                loops[indices] = multipliers[:, : self.equations.n_loops]
-                for name, torque in zip(
-                    segment.closed, multipliers[:, self.equations.n_loops :].T, strict=True
-                ):
-                    torques[name][indices] = torque
+            for segment, i in self._by_segment(t):
+                if exactly:
+                    a[i], multipliers = segment.forces(equations, t[i], q[i], u[i])
+                else:
+                    a[i], multipliers = equations.solve(q[i], u[i], segment.closed)
+                loops[i] = multipliers[:, :n_loops]
+                for name, torque in zip(segment.closed, multipliers[:, n_loops:].T, strict=True):
+                    torques[name][i] = torque
         refuse_infinite("accelerations", a)
         refuse_infinite("forces of joints and stops", loops, *torques.values())
         return MotionSamples(q, u, a, loops, torques)
@@ -169,9 +160,8 @@ class Solution(Shown):
         second = kinematics.second_flow(motion.q, motion.u, motion.a)
         needed = dict[str, FloatArray]()
         for body in mechanism.bodies:
-            acceleration = as_vectors(
-                weighted(second, kinematics.point(body.name, body.centre).coefficients)
-            )
+            centre = kinematics.point(body.name, body.centre)
+            acceleration = as_vectors(weighted(second, centre.coefficients))
             needed[body.name] = body.mass * (acceleration - gravity) - applied.get(body.name, 0.0)
         return joint_reactions(
             kinematics, motion.q, needed, motion.loop_multipliers, motion.stop_torques
@@ -180,12 +170,11 @@ class Solution(Shown):
     @property
     def singular_passages(self) -> tuple[SingularPassage, ...]:
         """Singular positions on the way, in order of time; joint forces have poles there."""
-        return tuple(
-            passage
-            for segment in self.segments
-            for window in segment.windows
-            for passage in window.passages
-        )
+        passages: list[SingularPassage] = []
+        for segment in self.segments:
+            for window in segment.windows:
+                passages += window.passages
+        return tuple(passages)
 
     @property
     def undetermined_joints(self) -> tuple[str, ...]:
@@ -199,17 +188,15 @@ class Solution(Shown):
 
     @cached_property
     def _undetermined(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        sets: list[tuple[tuple[str, ...], tuple[str, ...]]] = []
+        joints: dict[str, None] = {}
+        stops: dict[str, None] = {}
+        n_q = len(self.problem.mechanism.coordinates)
         for segment in self.segments:
             middle = np.asarray(segment.interpolant((segment.start + segment.end) / 2))
-            sets.append(
-                undetermined_forces(self.equations, middle[: len(middle) // 2], segment.closed)
-            )
-        joints, stops = (
-            tuple(dict.fromkeys(name for names in kind for name in names))
-            for kind in zip(*sets, strict=True)
-        )
-        return joints, stops
+            names = undetermined_forces(self.equations, middle[:n_q], segment.closed)
+            joints |= dict.fromkeys(names[0])
+            stops |= dict.fromkeys(names[1])
+        return tuple(joints), tuple(stops)
 
     @cached_property
     def launch(self) -> Launch | None:
@@ -223,46 +210,42 @@ class Solution(Shown):
         in every solution that is long enough. At an impact that turns the velocity through the
         direction, the velocity is the one between those before and after it.
         """
-        marker_model = self.problem.mechanism.marker(marker)
-        if marker_model is None:
+        mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
+        point = mechanism.marker(marker)
+        if point is None:
             return None
-        after = rest_opened(self.problem.mechanism, marker_model.body, self.release_times)
+        after = rest_opened(mechanism, point.body, self.release_times)
         if after is None:
             return None
-        row = self.equations.kinematics.point(marker_model.body, marker_model.point)
-        rests = {
-            stop.name
-            for stop in self.problem.mechanism.stops
-            if stop.body == marker_model.body and stop.closed
-        }
-        pieces = self._free_pieces(row, after, rests)
-        return first_launch(pieces, angle, self.equations.kinematics.speed_scale(row))
+        row = kinematics.point(point.body, point.point)
+        rests = {s.name for s in mechanism.stops if s.body == point.body and s.closed}
+        return first_launch(
+            self._free_pieces(row, after, rests), angle, kinematics.speed_scale(row)
+        )
 
     def _free_pieces(
         self, row: PointCoefficients, after: float, rests: set[str]
     ) -> Iterator[SmoothVelocity | None]:
         """A point's velocity after a time [s], by segment; None where one of these stops acts."""
-        strikes = {
-            t for t, impulses in self.impacts if any(impulses.get(name, 0.0) > 0 for name in rests)
-        }
+        strikes: set[float] = set()
+        for time, impulses in self.impacts:
+            if any(impulses.get(name, 0.0) > 0 for name in rests):
+                strikes.add(time)
         for segment in self.segments:
             if segment.end <= after:
                 continue
             if rests.intersection(segment.closed) or segment.start in strikes:
                 yield None
-            if not rests.intersection(segment.closed):
-                yield self._velocity(segment, row, after)
+            if rests.intersection(segment.closed):
+                continue
 
-    def _velocity(self, segment: Segment, row: PointCoefficients, after: float) -> SmoothVelocity:
-        """A point's velocity in one segment, from `after` [s] on."""
+            def at(t: FloatArray, segment: Segment = segment) -> FloatArray:
+                q, u = np.split(np.asarray(segment.interpolant(t)).T, 2, axis=1)
+                return self.equations.kinematics.velocity(row, q, u)
 
-        def at(t: FloatArray) -> FloatArray:
-            q, u = np.split(np.asarray(segment.interpolant(t)).T, 2, axis=1)
-            return self.equations.kinematics.velocity(row, q, u)
-
-        knots = np.unique(np.asarray(segment.interpolant.ts, dtype=np.float64))
-        start = max(after, segment.start)
-        return SmoothVelocity(np.concatenate([[start], knots[knots > start]]), at)
+            knots = np.unique(np.asarray(segment.interpolant.ts, dtype=np.float64))
+            start = max(after, segment.start)
+            yield SmoothVelocity(np.concatenate([[start], knots[knots > start]]), at)
 
     def trajectory(self, t: FloatArray, provenance: Provenance | None = None) -> Trajectory:
         """The motion at the given times [s], shape (n,), with all that a trajectory holds."""
@@ -279,19 +262,16 @@ class Solution(Shown):
             flow = kinematics.flow(motion.q, motion.u, kinematics.rates(motion.q))
             for marker in mechanism.markers:
                 row = kinematics.point(marker.body, marker.point)
-                position = weighted(phasors, row.coefficients)
-                velocity = weighted(flow, row.coefficients)
-                markers[marker.name] = PointMotion(
-                    as_vectors(row.offset + position), as_vectors(velocity)
-                )
+                position = as_vectors(row.offset + weighted(phasors, row.coefficients))
+                velocity = as_vectors(weighted(flow, row.coefficients))
+                markers[marker.name] = PointMotion(position, velocity)
             kinetic = kinematics.kinetic_energy(motion.q, motion.u)
             potential = self.equations.potential_energy(motion.q)
             reactions = self.joint_reactions(motion)
         refuse_infinite("energies", kinetic, potential)
         refuse_infinite("joint reactions", *reactions.values())
-        refuse_infinite(
-            "markers", *(v for point in markers.values() for v in (point.position, point.velocity))
-        )
+        for point in markers.values():
+            refuse_infinite("markers", point.position, point.velocity)
         return Trajectory(
             mechanism=mechanism,
             t=t,

@@ -167,6 +167,25 @@ class Forgetful(Everything):
         return {"timestep": 2 * self.timestep}
 
 
+@dataclass(frozen=True)
+class Growing(Everything):
+    """Made with options, it has a setting more."""
+
+    name = "growing"
+    told: bool = False
+
+    @classmethod
+    def presets(cls) -> dict[str, Callable[..., tb.Engine]]:
+        def make(**options: Any) -> tb.Engine:
+            return cls(told=bool(options), **options)
+
+        return {"tuned": make, "stock": make}
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        return {"timestep": self.timestep} | ({"told": True} if self.told else {})
+
+
 class Unmade(Everything):
     """Its settings are no options."""
 

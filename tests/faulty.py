@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from scipy.optimize import brentq
-from trebucheck.comparisons.compare import study as comparing
+from trebucheck.comparisons import compare as comparing
 from trebucheck.comparisons.runs.process import Worker
 from trebucheck.comparisons.runs.results import Outcome, Run
 from trebucheck.comparisons.runs.runner import Runner

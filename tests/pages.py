@@ -9,13 +9,12 @@ from dataclasses import replace
 from functools import cache
 
 import trebucheck as tb
-from trebucheck.comparisons import problems as check
-from trebucheck.comparisons.compare.study import Comparison
+from trebucheck.comparisons.compare import Comparison
 from trebucheck.comparisons.converge import converge_study
 from trebucheck.comparisons.diff import diff
 from trebucheck.comparisons.explain import explain_study
-from trebucheck.comparisons.recommend.results import Asked
-from trebucheck.comparisons.recommend.study import recommend_study
+from trebucheck.comparisons.problems import check
+from trebucheck.comparisons.recommend import Asked, recommend_study
 from trebucheck.comparisons.report.document import Document
 from trebucheck.comparisons.report.pages import compare as compare_report
 from trebucheck.comparisons.report.pages import converge as converge_report

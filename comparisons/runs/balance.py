@@ -7,7 +7,6 @@ there; over the reference by Gauss's rule on its dense output, to rounding.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -15,10 +14,7 @@ from scipy.integrate import cumulative_simpson, cumulative_trapezoid
 
 from ...models.applied_forces import AppliedForces
 from ...models.arrays import FloatArray
-from ...models.elements import (
-    GROUND,
-    refuse_unknown,
-)
+from ...models.elements import GROUND, refuse_unknown
 from ...models.mechanism import Mechanism
 from ...models.trajectory import Trajectory
 from ...reference.solution import Segment, Solution
@@ -35,16 +31,12 @@ def does_work(mechanism: Mechanism) -> bool:
 
 def keeps_horizontal_momentum(mechanism: Mechanism) -> bool:
     """Whether the momentum along x is an invariant: no joint, wall or force acts along it."""
-    held = (
-        d.real
-        for joint in mechanism.joints
-        if joint.parent == GROUND
-        for d in joint.held_directions
-    )
-    walls = (stop.normal[0] for stop in mechanism.point_stops if stop.relative_to == GROUND)
+    grounded = (joint for joint in mechanism.joints if joint.parent == GROUND)
+    along = [direction.real for joint in grounded for direction in joint.held_directions]
+    along += [stop.normal[0] for stop in mechanism.point_stops if stop.relative_to == GROUND]
+    along.append(mechanism.gravity_vector[0])
     refuse_unknown("The balance of momentum", mechanism.force_elements)
     pushed = any(element.pushes_along_x for element in mechanism.force_elements)
-    along = (*held, *walls, mechanism.gravity_vector[0])
     return not pushed and all(component == 0 for component in along)
 
 
@@ -102,22 +94,19 @@ def _integrated(
 ) -> tuple[FloatArray, FloatArray]:
     """Integral from the first sample to each, and its error, non-decreasing; shape (n,)."""
     work, error = np.zeros(len(t)), np.zeros(len(t))
-    for first, last in _smooth(t, impacts):
+    # First sample and the one after the last of each piece without impact
+    bounds = [0, *np.searchsorted(t, impacts).tolist(), len(t)]
+    for first, last in pairwise(bounds):
+        if last == first:
+            continue
         if first:
             work[first], error[first] = _across(t, power, first, impacts)
             work[first] += work[first - 1]
             error[first] += error[first - 1]
-        here = slice(first, last)
-        sums, differences = _simpson(t[here], power[here])
-        work[here] = work[first] + sums
-        error[here] = error[first] + differences
+        sums, differences = _simpson(t[first:last], power[first:last])
+        work[first:last] = work[first] + sums
+        error[first:last] = error[first] + differences
     return work, error
-
-
-def _smooth(t: FloatArray, impacts: list[float]) -> Iterator[tuple[int, int]]:
-    """First sample and the one after the last of each piece without impact."""
-    bounds = [0, *np.searchsorted(t, impacts).tolist(), len(t)]
-    yield from ((first, last) for first, last in pairwise(bounds) if last > first)
 
 
 def _across(
@@ -127,11 +116,10 @@ def _across(
     before, step = after - 1, float(t[after] - t[after - 1])
     times = [time for time in impacts if t[before] < time <= t[after]]
     value = power[before] * (times[0] - t[before]) + power[after] * (t[after] - times[0])
-    slopes = abs(power[before] - power[max(before - 1, 0)]) + abs(
-        power[after] - power[min(after + 1, len(t) - 1)]
-    )
+    slope_before = abs(power[before] - power[max(before - 1, 0)])
+    slope_after = abs(power[after] - power[min(after + 1, len(t) - 1)])
     several = abs(power[after] - power[before]) if len(times) > 1 else 0.0
-    return float(value), step * float(slopes + several)
+    return float(value), step * float(slope_before + slope_after + several)
 
 
 def _simpson(t: FloatArray, power: FloatArray) -> tuple[FloatArray, FloatArray]:

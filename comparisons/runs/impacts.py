@@ -1,4 +1,4 @@
-"""Which impact of a run is which of the reference's.
+"""Impacts of a run, aligned with those of the reference.
 
 An engine with a step does not resolve a rebound that is shorter: a stop that bounces to rest has
 fewer impacts than in the reference, or at other instants, and later ones have other numbers. So
@@ -12,11 +12,10 @@ that one has when the other's motion has ended costs nothing.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from ...models.arrays import FloatArray
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 
@@ -32,11 +31,11 @@ Pair = tuple[float | None, float | None]
 
 def impact_times(motion: Trajectory | Solution, stop: str) -> list[float]:
     """Times of impacts in which a stop pushes, by more than rounding [s]."""
-
-    def pushes(impulses: Mapping[str, float]) -> bool:
-        return impulses.get(stop, 0.0) > _ROUNDING * max(impulses.values(), default=0.0)
-
-    return [time for time, impulses in motion.impacts if pushes(impulses)]
+    return [
+        time
+        for time, impulses in motion.impacts
+        if impulses.get(stop, 0.0) > _ROUNDING * max(impulses.values(), default=0.0)
+    ]
 
 
 def paired(
@@ -53,26 +52,32 @@ def paired(
         step: of the engine [s].
         until: end of the motion that ends first [s].
     """
-    own, reference = (
+    run, reference = (
         _resolvable(times, step, 1.0, until),
         _resolvable(expected, step, FOLLOWED, until),
     )
-    costs = _costs(own, reference, step)
-    pairs, i, j = list[Pair](), len(own), len(reference)
+    # Least cost of aligning the first i impacts with the first j, from none to all of each
+    costs = np.zeros((len(run) + 1, len(reference) + 1))
+    costs[1:, 0] = np.cumsum([cost for _, cost in run])
+    costs[0, 1:] = np.cumsum([cost for _, cost in reference])
+    for i, (time, missing) in enumerate(run, start=1):
+        for j, (due, unpaired) in enumerate(reference, start=1):
+            together = costs[i - 1, j - 1] + abs(time - due) / step
+            costs[i, j] = min(together, costs[i - 1, j] + missing, costs[i, j - 1] + unpaired)
+    # The way back along the least costs; what has a cost of missing is a disagreement
+    pairs, i, j = list[Pair](), len(run), len(reference)
     while i or j:
-        if (
-            i
-            and j
-            and costs[i, j] == costs[i - 1, j - 1] + abs(own[i - 1][0] - reference[j - 1][0]) / step
-        ):
+        time, missing = run[i - 1] if i else (math.nan, 0.0)
+        due, unpaired = reference[j - 1] if j else (math.nan, 0.0)
+        if i and j and costs[i, j] == costs[i - 1, j - 1] + abs(time - due) / step:
             i, j = i - 1, j - 1
-            pairs.append((own[i][0], reference[j][0]))
-        elif i and costs[i, j] == costs[i - 1, j] + own[i - 1][1]:
+            pairs.append((time, due))
+        elif i and costs[i, j] == costs[i - 1, j] + missing:
             i -= 1
-            pairs += [(own[i][0], None)] if own[i][1] == _MISSING else []
+            pairs += [(time, None)] if missing == _MISSING else []
         else:
             j -= 1
-            pairs += [(None, reference[j][0])] if reference[j][1] == _MISSING else []
+            pairs += [(None, due)] if unpaired == _MISSING else []
     return pairs[::-1]
 
 
@@ -80,27 +85,9 @@ def _resolvable(
     times: Sequence[float], step: float, shortest: float, until: float
 ) -> list[tuple[float, float]]:
     """Impacts [s] that may have a counterpart, and the cost of having none; `shortest` in steps."""
-    rebounds = [math.inf, *np.diff(times).tolist()]
-    kept = [
-        (t, rebound)
-        for t, rebound in zip(times, rebounds, strict=False)
-        if rebound > _DROPPED * step
-    ]
-    return [
-        (t, 0.0 if t > until else 1.0 if rebound < shortest * step else _MISSING)
-        for t, rebound in kept[:_MOST]
-    ]
-
-
-def _costs(
-    own: list[tuple[float, float]], reference: list[tuple[float, float]], step: float
-) -> FloatArray:
-    """Least cost of aligning the first i impacts with the first j; from none to all of each."""
-    costs = np.zeros((len(own) + 1, len(reference) + 1))
-    costs[1:, 0] = np.cumsum([cost for _, cost in own])
-    costs[0, 1:] = np.cumsum([cost for _, cost in reference])
-    for i, (time, missing) in enumerate(own, start=1):
-        for j, (expected, unpaired) in enumerate(reference, start=1):
-            together = costs[i - 1, j - 1] + abs(time - expected) / step
-            costs[i, j] = min(together, costs[i - 1, j] + missing, costs[i, j - 1] + unpaired)
-    return costs
+    impacts: list[tuple[float, float]] = []
+    for time, rebound in zip(times, [math.inf, *np.diff(times).tolist()], strict=False):
+        if rebound > _DROPPED * step:
+            unresolved = 1.0 if rebound < shortest * step else _MISSING
+            impacts.append((time, 0.0 if time > until else unresolved))
+    return impacts[:_MOST]

@@ -32,6 +32,16 @@ EVENT_GUARD = 1.5
 """Steps around an event within which a sample may fall on its other side."""
 THROWN = "projectile"
 """The marker whose launch is measured, unless another one is named."""
+SAME_END = 1e-9
+"""Part of the end by which an event may lie beyond it and still be within."""
+LEAST_START = 1e-2
+"""Least energy at the start, in parts of the largest kinetic energy, that a drift is relative to.
+
+The zero of the potential energy is a convention: a start near it would make any drift large."""
+# Of each stop: the first ones; further ones pile up in a shorter and shorter time
+_COUNTED_IMPACTS = 10
+_REDUNDANT = "not unique: constraints are redundant"
+_RESOLVED = 0.5  # characteristic times, or of the end: a longer interval leaves motion unseen
 
 
 @dataclass(frozen=True)
@@ -58,10 +68,8 @@ class AlignedRun:
     @cached_property
     def lasting(self) -> AlignedRun:
         """The same up to the end for invariants, unless there is an impact in between."""
-        end = self.invariants_to
-        if end is None or any(
-            self.end < t <= end for t, _ in (*self.trajectory.impacts, *self.solution.impacts)
-        ):
+        end, impacts = self.invariants_to, (*self.trajectory.impacts, *self.solution.impacts)
+        if end is None or any(self.end < time <= end for time, _ in impacts):
             return self
         return replace(self, end=end, keep=self.trajectory.t <= end, invariants_to=None)
 
@@ -87,16 +95,22 @@ class AlignedRun:
 
     @cached_property
     def smooth(self) -> BoolArray:
-        """Which compared samples are not at an impact of either."""
-        away = np.ones(len(self.t), dtype=bool)
-        for first, last in _impact_windows(self):
-            guard = EVENT_GUARD * self.step
+        """Compared samples that are not at an impact of either, nor between two of a pair."""
+        windows: list[tuple[float, float]] = []
+        for stop in self.trajectory.mechanism.stops:
+            for motion in (self.trajectory, self.solution):
+                windows += [(time, time) for time in impact_times(motion, stop.name)]
+            for time, expected in self.impact_pairs(stop.name):
+                if time is not None and expected is not None:
+                    windows.append((min(time, expected), max(time, expected)))
+        away, guard = np.ones(len(self.t), dtype=bool), EVENT_GUARD * self.step
+        for first, last in windows:
             away &= (self.t < first - guard) | (self.t > last + guard)
         return away
 
     @cached_property
     def away(self) -> BoolArray:
-        """Which compared samples are not beside a singular position, where forces have a pole."""
+        """Compared samples that are not beside a singular position, where forces have a pole."""
         return away_from_poles(self.solution, self.t, self.scales.time)
 
     def impact_pairs(self, stop: str) -> list[Pair]:
@@ -124,22 +138,23 @@ class AlignedRun:
 
         Forces are compared away from singular positions, too.
         """
-        chosen = self.smooth & self.away if forces else self.smooth
+        chosen, where = self.smooth, "at an impact"
+        if forces:
+            chosen, where = chosen & self.away, "at an impact or beside a singular position"
         if not chosen.any():
-            where = "at an impact or beside a singular position" if forces else "at an impact"
             return not_observed(name, subject, unit, f"every sample is {where}")
         value = float(self.distance(values, reference)[chosen].max())
         return Metric(name=name, subject=subject, value=value, unit=unit)
+
+    def within(self, *times: float | None) -> bool:
+        """Whether one of these times is within the compared motion."""
+        return any(time is not None and time <= self.end * (1 + SAME_END) for time in times)
 
 
 def against(
     trajectory: Trajectory, solution: Solution, end: float, reference: Trajectory | None = None
 ) -> AlignedRun:
-    """Set a trajectory beside the reference, from the start to `end` [s].
-
-    Args:
-        reference: at the trajectory's times, where it is known already.
-    """
+    """Set a trajectory beside the reference, which may be known, from the start to `end` [s]."""
     reference = reference or solution.trajectory(trajectory.t)
     return AlignedRun(trajectory, reference, solution, end, trajectory.t <= end)
 
@@ -154,30 +169,11 @@ def points(trajectory: Trajectory) -> dict[str, FloatArray]:
     return {name: kinematics.position(row, trajectory.q) for name, row in rows.items()}
 
 
-def _impact_windows(c: AlignedRun) -> Iterator[tuple[float, float]]:
-    """First and last instant of each impact of either; both of an impact that both have."""
-    for stop in c.trajectory.mechanism.stops:
-        times, expected = impact_times(c.trajectory, stop.name), impact_times(c.solution, stop.name)
-        for time in (*times, *expected):
-            yield time, time
-        for own, other in c.impact_pairs(stop.name):
-            if own is not None and other is not None:
-                yield min(own, other), max(own, other)
-
-
 def not_observed(
     name: str, subject: str | None, unit: str, why: str = "the engine does not tell it"
 ) -> Metric:
     """A metric of what cannot be judged, with the reason."""
     return Metric(name=name, subject=subject, value=None, unit=unit, observed=False, note=why)
-
-
-# Of each stop: the first ones; further ones pile up in a shorter and shorter time
-_COUNTED_IMPACTS = 10
-_REDUNDANT = "not unique: constraints are redundant"
-_RESOLVED = 0.5  # characteristic times, or of the end: a longer interval leaves motion unseen
-SAME_END = 1e-9
-"""Part of the end by which an event may lie beyond it and still be within."""
 
 
 def measure(
@@ -195,88 +191,52 @@ def measure(
 
     Args:
         end: end of the compared motion, the reference's launch by default of the suite [s].
-        reference: at the trajectory's times, where it is known already.
-        scales: of the reference motion up to the end, where they are known already.
+        reference: at the trajectory's times, where it is known already; so are the scales.
         thrown: marker whose launch is measured.
         invariants_to: end of what invariants are compared over [s], where the motion cannot be
-        predicted so long.
+            predicted so long.
         stretching: of the reference motion to that end, for the time of first parting.
     """
     reference = reference or solution.trajectory(trajectory.t)
     motions = (trajectory, reference, solution, end, trajectory.t <= end)
     c = AlignedRun(*motions, thrown, scales, invariants_to, stretching)
-    return tuple(metric for part in _PARTS for metric in part(c))
+    parts = (_missing_time, _motion, _launch, _releases, _impacts, _torques, _reactions)
+    parts += (_energy, _invariants, _constraints)
+    metrics = [metric for part in parts for metric in part(c)]
+    if stretching is not None:
+        angles = solution.equations.kinematics.is_angle > 0
+        metrics += parting(trajectory, reference, angles, c.scales, stretching)
+    return tuple(metrics)
 
 
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+def _missing_time(c: AlignedRun) -> Iterator[Metric]:
+    """Compared time without samples: before a late start, after an early end, in long gaps."""
+    end = c.lasting.end
+    t = np.minimum(np.concatenate([[0.0], c.trajectory.t]), end)
+    intervals = np.diff(t)
+    missing = intervals[intervals > _RESOLVED * min(c.scales.time, end)].sum() + end - t[-1]
+    yield Metric(name="missing_time", value=float(missing), unit="s")
 
 
-def _positions(c: AlignedRun) -> Iterator[Metric]:
+def _motion(c: AlignedRun) -> Iterator[Metric]:
     for name, motion in c.trajectory.markers.items():
         expected = c.reference.marker(name)
         error = c.distance(motion.position, expected.position)
+        rms = float(np.sqrt(np.mean(error**2)))
         yield Metric(name="position_max", subject=name, value=error.max(), unit="m")
-        yield Metric(name="position_rms", subject=name, value=_rms(error), unit="m")
+        yield Metric(name="position_rms", subject=name, value=rms, unit="m")
         yield c.largest("velocity_max", motion.velocity, expected.velocity, "m/s", name)
-
-
-def _coordinates(c: AlignedRun) -> Iterator[Metric]:
-    n_angles = len(c.trajectory.mechanism.angles)
-    for i, name in enumerate(c.trajectory.mechanism.coordinates):
+    mechanism = c.trajectory.mechanism
+    for i, name in enumerate(mechanism.coordinates):
         value = float(c.distance(c.trajectory.q[:, i], c.reference.q[:, i]).max())
-        turns = i < n_angles
-        kind, unit = ("angle_max", "rad") if turns else ("slide_max", "m")
+        kind, speed, unit = "slide_max", "slide_speed_max", "m"
+        if i < len(mechanism.angles):
+            kind, speed, unit = "angle_max", "angular_speed_max", "rad"
         yield Metric(name=kind, subject=name, value=value, unit=unit)
-        kind, unit = ("angular_speed_max", "rad/s") if turns else ("slide_speed_max", "m/s")
-        yield c.largest(kind, c.trajectory.u[:, i], c.reference.u[:, i], unit, name)
+        yield c.largest(speed, c.trajectory.u[:, i], c.reference.u[:, i], f"{unit}/s", name)
 
 
-def _launch(c: AlignedRun) -> Iterator[Metric]:
-    if c.thrown not in c.trajectory.markers:
-        return
-    launch = c.trajectory.launch(marker=c.thrown)
-    expected = c.solution.launch_at(LAUNCH_ANGLE, c.thrown)
-    time, due = (None if each is None else each.time for each in (launch, expected))
-    if not _either_within(c, time, due):
-        return
-    subject = None if c.thrown == THROWN else c.thrown
-    what = f"{c.thrown} comes to the launch angle"
-    yield _event_metric("launch_time", subject, time, due, what)
-    speed, note = None, "only one of the two launches"
-    if launch is not None and expected is not None:
-        speed, note = launch.speed - expected.speed, None
-    yield Metric(name="launch_speed", subject=subject, value=speed, unit="m/s", note=note)
-
-
-def _releases(c: AlignedRun) -> Iterator[Metric]:
-    for stop in c.trajectory.mechanism.stops:
-        if not stop.closed and c.solution.problem.stop_law is StopLaw.UNILATERAL:
-            continue  # it can only open after an impact, which is another event
-        times = c.trajectory.release_times.get(stop.name), c.solution.release_times.get(stop.name)
-        if not _either_within(c, *times):
-            continue
-        why = _no_release(c, stop.name) if stop.closed else None
-        if why is not None:
-            yield not_observed("release_time", stop.name, "s", why)
-        else:
-            yield _event_metric("release_time", stop.name, *times, "released")
-
-
-def _no_release(c: AlignedRun, stop: str) -> str | None:
-    """Reason why the time at which a stop opens is not unique; None if it is."""
-    if stop in c.solution.undetermined_stops:
-        return _REDUNDANT
-    turns = c.trajectory.mechanism.stop(stop).gap_unit == "rad"
-    torque = c.reference.stop_torque(stop) / c.scales.torques[stop]
-    gap = c.reference.stop_gap(stop) / (c.scales.angle if turns else c.scales.length)
-    if any(np.abs(values[c.keep]).max(initial=0.0) > PARTED for values in (torque, gap)):
-        return None
-    return "not unique: nothing presses on the stop, and it stays closed"
-
-
-def _either_within(c: AlignedRun, *times: float | None) -> bool:
-    return any(time is not None and time <= c.end * (1 + SAME_END) for time in times)
+# Events
 
 
 def _event_metric(
@@ -285,40 +245,85 @@ def _event_metric(
     """Difference of the times of an event; without a value if one of the two never has it."""
     if time is not None and expected is not None:
         return Metric(name=name, subject=subject, value=time - expected, unit="s")
-    engine, reference = _format_time(time), _format_time(expected)
+    engine, reference = (
+        "no time before the end" if t is None else f"{t:.9g} s" for t in (time, expected)
+    )
     note = f"{what} at {engine} by the engine, at {reference} by the reference"
     return Metric(name=name, subject=subject, value=None, unit="s", note=note)
 
 
-def _format_time(time: float | None) -> str:
-    return "no time before the end" if time is None else f"{time:.9g} s"
+def _launch(c: AlignedRun) -> Iterator[Metric]:
+    if c.thrown not in c.trajectory.markers:
+        return
+    launch = c.trajectory.launch(marker=c.thrown)
+    expected = c.solution.launch_at(LAUNCH_ANGLE, c.thrown)
+    time, due = (None if event is None else event.time for event in (launch, expected))
+    if not c.within(time, due):
+        return
+    subject = None if c.thrown == THROWN else c.thrown
+    yield _event_metric("launch_time", subject, time, due, f"{c.thrown} comes to the launch angle")
+    speed, note = None, "only one of the two launches"
+    if launch is not None and expected is not None:
+        speed, note = launch.speed - expected.speed, None
+    yield Metric(name="launch_speed", subject=subject, value=speed, unit="m/s", note=note)
+
+
+def _releases(c: AlignedRun) -> Iterator[Metric]:
+    for stop in c.trajectory.mechanism.stops:
+        name = stop.name
+        if not stop.closed and c.solution.problem.stop_law is StopLaw.UNILATERAL:
+            continue  # it can only open after an impact, which is another event
+        times = c.trajectory.release_times.get(name), c.solution.release_times.get(name)
+        if not c.within(*times):
+            continue
+        if stop.closed and name in c.solution.undetermined_stops:
+            yield not_observed("release_time", name, "s", _REDUNDANT)
+            continue
+        scale = c.scales.angle if stop.gap_unit == "rad" else c.scales.length
+        if stop.closed and not (
+            _exceeds(c.reference.stop_torque(name)[c.keep] / c.scales.torques[name])
+            or _exceeds(c.reference.stop_gap(name)[c.keep] / scale)
+        ):
+            why = "not unique: nothing presses on the stop, and it stays closed"
+            yield not_observed("release_time", name, "s", why)
+        else:
+            yield _event_metric("release_time", name, *times, "released")
+
+
+def _exceeds(parts: FloatArray) -> bool:
+    """Whether any of these parts of a scale is one by which motions have parted."""
+    return bool(np.abs(parts).max(initial=0.0) > PARTED)
 
 
 def _impacts(c: AlignedRun) -> Iterator[Metric]:
     """The worst of each stop's first impacts; one that only one motion has is a disagreement."""
     for stop in c.trajectory.mechanism.stops:
         times, expected = impact_times(c.trajectory, stop.name), impact_times(c.solution, stop.name)
-        if not _either_within(c, *times, *expected):
+        if not c.within(*times, *expected):
             continue
         if not c.trajectory.impacts:
             why = "the engine resolves no impacts; its motion is judged"
             yield not_observed("impact_time", stop.name, "s", why)
-            continue
-        if stop.name in c.solution.undetermined_stops:
+        elif stop.name in c.solution.undetermined_stops:
             yield not_observed("impact_time", stop.name, "s", _REDUNDANT)
-            continue
-        yield from _worst_impact(c, stop.name)
+        else:
+            pairs = [
+                pair for pair in c.impact_pairs(stop.name)[:_COUNTED_IMPACTS] if c.within(*pair)
+            ]
+            metrics = [_event_metric("impact_time", stop.name, *pair, "met") for pair in pairs]
+            if metrics:
+                yield max(metrics, key=lambda m: np.inf if m.value is None else abs(m.value))
 
 
-def _worst_impact(c: AlignedRun, stop: str) -> Iterator[Metric]:
-    pairs = [pair for pair in c.impact_pairs(stop)[:_COUNTED_IMPACTS] if _either_within(c, *pair)]
-    metrics = [_event_metric("impact_time", stop, *pair, "met") for pair in pairs]
-    if metrics:
-        yield max(metrics, key=lambda metric: np.inf if metric.value is None else abs(metric.value))
+# Forces
 
 
 def _torques(c: AlignedRun) -> Iterator[Metric]:
-    settled = _away_from_releases(c) & c.smooth & c.away
+    # Samples further than one and a half steps from any release of either
+    settled = c.smooth & c.away
+    for time in (*c.trajectory.release_times.values(), *c.reference.release_times.values()):
+        if time is not None:
+            settled &= np.abs(c.t - time) > EVENT_GUARD * c.step
     for stop in c.trajectory.mechanism.stops:
         name, unit = stop.name, stop.force_unit
         torque = c.trajectory.stop_torques.get(name)
@@ -329,28 +334,19 @@ def _torques(c: AlignedRun) -> Iterator[Metric]:
             yield not_observed("stop_torque_max", name, unit, _REDUNDANT)
             continue
         expected = c.reference.stop_torque(name)
-        error = c.distance(torque, expected)
-        impulse = trapezoid(torque[c.keep], c.t) - trapezoid(expected[c.keep], c.t)
         yield c.largest("stop_torque_max", torque, expected, unit, name, forces=True)
         if settled.any():
-            largest = error[settled].max()
+            largest = c.distance(torque, expected)[settled].max()
             yield Metric(name="stop_torque_settled", subject=name, value=largest, unit=unit)
+        impulse = trapezoid(torque[c.keep], c.t) - trapezoid(expected[c.keep], c.t)
         yield Metric(name="stop_impulse", subject=name, value=float(impulse), unit=f"{unit} s")
 
 
-def _away_from_releases(c: AlignedRun) -> BoolArray:
-    """Which compared samples are further than one and a half steps from any release, either's."""
-    away = np.ones(len(c.t), dtype=bool)
-    times = [*c.trajectory.release_times.values(), *c.reference.release_times.values()]
-    for time in times:
-        if time is not None:
-            away &= np.abs(c.t - time) > EVENT_GUARD * c.step
-    return away
-
-
 def _reactions(c: AlignedRun) -> Iterator[Metric]:
-    for joint in (each for each in c.trajectory.mechanism.joints if each.held_directions):
+    for joint in c.trajectory.mechanism.joints:
         name, force = joint.name, c.trajectory.joint_reactions.get(joint.name)
+        if not joint.held_directions:
+            continue
         if force is None:
             yield not_observed("joint_reaction_max", name, "N")
             continue
@@ -366,69 +362,50 @@ def _reactions(c: AlignedRun) -> Iterator[Metric]:
             yield Metric(name="joint_reaction_relative", subject=name, value=part, unit="1")
 
 
+# Invariants and constraints
+
+
 def _energy(c: AlignedRun) -> Iterator[Metric]:
-    own, expected = c.trajectory, c.reference
-    yield c.largest("kinetic_energy_max", own.kinetic_energy, expected.kinetic_energy, "J")
-    potential = c.distance(own.potential_energy, expected.potential_energy).max()
+    run, expected = c.trajectory, c.reference
+    yield c.largest("kinetic_energy_max", run.kinetic_energy, expected.kinetic_energy, "J")
+    potential = c.distance(run.potential_energy, expected.potential_energy).max()
     yield Metric(name="potential_energy_max", value=potential, unit="J")
-    yield _balance(c.lasting)
-    yield from _drift(c.lasting)
-    yield from _momentum(c.lasting)
 
 
-def _balance(c: AlignedRun) -> Metric:
-    metric = c.largest("energy_balance", *c.balance, "J")
-    error = float(sampled_balance(c.trajectory)[1][c.keep].max())
-    return metric.model_copy(update={"sampling_error": error}) if error else metric
-
-
-LEAST_START = 1e-2
-"""Least energy at the start, in parts of the largest kinetic energy, that a drift is relative to.
-
-The zero of the potential energy is a convention: a start near it would make any drift large."""
-
-
-def _drift(c: AlignedRun) -> Iterator[Metric]:
-    """Change of the balance of energy, of that at the start and of the largest kinetic energy."""
-    own, expected = c.balance
+def _invariants(c: AlignedRun) -> Iterator[Metric]:
+    c = c.lasting
+    values, expected = c.balance
+    balance = c.largest("energy_balance", values, expected, "J")
+    unknown = float(sampled_balance(c.trajectory)[1][c.keep].max())
+    yield balance.model_copy(update={"sampling_error": unknown}) if unknown else balance
+    # Change of the balance, as a part of that at the start and of the largest kinetic energy
     start = float(expected[0])  # every trajectory begins at t = 0
-    drift = float(np.abs(own[c.keep] - start).max())
+    drift = float(np.abs(values[c.keep] - start).max())
     kinetic = float(c.reference.kinetic_energy[c.keep].max())
     if abs(start) > LEAST_START * kinetic:
         yield Metric(name="energy_drift", value=drift / abs(start), unit="1")
     if kinetic > 0:
         yield Metric(name="energy_drift_kinetic", value=drift / kinetic, unit="1")
-
-
-def _momentum(c: AlignedRun) -> Iterator[Metric]:
-    if not keeps_horizontal_momentum(c.trajectory.mechanism):
-        return
-    moved = np.abs(c.trajectory.momentum[c.keep, 0] - c.reference.momentum[0, 0]).max()
-    yield Metric(name="horizontal_momentum", value=float(moved), unit="kg m/s")
+    if keeps_horizontal_momentum(c.trajectory.mechanism):
+        moved = np.abs(c.trajectory.momentum[c.keep, 0] - c.reference.momentum[0, 0]).max()
+        yield Metric(name="horizontal_momentum", value=float(moved), unit="kg m/s")
 
 
 def _constraints(c: AlignedRun) -> Iterator[Metric]:
-    for stop in c.trajectory.mechanism.stops:
-        gap, unit = c.trajectory.stop_gap(stop.name)[c.keep], stop.gap_unit
+    stops = c.trajectory.mechanism.stops
+    for stop in stops:
         if stop.closed:
             # Held until the earlier of the two releases: in between, the two differ by the release
             # time.
             releases = (motion.release_time(stop.name) for motion in (c.trajectory, c.reference))
             held = c.t <= min([c.end, *(time for time in releases if time is not None)])
+            gap = c.trajectory.stop_gap(stop.name)[c.keep]
             opened = np.abs(gap[held]).max(initial=0.0)
+            unit = stop.gap_unit
             yield Metric(name="stop_gap_held", subject=stop.name, value=opened, unit=unit)
-    yield from _complementarity(c)
-    for name, gap in c.trajectory.joint_gaps.items():
-        opened = np.abs(gap[c.lasting.keep]).max()
-        yield Metric(name="joint_gap_max", subject=name, value=opened, unit="m")
-
-
-def _complementarity(c: AlignedRun) -> Iterator[Metric]:
-    """Violations of gap >= 0, torque >= 0 and torque * gap = 0, the law of unilateral stops."""
-    # The law that was asked for counts, whatever the engine says that it followed.
-    if c.solution.problem.stop_law is not StopLaw.UNILATERAL:
-        return
-    for stop in c.trajectory.mechanism.stops:
+    # Violations of gap >= 0, torque >= 0 and torque * gap = 0. The law that was asked for counts,
+    # whatever the engine says that it followed.
+    for stop in stops if c.solution.problem.stop_law is StopLaw.UNILATERAL else ():
         gap, name, unit = c.trajectory.stop_gap(stop.name)[c.keep], stop.name, stop.gap_unit
         depth = max(0.0, -float(gap.min()))
         yield Metric(name="stop_penetration", subject=name, value=depth, unit=unit)
@@ -437,24 +414,6 @@ def _complementarity(c: AlignedRun) -> Iterator[Metric]:
         if peak > 0:
             product = float(np.abs(torque * gap).max()) / peak
             yield Metric(name="complementarity", subject=name, value=product, unit=unit)
-
-
-def _parting(c: AlignedRun) -> Iterator[Metric]:
-    if c.stretching is not None:
-        angles = c.solution.equations.kinematics.is_angle > 0
-        yield from parting(c.trajectory, c.reference, angles, c.scales, c.stretching)
-
-
-def _missing_time(c: AlignedRun) -> Iterator[Metric]:
-    """Compared time without samples: before a late start, after an early end, in long gaps."""
-    end = c.lasting.end
-    t = np.minimum(np.concatenate([[0.0], c.trajectory.t]), end)
-    intervals = np.diff(t)
-    missing = intervals[intervals > _RESOLVED * min(c.scales.time, end)].sum() + end - t[-1]
-    yield Metric(name="missing_time", value=float(missing), unit="s")
-
-
-_PARTS = (
-    _missing_time, _positions, _coordinates, _launch, _releases, _impacts, _torques, _reactions,
-    _energy, _constraints, _parting,
-)  # fmt: skip
+    for name, gap in c.trajectory.joint_gaps.items():
+        opened = np.abs(gap[c.lasting.keep]).max()
+        yield Metric(name="joint_gap_max", subject=name, value=opened, unit="m")

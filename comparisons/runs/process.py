@@ -156,20 +156,16 @@ class Worker:
                 memory, or did not come to an end.
         """
         try:
-            return (
-                self._isolated(function, runner, given) if self.isolate else function(runner, given)
-            )
+            if self.isolate:
+                return self._isolated(function, runner, given)
+            return function(runner, given)
         except MemoryError as error:
             raise SimulationError(f"{runner.name} ran out of memory: {error}.") from None
         except SystemExit as error:
             raise SimulationError(f"{runner.name} ended its process: {error!r}.") from None
 
     def compute(self, compute: Callable[[], _Result], name: str = "the reference") -> _Result:
-        """Call a function without arguments in a process; raises as :meth:`call` does.
-
-        Args:
-            compute: a module's function, or a partial of one.
-            name: of whose work it is, for messages.
+        """Call a module's function without arguments, or a partial, in a process.
 
         Raises:
             SimulationError: as :meth:`call`, or its numbers became too large or too small to go on.
@@ -184,15 +180,18 @@ class Worker:
     ) -> _Result:
         pool = self._idle.get()
         try:
-            pool = pool if pool in self._started else self._start()
+            if pool not in self._started:
+                pool = self._start()
+                _submitted(pool, _import_this_module).result(_START)
             if self.fresh and FORKS:
                 return self._forked(pool, function, runner, given)
-            return self._submitted(pool, function, runner, given).result(self.timeout)
-        except (BrokenProcessPool, TimeoutError) as error:
+            return _submitted(pool, function, runner, given).result(self.timeout)
+        except BrokenProcessPool:
             pool = self._end(pool)
-            if isinstance(error, BrokenProcessPool):
-                message = f"{runner.name} crashed: its process ended by itself."
-                raise SimulationError(message) from None
+            message = f"{runner.name} crashed: its process ended by itself."
+            raise SimulationError(message) from None
+        except TimeoutError:
+            pool = self._end(pool)
             raise self._too_long(runner) from None
         finally:
             if self.fresh and not FORKS and pool in self._started:
@@ -205,7 +204,7 @@ class Worker:
         self, pool: Any, function: Callable[..., _Result], runner: _Named, given: object
     ) -> _Result:
         call = packed(function, runner, given)
-        future = self._submitted(pool, call_forked, call, self.timeout, self._imports)
+        future = _submitted(pool, call_forked, call, self.timeout, self._imports)
         answer, ended, safe = future.result(self.timeout + _START)
         if not safe:
             self._imports = False
@@ -214,21 +213,14 @@ class Worker:
             raise self._too_long(runner)
         return cast("_Result", unpacked(runner.name, answer, ended))
 
-    def _submitted(self, pool: Any, *call: Any) -> Any:
-        with block_sigint():
-            return pool.submit(*call)
+    def _start(self) -> Any:
+        pool = ProcessPoolExecutor(max_workers=1)
+        self._started.append(pool)
+        return pool
 
     def _too_long(self, runner: _Named) -> TimeLimitError:
         message = f"{runner.name} did not finish within {self.timeout:g} s and was stopped."
         return TimeLimitError(message, self.timeout)
-
-    def _start(self) -> Any:
-        pool = ProcessPoolExecutor(max_workers=1)
-        self._started.append(pool)
-        with block_sigint():
-            ready = pool.submit(_import_this_module)
-        ready.result(_START)
-        return pool
 
     def _end(self, pool: Any) -> None:
         self._started.remove(pool)
@@ -250,6 +242,11 @@ class Worker:
         self.close()
 
 
+def _submitted(pool: Any, *call: Any) -> Any:
+    with block_sigint():
+        return pool.submit(*call)
+
+
 FORKS = sys.platform == "linux" and hasattr(os, "pidfd_open")
 _TASKS = Path("/proc/self/task")
 _FIRST_TO_GO = "1000"  # when memory runs out, the system ends a call before anything else
@@ -262,12 +259,7 @@ def packed(function: Callable[..., Any], *given: Any) -> bytes:
 
 
 def unpacked(name: str, answer: bytes | None, ended: int) -> Any:
-    """The result of a call.
-
-    Args:
-        name: of whose call it is, for messages.
-        answer: as :func:`call_forked` gives it.
-        ended: how its process ended, in the same way.
+    """The result of a call by the answer and the end that :func:`call_forked` gives.
 
     Raises:
         SimulationError: its process ended by itself.
@@ -308,7 +300,10 @@ def call_forked(
     ended = os.pidfd_open(pid)
     try:
         ready = wait([ours, ended], timeout)
-        answer, modules = _received(ours) if ours in ready else (None, ())
+        answer, modules = None, tuple[str, ...]()
+        if ours in ready:
+            with suppress(EOFError):  # it ended in the middle of it
+                answer, modules = ours.recv_bytes(), tuple(pickle.loads(ours.recv_bytes()))
     finally:
         with suppress(ProcessLookupError):
             os.killpg(pid, signal.SIGKILL)
@@ -316,13 +311,6 @@ def call_forked(
         ours.close()
         code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
     return answer, code if ready else None, not imports or _import(modules)
-
-
-def _received(pipe: Connection) -> tuple[bytes | None, tuple[str, ...]]:
-    try:
-        return pipe.recv_bytes(), tuple(pickle.loads(pipe.recv_bytes()))
-    except EOFError:  # it ended in the middle of it
-        return None, ()
 
 
 def _import(modules: tuple[str, ...]) -> bool:
@@ -357,19 +345,15 @@ def _answer(call: bytes) -> bytes:
         function, given = pickle.loads(call)
         return bytes(dumps((function(*given), None)))
     except Exception as error:
-        return _told(error)
+        try:
+            answer = bytes(dumps((None, error)))
+            pickle.loads(answer)
+        except Exception:  # it does not survive the way: its text does
+            text = f"{type(error).__name__}: {error}"
+            answer = bytes(dumps((None, SimulationError(text))))
+        return answer
     except BaseException as error:
         return bytes(dumps((None, error)))
-
-
-def _told(error: Exception) -> bytes:
-    """An error, or its text where it does not survive the way."""
-    try:
-        answer = bytes(dumps((None, error)))
-        pickle.loads(answer)
-    except Exception:
-        answer = bytes(dumps((None, SimulationError(f"{type(error).__name__}: {error}"))))
-    return answer
 
 
 class OnDemand(Mapping[_K, _V]):

@@ -17,8 +17,6 @@ from ...models.mechanism import Mechanism
 from .scales import Scales
 from .stretching import LIMIT
 
-_NUMBER = 1.0
-
 
 class Kind(StrEnum):
     """Kind of a quantity of a motion; the text is what reports and files say."""
@@ -106,11 +104,9 @@ class MetricKind:
 
     def scale_of(self, scales: Scales, subject: str | None, mechanism: Mechanism) -> float:
         """Scale of which its relative values are parts, in the metric's unit."""
-        if self.scale == "stop":
-            assert subject is not None
+        if subject is not None and self.scale == "stop":
             return scales.torques[subject]
-        if self.scale == "gap":
-            assert subject is not None
+        if subject is not None and self.scale == "gap":
             return scales.angle if mechanism.stop(subject).gap_unit == "rad" else scales.length
         if self.scale in ("impulse", "momentum"):
             turns = subject is not None and mechanism.stop(subject).effort == "torque"
@@ -119,7 +115,7 @@ class MetricKind:
             return scales.angular_speed if subject in mechanism.angles else scales.speed
         if self.scale == "base error":
             return 1.0 / LIMIT
-        return float(getattr(scales, self.scale)) if self.scale else _NUMBER
+        return float(getattr(scales, self.scale)) if self.scale else 1.0
 
 
 _ALL = (

@@ -13,7 +13,7 @@ their slope, linearly. Two runs that are compared with each other are interpolat
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from threading import Lock
@@ -36,7 +36,7 @@ from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 from ...reference.solver import characteristic_time
 from .metrics import SAME_END, THROWN, against, measure, points
-from .process import Worker, all_in_order
+from .process import TimeLimitError, Worker, all_in_order
 from .quantities import parse_label
 from .results import (
     Diagnosis,
@@ -49,7 +49,7 @@ from .results import (
     SingularPosition,
     verdict_on,
 )
-from .runner import Runner, failure, time_limit
+from .runner import Runner, failure
 from .store import Store, conditions
 from .study import Study
 from .tolerances import Needs, is_table_one, judge
@@ -161,7 +161,8 @@ class RunRecord(Spec):
     def failed(self, error: Exception) -> RunRecord:
         """Returns the record of a run that raised this error."""
         outcome, message = failure(error)
-        update = {"outcome": outcome, "message": message, "time_limit": time_limit(error)}
+        limit = error.limit if isinstance(error, TimeLimitError) else None
+        update = {"outcome": outcome, "message": message, "time_limit": limit}
         return self.model_copy(update=update)
 
     def timed(self, trajectory: Trajectory) -> RunRecord:
@@ -171,14 +172,7 @@ class RunRecord(Spec):
 
 
 def new_record(name: str, preset: str, engine: Engine, given: Mechanism) -> RunRecord:
-    """Record of a run that has not begun.
-
-    Args:
-        name: of the engine, as it is registered.
-        preset: as it was asked for.
-        engine: with its options.
-        given: mechanism that it is to simulate.
-    """
+    """Record of a run that has not begun, by the names that were asked for."""
     return RunRecord(
         engine=name,
         preset=preset,
@@ -194,34 +188,27 @@ def make(
     """Runs an engine and measures it, up to the predictability horizon; a failure is an outcome.
 
     Args:
-        runner: of the mechanism that the run is compared with.
-        engine: with its options.
-        given: mechanism that the engine simulates instead; None: the same.
+        given: mechanism that the engine simulates instead of the runner's.
         curves: whether to keep the difference from the reference over time.
     """
     record = new_record(engine.name, engine.preset, engine, given or runner.mechanism)
+    metrics = list[Metric]()
     try:
+        thrown, end = runner.until.thrown, runner.judged_to
         run = runner.simulate(engine, given)
         reference = runner.reference(run.t)
-        compared = (run, runner.solution, runner.judged_to, reference)
-        metrics = (
-            *_largest_distances(run, reference, runner.judged_to),
-            *measure(*compared, scales=runner.scales, thrown=runner.until.thrown),
-        )
-        kept = curves_of(*compared, thrown=runner.until.thrown) if curves else None
+        if not run.mechanism.markers:  # `measure` has those of markers
+            expected = points(reference)
+            for name, position in points(run).items():
+                distance = np.linalg.norm(position - expected[name], axis=1)[run.t <= end].max()
+                value = float(distance)
+                metrics.append(Metric(name="position_max", subject=name, value=value, unit="m"))
+        compared = (run, runner.solution, end, reference)
+        metrics += measure(*compared, scales=runner.scales, thrown=thrown)
+        kept = curves_of(*compared, thrown=thrown) if curves else None
     except Exception as error:
         return record.failed(error)
-    return record.timed(run).model_copy(update={"metrics": metrics, "curves": kept})
-
-
-def _largest_distances(run: Trajectory, reference: Trajectory, end: float) -> Iterator[Metric]:
-    """Largest distance of each body's centre of mass, of a mechanism without markers."""
-    if run.mechanism.markers:
-        return  # :func:`.metrics.measure` has theirs
-    expected, within = points(reference), run.t <= end
-    for name, position in points(run).items():
-        distance = np.linalg.norm(position - expected[name], axis=1)[within].max()
-        yield Metric(name="position_max", subject=name, value=float(distance), unit="m")
+    return record.timed(run).model_copy(update={"metrics": tuple(metrics), "curves": kept})
 
 
 def curves_of(
@@ -231,72 +218,57 @@ def curves_of(
     reference: Trajectory | None = None,
     thrown: str = THROWN,
 ) -> Curves:
-    """Interpolates trajectory minus reference, at the trajectory's times, to the common grid.
+    """Interpolates trajectory minus reference to the common grid, up to `end` [s].
 
-    Args:
-        end: end of the compared motion [s]; the trajectory should go on a little beyond it.
-        reference: at the trajectory's times, where it is known already.
-        thrown: marker whose launch is measured.
+    The trajectory should go on a little beyond it.
     """
-    reference = reference or solution.trajectory(trajectory.t)
+    t, reference = trajectory.t, reference or solution.trajectory(trajectory.t)
     grid = np.linspace(0.0, end, GRID + 1)
-    expected = points(reference)
-    errors = {name: position - expected[name] for name, position in points(trajectory).items()}
-    closed = [stop.name for stop in trajectory.mechanism.stops if stop.closed]
-    torques: dict[str, FloatArray] = {}
+    expected, positions = points(reference), Positions()
+    for name, position in points(trajectory).items():
+        error = position - expected[name]
+        if len(t) < 8:
+            columns = [np.interp(grid, t, column) for column in error.T]
+        else:
+            columns = list(np.asarray(make_interp_spline(t, error, k=3)(np.minimum(grid, t[-1]))).T)
+        positions[name] = tuple(columns[0].tolist()), tuple(columns[1].tolist())
+    torques: dict[str, tuple[float, ...]] = {}
+    units: dict[str, str] = {}
     releases: dict[str, float | None] = {}
-    for name in closed:
+    for stop in trajectory.mechanism.stops:
+        if not stop.closed:
+            continue
+        name = stop.name
         time, due = trajectory.release_time(name), solution.release_times[name]
         releases[name] = None if time is None or due is None else time - due
         if name in trajectory.stop_torques:
             error = trajectory.stop_torque(name) - reference.stop_torque(name)
-            torques[name] = np.interp(grid, trajectory.t, error)
+            torques[name] = tuple(np.interp(grid, t, error).tolist())
+            units[name] = stop.force_unit
     balance, kept = against(trajectory, solution, end, reference).balance
-    launch_time, launch_speed = _launch_differences(trajectory, solution, thrown)
+    launch = trajectory.launch(marker=thrown) if thrown in trajectory.markers else None
+    due_launch = solution.launch_at(LAUNCH_ANGLE, thrown) if launch else None
+    launch_time, launch_speed = None, None
+    if launch is not None and due_launch is not None:
+        launch_time = launch.time - due_launch.time
+        launch_speed = launch.speed - due_launch.speed
     return Curves(
         end=end,
-        force_units={name: trajectory.mechanism.stop(name).force_unit for name in torques},
-        positions={name: _on_grid(trajectory.t, error, grid) for name, error in errors.items()},
-        torques={name: tuple(values.tolist()) for name, values in torques.items()},
-        energy=tuple(np.interp(grid, trajectory.t, balance - kept[0]).tolist()),
+        force_units=units,
+        positions=positions,
+        torques=torques,
+        energy=tuple(np.interp(grid, t, balance - kept[0]).tolist()),
         release_times=releases,
         launch_time=launch_time,
         launch_speed=launch_speed,
     )
 
 
-def _launch_differences(
-    trajectory: Trajectory, solution: Solution, thrown: str
-) -> tuple[float, float] | tuple[None, None]:
-    """Differences of time [s] and speed [m/s]; None where not both launch."""
-    if thrown not in trajectory.markers:
-        return None, None
-    launch, expected = trajectory.launch(marker=thrown), solution.launch_at(LAUNCH_ANGLE, thrown)
-    if launch is None or expected is None:
-        return None, None
-    return launch.time - expected.time, launch.speed - expected.speed
-
-
-def _on_grid(
-    t: FloatArray, error: FloatArray, grid: FloatArray
-) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    if len(t) < 8:
-        columns = [np.interp(grid, t, column) for column in error.T]
-    else:
-        columns = list(np.asarray(make_interp_spline(t, error, k=3)(np.minimum(grid, t[-1]))).T)
-    return tuple(columns[0].tolist()), tuple(columns[1].tolist())
-
-
 class EngineRuns:
     """Runs of engines on one mechanism, each made once and kept in memory and in a store.
 
     Runs are compared up to the end of the motion, or to the predictability horizon if that is
-    earlier.
-
-    Args:
-        runner: of the mechanism; its reference is solved at once.
-        store: where records are kept; None: only in memory.
-        curves: keep differences as functions of time; without them a record is small.
+    earlier. Without curves, differences as functions of time, a record is small.
 
     Raises:
         InputError: the end is not valid, or does not come.
@@ -316,9 +288,10 @@ class EngineRuns:
 
         It is the characteristic time (without gravity, that of the motion), or the end if earlier.
         """
-        gravity = self.mechanism.gravity
-        own = characteristic_time(self.mechanism) if gravity else self.runner.scales.time
-        return min(own, self.runner.end)
+        time = self.runner.scales.time
+        if self.mechanism.gravity:
+            time = characteristic_time(self.mechanism)
+        return min(time, self.runner.end)
 
     def uncertainty(self, metric: str) -> float | None:
         """Uncertainty of the reference in a metric, the largest of all its subjects, in its unit.
@@ -337,72 +310,55 @@ class EngineRuns:
         """Record of an engine's run, which is made if it is not known, or timed too seldom.
 
         Args:
-            engine: with its options.
             repeats: how often it is timed; less often where its runs are long.
             given: mechanism that the engine simulates instead of the one it is compared with: a
                 slightly wrong one shows what that wrongness does.
         """
         parts = ((given or self.mechanism).content_hash, *self.runner.conditions, self._curves)
         made_by = conditions(*parts, engine=engine)
-        key = f"{engine.name}-{made_by[:20]}"
+        key, store = f"{engine.name}-{made_by[:20]}", self._store
         with self._locks.setdefault(key, Lock()):  # threads that ask for the same run wait for it
-            known = self._known.get(key) or self._kept(key, made_by)
+            known = self._known.get(key)
+            if known is None and store is not None:
+                known = store.record(key, RunRecord, made_by)
+                (store.taken if known else store.made).add(key)
             record = known or make(self.runner, engine, given, curves=self._curves)
-            record = self._timed(record, engine, given, repeats)
-            if self._store and record is not known:
-                self._store.keep_record(key, record, made_by, self.runner.worker.jobs)
+            walls = list(record.wall_times)
+            # It did run: a repeat that fails costs a time, not the record.
+            with suppress(Exception):
+                while record.ran and len(walls) < repeats and sum(walls) < _TIMED_FOR:
+                    walls.append(self.runner.simulate(engine, given).provenance.wall_time)
+            if len(walls) > len(record.wall_times):
+                record = record.model_copy(update={"wall_times": tuple(walls)})
+            if store is not None and record is not known:
+                store.keep_record(key, record, made_by, self.runner.worker.jobs)
             self._known[key] = record
             return record
 
-    def _kept(self, key: str, made_by: str) -> RunRecord | None:
-        """The store's record, counted there as taken; None, and counted as made, if it has none."""
-        if self._store is None:
-            return None
-        record = self._store.record(key, RunRecord, made_by)
-        (self._store.taken if record else self._store.made).add(key)
-        return record
-
-    def _timed(
-        self, record: RunRecord, engine: Engine, given: Mechanism | None, repeats: int
-    ) -> RunRecord:
-        """The same record, timed as often as asked for or for as long as is enough."""
-        walls = list(record.wall_times)
-        with suppress(Exception):  # it did run: a repeat that fails costs a time, not the record
-            while record.ran and len(walls) < repeats and sum(walls) < _TIMED_FOR:
-                walls.append(self.runner.simulate(engine, given).provenance.wall_time)
-        if len(walls) == len(record.wall_times):
-            return record
-        return record.model_copy(update={"wall_times": tuple(walls)})
-
 
 def runs_of(study: Study, worker: Worker) -> tuple[list[EngineRuns], dict[str, str]]:
-    """Runs on each mechanism of a study; and why the references of the others failed, by name.
+    """Runs on each mechanism of a study; and why the references of the others failed, by name."""
 
-    Raises:
-        InputError: as :class:`EngineRuns`.
-    """
-
-    def solved(mechanism: Mechanism) -> EngineRuns | tuple[str, str]:
+    def solved(mechanism: Mechanism) -> EngineRuns | str:
         try:
             runner = Runner(mechanism, worker, study.end_of(mechanism), study.law_of(mechanism))
             return EngineRuns(runner, study.store)
         except SimulationError as error:
-            return mechanism.name, str(error)
+            return str(error)
 
-    found = all_in_order(solved, study.mechanisms, study.jobs)
-    failed = dict(each for each in found if isinstance(each, tuple))
-    return [each for each in found if isinstance(each, EngineRuns)], failed
+    runs, failed = list[EngineRuns](), dict[str, str]()
+    solutions = all_in_order(solved, study.mechanisms, study.jobs)
+    for mechanism, result in zip(study.mechanisms, solutions, strict=True):
+        if isinstance(result, str):
+            failed[mechanism.name] = result
+        else:
+            runs.append(result)
+    return runs, failed
 
 
 def run_row(record: RunRecord, engine: Engine, model: str) -> Run:
-    """Row of a comparison for a record, not judged.
-
-    Args:
-        engine: as it ran.
-        model: name of the mechanism.
-    """
-    orders = engine_study(record.engine).step_orders
-    declared = orders.get(record.preset, StepOrder(None, ""))
+    """Row of a comparison for a record of an engine as it ran, not judged."""
+    declared = engine_study(record.engine).step_orders.get(record.preset, StepOrder(None, ""))
     return Run(
         model=model,
         engine=record.engine,
@@ -494,35 +450,30 @@ def pair_of(
     model: str, labels: tuple[str, str], first: RunErrors, second: RunErrors, end: float
 ) -> Pair:
     """Difference of two runs of one machine up to `end` [s], at the times of the coarser one."""
+    coarse, fine = sorted((first, second), key=lambda run: len(run.t))
+    t = coarse.t[coarse.t <= min(end, fine.t[-1])]
+    distances: list[float] = []
+    for name in first.errors.keys() & second.errors.keys():
+        columns = [np.interp(t, fine.t, column) for column in fine.errors[name].T]
+        difference = coarse.errors[name][: len(t)] - np.stack(columns, axis=1)
+        distances.append(float(np.linalg.norm(difference, axis=1).max()))
+    # None where a stop has opened in one of the two alone
+    releases: list[float | None] = []
+    for name, time in first.release_times.items():
+        other, latest = second.release_times.get(name), end * (1 + SAME_END)
+        if all(opened is None or opened > latest for opened in (time, other)):
+            continue
+        if time is None or other is None:
+            releases.append(None)
+        else:
+            releases.append(abs(time - other))
+    known = [difference for difference in releases if difference is not None]
     speeds = [run.launch.speed for run in (first, second) if run.launch]
-    common = [name for name in first.errors if name in second.errors]
-    distances = [_position_difference(first, second, name, end) for name in common]
     return Pair(
         model=model,
         first=labels[0],
         second=labels[1],
         position_max=max(distances, default=None),
-        release_time_max=_release_difference(first, second, end),
+        release_time_max=max(known, default=None) if len(known) == len(releases) else None,
         launch_speed=speeds[0] - speeds[1] if len(speeds) == 2 else None,
     )
-
-
-def _position_difference(first: RunErrors, second: RunErrors, marker: str, end: float) -> float:
-    coarse, fine = sorted((first, second), key=lambda run: len(run.t))
-    t = coarse.t[coarse.t <= min(end, fine.t[-1])]
-    columns = [np.interp(t, fine.t, column) for column in fine.errors[marker].T]
-    interpolated = np.stack(columns, axis=1)
-    return float(np.linalg.norm(coarse.errors[marker][: len(t)] - interpolated, axis=1).max())
-
-
-def _release_difference(first: RunErrors, second: RunErrors, end: float) -> float | None:
-    differences: list[float] = []
-    for name, first_time in first.release_times.items():
-        second_time = second.release_times.get(name)
-        if all(time is None or time > end * (1 + SAME_END) for time in (first_time, second_time)):
-            continue
-        if (first_time is None) != (second_time is None):
-            return None
-        if first_time is not None and second_time is not None:
-            differences.append(abs(first_time - second_time))
-    return max(differences, default=None)

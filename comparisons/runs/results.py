@@ -32,6 +32,13 @@ def with_time_limit(given: Any) -> Any:
     return given
 
 
+def _optional(default: Any, description: str) -> Any:
+    """A field that is written only where it has another value than the default."""
+    return Field(
+        default=default, exclude_if=lambda value: value == default, description=description
+    )
+
+
 class ResultFile(Spec):
     """A command's results: its format, where they were made, and then what the command adds."""
 
@@ -40,16 +47,11 @@ class ResultFile(Spec):
     trebucheck_version: str
     python_version: str
     platform: str
-    command: str | None = Field(
-        default=None,
-        exclude_if=lambda value: value is None,
-        description="command line that makes it again; absent where Python made it",
+    command: str | None = _optional(
+        None, "command line that makes it again; absent where Python made it"
     )
-    jobs: int = Field(
-        default=1,
-        exclude_if=lambda value: value == 1,
-        description="runs made at once: with more than one, wall times include what they cost "
-        "each other",
+    jobs: int = _optional(
+        1, "runs made at once: with more than one, wall times include what they cost each other"
     )
 
     @classmethod
@@ -57,17 +59,17 @@ class ResultFile(Spec):
         """Results with this content, made by these versions on this machine."""
         from ...version import __version__
 
-        platform_name = f"{platform.system()} {platform.machine()}"
-        python = platform.python_version()
         return cls(
-            trebucheck_version=__version__, python_version=python, platform=platform_name, **content
+            trebucheck_version=__version__,
+            python_version=platform.python_version(),
+            platform=f"{platform.system()} {platform.machine()}",
+            **content,
         )
 
     def made_by(self, command: str | None, jobs: int | None = None) -> Self:
         """Returns the same with the command line that makes it again and the runs made at once."""
-        return self.model_copy(
-            update={"command": command} | ({} if jobs is None else {"jobs": jobs})
-        )
+        jobs = self.jobs if jobs is None else jobs
+        return self.model_copy(update={"command": command, "jobs": jobs})
 
 
 class Outcome(StrEnum):
@@ -109,10 +111,8 @@ class Metric(Spec):
     )
     value: Real | None
     unit: str
-    sampling_error: Real | None = Field(
-        default=None,
-        exclude_if=lambda value: value is None,
-        description="what the samples leave unknown of it; added to the tolerance",
+    sampling_error: Real | None = _optional(
+        None, "what the samples leave unknown of it; added to the tolerance"
     )
     observed: bool = Field(
         default=True, description="false: the engine does not tell it, or it is not determined"
@@ -228,10 +228,8 @@ class Diagnosis(Spec):
         description="whether the motion follows the reference, so that only what is read from it "
         "differs",
     )
-    note: str = Field(
-        default="",
-        exclude_if=lambda value: value == "",
-        description="why no cause was looked for to the end; what leads is then what is worst",
+    note: str = _optional(
+        "", "why no cause was looked for to the end; what leads is then what is worst"
     )
 
     @property
@@ -271,27 +269,15 @@ class Run(Measured, Spec):
     preset: str
     outcome: Outcome
     message: str | None = Field(default=None, description="why it failed")
-    time_limit: Real | None = Field(
-        default=None,
-        exclude_if=lambda value: value is None,
-        description="at which a run that timed out was stopped [s]",
-    )
+    time_limit: Real | None = _optional(None, "at which a run that timed out was stopped [s]")
     engine_version: str
-    scheme: str = Field(
-        default="",
-        exclude_if=lambda value: value == "",
-        description="by which it integrates, as its study names it",
+    scheme: str = _optional("", "by which it integrates, as its study names it")
+    order: Real | None = _optional(
+        None, "power of the time step with which its error falls, as its study declares it"
     )
-    order: Real | None = Field(
-        default=None,
-        exclude_if=lambda value: value is None,
-        description="power of the time step with which its error falls, as its study declares it",
-    )
-    supplied: dict[str, str] | None = Field(
-        default=None,
-        exclude_if=lambda value: value is None,
-        description="what trebucheck does in the engine's place, by part, and of what; null: it "
-        "does not say",
+    supplied: dict[str, str] | None = _optional(
+        None,
+        "what trebucheck does in the engine's place, by part, and of what; null: it does not say",
     )
     settings: dict[str, JsonValue] = Field(default_factory=dict)
     steps: Annotated[int, Field(ge=0)] = 0
@@ -437,8 +423,6 @@ def verdict_on(metrics: tuple[Metric, ...]) -> Outcome:
     verdicts = [metric.holds for metric in metrics if metric.holds is not None]
     if not all(verdicts):
         return Outcome.DISAGREES
-    return (
-        Outcome.AGREES
-        if verdicts and not any(metric.unjudged for metric in metrics)
-        else Outcome.NOT_JUDGED
-    )
+    if verdicts and not any(metric.unjudged for metric in metrics):
+        return Outcome.AGREES
+    return Outcome.NOT_JUDGED

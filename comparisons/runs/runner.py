@@ -9,7 +9,7 @@ mechanism.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from threading import RLock
@@ -26,7 +26,7 @@ from ...models.errors import (
     UnsupportedProblemError,
     shortened,
 )
-from ...models.launch import LAUNCH_ANGLE, Launch
+from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.trajectory import Trajectory
@@ -48,13 +48,7 @@ _LARGEST = 1e100  # in SI units: its square is still a number
 def refuse_invalid(
     engine: str, trajectory: object, mechanism: Mechanism, capabilities: Capabilities
 ) -> Trajectory:
-    """The trajectory, if it is a valid one.
-
-    Args:
-        engine: for messages.
-        trajectory: what the engine gave.
-        mechanism: what it was to move.
-        capabilities: what it says it observes.
+    """The trajectory that an engine gave for a mechanism, if it is a valid one.
 
     Raises:
         SimulationError: the sentence says what is wrong with it.
@@ -72,20 +66,34 @@ def refuse_invalid(
 def _faults(
     trajectory: Trajectory, mechanism: Mechanism, capabilities: Capabilities
 ) -> Iterator[str]:
+    """Faults of a trajectory, the times first: the other arrays are held against them."""
     if trajectory.mechanism != mechanism:
         yield f"it is of another mechanism, {trajectory.mechanism.name!r}"
     yield from _time_faults(trajectory.t)
-    yield from _name_faults(trajectory, mechanism, capabilities)
-    n = len(trajectory.t)
-    for label, values, shape in _arrays(trajectory, n, len(mechanism.coordinates)):
-        yield from _array_faults(label, values, shape, trajectory.t)
+    stops = {stop.name for stop in mechanism.stops}
+    closed = {stop.name for stop in mechanism.stops if stop.closed}
+    markers = {marker.name for marker in mechanism.markers}
+    joints = {joint.name for joint in mechanism.joints}
+    held = {joint.name for joint in mechanism.joints if joint.held_directions}
+    torques = closed if capabilities.stop_torques else set[str]()
+    reactions = held if capabilities.joint_reactions else set[str]()
+    # Field, names that the mechanism has, and those that are needed
+    for field, known, needed in (
+        ("markers", markers, markers),
+        ("stop_torques", stops, torques),
+        ("release_times", stops, closed),
+        ("joint_gaps", joints, set[str]()),
+        ("joint_reactions", joints, reactions),
+    ):
+        yield from _name_faults(field, getattr(trajectory, field), known, needed)
+    yield from _array_faults(trajectory, len(mechanism.coordinates))
     for name, time in trajectory.release_times.items():
         if time is not None and not (np.isfinite(time) and time >= 0):
             yield f"the release time of {name!r} is {time!r} s"
     for time, impulses in trajectory.impacts:
         if not (np.isfinite(time) and time >= 0):
             yield f"an impact's time is {time!r} s"
-        yield from _names("impacts", impulses, {stop.name for stop in mechanism.stops}, set())
+        yield from _name_faults("impacts", impulses, stops, set())
         for name, impulse in impulses.items():
             if not np.isfinite(impulse):
                 yield f"the impulse of {name!r} is {impulse!r}"
@@ -105,23 +113,6 @@ def _time_faults(t: Any) -> Iterator[str]:
 
 
 def _name_faults(
-    trajectory: Trajectory, mechanism: Mechanism, capabilities: Capabilities
-) -> Iterator[str]:
-    markers = {marker.name for marker in mechanism.markers}
-    stops = {stop.name for stop in mechanism.stops}
-    joints = {joint.name for joint in mechanism.joints}
-    closed = {stop.name for stop in mechanism.stops if stop.closed}
-    yield from _names("markers", trajectory.markers, markers, markers)
-    torques = closed if capabilities.stop_torques else set[str]()
-    yield from _names("stop_torques", trajectory.stop_torques, stops, torques)
-    yield from _names("release_times", trajectory.release_times, stops, closed)
-    yield from _names("joint_gaps", trajectory.joint_gaps, joints, set())
-    held = {joint.name for joint in mechanism.joints if joint.held_directions}
-    promised = held if capabilities.joint_reactions else set[str]()
-    yield from _names("joint_reactions", trajectory.joint_reactions, joints, promised)
-
-
-def _names(
     field: str, values: Mapping[str, object], known: set[str], needed: set[str]
 ) -> Iterator[str]:
     unknown, missing = sorted(values.keys() - known), sorted(needed - values.keys())
@@ -131,43 +122,40 @@ def _names(
         yield f"{field} lacks {missing[0]!r}"
 
 
-def _arrays(trajectory: Trajectory, n: int, n_q: int) -> Iterator[tuple[str, Any, tuple[int, ...]]]:
-    """Label, values and shape of everything sampled."""
-    yield "q", trajectory.q, (n, n_q)
-    yield "u", trajectory.u, (n, n_q)
-    yield "kinetic_energy", trajectory.kinetic_energy, (n,)
-    yield "potential_energy", trajectory.potential_energy, (n,)
+def _array_faults(trajectory: Trajectory, n_q: int) -> Iterator[str]:
+    """Faults of anything sampled: its type, shape, numbers or size."""
+    t: Any = trajectory.t
+    n = len(t)
+    arrays: list[tuple[str, Any, tuple[int, ...]]] = [
+        ("q", trajectory.q, (n, n_q)),
+        ("u", trajectory.u, (n, n_q)),
+        ("kinetic_energy", trajectory.kinetic_energy, (n,)),
+        ("potential_energy", trajectory.potential_energy, (n,)),
+    ]
     for name, motion in trajectory.markers.items():
-        yield f"position of {name!r}", motion.position, (n, 2)
-        yield f"velocity of {name!r}", motion.velocity, (n, 2)
-    for name, torque in trajectory.stop_torques.items():
-        yield f"torque of {name!r}", torque, (n,)
-    for name, force in trajectory.joint_reactions.items():
-        yield f"reaction of {name!r}", force, (n, 2)
-    for name, gap in trajectory.joint_gaps.items():
-        yield f"gap of {name!r}", gap, (n,)
+        arrays.append((f"position of {name!r}", motion.position, (n, 2)))
+        arrays.append((f"velocity of {name!r}", motion.velocity, (n, 2)))
+    arrays += [(f"torque of {k!r}", v, (n,)) for k, v in trajectory.stop_torques.items()]
+    arrays += [(f"reaction of {k!r}", v, (n, 2)) for k, v in trajectory.joint_reactions.items()]
+    arrays += [(f"gap of {k!r}", v, (n,)) for k, v in trajectory.joint_gaps.items()]
+    for label, values, shape in arrays:
+        if not isinstance(values, np.ndarray):
+            yield f"{label} is {_kind(values)}; an array is needed"
+        elif values.shape != shape:
+            yield f"{label} has the shape {values.shape}, not {shape}"
+        elif not np.issubdtype(values.dtype, np.number) or np.iscomplexobj(values):
+            yield f"{label} holds no real numbers"
+        elif not np.isfinite(values).all():
+            first = int(np.argmin(np.isfinite(values.reshape(n, -1)).all(axis=1)))
+            yield f"{label} is not finite at t = {t[first]:.6g} s"
+        elif np.abs(values).max() > _LARGEST:
+            yield f"{label} reaches {np.abs(values).max():.3g}, which is too large to compare"
 
 
-def _array_faults(label: str, given: Any, shape: tuple[int, ...], t: Any) -> Iterator[str]:
-    if not isinstance(given, np.ndarray):
-        yield f"{label} is {_kind(given)}; an array is needed"
-        return
-    values: Any = given
-    if values.shape != shape:
-        yield f"{label} has the shape {values.shape}, not {shape}"
-    elif not np.issubdtype(values.dtype, np.number) or np.iscomplexobj(values):
-        yield f"{label} holds no real numbers"
-    elif not np.isfinite(values).all():
-        first = int(np.argmin(np.isfinite(values.reshape(len(t), -1)).all(axis=1)))
-        yield f"{label} is not finite at t = {t[first]:.6g} s"
-    elif np.abs(values).max() > _LARGEST:
-        yield f"{label} reaches {np.abs(values).max():.3g}, which is too large to compare"
-
-
-def _kind(given: object) -> str:
-    if isinstance(given, np.ndarray):
-        return f"an array of {given.dtype}"
-    return f"a {type(given).__name__}"
+def _kind(value: object) -> str:
+    if isinstance(value, np.ndarray):
+        return f"an array of {value.dtype}"
+    return f"a {type(value).__name__}"
 
 
 _COARSE = 1e-12  # tolerance of the second integration: some thirty times the reference's own
@@ -189,73 +177,46 @@ def reference_uncertainties(
     The coarser integration is measured as any engine is. Its distance is about its own error,
     thirty times that of the reference unless they agree by chance: hence four times the distance,
     and sixty-four roundings of the scale. What a certificate says of its quantities, up to the
-    launch, replaces that.
-
-    Args:
-        end: of the compared motion [s].
-        scales: of the motion up to there.
-        thrown: marker whose launch is measured.
-        invariants_to: end of what invariants are compared over [s].
-        stretching: of the motion up to there.
+    launch, replaces that. The arguments are those of :func:`.metrics.measure`.
     """
-    estimated = _estimated(solution, end, scales, thrown, invariants_to, stretching)
-    certificate = covering_certificate(solution, invariants_to or end)
-    if certificate is None:
-        return Uncertainties(source="estimate", values=estimated)
-    known = certified(certificate).values
-    kept = {name: value for name, value in estimated.items() if parse_label(name)[0] not in known}
-    return Uncertainties(source="certificate", values=kept | known)
-
-
-def _estimated(
-    solution: Solution,
-    end: float,
-    scales: Scales,
-    thrown: str,
-    invariants_to: float | None,
-    stretching: Stretching | None,
-) -> dict[str, float]:
-    problem, until = solution.problem, invariants_to or end
+    problem, mechanism = solution.problem, solution.problem.mechanism
+    until = invariants_to or end
     margin = min(problem.duration, until * 1.02)  # so that the coarser one's events lie inside, too
-    longer = Problem(problem.mechanism, duration=margin, stop_law=problem.stop_law)
-    coarse = solve(longer, _COARSE, _COARSE)
+    coarse = solve(Problem(mechanism, duration=margin, stop_law=problem.stop_law), _COARSE, _COARSE)
     n = int(np.clip(_DENSE * until / scales.time, _LEAST, _MOST))
     samples = np.unique(np.concatenate([np.linspace(0.0, margin, n), [end, until]]))
     metrics = measure(
         coarse.trajectory(samples[samples <= margin]), solution, end,
         scales=scales, thrown=thrown, invariants_to=invariants_to, stretching=stretching,
     )  # fmt: skip
-    launch = coarse.launch_at(LAUNCH_ANGLE, thrown)
-    values: dict[str, float] = {}
-    for metric in _without_sampling(metrics, launch, solution, thrown):
-        value = _SAFETY * _distance(metric, scales, solution) + _rounding(metric, scales, solution)
-        values[metric.label] = value
-        values[metric.name] = max(values.get(metric.name, 0.0), value)
-    return values
-
-
-def _without_sampling(
-    metrics: Sequence[Metric], launch: Launch | None, solution: Solution, thrown: str
-) -> Iterator[Metric]:
-    """The metrics with the launch of the solution itself, instead of that of its samples.
-
-    A motion that does not part shows no base error, but a bound of it.
-    """
+    # The launch is that of the solution itself, instead of that of its samples.
+    launches = [motion.launch_at(LAUNCH_ANGLE, thrown) for motion in (coarse, solution)]
+    launch: dict[str, float] = {}
+    if launches[0] is not None and launches[1] is not None:
+        launch["launch_time"] = launches[0].time - launches[1].time
+        launch["launch_speed"] = launches[0].speed - launches[1].speed
     parted = any(metric.name == "first_parting" and metric.value is not None for metric in metrics)
-    expected = solution.launch_at(LAUNCH_ANGLE, thrown)
-    located: dict[str, float] = {}
-    if launch is not None and expected is not None:
-        located = {
-            "launch_time": launch.time - expected.time,
-            "launch_speed": launch.speed - expected.speed,
-        }
-    for metric in metrics:
+    estimated: dict[str, float] = {}
+    for measured in metrics:
+        metric = measured
+        # A motion that does not part shows no base error, but a bound of it.
+        left_out = metric.name in ("missing_time", "first_parting")
+        if left_out or (metric.name == "base_error" and not parted):
+            continue
         if metric.name in ("launch_time", "launch_speed"):
-            yield metric.model_copy(update={"value": located.get(metric.name)})
-        elif metric.name not in ("missing_time", "first_parting") and (
-            parted or metric.name != "base_error"
-        ):
-            yield metric
+            metric = metric.model_copy(update={"value": launch.get(metric.name)})
+        rounded = scales.largest_energy
+        if QUANTITIES[metric.name].scale != "energy":
+            rounded = QUANTITIES[metric.name].scale_of(scales, metric.subject, mechanism)
+        value = _SAFETY * _distance(metric, scales, solution) + _ROUNDING * rounded
+        estimated[metric.label] = value
+        estimated[metric.name] = max(estimated.get(metric.name, 0.0), value)
+    certificate = covering_certificate(solution, until)
+    if certificate is None:
+        return Uncertainties(source="estimate", values=estimated)
+    known = certified(certificate).values
+    kept = {name: value for name, value in estimated.items() if parse_label(name)[0] not in known}
+    return Uncertainties(source="certificate", values=kept | known)
 
 
 def _distance(metric: Metric, scales: Scales, solution: Solution) -> float:
@@ -264,13 +225,6 @@ def _distance(metric: Metric, scales: Scales, solution: Solution) -> float:
         return QUANTITIES[metric.name].scale_of(scales, metric.subject, solution.problem.mechanism)
     # The reference is not known by samples
     return max(0.0, abs(metric.value) - (metric.sampling_error or 0.0))
-
-
-def _rounding(metric: Metric, scales: Scales, solution: Solution) -> float:
-    quantity = QUANTITIES[metric.name]
-    if quantity.scale == "energy":
-        return _ROUNDING * scales.largest_energy
-    return _ROUNDING * quantity.scale_of(scales, metric.subject, solution.problem.mechanism)
 
 
 @dataclass(frozen=True)
@@ -288,15 +242,7 @@ class Farthest:
 
 
 def farthest(trajectory: Trajectory, runner: Runner) -> Farthest:
-    """The largest distance of any point from the reference, at the run's own sample times.
-
-    Args:
-        runner: of the mechanism, with the end of the motion.
-
-    Raises:
-        InputError: the reference cannot begin, or the end does not come.
-        SimulationError: the reference failed.
-    """
+    """The largest distance of any point from the reference, at the run's own sample times."""
     end = runner.judged_to
     times = trajectory.t[trajectory.t <= end]
     expected = points(runner.reference(times))
@@ -327,9 +273,11 @@ def run_duration(end: float, step: float, longest: float = math.inf) -> float:
     return min(end + max(_TAIL, _TAIL_STEPS * step), max(longest - step, end))
 
 
-def time_limit(error: Exception) -> float | None:
-    """Limit of time [s] at which a call was stopped; None if it failed for another reason."""
-    return error.limit if isinstance(error, TimeLimitError) else None
+_OUTCOMES = {
+    EngineNotInstalledError: Outcome.ABSENT,
+    TimeLimitError: Outcome.TIMED_OUT,
+    UnsupportedProblemError: Outcome.UNSUPPORTED,
+}
 
 
 def failure(error: Exception) -> tuple[Outcome, str]:
@@ -339,13 +287,8 @@ def failure(error: Exception) -> tuple[Outcome, str]:
     """
     if not isinstance(error, TrebucheckError):
         return Outcome.FAILED, shortened(f"{type(error).__name__}: {error}")
-    if isinstance(error, EngineNotInstalledError):
-        return Outcome.ABSENT, str(error)
-    if isinstance(error, TimeLimitError):
-        return Outcome.TIMED_OUT, str(error)
-    if isinstance(error, UnsupportedProblemError):
-        return Outcome.UNSUPPORTED, str(error)
-    return Outcome.FAILED, str(error)
+    outcomes = (outcome for kind, outcome in _OUTCOMES.items() if isinstance(error, kind))
+    return next(outcomes, Outcome.FAILED), str(error)
 
 
 class _once(Generic[_Result]):  # noqa: N801 - used as a decorator, like the property it stands for
@@ -395,7 +338,12 @@ class Runner:
         self.mechanism, self.worker, self.law = mechanism, worker or Worker(isolate=False), law
         self._predictable = predictable
         self.until, self.lock = until or Until(required=False), RLock()
-        self._on_grid: Callable[[bytes], Trajectory] = lru_cache(_GRIDS)(self._evaluated)
+
+        @lru_cache(_GRIDS)
+        def on_grid(times: bytes) -> Trajectory:
+            return self.solution.trajectory(np.frombuffer(times))
+
+        self._on_grid = on_grid
 
     @_once
     def _solved(self) -> tuple[Solution, float]:
@@ -429,11 +377,7 @@ class Runner:
 
     @_once
     def uncertainties(self) -> Uncertainties:
-        """Uncertainties of the reference, up to the end of the compared motion.
-
-        Raises:
-            SimulationError: as for :attr:`solution`.
-        """
+        """Uncertainties of the reference, up to the end of the compared motion."""
         motion = (self.solution, self.judged_to, self.scales, self.until.thrown)
         estimate = partial(reference_uncertainties, *motion, self.end, self._stretching)
         return self.worker.compute(estimate)
@@ -456,11 +400,11 @@ class Runner:
     @property
     def predictability(self) -> Predictability:
         """Stretching at each quarter of the compared time."""
-        found, times = self._stretching, [part * self.end for part in (0.25, 0.5, 0.75, 1.0)]
-        at = [found.before(time) for time in times]
+        growth, times = self._stretching, [part * self.end for part in (0.25, 0.5, 0.75, 1.0)]
+        at = [growth.before(time) for time in times]
         parameters, start = (
-            tuple(float(v) if np.isfinite(v) else None for v in each[at])
-            for each in (found.parameters, found.start)
+            tuple(float(value) if np.isfinite(value) else None for value in values[at])
+            for values in (growth.parameters, growth.start)
         )
         return Predictability(times=tuple(times), parameters=parameters, start=start)
 
@@ -488,11 +432,7 @@ class Runner:
         )  # fmt: skip
 
     def problem(self, engine: Engine, given: Mechanism | None = None) -> Problem:
-        """Problem that an engine is to simulate.
-
-        Args:
-            given: a mechanism instead of the runner's.
-        """
+        """Problem that an engine is to simulate, of the given mechanism instead of the runner's."""
         duration = run_duration(self.end, engine.timestep or 0.0, self.solution.problem.duration)
         return Problem(given or self.mechanism, duration=duration, stop_law=self.law)
 
@@ -516,5 +456,13 @@ class Runner:
         """The reference at these times [s], shape (n,); kept for the last few time grids."""
         return self.solution.trajectory(t) if len(t) > _LONGEST_GRID else self._on_grid(t.tobytes())
 
-    def _evaluated(self, times: bytes) -> Trajectory:
-        return self.solution.trajectory(np.frombuffer(times))
+
+def motion_of(given: Mechanism | Problem) -> Runner:
+    """Reference run of a problem, or of a mechanism to its launch or some characteristic times.
+
+    Raises:
+        InputError: the reference cannot begin.
+    """
+    if isinstance(given, Problem):
+        return Runner(given.mechanism, until=Until.of(given.duration), law=given.stop_law)
+    return Runner(given, until=Until.of(None))

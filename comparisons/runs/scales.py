@@ -9,7 +9,7 @@ without load, can be judged as well.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -111,62 +111,54 @@ def scales_until(solution: Solution, end: float) -> Scales:
     mechanism = reference.mechanism
     mass, gravity = sum(body.mass for body in mechanism.bodies), mechanism.gravity
     length = _length(reference)
-    shortest = _SHORTEST * (math.sqrt(length / gravity) if gravity else 1.0)
-    end = max(end, shortest)
+    natural = math.sqrt(length / gravity) if gravity else math.inf
+    end = max(end, _SHORTEST * (natural if gravity else 1.0))
+    # Of a motion that hardly moves the speed is the least that can be judged.
     usual, speed = max(math.sqrt(gravity * length), length / end), _largest_speed(reference)
     least = _LEAST * usual
     if speed < _LEAST_HELD / _DEPENDENT * usual:
         least = max(least, _LEAST_HELD / _independence(solution, end, length) * usual)
     speed = max(speed, least)
-    times = [
-        length / speed,
-        _LONGEST * end,
-        *([math.sqrt(length / gravity)] if gravity else []),
-        *_spring_times(mechanism),
-    ]
-    least_force = _LEAST * mass * max(gravity, speed**2 / length)
+    turn = float(np.abs(reference.u[:, : len(mechanism.angles)]).max(initial=0.0))
+    times = [length / speed, _LONGEST * end, natural]
+    times += [_CHARACTERISTIC_TIMES[e](mechanism, e) for e in mechanism.force_elements]
     away = away_from_poles(solution, reference.t, min(times))
-    force = max(_largest_force(reference, away), least_force)
-    kinetic = float(reference.kinetic_energy.max())
-    exchanged = float(np.ptp(reference.potential_energy))
-    energies = np.abs(reference.kinetic_energy).max() + np.abs(reference.potential_energy).max()
+    force = max(_largest_force(reference, away), _LEAST * mass * max(gravity, speed**2 / length))
+    torques: dict[str, float] = {}
+    for name, torque in reference.stop_torques.items():
+        arm = length if mechanism.stop(name).effort == "torque" else 1.0
+        torques[name] = max(_largest(torque[away]), _LEAST_TORQUE * force * arm)
+    kinetic, potential = reference.kinetic_energy, reference.potential_energy
+    energies = float(np.abs(kinetic).max() + np.abs(potential).max() + mass * gravity * length)
+    exchanged = float(kinetic.max()) + float(np.ptp(potential))
     return Scales(
         length=length,
         time=min(times),
         speed=speed,
-        angular_speed=max(_largest_turn(reference), speed / length),
+        angular_speed=max(turn, speed / length),
         mass=mass,
         force=force,
-        torques={
-            name: _torque_scale(mechanism, name, t[away], force, length)
-            for name, t in reference.stop_torques.items()
-        },
-        energy=max(
-            kinetic + exchanged,
-            _LEAST_ENERGY * (energies + mass * gravity * length),
-            0.5 * mass * least**2,
-        ),
-        largest_energy=float(energies + mass * gravity * length),
+        torques=torques,
+        energy=max(exchanged, _LEAST_ENERGY * energies, 0.5 * mass * least**2),
+        largest_energy=energies,
     )
 
 
 def _independence(solution: Solution, end: float, length: float) -> float:
     """Least singular value of the constraints where they are the most independent of each other."""
-    found: list[float] = []
+    values: list[float] = []
     for segment in solution.segments:
         t = np.linspace(segment.start, max(segment.start, min(segment.end, end)), _IN_A_SEGMENT)
         q = solution.motion(t).q
         if segment.start <= end:
-            found.append(float(solution.equations.independence(q, segment.closed, length).max()))
-    return max(_DEPENDENT, max(found, default=math.inf))
+            values.append(float(solution.equations.independence(q, segment.closed, length).max()))
+    return max(_DEPENDENT, max(values, default=math.inf))
 
 
 def away_from_poles(solution: Solution, t: FloatArray, time: float) -> BoolArray:
-    """Which times are not beside a singular position, where forces grow beyond all bounds.
+    """Times that are not beside a singular position, where forces grow beyond all bounds.
 
-    Args:
-        t: times [s], shape (n,).
-        time: characteristic time [s].
+    `time` is the characteristic time [s].
     """
     away = np.ones(len(t), dtype=bool)
     for passage in solution.singular_passages:
@@ -176,30 +168,21 @@ def away_from_poles(solution: Solution, t: FloatArray, time: float) -> BoolArray
 
 def _length(reference: Trajectory) -> float:
     """Length scale: bodies and slides on them, or slides on the ground, or springs if longer."""
-    slides = reference.mechanism.slides
-    places = reference.q[:, len(reference.mechanism.angles) :]
-    ways, arms = np.ptp(places, axis=0), np.abs(places).max(axis=0)
-    free = np.array([isinstance(slide.joint, FreeJoint) for slide in slides], dtype=bool)
-    moving = np.array([slide.joint.parent != GROUND for slide in slides], dtype=bool)
-    guided = float(ways[~free & ~moving].max(initial=0.0))
-    return (
-        max(
-            size(reference.mechanism) + float(arms[moving].sum()), guided, *_free_springs(reference)
-        )
-        or float(ways.max(initial=0.0))
-        or 1.0
-    )
-
-
-def _free_springs(reference: Trajectory) -> Iterator[float]:
-    """Greatest length of each spring on a free body [m]."""
     mechanism, kinematics = reference.mechanism, reference.kinematics
-    free = {joint.child for joint in mechanism.tree_joints if isinstance(joint, FreeJoint)}
+    places = reference.q[:, len(mechanism.angles) :]
+    ways, arms = np.ptp(places, axis=0), np.abs(places).max(axis=0)
+    free = np.array([isinstance(slide.joint, FreeJoint) for slide in mechanism.slides], dtype=bool)
+    moving = np.array([slide.joint.parent != GROUND for slide in mechanism.slides], dtype=bool)
+    lengths = [size(mechanism) + float(arms[moving].sum())]
+    lengths.append(float(ways[~free & ~moving].max(initial=0.0)))
+    # Greatest length of each spring on a free body
+    floating = {joint.child for joint in mechanism.tree_joints if isinstance(joint, FreeJoint)}
     for element in mechanism.force_elements:
-        if element.ends and free.intersection(element.bodies):
+        if element.ends and floating.intersection(element.bodies):
             (body, point), (other, other_point) = element.ends
             between = kinematics.between(body, point, other, other_point)
-            yield _norm(kinematics.position(between, reference.q))
+            lengths.append(_largest(kinematics.position(between, reference.q)))
+    return max(lengths) or float(ways.max(initial=0.0)) or 1.0
 
 
 def _spring_time(mechanism: Mechanism, spring: SpringDamper) -> float:
@@ -214,12 +197,12 @@ def _torsion_time(
     """sqrt(inertia / stiffness) of the lightest body at a spring on angles [s]; at its start."""
     bodies = [mechanism.body(name) for name in spring.bodies if name != GROUND]
     inertias = [body.mass * extent(mechanism, body) ** 2 + body.inertia for body in bodies]
-    cubic = getattr(spring, "cubic_stiffness", 0.0)
-    if not cubic:
-        return _root(min(inertias), spring.stiffness)
-    angle = Kinematics(mechanism).angle(spring.body, spring.relative_to)
-    turned = float(angle.value(initial_state(mechanism)[0])) - spring.rest_angle
-    return _root(min(inertias), spring.stiffness + 3 * cubic * turned**2)
+    stiffness, cubic = spring.stiffness, getattr(spring, "cubic_stiffness", 0.0)
+    if cubic:
+        angle = Kinematics(mechanism).angle(spring.body, spring.relative_to)
+        turned = float(angle.value(initial_state(mechanism)[0])) - spring.rest_angle
+        stiffness = stiffness + 3 * cubic * turned**2
+    return _root(min(inertias), stiffness)
 
 
 def _no_time(mechanism: Mechanism, element: ConstantForce | ConstantTorque) -> float:
@@ -244,49 +227,24 @@ _CHARACTERISTIC_TIMES: ElementTable[Callable[[Mechanism, Any], float]] = Element
 )
 
 
-def _spring_times(mechanism: Mechanism) -> Iterator[float]:
-    """Characteristic time of each force element [s]; infinite if it has none."""
-    for element in mechanism.force_elements:
-        yield _CHARACTERISTIC_TIMES[element](mechanism, element)
-
-
 def _largest_speed(reference: Trajectory) -> float:
-    kinematics = Kinematics(reference.mechanism)
+    """Largest speed of any centre of mass or marker [m/s]."""
+    kinematics = reference.kinematics
     rows = [kinematics.point(body.name, body.centre) for body in reference.mechanism.bodies]
     velocities = [kinematics.velocity(row, reference.q, reference.u) for row in rows]
     velocities += [marker.velocity for marker in reference.markers.values()]
-    return max(_norm(velocity) for velocity in velocities)
-
-
-def _largest_turn(reference: Trajectory) -> float:
-    return float(np.abs(reference.u[:, : len(reference.mechanism.angles)]).max(initial=0.0))
+    return max(map(_largest, velocities))
 
 
 def _largest_force(reference: Trajectory, away: BoolArray) -> float:
-    forces = [_norm(force[away]) for force in reference.joint_reactions.values()]
-    on_points = [stop.name for stop in reference.mechanism.point_stops]
-    forces += [
-        _norm(f)
-        for f in AppliedForces(reference.kinematics).on_bodies(reference.q, reference.u).values()
-    ]
-    return max(
-        [
-            *forces,
-            *(
-                float(np.abs(reference.stop_torques[name][away]).max(initial=0.0))
-                for name in on_points
-            ),
-        ],
-        default=0.0,
-    )
+    """Largest force of any joint, of a stop on a point, or of force elements on a body [N]."""
+    applied = AppliedForces(reference.kinematics).on_bodies(reference.q, reference.u)
+    forces = [*applied.values(), *(force[away] for force in reference.joint_reactions.values())]
+    forces += [reference.stop_torques[s.name][away] for s in reference.mechanism.point_stops]
+    return max(map(_largest, forces), default=0.0)
 
 
-def _norm(vectors: FloatArray) -> float:
-    return float(np.linalg.norm(vectors, axis=-1).max(initial=0.0))
-
-
-def _torque_scale(
-    mechanism: Mechanism, name: str, torque: FloatArray, force: float, length: float
-) -> float:
-    arm = length if mechanism.stop(name).effort == "torque" else 1.0
-    return max(float(np.abs(torque).max(initial=0.0)), _LEAST_TORQUE * force * arm)
+def _largest(values: FloatArray) -> float:
+    """Largest magnitude; of vectors along a second axis the largest length."""
+    magnitudes = np.abs(values) if values.ndim == 1 else np.linalg.norm(values, axis=-1)
+    return float(magnitudes.max(initial=0.0))

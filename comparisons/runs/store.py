@@ -87,12 +87,7 @@ class Store:
         return self.folder / f"{model}-{label.replace(' ', '-')}.nc"
 
     def trajectory(self, model: str, label: str, conditions: str) -> Trajectory | None:
-        """A kept trajectory made under these conditions; None if there is none, or it was changed.
-
-        Args:
-            label: engine and preset.
-            conditions: as :func:`conditions` gives them.
-        """
+        """A kept trajectory of these conditions; None if there is none, or it was changed."""
         path = self.path(model, label)
         # The checksum is compared before the file is opened: HDF5 may end the process over a broken
         # one.
@@ -117,10 +112,7 @@ class Store:
     def keep(
         self, trajectory: Trajectory, model: str, label: str, conditions: str, jobs: int = 1
     ) -> None:
-        """Write a trajectory.
-
-        Args:
-            jobs: runs made at once when it was.
+        """Write a trajectory that was made while so many `jobs` ran at once.
 
         Raises:
             InputError: the folder cannot be written to.
@@ -136,18 +128,12 @@ class Store:
 
     def record(self, name: str, kind: type[_S], conditions: str) -> _S | None:
         """A kept record, made under these conditions; None if there is none, or it was changed."""
-        return (
-            None
-            if self.records is None
-            else self._read(name, self.records / f"{name}.json", kind, conditions)
-        )
+        if self.records is None:
+            return None
+        return self._read(name, self.records / f"{name}.json", kind, conditions)
 
     def keep_record(self, name: str, record: Spec, conditions: str, jobs: int = 1) -> None:
-        """Write a record.
-
-        Args:
-            jobs: runs made at once when its times were taken; at least as many as for what it was
-                made from.
+        """Write a record whose times were taken while so many `jobs` ran at once.
 
         Raises:
             InputError: the folder cannot be written to.
@@ -164,8 +150,7 @@ class Store:
             kept = _Kept[kind].load(path)
         except InputError:
             return None
-        same = kept.conditions == conditions and kept.checksum == kept.content.content_hash
-        if not same:
+        if (kept.conditions, kept.checksum) != (conditions, kept.content.content_hash):
             return None
         self.jobs[name] = max(kept.jobs, self.jobs.get(name, 1))
         return kept.content
@@ -191,27 +176,19 @@ def conditions(*parts: object, engine: Engine | None = None, code: str | None = 
 
     The code that a run depends on, its version, Python, NumPy, SciPy and the kind of machine always
     belong to it; an engine does with its version, its settings and the files of its package, which
-    change without a new version while they are being written.
-
-    Args:
-        parts: what else decides it, e.g. hash of the mechanism, duration and law; each as JSON or
-            text.
-        engine: that makes it.
-        code: folder of further code that it depends on, below the package.
+    change without a new version while they are being written. So does `code`, a folder of further
+    code below the package.
     """
-    made_by: list[object] = [
-        code_digest(*_SHARED, *([] if code is None else [code])),
-        __version__,
-        platform.python_version(),
-        platform.system(),
-    ]
-    made_by += [platform.machine(), numpy.__version__, scipy.__version__]
+    folders = _SHARED if code is None else (*_SHARED, code)
+    made_by: list[object] = [code_digest(*folders), __version__, platform.python_version()]
+    made_by += [platform.system(), platform.machine(), numpy.__version__, scipy.__version__]
     if engine is not None:
         cls = engine_class(engine.name)
         made_by += [engine.name, cls.version(), engine.settings, engine_digest(cls.__module__)]
         around = type(engine).__module__
         if around != cls.__module__:  # an engine that is read in another way, say
-            made_by.append(_file_digest(around))
+            file = getattr(sys.modules.get(around), "__file__", None)
+            made_by.append(None if file is None else digest(Path(file)))
         # Settings of a built-in engine are all of it; a plug-in's preset may decide more than its
         # settings tell.
         made_by += [] if isinstance(engine, EngineOptions) else [engine.preset]
@@ -247,30 +224,18 @@ def engine_digest(module: str) -> str:
     while waiting:
         name = waiting.pop()
         known.add(name)
-        root, paths = _files_of(name)
-        total.update(_digest_of(root, paths).encode())
+        file = getattr(sys.modules.get(name), "__file__", None)
+        if file is None:
+            continue
+        # The files of a package, or a single module
+        folder, paths = Path(file).parent, [Path(file)]
+        if paths[0].name == "__init__.py":
+            paths = [path for kind in ("*.py", "*.so", "*.pyd") for path in folder.rglob(kind)]
+        total.update(_digest_of(folder, paths).encode())
         sources = b"\n".join(path.read_bytes() for path in paths if path.suffix == ".py")
         named = {match.decode() for match in _FAMILY.findall(sources)}
         waiting += sorted(named - known - set(waiting))
     return total.hexdigest()
-
-
-@cache
-def _file_digest(module: str) -> str | None:
-    file = getattr(sys.modules.get(module), "__file__", None)
-    return None if file is None else digest(Path(file))
-
-
-def _files_of(package: str) -> tuple[Path, list[Path]]:
-    """Folder and files of an imported package, or of a single module."""
-    file = getattr(sys.modules.get(package), "__file__", None)
-    if file is None:
-        return _ROOT, []
-    path = Path(file)
-    if path.name != "__init__.py":
-        return path.parent, [path]
-    kinds = ("*.py", "*.so", "*.pyd")
-    return path.parent, [each for kind in kinds for each in path.parent.rglob(kind)]
 
 
 def _digest_of(root: Path, paths: Iterable[Path]) -> str:

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any, cast
@@ -32,9 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.arrays import BoolArray, FloatArray
-from ...models.elements import (
-    refuse_unknown,
-)
+from ...models.elements import AnyForceElement, refuse_unknown
 from ...models.errors import TrebucheckError
 from ...models.kinematics import initial_state
 from ...models.mechanism import Body, Mechanism
@@ -98,9 +97,8 @@ class Stretching:
     @property
     def horizon(self) -> float:
         """The predictability horizon [s], at most the end."""
-        return predictable_until(
-            self.t, np.where(self.rounding <= _KNOWN, self.largest / self.allowed * LIMIT, np.inf)
-        )
+        growth = self.largest / self.allowed * LIMIT
+        return predictable_until(self.t, np.where(self.rounding <= _KNOWN, growth, np.inf))
 
     def before(self, time: float) -> int:
         """Index of the last of the times that is not later [s]."""
@@ -108,25 +106,16 @@ class Stretching:
 
 
 def stretching_until(solution: Solution, end: float, scales: Scales) -> Stretching:
-    """Computes the growth of errors of a reference motion.
-
-    Args:
-        solution: of the reference.
-        end: of the compared motion [s].
-        scales: of the motion up to there.
-    """
+    """Computes the growth of errors of a reference motion up to `end` [s], by its scales."""
     changed = _Changed(solution, end, scales)
     t, mechanism = changed.t, solution.problem.mechanism
-    parameters = changed.largest(
-        chain(_with_other_inertias(mechanism), _with_other_forces(mechanism)), _motion
-    )
+    others = chain(_with_other_inertias(mechanism), _with_other_forces(mechanism))
+    parameters = changed.largest(others, _motion)
     start = changed.largest(_with_other_starts(mechanism, scales), _configuration)
-    steps = np.searchsorted(
-        np.concatenate([segment.interpolant.ts for segment in solution.segments]), t
-    )
-    allowed = np.maximum(LIMIT, REGULAR * t / scales.time)
+    nodes = np.concatenate([segment.interpolant.ts for segment in solution.segments])
     carried = np.maximum(1.0, np.maximum(parameters, start))
-    rounding = np.asarray(TOLERANCE * steps * carried, dtype=np.float64)
+    rounding = np.asarray(TOLERANCE * np.searchsorted(nodes, t) * carried, dtype=np.float64)
+    allowed = np.maximum(LIMIT, REGULAR * t / scales.time)
     return Stretching(t, parameters, start, rounding, allowed)
 
 
@@ -147,7 +136,9 @@ def predictable_until(t: FloatArray, stretched: FloatArray) -> float:
     return float(t[max(1, int(beyond[0]) - 1 if len(beyond) else len(t) - 1)])
 
 
-_Reading = Callable[[Solution, FloatArray, Scales], NDArray[np.complex128]]
+_ComplexArray = NDArray[np.complex128]
+_Reading = Callable[[Solution, FloatArray, Scales], _ComplexArray]
+"""Quantities of a motion in parts of their scales, shape (rows, n)."""
 
 
 class _Changed:
@@ -155,48 +146,42 @@ class _Changed:
 
     def __init__(self, solution: Solution, end: float, scales: Scales) -> None:
         self.problem, self.end, self.scales = solution.problem, end, scales
-        self.first_force = _ROWS * len(solution.problem.mechanism.bodies)
-        self.tolerance = _tolerance(self.problem.mechanism, scales)
+        mechanism = self.problem.mechanism
+        self.first_force = _ROWS * len(mechanism.bodies)
+        # Smaller for motions slower than the natural one
+        slow = min(1.0, scales.speed / _natural_speed(mechanism, scales))
+        self.tolerance = max(TOLERANCE, _TOLERANCE * slow)
         self.t = _away_from_impacts(solution, np.linspace(0.0, end, _SAMPLES))
         self.poles = ~away_from_poles(solution, self.t, scales.time)
         try:
-            self.unchanged = self._solved(self.problem.mechanism, end)
+            self.unchanged = self._solved(mechanism, end)
         except TrebucheckError:  # as loosely as that it cannot be moved
             self.unchanged = solution
 
     def largest(self, mechanisms: Iterable[Mechanism], read: _Reading) -> FloatArray:
         """Largest difference so far from any changed mechanism, per part of change; shape (n,)."""
-        motion, found = read(self.unchanged, self.t, self.scales), np.zeros(len(self.t))
+        motion, growth = read(self.unchanged, self.t, self.scales), np.zeros(len(self.t))
         for mechanism in mechanisms:
             moved = self._moved(mechanism, read)
+            n = moved.shape[1]
             # What is unique in both
-            apart = np.nan_to_num(np.abs(moved - motion[:, : moved.shape[1]]))
-            apart[self.first_force :, self.poles[: moved.shape[1]]] = 0.0
-            distance = apart.max(axis=0) / _CHANGE
-            found[: len(distance)] = np.maximum(found[: len(distance)], distance)
-            found[len(distance) :] = np.inf
-        return np.maximum.accumulate(found)
+            differences = np.nan_to_num(np.abs(moved - motion[:, :n]))
+            differences[self.first_force :, self.poles[:n]] = 0.0
+            growth[:n] = np.maximum(growth[:n], differences.max(axis=0) / _CHANGE)
+            growth[n:] = np.inf
+        return np.maximum.accumulate(growth)
 
-    def _moved(self, mechanism: Mechanism, read: _Reading) -> NDArray[np.complex128]:
+    def _moved(self, mechanism: Mechanism, read: _Reading) -> _ComplexArray:
+        """The changed motion, as far as it can be computed."""
         for part in _SHORTER:
-            try:
-                return read(
-                    self._solved(mechanism, part * self.end),
-                    self.t[self.t <= part * self.end],
-                    self.scales,
-                )
-            except TrebucheckError:
-                continue
+            with suppress(TrebucheckError):
+                end = part * self.end
+                return read(self._solved(mechanism, end), self.t[self.t <= end], self.scales)
         return np.empty((1, 0), dtype=np.complex128)
 
     def _solved(self, mechanism: Mechanism, end: float) -> Solution:
         problem = Problem(mechanism, duration=end, stop_law=self.problem.stop_law)
         return solve(problem, self.tolerance, self.tolerance)
-
-
-def _tolerance(mechanism: Mechanism, scales: Scales) -> float:
-    """Tolerance of the integrations: smaller for motions slower than the natural one."""
-    return max(TOLERANCE, _TOLERANCE * min(1.0, scales.speed / _natural_speed(mechanism, scales)))
 
 
 def _away_from_impacts(solution: Solution, t: FloatArray) -> FloatArray:
@@ -211,27 +196,16 @@ def _away_from_impacts(solution: Solution, t: FloatArray) -> FloatArray:
 def _with_other_inertias(mechanism: Mechanism) -> Iterator[Mechanism]:
     """One body changed in each; of many bodies all of them in each, up or down at random."""
     n = len(mechanism.bodies)
-    changes = (
-        np.eye(n)
-        if n <= _EACH
-        else np.random.default_rng(n).choice([-1.0, 1.0], (_COMBINATIONS, n))
-    )
+    changes = np.eye(n)
+    if n > _EACH:
+        changes = np.random.default_rng(n).choice([-1.0, 1.0], (_COMBINATIONS, n))
     for signs in changes:
-        yield mechanism.model_copy(
-            update={
-                "bodies": tuple(
-                    _with_inertia(mechanism, *each)
-                    for each in zip(mechanism.bodies, signs, strict=True)
-                )
-            }
-        )
-
-
-def _with_inertia(mechanism: Mechanism, body: Body, sign: float) -> Body:
-    change = sign * _CHANGE * body.mass * extent(mechanism, body) ** 2
-    return body.model_copy(
-        update={"inertia": body.inertia + (change if body.inertia + change >= 0 else -change)}
-    )
+        bodies: list[Body] = []
+        for body, sign in zip(mechanism.bodies, signs, strict=True):
+            change = sign * _CHANGE * body.mass * extent(mechanism, body) ** 2
+            inertia = body.inertia + (change if body.inertia + change >= 0 else -change)
+            bodies.append(body.model_copy(update={"inertia": inertia}))
+        yield mechanism.model_copy(update={"bodies": tuple(bodies)})
 
 
 def _with_other_forces(mechanism: Mechanism) -> Iterator[Mechanism]:
@@ -242,17 +216,15 @@ def _with_other_forces(mechanism: Mechanism) -> Iterator[Mechanism]:
 
     def changed(value: Any) -> Any:
         if isinstance(value, tuple):
-            return tuple(changed(each) for each in cast("tuple[float, ...]", value))
+            return tuple(changed(number) for number in cast("tuple[float, ...]", value))
         return value * (1 + float(signs.choice([-_CHANGE, _CHANGE])))
 
-    elements = tuple(
-        element.model_copy(
-            update={name: changed(getattr(element, name)) for name in element.numbers()}
-        )
-        for element in mechanism.force_elements
-    )
+    elements: list[AnyForceElement] = []
+    for element in mechanism.force_elements:
+        update = {name: changed(getattr(element, name)) for name in element.numbers()}
+        elements.append(element.model_copy(update=update))
     if elements:
-        yield mechanism.model_copy(update={"force_elements": elements})
+        yield mechanism.model_copy(update={"force_elements": tuple(elements)})
 
 
 def _with_other_starts(mechanism: Mechanism, scales: Scales) -> Iterator[Mechanism]:
@@ -267,9 +239,8 @@ def _with_other_starts(mechanism: Mechanism, scales: Scales) -> Iterator[Mechani
         near = consistent_coordinates(equations, q + dq, closed)
         if near is not None:
             speeds = consistent_speeds(equations, near, u + du, closed)
-            yield mechanism.model_copy(
-                update={"start": tuple(near.tolist()), "start_speeds": tuple(speeds.tolist())}
-            )
+            update = {"start": tuple(near.tolist()), "start_speeds": tuple(speeds.tolist())}
+            yield mechanism.model_copy(update=update)
 
 
 def _natural_speed(mechanism: Mechanism, scales: Scales) -> float:
@@ -277,40 +248,31 @@ def _natural_speed(mechanism: Mechanism, scales: Scales) -> float:
     return math.sqrt(mechanism.gravity * scales.length) or scales.speed
 
 
-def _motion(solution: Solution, t: FloatArray, scales: Scales) -> NDArray[np.complex128]:
-    """Judged quantities in parts of their scales, vectors as complex numbers; shape (rows, n).
-
-    Forces that are not unique are NaN.
-    """
-    mechanism, kinematics, motion = (
-        solution.problem.mechanism,
-        solution.equations.kinematics,
-        solution.motion(t),
-    )
+def _motion(solution: Solution, t: FloatArray, scales: Scales) -> _ComplexArray:
+    """Judged quantities, vectors as complex numbers; forces that are not unique are NaN."""
+    kinematics, motion = solution.equations.kinematics, solution.motion(t)
+    q, u = motion.q, motion.u
     rows: list[NDArray[Any]] = []
-    for body in mechanism.bodies:
+    for body in solution.problem.mechanism.bodies:
         centre, angle = kinematics.point(body.name, body.centre), kinematics.angle(body.name)
-        rows.append(_plane(kinematics.position(centre, motion.q)) / scales.length)
-        rows.append(_plane(kinematics.velocity(centre, motion.q, motion.u)) / scales.speed)
-        rows += [
-            angle.value(motion.q) / scales.angle,
-            motion.u @ angle.coefficients / scales.angular_speed,
-        ]
+        rows.append(_plane(kinematics.position(centre, q)) / scales.length)
+        rows.append(_plane(kinematics.velocity(centre, q, u)) / scales.speed)
+        rows.append(angle.value(q) / scales.angle)
+        rows.append(u @ angle.coefficients / scales.angular_speed)
     for name, force in solution.joint_reactions(motion).items():
         unique = name not in solution.undetermined_joints
         rows.append(_plane(force) / scales.force if unique else np.full(len(t), np.nan))
     return np.array(rows, dtype=np.complex128)
 
 
-def _configuration(solution: Solution, t: FloatArray, scales: Scales) -> NDArray[np.complex128]:
-    """Positions and angles in parts of their scales, shape (n_rows, n)."""
+def _configuration(solution: Solution, t: FloatArray, scales: Scales) -> _ComplexArray:
+    """Positions and angles."""
     angles = solution.equations.kinematics.is_angle > 0
-    return (solution.motion(t).q / np.where(angles, scales.angle, scales.length)).T.astype(
-        np.complex128
-    )
+    q = solution.motion(t).q / np.where(angles, scales.angle, scales.length)
+    return q.T.astype(np.complex128)
 
 
-def _plane(vectors: FloatArray) -> NDArray[np.complex128]:
+def _plane(vectors: FloatArray) -> _ComplexArray:
     return vectors[:, 0] + 1j * vectors[:, 1]
 
 
@@ -323,44 +285,25 @@ def parting(
 ) -> Iterator[Metric]:
     """Time of first parting and its base error, if the end is beyond the horizon.
 
-    Args:
-        reference: at the trajectory's times.
-        angles: which coordinates are angles, shape (n_q,).
-        scales: of the compared motion.
-        stretching: of the reference motion to its end.
+    The reference is at the trajectory's times; `angles` says which coordinates are angles.
     """
     end = float(stretching.t[-1])
     if stretching.horizon >= end:
         return
-    within = trajectory.t <= end
-    apart = np.flatnonzero(~(_distance(trajectory, reference, angles, scales)[within] <= PARTED))
-    time = float(trajectory.t[apart[0]]) if len(apart) else None
-    by = (
-        f"by {PARTED:g} of a scale"
-        if time is not None
-        else f"it does not part by the end, {end:.6g} s"
-    )
-    yield Metric(
-        name="base_error", value=_base_error(stretching, end if time is None else time), unit="1"
-    )
-    yield Metric(name="first_parting", value=time, unit="s", note=by)
-
-
-def _distance(
-    trajectory: Trajectory, reference: Trajectory, angles: BoolArray, scales: Scales
-) -> FloatArray:
-    """Largest distance of coordinates and markers at each time, in parts of their scales."""
-    distance = (
-        np.abs(trajectory.q - reference.q) / np.where(angles, scales.angle, scales.length)
-    ).max(axis=1)
+    # Largest distance of coordinates and markers at each time, in parts of their scales
+    units = np.where(angles, scales.angle, scales.length)
+    distance = (np.abs(trajectory.q - reference.q) / units).max(axis=1)
     for name, motion in trajectory.markers.items():
-        apart = np.linalg.norm(motion.position - reference.marker(name).position, axis=1)
-        distance = np.maximum(distance, apart / scales.length)
-    return distance
-
-
-def _base_error(stretching: Stretching, time: float) -> float:
-    """Largest base error of a motion that has not parted before a time [s]."""
-    index = min(int(np.searchsorted(stretching.t, time)), len(stretching.t) - 1)
-    least = LIMIT if time > stretching.horizon else 1.0
-    return PARTED / max(float(stretching.largest[index]), least)
+        error = np.linalg.norm(motion.position - reference.marker(name).position, axis=1)
+        distance = np.maximum(distance, error / scales.length)
+    parted = np.flatnonzero(~(distance[trajectory.t <= end] <= PARTED))
+    time, note = None, f"it does not part by the end, {end:.6g} s"
+    if len(parted):
+        time, note = float(trajectory.t[parted[0]]), f"by {PARTED:g} of a scale"
+    # Largest base error of a motion that has not parted before
+    until = end if time is None else time
+    index = min(int(np.searchsorted(stretching.t, until)), len(stretching.t) - 1)
+    least = LIMIT if until > stretching.horizon else 1.0
+    base_error = PARTED / max(float(stretching.largest[index]), least)
+    yield Metric(name="base_error", value=base_error, unit="1")
+    yield Metric(name="first_parting", value=time, unit="s", note=note)

@@ -30,7 +30,6 @@ from .process import Worker
 from .store import Store
 from .tolerances import Needs
 
-_FORM = "must be 'launch', 'launch:MARKER', 'release:STOP', or a time in seconds"
 _TAIL = 0.4  # of the compared time: the reference goes on, for events of engines that are late
 _SPANS = (2.0, 5.5, 16.0)  # characteristic times within which a release is looked for
 
@@ -66,7 +65,10 @@ class Until:
             return cls("time", float(given))
         except (ValueError, OverflowError):
             shown = str(given) if len(str(given)) <= 60 else f"{str(given)[:57]}..."
-            raise InputError(f"until = {shown!r} {_FORM}.") from None
+            raise InputError(
+                f"until = {shown!r} must be 'launch', 'launch:MARKER', 'release:STOP', or a time "
+                "in seconds."
+            ) from None
 
     @property
     def thrown(self) -> str:
@@ -78,62 +80,48 @@ class Until:
 
         Raises:
             InputError: the time is not valid, there is no such marker or stop, or the event does
-            not come.
+                not come.
             SimulationError: the reference cannot move the mechanism.
         """
         if self.kind == "time":
-            duration = Problem(mechanism, duration=self.time, stop_law=law).duration
-            return solve(
-                Problem(mechanism, duration=duration * (1 + _TAIL), stop_law=law)
-            ), duration
+            end = Problem(mechanism, duration=self.time, stop_law=law).duration
+            return solve(Problem(mechanism, duration=end * (1 + _TAIL), stop_law=law)), end
         if mechanism.gravity == 0:
             raise InputError(
                 f"{mechanism.name!r} has no gravity, and so no time scale within which an event "
                 "could be looked for; name the end of the compared motion in seconds, "
                 "e.g. --until 2.5."
             )
-        return (
-            self._released(mechanism, law)
-            if self.kind == "release"
-            else self._launched(mechanism, law)
-        )
-
-    def _released(self, mechanism: Mechanism, law: StopLaw) -> tuple[Solution, float]:
-        closed = [stop.name for stop in mechanism.stops if stop.closed]
-        if self.name not in closed:
+        release = self.kind == "release"
+        kind, known = "marker", [marker.name for marker in mechanism.markers]
+        if release:
+            kind, known = "closed stop", [stop.name for stop in mechanism.stops if stop.closed]
+        if (self.name or release) and self.name not in known:
             raise InputError(
-                f"until = 'release:{self.name[:60]}': {mechanism.name!r} has no such closed stop: "
-                f"{closed}."
-            )
-        solution = _solved(mechanism, law, lambda found: found.release_times[self.name])
-        time = solution.release_times[self.name]
-        if time is None or time == 0.0:
-            within = f"does not open within {solution.problem.duration:.6g} s"
-            when = "opens at the start" if time == 0.0 else within
-            raise InputError(f"until = 'release:{self.name}': the stop {when}; name another end.")
-        return solution, time
-
-    def _launched(self, mechanism: Mechanism, law: StopLaw) -> tuple[Solution, float]:
-        if self.name and mechanism.marker(self.name) is None:
-            known = [marker.name for marker in mechanism.markers]
-            raise InputError(
-                f"until = 'launch:{self.name[:60]}': {mechanism.name!r} has no such marker: "
+                f"until = '{self.kind}:{self.name[:60]}': {mechanism.name!r} has no such {kind}: "
                 f"{known}."
             )
 
-        def launched(solution: Solution) -> float | None:
+        def event(solution: Solution) -> float | None:
+            if release:
+                return solution.release_times[self.name]
             launch = solution.launch_at(LAUNCH_ANGLE, self.thrown)
             return None if launch is None else launch.time
 
-        known = self.thrown == THROWN
-        solution = solve_to_launch(mechanism, law) if known else _solved(mechanism, law, launched)
-        time = launched(solution)
+        if not release and self.thrown == THROWN:
+            solution = solve_to_launch(mechanism, law)
+        else:
+            solution = _solved(mechanism, law, event)
+        time, duration = event(solution), solution.problem.duration
+        if release and not time:
+            when = "opens at the start" if time == 0.0 else f"does not open within {duration:.6g} s"
+            raise InputError(f"until = 'release:{self.name}': the stop {when}; name another end.")
         if time is None and self.required:
             raise InputError(
-                f"{mechanism.name!r} does not launch within {solution.problem.duration:.6g} s, so "
-                "there is no end to measure up to; name one, e.g. --until 2.5."
+                f"{mechanism.name!r} does not launch within {duration:.6g} s, so there is no end "
+                "to measure up to; name one, e.g. --until 2.5."
             )
-        return solution, time or solution.problem.duration / (1 + _TAIL)
+        return solution, time or duration / (1 + _TAIL)
 
 
 def _solved(
@@ -155,19 +143,9 @@ Progress = Callable[[str, int, int], None]
 """Called before each part with what it is, the number of parts done and of all parts."""
 
 
-class RunOptions(TypedDict, total=False):
-    """How runs are made: keywords of every function that makes some."""
-
+class _HowRun(TypedDict, total=False):
     parameters: Spec | None
     """Parameters of the models given by name; their defaults if left out."""
-    options: Mapping[str, Any] | None
-    """Over each preset's: of every engine that has them, or of one, as 'mujoco.solref'."""
-    timestep: float | None
-    """Step of every engine [s]; each preset's own if left out."""
-    duration: float | None
-    """End of the compared motion [s]; a problem's own, else the launch, if left out."""
-    until: str | float | None
-    """The end in other words: 'launch:MARKER', 'release:STOP', or a time [s]."""
     stop_law: StopLaw | str | None
     """'release-once' or 'unilateral'; a problem's own, else 'release-once', if left out."""
     store: Store | None
@@ -183,18 +161,24 @@ class RunOptions(TypedDict, total=False):
     """Called before each part with what it is, the number of parts done and of all parts."""
 
 
-class _StudyFields(TypedDict, total=False):
+class RunOptions(_HowRun, total=False):
+    """How runs are made: keywords of every function that makes some."""
+
+    options: Mapping[str, Any] | None
+    """Over each preset's: of every engine that has them, or of one, as 'mujoco.solref'."""
+    timestep: float | None
+    """Step of every engine [s]; each preset's own if left out."""
+    duration: float | None
+    """End of the compared motion [s]; a problem's own, else the launch, if left out."""
+    until: str | float | None
+    """The end in other words: 'launch:MARKER', 'release:STOP', or a time [s]."""
+
+
+class _StudyFields(_HowRun, total=False):
     """Fields of :class:`Study` that :meth:`Study.of` hands over as they are."""
 
-    parameters: Spec | None
-    stop_law: StopLaw | str | None
     tolerances: Mapping[str, float | str] | None
-    store: Store | None
-    isolate: bool
     diagnose: bool
-    timeout: float
-    jobs: int
-    progress: Progress | None
 
 
 @dataclass(frozen=True)
@@ -285,8 +269,12 @@ class Study:
                 "a time."
             )
         for name in ("models", "engines", "presets"):
+            unique: list[Any] = []
+            for value in getattr(self, name) or ():  # each once; mechanisms cannot be hashed
+                if value not in unique:
+                    unique.append(value)
             if getattr(self, name) is not None:
-                object.__setattr__(self, name, tuple(_unique(getattr(self, name))))
+                object.__setattr__(self, name, tuple(unique))
         if not self.models:
             raise InputError("no model was named; at least one is needed.")
         for name in self.engines or ():
@@ -337,15 +325,14 @@ class Study:
     @cached_property
     def _given(self) -> tuple[Mechanism | Problem, ...]:
         """The models, names resolved."""
-        found: list[Mechanism | Problem] = []
-        for named in self.models:
-            if isinstance(named, str):
-                found.append(
-                    library_problem(named, self.parameters) or model(named, self.parameters)
-                )
+        given: list[Mechanism | Problem] = []
+        for entry in self.models:
+            if isinstance(entry, str):
+                problem = library_problem(entry, self.parameters)
+                given.append(problem or model(entry, self.parameters))
             else:
-                found.append(named)
-        return tuple(found)
+                given.append(entry)
+        return tuple(given)
 
     @cached_property
     def _problems(self) -> Mapping[str, Problem]:
@@ -376,24 +363,17 @@ class Study:
         return tuple(self.engines)
 
     def engine(self, name: str, preset: str) -> Engine:
-        """An engine with the study's options.
-
-        Raises:
-            InputError: the preset or an option is not valid.
-        """
+        """An engine with the study's options; InputError: the preset or an option is not valid."""
         return registry.engine(name, preset, **options_for(name, self.options))
 
     def engine_for(self, model: str, time: float, made: Engine) -> Engine:
         """Engine for a mechanism; for a problem of the library a preset's step is scaled.
 
-        It is meant for a characteristic time of 1 s.
-
-        The library's problems last from hundredths of a second to minutes: one step for all would
-        say little of any.
+        It is meant for a characteristic time of 1 s. The library's problems last from hundredths
+        of a second to minutes: one step for all would say little of any.
 
         Args:
-            model: name of the mechanism.
-            time: characteristic time of its motion [s].
+            time: characteristic time of the mechanism's motion [s].
             made: as :meth:`engine` makes it.
         """
         in_library = model in self._problems and find_benchmark(model) is not None
@@ -414,26 +394,13 @@ class Study:
 
 
 def one_end(duration: float | None, until: str | float | None) -> str | float | None:
-    """The end of a compared motion, from either way of saying it.
-
-    Raises:
-        InputError: both are given.
-    """
+    """The end of a compared motion, from either way of saying it; InputError: both are given."""
     if duration is not None and until is not None:
         raise InputError(
             f"duration = {duration!r} s and until = {until!r} both name the end; "
             "leave one of them out."
         )
     return until if duration is None else duration
-
-
-def _unique(names: Iterable[Any]) -> list[Any]:
-    """Each once, in their order; mechanisms cannot be hashed."""
-    unique: list[Any] = []
-    for name in names:
-        if name not in unique:
-            unique.append(name)
-    return unique
 
 
 @dataclass

@@ -15,7 +15,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from contextlib import suppress
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Literal, Self
 
@@ -72,13 +73,9 @@ class Need:
         Raises:
             InputError: it is not a positive finite number.
         """
-        text = str(given).strip()
-        try:
-            if isinstance(given, bool):
-                raise ValueError
-            value = float(text.removesuffix("%"))
-        except ValueError:
-            value = math.nan
+        text, value = str(given).strip(), math.nan
+        with suppress(ValueError):
+            value = math.nan if isinstance(given, bool) else float(text.removesuffix("%"))
         if not (math.isfinite(value) and value > 0):
             shown = text if len(text) <= 60 else f"{text[:57]}..."
             raise InputError(
@@ -136,11 +133,7 @@ class Needs:
         return self.by_quantity.get((metric.name, metric.subject), of_all)
 
     def refuse_what_only_files_tell(self) -> None:
-        """Refuse a tolerance that no run of an engine would be held to.
-
-        Raises:
-            InputError: the sentence names it.
-        """
+        """Raises InputError for a tolerance that no run of an engine would be held to."""
         for metric, _ in self.by_quantity:
             if QUANTITIES[metric].of_files:
                 title = QUANTITIES[metric].title
@@ -150,14 +143,10 @@ class Needs:
                 )
 
     def refuse_unknown_subjects(self, mechanisms: tuple[Mechanism, ...]) -> None:
-        """Refuse a subject that the quantity has on no mechanism.
-
-        Raises:
-            InputError: the sentence names it.
-        """
+        """Raises InputError for a subject that the quantity has on no mechanism."""
         for metric, subject in self.by_quantity:
             quantity = QUANTITIES[metric]
-            known = {name for each in mechanisms for name in quantity.subjects(each)}
+            known = {name for machine in mechanisms for name in quantity.subjects(machine)}
             if subject is not None and subject not in known:
                 there, what = "it is of the whole mechanism", "subject"
                 if quantity.of:
@@ -211,11 +200,7 @@ def tolerance_for(
     """Engine's own tolerance in plain units; None where none is stated, or it has no step.
 
     Args:
-        engine: its name.
-        preset: of the engine.
-        metric: its name.
         subject: marker, stop or joint that the metric is about; None: none.
-        mechanism: that the engine moves.
         step: of the engine on Table I [s].
         table_one: whether the mechanism is one of Table I (:func:`is_table_one`); ten times as much
             elsewhere.
@@ -224,6 +209,7 @@ def tolerance_for(
     fitting = [each for each in every if each.fits(preset, metric, subject, mechanism)]
     if not fitting or step is None:
         return None
+    # The one of the longest step up to this one, else of the shortest; of several the tightest
     steps = [each.timestep for each in fitting]
     at = max((each for each in steps if each <= step * (1 + 1e-9)), default=min(steps))
     stated = min((each for each in fitting if each.timestep == at), key=lambda each: each.value)
@@ -268,13 +254,27 @@ def _judged(metric: Metric, run: Run, machine: Machine, needs: Needs) -> Metric:
         return metric.model_copy(update={"source": "need"}) if needs.need(metric) else metric
     if quantity.follows is not None:
         return metric.model_copy(update={"follows": quantity.follows})
-    applied = _applied(metric, quantity, run, machine, needs)
+    scales = machine.scales
+    if quantity.invariant and machine.whole_scales is not None:
+        scales = machine.whole_scales
+    scale = quantity.scale_of(scales, metric.subject, machine.mechanism)
+    applied = _applied(metric, quantity, scale, run, machine, needs)
     known = machine.reference_uncertainty
-    uncertainty = known.get(metric_label(metric.name, metric.subject), known.get(metric.name))
-    scale = _scale(metric, quantity, machine)
-    applied = _vouched(applied, uncertainty, DEFAULT * scale)
+    label = metric_label(metric.name, metric.subject)
+    uncertainty = known.get(label, known.get(metric.name))
+    unknown = uncertainty or 0.0
+    # A claim is raised to what the reference vouches for, up to the default.
+    least = REFUSED_BELOW * unknown
+    if applied.source == "claim" and applied.value < least <= DEFAULT * scale:
+        reason = f"{applied.reason}; raised to ten times the reference's uncertainty"
+        applied = AppliedTolerance(least, "claim", reason)
     refused = refusal(metric.name, metric.subject, applied.value, uncertainty)
-    if refused is not None and not _surely_broken(metric, applied.value, uncertainty, scale):
+    # Whether the error is beyond the tolerance by more than the reference can be wrong. An event
+    # that only one of the two has is, unless the reference itself does not know whether it has it.
+    surely_broken = unknown < scale
+    if metric.value is not None:
+        surely_broken = abs(metric.value) > applied.value + REFUSED_BELOW * unknown
+    if refused is not None and not surely_broken:
         return metric.model_copy(update={"note": refused})
     return _held_against(metric, applied, DEFAULT * scale)
 
@@ -282,10 +282,7 @@ def _judged(metric: Metric, run: Run, machine: Machine, needs: Needs) -> Metric:
 def _held_against(metric: Metric, applied: AppliedTolerance, most: float) -> Metric:
     """The metric with its tolerance, widened by what its samples leave unknown.
 
-    It is not judged if only that much can decide.
-
-    Args:
-        most: a claim may be widened up to this.
+    It is not judged if only that much can decide. A claim may be widened up to `most`.
     """
     unknown, value, reason = metric.sampling_error or 0.0, applied.value, applied.reason
     if unknown and metric.value is not None and abs(metric.value) > value:
@@ -302,129 +299,74 @@ def _held_against(metric: Metric, applied: AppliedTolerance, most: float) -> Met
     return metric.model_copy(update=update)
 
 
-def _surely_broken(
-    metric: Metric, tolerance: float, uncertainty: float | None, scale: float
-) -> bool:
-    """Whether the error is beyond the tolerance by more than the reference can be wrong.
-
-    An event that only one of the two has is, unless the reference itself does not know whether it
-    has it.
-    """
-    known = uncertainty or 0.0
-    if metric.value is None:
-        return known < scale
-    return abs(metric.value) > tolerance + REFUSED_BELOW * known
-
-
-def _vouched(applied: AppliedTolerance, uncertainty: float | None, most: float) -> AppliedTolerance:
-    """The tolerance, if a claim raised to what the reference vouches for, up to the default."""
-    least = REFUSED_BELOW * (uncertainty or 0.0)
-    if applied.source != "claim" or not applied.value < least <= most:
-        return applied
-    reason = f"{applied.reason}; raised to ten times the reference's uncertainty"
-    return AppliedTolerance(least, "claim", reason)
-
-
 def _applied(
-    metric: Metric, quantity: MetricKind, run: Run, machine: Machine, needs: Needs
+    metric: Metric, quantity: MetricKind, scale: float, run: Run, machine: Machine, needs: Needs
 ) -> AppliedTolerance:
-    scale, need = _scale(metric, quantity, machine), needs.need(metric)
-    unresolved = _unresolved(metric, run)
+    """The user's need, else the engine's claim, unless the default is tighter."""
+    given, need, unresolved = run.settings.get("timestep"), needs.need(metric), ""
+    step = float(given) if isinstance(given, int | float) else None
+    if metric.name == "impact_time" and step is not None:
+        unresolved = f"; rebounds shorter than {FOLLOWED:g} steps of {step:.3g} s may be missing"
     if need is not None:
         value = need.value * (scale if need.relative else 1.0)
         return AppliedTolerance(value, "need", f"{need.text} was asked for{unresolved}")
-    default = _default(metric, quantity, scale, run, needs.default)
-    default = replace(default, reason=default.reason + unresolved)
-    claim = _claim(metric, quantity, scale, run, machine) if needs.default is None else None
-    if claim is None:
-        return default
-    if claim.value > default.value:
-        reason = f"{default.reason}; the engine's claim is looser: {claim.reason}"
-        return AppliedTolerance(default.value, "default", reason)
-    return claim
-
-
-def _unresolved(metric: Metric, run: Run) -> str:
-    step = _step(run)
-    if metric.name != "impact_time" or step is None:
-        return ""
-    return f"; rebounds shorter than {FOLLOWED:g} steps of {step:.3g} s may be missing"
-
-
-def _scale(metric: Metric, quantity: MetricKind, machine: Machine) -> float:
-    """Scale of the metric; of an invariant, that of the whole motion."""
-    whole = machine.whole_scales if quantity.invariant else None
-    return quantity.scale_of(whole or machine.scales, metric.subject, machine.mechanism)
-
-
-def _default(
-    metric: Metric, quantity: MetricKind, scale: float, run: Run, asked: Need | None
-) -> AppliedTolerance:
-    part = DEFAULT if asked is None else asked.value
+    part = DEFAULT if needs.default is None else needs.default.value
     value, reason = part * scale, f"{100 * part:g} % of {scale:.4g} {metric.unit}, for every engine"
-    step, located = _step(run), engine_class(run.engine).capabilities.located_releases
+    located = engine_class(run.engine).capabilities.located_releases
     located = located and all(run.settings.get(option, True) for option in _LOCATES)
     if quantity.event and step is not None and not located:
         value += step
         reason += ", and the step in which it does not locate an event"
+    reason += unresolved
+    claim = None
+    if needs.default is None and step is not None:
+        claim = _claim(metric, quantity, scale, run, machine, step)
+    if claim is not None and claim.value <= value:
+        return claim
+    if claim is not None:
+        reason += f"; the engine's claim is looser: {claim.reason}"
     return AppliedTolerance(value, "default", reason)
 
 
-def _step(run: Run) -> float | None:
-    given = run.settings.get("timestep")
-    return float(given) if isinstance(given, int | float) else None
-
-
 def _claim(
-    metric: Metric, quantity: MetricKind, scale: float, run: Run, machine: Machine
+    metric: Metric, quantity: MetricKind, scale: float, run: Run, machine: Machine, step: float
 ) -> AppliedTolerance | None:
     """The engine's own, carried from Table I to this machine.
 
     Claims are stated for motions without impacts, loops and further elements, and up to the
     predictability horizon.
     """
-    of, step = (run.engine, run.preset, metric.name, metric.subject, machine.mechanism), _step(run)
     unlike = machine.impacts or machine.mechanism.loop_joints or features_of(machine.mechanism)
     if unlike or (quantity.invariant and machine.whole_scales is not None):
         return None
+    metric_of_run = run.engine, run.preset, metric.name, metric.subject, machine.mechanism
     scales, usual, mechanism = _table_one()
-    if machine.table_one and (machine.stretching <= usual or _to_the_launch(machine)):
-        stated = tolerance_for(*of, step, table_one=True)
+    # Whether no more is judged than the motion that claims are stated for
+    launch = machine.launch_time if machine.thrown == THROWN else None
+    to_the_launch = launch is not None and machine.judged_to <= launch * (1 + 1e-9)
+    if machine.table_one and (machine.stretching <= usual or to_the_launch):
+        stated = tolerance_for(*metric_of_run, step, table_one=True)
         if stated is None:
             return None
-        value = stated.value * _share(stated, metric, machine)
+        value = stated.value
+        if stated.stated.per and metric.subject is not None:
+            start = machine.start_torques.get(metric.subject, 0.0)
+            at_start = stated.stated.per == "start" and start > 0
+            value *= start if at_start else machine.scales.torques[metric.subject]
         return AppliedTolerance(value, "claim", stated.reason)
-    stretched = max(1.0, machine.stretching / usual)
-    stated = tolerance_for(*of, step and step * scales.time / machine.scales.time, table_one=True)
+    step = step * scales.time / machine.scales.time
+    stated = tolerance_for(*metric_of_run, step, table_one=True)
     if stated is None:
         return None
     part = stated.value
     if not stated.stated.per:
-        part /= _stated_scale(quantity, scales, mechanism)
+        # The scale on the machine that claims are stated for is that of its least closed stop.
+        closed = [stop.name for stop in mechanism.stops if stop.closed]
+        stop = min(closed, key=lambda name: scales.torques[name])
+        part /= quantity.scale_of(scales, stop, mechanism)
+    growth = max(1.0, machine.stretching / usual)
     reason = (
-        f"{stated.reason} on Table I, to its launch; "
-        f"the same part of the scale, times {_CARRIED * stretched:.3g}"
+        f"{stated.reason} on Table I, to its launch; the same part of the scale, times "
+        f"{_CARRIED * growth:.3g}"
     )
-    return AppliedTolerance(part * scale * _CARRIED * stretched, "claim", reason)
-
-
-def _to_the_launch(machine: Machine) -> bool:
-    """Whether no more is judged than the motion that claims are stated for."""
-    launch = machine.launch_time if machine.thrown == THROWN else None
-    return launch is not None and machine.judged_to <= launch * (1 + 1e-9)
-
-
-def _share(stated: StatedTolerance, metric: Metric, machine: Machine) -> float:
-    """Torque that a tolerance is stated `per`: the stop's at the start, or its largest; else 1."""
-    if not stated.stated.per or metric.subject is None:
-        return 1.0
-    start = machine.start_torques.get(metric.subject, 0.0)
-    if stated.stated.per == "start" and start > 0:
-        return start
-    return machine.scales.torques[metric.subject]
-
-
-def _stated_scale(quantity: MetricKind, scales: Scales, mechanism: Mechanism) -> float:
-    """Scale of a metric on the machine that claims are stated for, by its least closed stop."""
-    closed = [stop.name for stop in mechanism.stops if stop.closed]
-    return quantity.scale_of(scales, min(closed, key=lambda name: scales.torques[name]), mechanism)
+    return AppliedTolerance(part * scale * _CARRIED * growth, "claim", reason)

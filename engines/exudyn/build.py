@@ -19,27 +19,9 @@ from typing import Any
 
 import numpy as np
 
+from ...models import elements
 from ...models.arrays import FloatArray
-from ...models.elements import (
-    FORCE_ELEMENTS,
-    GROUND,
-    JOINTS,
-    STOPS,
-    AnyJoint,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
-    FreeJoint,
-    PinJoint,
-    PointStop,
-    PrismaticJoint,
-    RotationalSpringDamper,
-    SlotJoint,
-    SpringDamper,
-    Stop,
-    WeldJoint,
-)
+from ...models.elements import ELEMENTS, GROUND, AnyJoint, ElementTable
 from ...models.errors import UnsupportedProblemError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Marker, Mechanism
@@ -57,7 +39,6 @@ from .read import (
     exu,
     on_joint,
     on_wall,
-    rest_displacement,
 )
 from .solver import DEPENDENT, LoopConstraints
 
@@ -125,12 +106,10 @@ def build(
     )
     builder = _Builder(system)
     builder.add_bodies()
-    for joint in mechanism.joints:
-        JOINT_BUILDERS[joint](builder, joint)
-    for element in mechanism.force_elements:
-        FORCE_BUILDERS[element](builder, element)
+    for element in (*mechanism.joints, *mechanism.force_elements):
+        BUILDERS[element](builder, element)
     for stop in mechanism.stops:
-        add_stop = STOP_BUILDERS[stop]
+        add_stop = BUILDERS[stop]
         acts = stop.name in springs if springs else stop.closed or law is StopLaw.UNILATERAL
         if acts:
             add_stop(builder, stop)
@@ -285,23 +264,23 @@ class _Builder:
 
     # Joints.
 
-    def add_free(self, joint: FreeJoint) -> None:
+    def add_free(self, joint: elements.FreeJoint) -> None:
         """Add the sensors of a joint that holds nothing."""
         self._observe_relative(on_joint(joint))
 
-    def add_pin(self, joint: PinJoint | WeldJoint) -> None:
+    def add_pin(self, joint: elements.PinJoint | elements.WeldJoint) -> None:
         """Add a revolute joint."""
         item = items.ObjectJointRevolute2D(markerNumbers=self._frames(joint))
         self._connect(item, "joint", joint.name, "Force", "Displacement")
 
-    def add_weld(self, joint: WeldJoint) -> None:
+    def add_weld(self, joint: elements.WeldJoint) -> None:
         """Add a revolute joint and a constraint that holds the angle it has at the start."""
         self.add_pin(joint)
         if joint.name not in self.system.left_out:
             rotations = self._rotations(joint.parent, joint.child)
             self.main.AddObject(items.ObjectConnectorCoordinate(markerNumbers=rotations))
 
-    def add_slot(self, joint: SlotJoint | PrismaticJoint) -> None:
+    def add_slot(self, joint: elements.SlotJoint | elements.PrismaticJoint) -> None:
         """Add a prismatic joint, which leaves the rotation free unless the joint holds it."""
         self._observe_relative(on_joint(joint))
         (normal,) = map(complex, joint.held_directions)
@@ -331,7 +310,7 @@ class _Builder:
 
     # Force elements.
 
-    def add_force(self, element: ConstantForce) -> None:
+    def add_force(self, element: elements.ConstantForce) -> None:
         """Add the load of a constant force, whose direction does not turn with the body."""
         load = items.LoadForceVector(
             markerNumber=self._frame(element.body, element.point),
@@ -340,7 +319,7 @@ class _Builder:
         )
         self.main.AddLoad(load)
 
-    def add_torque(self, element: ConstantTorque) -> None:
+    def add_torque(self, element: elements.ConstantTorque) -> None:
         """Add the loads of a constant torque on its two bodies; Exudyn's are anticlockwise."""
         for body, sense in zip(element.bodies, (1, -1), strict=True):
             load = items.LoadTorqueVector(
@@ -349,7 +328,7 @@ class _Builder:
             )
             self.main.AddLoad(load)
 
-    def add_point_spring(self, spring: SpringDamper) -> None:
+    def add_point_spring(self, spring: elements.SpringDamper) -> None:
         """Add a spring between points; without rest length and damping they may meet."""
         other_end = self._frame(spring.relative_to, spring.relative_point)
         markers = [other_end, self._frame(spring.body, spring.point)]
@@ -365,12 +344,13 @@ class _Builder:
                 markerNumbers=markers, stiffness=[spring.stiffness] * 2 + [0.0]
             )
         self._connect(item, "spring", spring.name, "Distance")
+        self.system.rests[spring.name] = "Distance", spring.rest_length
 
-    def add_rotational_spring(self, spring: RotationalSpringDamper) -> None:
+    def add_rotational_spring(self, spring: elements.RotationalSpringDamper) -> None:
         """Add a spring between two rotations: full turns count."""
         self._add_torsion(spring, damping=spring.damping)
 
-    def add_cubic_spring(self, spring: CubicTorsionSpring) -> None:
+    def add_cubic_spring(self, spring: elements.CubicTorsionSpring) -> None:
         """Add a spring between two rotations whose torque is a user function in Python."""
         cubic_stiffness = spring.cubic_stiffness
 
@@ -383,19 +363,23 @@ class _Builder:
         self._add_torsion(spring, springForceUserFunction=torque)
 
     def _add_torsion(
-        self, spring: RotationalSpringDamper | CubicTorsionSpring, **fields: Any
+        self, spring: elements.RotationalSpringDamper | elements.CubicTorsionSpring, **fields: Any
     ) -> None:
+        angle = Kinematics(self.mechanism).angle(spring.body, spring.relative_to)
+        # Displacements count from the start, anticlockwise.
+        rest = float(angle.value(np.array(self.mechanism.start))) - spring.rest_angle
         item = items.ObjectConnectorCoordinateSpringDamper(
             markerNumbers=self._rotations(spring.relative_to, spring.body),
             stiffness=spring.stiffness,
-            offset=rest_displacement(spring, self.mechanism),
+            offset=rest,
             **fields,
         )
         self._connect(item, "spring", spring.name, "Displacement")
+        self.system.rests[spring.name] = "Displacement", rest
 
     # Stops.
 
-    def add_angle_limit(self, stop: Stop) -> None:
+    def add_angle_limit(self, stop: elements.Stop) -> None:
         """Add a constraint, or a spring, between two rotations."""
         limit = AngleLimit(stop, self.system.springs.get(stop.name))
         markers = self._rotations(stop.relative_to, stop.body)
@@ -413,7 +397,7 @@ class _Builder:
             item = items.ObjectConnectorCoordinate(markerNumbers=markers, offset=stop.sense * gap)
         self._add_stop(limit, item)
 
-    def add_point_contact(self, stop: PointStop) -> None:
+    def add_point_contact(self, stop: elements.PointStop) -> None:
         """Add a point on a line, or a spring across that."""
         contact = LineContact(stop, self.system.springs.get(stop.name))
         self._observe_relative(on_wall(stop), "Acceleration")
@@ -443,30 +427,21 @@ def _spring_fields(spring: Spring, sense: int, markers: list[int]) -> dict[str, 
     }
 
 
-_Add = Callable[[_Builder, Any], None]
-
-JOINT_BUILDERS: ElementTable[_Add] = ElementTable(
+BUILDERS: ElementTable[Callable[[_Builder, Any], None]] = ElementTable(
     "exudyn",
-    JOINTS,
+    ELEMENTS,
     {
-        PinJoint: _Builder.add_pin,
-        WeldJoint: _Builder.add_weld,
-        SlotJoint: _Builder.add_slot,
-        PrismaticJoint: _Builder.add_slot,
-        FreeJoint: _Builder.add_free,
-    },
-)
-STOP_BUILDERS: ElementTable[_Add] = ElementTable(
-    "exudyn", STOPS, {Stop: _Builder.add_angle_limit, PointStop: _Builder.add_point_contact}
-)
-FORCE_BUILDERS: ElementTable[_Add] = ElementTable(
-    "exudyn",
-    FORCE_ELEMENTS,
-    {
-        SpringDamper: _Builder.add_point_spring,
-        RotationalSpringDamper: _Builder.add_rotational_spring,
-        CubicTorsionSpring: _Builder.add_cubic_spring,
-        ConstantForce: _Builder.add_force,
-        ConstantTorque: _Builder.add_torque,
+        elements.PinJoint: _Builder.add_pin,
+        elements.WeldJoint: _Builder.add_weld,
+        elements.SlotJoint: _Builder.add_slot,
+        elements.PrismaticJoint: _Builder.add_slot,
+        elements.FreeJoint: _Builder.add_free,
+        elements.Stop: _Builder.add_angle_limit,
+        elements.PointStop: _Builder.add_point_contact,
+        elements.SpringDamper: _Builder.add_point_spring,
+        elements.RotationalSpringDamper: _Builder.add_rotational_spring,
+        elements.CubicTorsionSpring: _Builder.add_cubic_spring,
+        elements.ConstantForce: _Builder.add_force,
+        elements.ConstantTorque: _Builder.add_torque,
     },
 )

@@ -84,15 +84,17 @@ class _Inspector:
                 )
         jacobian = self.bodies.jacobian(state.q)
         displacements = self.bodies.placed(state.q) - reference
-        solved = state_matrices.solve(displacements, jacobian @ state.u, state.closed)
+        accelerations, multipliers = state_matrices.solve(
+            displacements, jacobian @ state.u, state.closed
+        )
         # Now of this state, without the stops' springs.
         mass, forces = state_matrices.mass(), state_matrices.forces()
 
         # Exudyn's outputs follow from the solution in its system data.
         data, current = self.system.main.systemData, exu.ConfigurationType.Current
-        data.SetODE2Coordinates_tt(solved.accelerations, current)
+        data.SetODE2Coordinates_tt(accelerations, current)
         self.system.set_active(state.closed)
-        state_matrices.set_multipliers(state.closed, solved.stops)
+        state_matrices.set_multipliers(state.closed, multipliers)
         row = self.solver.row(0.0)
         centres = self._places(row).reshape(-1, 3)[:, :2]
         constraints = self.system.constraints

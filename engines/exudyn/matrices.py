@@ -32,18 +32,6 @@ _WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
 _TURN = 0.03
 
 
-@dataclass(frozen=True)
-class Solved:
-    """Accelerations and multipliers under the joints and some active stops."""
-
-    accelerations: FloatArray
-    """z'' [m/s^2, rad/s^2], shape (3 n_bodies,)."""
-    joints: FloatArray
-    """Multipliers of the joints' constraints [N]."""
-    stops: FloatArray
-    """Multipliers of the active stops [N m, N], in the order they were given; Exudyn's sign."""
-
-
 @contextmanager
 def matrices(system: System) -> Generator[Matrices]:
     """Exudyn's solver, opened on a system at its start.
@@ -106,8 +94,13 @@ class Matrices:
         self.system.preload(name, size)
         return -self.system.constraints[name].sense * (self.forces() - unloaded) / size
 
-    def solve(self, coordinates: FloatArray, rates: FloatArray, active: Contacts) -> Solved:
-        """Accelerations and multipliers at a state."""
+    def solve(
+        self, coordinates: FloatArray, rates: FloatArray, active: Contacts
+    ) -> tuple[FloatArray, FloatArray]:
+        """Accelerations at a state [m/s^2, rad/s^2], and multipliers of the active stops [N m, N].
+
+        The accelerations z'' are of shape (3 n_bodies,); the multipliers have Exudyn's sign.
+        """
         fastest = float(np.abs(rates[2::3]).max())
         # Without turning G is linear in the motion at most.
         step = _TURN / fastest if fastest > 0 else 1.0
@@ -122,8 +115,7 @@ class Matrices:
         jacobian = self.jacobian(active)
         self.system.set_active(())
         accelerations, multipliers = solve_constrained(self.mass(), jacobian, self.forces(), -gamma)
-        n_joints = len(multipliers) - len(active)
-        return Solved(accelerations, multipliers[:n_joints], multipliers[n_joints:])
+        return accelerations, multipliers[len(multipliers) - len(active) :]
 
     def set_multipliers(self, active: Contacts, stops: FloatArray) -> None:
         """Make Exudyn's outputs those of active stops with these multipliers."""

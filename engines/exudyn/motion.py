@@ -308,7 +308,7 @@ class ExudynMotion:
         return self.held
 
     def _pushing(self, touching: Contacts) -> Contacts:
-        """Which of the touching stops push while the others open."""
+        """The touching stops that push while the others open."""
         free = self.solver.balance(self.now, ())
         least = {name: -_HELD * abs(self._opening(name, free)) for name in touching}
 

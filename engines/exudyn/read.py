@@ -14,20 +14,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ...models import elements
 from ...models.arrays import ComplexArray, FloatArray
-from ...models.elements import (
-    FORCE_ELEMENTS,
-    GROUND,
-    AnyJoint,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
-    PointStop,
-    RotationalSpringDamper,
-    SpringDamper,
-    Stop,
-)
+from ...models.elements import FORCE_ELEMENTS, GROUND, AnyJoint, ElementTable
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Marker, Mechanism
 from ...models.spec import Vector
@@ -113,7 +102,7 @@ def on_joint(joint: AnyJoint) -> RelativePoint:
     return RelativePoint(child, "joint", joint.parent, joint.parent_point)
 
 
-def on_wall(stop: PointStop) -> RelativePoint:
+def on_wall(stop: elements.PointStop) -> RelativePoint:
     """The point of a stop from the origin of the wall's frame, in that."""
     point = Marker(name=stop.name, body=stop.body, point=stop.point)
     return RelativePoint(point, "stop", stop.relative_to, (0.0, 0.0))
@@ -149,7 +138,7 @@ class AngleLimit:
     force_sensor: ClassVar[str] = "Force"
     """Exudyn's name of the connector's force."""
 
-    stop: Stop
+    stop: elements.Stop
     spring: Spring | None
 
     @property
@@ -196,7 +185,7 @@ class LineContact:
     force_sensor: ClassVar[str] = "ForceLocal"
     sense: ClassVar[int] = 1
 
-    stop: PointStop
+    stop: elements.PointStop
     spring: Spring | None
 
     def torque(self, values: Values) -> FloatArray:
@@ -254,17 +243,24 @@ class System:
     bodies: dict[str, int] = field(default_factory=dict[str, int])
     stops: dict[str, int] = field(default_factory=dict[str, int])
     """Items of the stops: all under the unilateral law, else those that touch at the start."""
-    constraints: dict[str, UnilateralConstraint] = field(
-        default_factory=dict[str, UnilateralConstraint]
-    )
+    constraints: dict[str, UnilateralConstraint] = field(default_factory=dict[str, Any])
     """Connectors and sensors of the same stops."""
     springs: Mapping[str, Spring] = field(default_factory=dict[str, Spring])
     """Stops that are springs; empty where they are constraints."""
+    rests: dict[str, tuple[str, float]] = field(default_factory=dict[str, tuple[str, float]])
+    """Springs of the mechanism: output of the connector, and its value at rest [m, rad]."""
     sensors: dict[SensorKey, int] = field(default_factory=dict[SensorKey, int])
     left_out: frozenset[str] = frozenset()
     """Loop joints whose held angle is not built, because it follows from the other conditions."""
     redundant: bool = False
     """Whether conditions of the loops, as they are built, follow from others at the start."""
+
+    def stretch(self, element: str, values: Values) -> FloatArray:
+        """Stretch of a spring by its connector [m, rad], shape (n,); zero if it is no spring."""
+        if element not in self.rests:
+            return np.zeros(1)
+        variable, rest = self.rests[element]
+        return values(("spring", element, variable))[:, 0] - rest
 
     def torque(self, stop: str) -> float:
         """Torque (or force) of a stop at the current state [N m, N]."""
@@ -304,46 +300,30 @@ class System:
         return [point[0] - centre[0], point[1] - centre[1], 0.0]
 
 
-def rest_displacement(
-    spring: RotationalSpringDamper | CubicTorsionSpring, mechanism: Mechanism
-) -> float:
-    """Displacement at the rest angle [rad]: anticlockwise as Exudyn's rotations, from the start."""
-    angle = Kinematics(mechanism).angle(spring.body, spring.relative_to)
-    return float(angle.value(np.array(mechanism.start))) - spring.rest_angle
+def _quadratic_energy(spring: Any, stretch: FloatArray) -> FloatArray:
+    return 0.5 * spring.stiffness * stretch**2
 
 
-def _point_spring_energy(spring: SpringDamper, _: Mechanism, values: Values) -> FloatArray:
-    distance = values(("spring", spring.name, "Distance"))[:, 0]
-    return 0.5 * spring.stiffness * (distance - spring.rest_length) ** 2
+def _cubic_spring_energy(spring: elements.CubicTorsionSpring, stretch: FloatArray) -> FloatArray:
+    return _quadratic_energy(spring, stretch) + spring.cubic_stiffness * (0.25 * stretch**4)
 
 
-def _rotational_spring_energy(
-    spring: RotationalSpringDamper | CubicTorsionSpring, mechanism: Mechanism, values: Values
-) -> FloatArray:
-    displacement = values(("spring", spring.name, "Displacement"))[:, 0]
-    stretch = displacement - rest_displacement(spring, mechanism)
-    quadratic = 0.5 * spring.stiffness * stretch**2
-    if spring.kind == "rotational-spring-damper":
-        return quadratic
-    return quadratic + spring.cubic_stiffness * (0.25 * stretch**4)
+def _no_energy(_: Any, stretch: FloatArray) -> FloatArray:
+    return np.zeros_like(stretch)
 
 
-def _no_energy(*_: object) -> FloatArray:
-    return np.zeros(1)
-
-
-ENERGIES: ElementTable[Callable[[Any, Mechanism, Values], FloatArray]] = ElementTable(
+ENERGIES: ElementTable[Callable[[Any, FloatArray], FloatArray]] = ElementTable(
     "exudyn's reader",
     FORCE_ELEMENTS,
     {
-        SpringDamper: _point_spring_energy,
-        RotationalSpringDamper: _rotational_spring_energy,
-        CubicTorsionSpring: _rotational_spring_energy,
-        ConstantForce: _no_energy,
-        ConstantTorque: _no_energy,
+        elements.SpringDamper: _quadratic_energy,
+        elements.RotationalSpringDamper: _quadratic_energy,
+        elements.CubicTorsionSpring: _cubic_spring_energy,
+        elements.ConstantForce: _no_energy,
+        elements.ConstantTorque: _no_energy,
     },
 )
-"""Potential energy of a force element by its connector's own distance or displacement [J], (n,)."""
+"""Potential energy of a force element [J] by the stretch of its connector [m, rad], shape (n,)."""
 
 
 def coordinates(mechanism: Mechanism, values: Values, *, speeds: bool = False) -> FloatArray:
@@ -421,7 +401,7 @@ def recording(
     places = [plane("body", body.name, "CoordinatesTotal") for body in mechanism.bodies]
     heights = np.array(places) @ -np.array(mechanism.gravity_direction)
     weight = mechanism.gravity * np.array([body.mass for body in mechanism.bodies]) @ heights
-    springs = sum(ENERGIES[e](e, mechanism, values) for e in mechanism.force_elements)
+    energies = (ENERGIES[e](e, system.stretch(e.name, values)) for e in mechanism.force_elements)
 
     torques = dict[str, FloatArray]()
     for name, release in events.releases.items():
@@ -452,7 +432,7 @@ def recording(
         u=coordinates(mechanism, values, speeds=True),
         markers=markers,
         kinetic_energy=np.sum(kinetic, axis=0),
-        potential_energy=weight + springs,
+        potential_energy=weight + sum(energies),
         stop_torques=torques,
         release_times=events.releases,
         joint_reactions=reactions,

@@ -48,7 +48,7 @@ class Limit:
     constraint: int
     """MuJoCo's type of its constraint rows."""
     range: tuple[float, float]
-    """Of the joint or tendon, before anything was removed [rad]."""
+    """Range of the joint or tendon before anything was removed [rad]."""
 
     def remove(self) -> None:
         """Remove the limit from the model; the other end of the range stays."""
@@ -118,11 +118,11 @@ class PointContact:
 
     model: Any
     index: int
-    """Of the pair of geoms."""
+    """Number of the pair of geoms."""
     geoms: tuple[int, int]
     """Wall and sphere in MuJoCo's order: a plane before the sphere, the sphere before a box."""
     margin: float
-    """Of the pair, before anything was removed [m]."""
+    """Margin of the pair before anything was removed [m]."""
 
     def remove(self) -> None:
         """Set the margin so low that the sphere never comes within it."""
@@ -205,8 +205,7 @@ def stop_constraints(mechanism: Mechanism, model: Any) -> dict[str, UnilateralCo
     return {stop.name: _STOPS[stop](model, names, stop) for stop in mechanism.stops}
 
 
-def stop_contacts(mechanism: Mechanism, model: Any) -> list[PointContact]:
-    """The contacts of the stops on points."""
+def _point_stops(mechanism: Mechanism, model: Any) -> list[PointContact]:
     names = mjcf_names(mechanism)
     return [_contact(model, names[stop.name]) for stop in mechanism.point_stops]
 
@@ -263,7 +262,7 @@ def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
     )
     model.pair_solref[:], model.pair_solimp[:] = of_points, options.solimp
     model.eq_solref[:], model.eq_solimp[:] = of_points, options.solimp
-    for contact in stop_contacts(mechanism, model):
+    for contact in _point_stops(mechanism, model):
         if options.moving_points or options.preload:  # the correction acts
             model.pair_margin[contact.index] = felt_from(mechanism, options.timestep)
         else:  # the MJCF's margin is the rounding error at the mechanism's size
@@ -277,7 +276,7 @@ def correction_of(
     """The correction of contacts and equalities; with stock options it does nothing."""
     if not (options.moving_points or options.preload) or not (model.npair or model.neq):
         return ReferenceAccelerationCorrection(model, velocity_term=False)
-    without_margin = {contact.geoms: 0.0 for contact in stop_contacts(mechanism, model)}
+    without_margin = {contact.geoms: 0.0 for contact in _point_stops(mechanism, model)}
     # The solver may lose its last digits in the cost of two walls pressed in.
     to_the_last_digit = options.solver == "Newton" and options.tolerance < np.finfo(float).eps
     between_walls = to_the_last_digit and bool(slot_contacts(mechanism, model))

@@ -19,8 +19,8 @@ class MujocoOptions(EngineOptions):
 
     integrator: Literal["RK4", "Euler", "implicit", "implicitfast", "discrete"] = Field(
         default="RK4",
-        description="MuJoCo's integrator; all but RK4 are of first order, and 'implicit' "
-        "chatters on a limit",
+        description="MuJoCo's integrator; all but RK4 are of first order, and 'implicit' chatters "
+        "on a limit",
     )
     free_substeps: int = Field(
         default=4,
@@ -39,54 +39,48 @@ class MujocoOptions(EngineOptions):
     iterations: int = Field(default=100, ge=1, le=10_000, description="of the solver, at most")
     solref: tuple[Real, Real] | None = Field(
         default=None,
-        description="reference of limits, contacts and equalities: time constant [s] and "
-        "damping ratio if positive, "
-        "-stiffness [1/s^2] and -damping [1/s] if negative; None: scaled with the time step",
+        description="reference of limits, contacts and equalities: time constant [s] and damping "
+        "ratio if positive, -stiffness [1/s^2] and -damping [1/s] if negative; None: scaled with "
+        "the time step",
     )
     solimp: tuple[_Impedance, _Impedance, NonNegative, Real, Real] = Field(
         default=(0.9999, 0.9999, 0.001, 0.5, 2.0),
-        description="impedance of limits, contacts and equalities: d0, d_width, width, "
-        "midpoint, power",
+        description="impedance of limits, contacts and equalities: d0, d_width, width, midpoint, "
+        "power",
     )
     margin: NonNegative = Field(
         default=1e-12,
         le=1e-2,
-        description="nearer than this to its limit, a joint feels it [rad]; 0 misses the start. "
-        "A point feels a wall "
-        "from this times the machine's size [m], or from farther off where points are held exactly",
+        description="nearer than this to its limit, a joint feels it [rad]; 0 misses the start. A "
+        "point feels a wall from this times the machine's size [m], or from farther off where "
+        "points are held exactly",
     )
     locate_releases: bool = Field(
         default=True, description="find a release inside its step, not at the step's end"
     )
     preload: bool = Field(
         default=True,
-        description="press the closed limits in at the start, so that their torques are right "
-        "from t = 0; with "
-        "`moving_points`, make up for the softness of loops at every forward pass",
+        description="press the closed limits in at the start, so that their torques are right from "
+        "t = 0; with `moving_points`, make up for the softness of loops at every forward pass",
     )
     moving_points: bool = Field(
         default=True,
-        description="hold points exactly: with the acceleration that a point has from the "
-        "speeds alone, which MuJoCo "
-        "leaves out of contacts, and the same feedback through all stages of a step",
+        description="hold points exactly: with the acceleration that a point has from the speeds "
+        "alone, which MuJoCo leaves out of contacts, and the same feedback through all stages of a "
+        "step",
     )
     keep_limits: bool = Field(
         default=False,
-        description="leave released and open limits in the model, also under the release-once "
-        "law; stops are then met "
-        "as the springs that MuJoCo's limits are",
+        description="leave released and open limits in the model, also under the release-once law; "
+        "stops are then met as the springs that MuJoCo's limits are",
     )
 
     def in_time_unit(self, unit: float) -> Self:
         """The same options for a model whose unit of time is so many seconds."""
         first, second = self.solref or (0.0, 0.0)
         scaled = (first / unit, second) if first > 0 else (first * unit**2, second * unit)
-        return self.model_copy(
-            update={
-                "timestep": self.timestep / unit,
-                "solref": None if self.solref is None else scaled,
-            }
-        )
+        solref = None if self.solref is None else scaled
+        return self.model_copy(update={"timestep": self.timestep / unit, "solref": solref})
 
 
 def scaled_solref(

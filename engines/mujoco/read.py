@@ -8,19 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from ...models import elements
 from ...models.applied_forces import AppliedForces
 from ...models.arrays import FloatArray
-from ...models.elements import (
-    FORCE_ELEMENTS,
-    GROUND,
-    AnyJoint,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
-    RotationalSpringDamper,
-    SpringDamper,
-)
+from ...models.elements import FORCE_ELEMENTS, GROUND, AnyJoint, ElementTable
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.mjcf.tree import hinge_chain, slide_joints
@@ -75,12 +66,12 @@ TAKEN_OFF: ElementTable[Callable[[], bool]] = ElementTable(
     "MuJoCo's joint reactions",
     FORCE_ELEMENTS,
     {
-        SpringDamper: counts_tendons_in_reactions,
-        ConstantForce: lambda: False,  # actuators are not
+        elements.SpringDamper: counts_tendons_in_reactions,
+        elements.ConstantForce: lambda: False,  # actuators are not
         # Torques have no force to be taken off.
-        RotationalSpringDamper: lambda: True,
-        CubicTorsionSpring: lambda: True,
-        ConstantTorque: lambda: True,
+        elements.RotationalSpringDamper: lambda: True,
+        elements.CubicTorsionSpring: lambda: True,
+        elements.ConstantTorque: lambda: True,
     },
 )
 """Whether a `force` sensor takes off what an element does to the bodies beyond its joint."""

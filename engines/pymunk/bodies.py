@@ -281,11 +281,7 @@ class Assembly:
 
 
 def parts_of(mechanism: Mechanism, pivot_mass: float) -> list[BodyPart]:
-    """Parts in the order of the bodies.
-
-    Args:
-        mechanism: without welds in its tree; its start is where the parts are put.
-        pivot_mass: as the engine's option.
+    """Parts in the order of the bodies of a mechanism without welds in its tree, at its start.
 
     Raises:
         UnsupportedProblemError: a body has no inertia and is no bob.
@@ -342,7 +338,7 @@ def _is_bob(mechanism: Mechanism, body: str, mass: LumpedMass) -> bool:
     guides |= any(wall.relative_to == body for wall in walls)
     if guides or not is_pin(joint) or same_point(mass.centre, complex(*joint.child_point)):
         return False
-    # points of the body at which loop joints and stops act on it.
+    # Points of the body at which loop joints and stops act on it.
     ends = [(loop.parent, loop.parent_point) for loop in loops]
     ends += [(loop.child, loop.child_point) for loop in loops]
     ends += [(wall.body, wall.point) for wall in walls]
@@ -365,10 +361,7 @@ def _with_inertia(
 ) -> LumpedMass:
     """Mass of a turning body: a point mass gets an inertia by mass at its pin.
 
-    Its parent among `masses` lends it, or the ground.
-
-    Raises:
-        UnsupportedProblemError: there is no pin, or nobody to lend.
+    Its parent among `masses` lends it, or the ground; it is refused if neither can.
     """
     pin, at = complex(*joint.child_point), complex(*joint.parent_point)
     if is_pin(joint) and joint.parent == GROUND:
@@ -378,7 +371,7 @@ def _with_inertia(
         mass = LumpedMass(mass.mass * factor, pin + arm / factor, inertia)
     elif is_pin(joint) and mass.inertia <= 0 and not same_point(mass.centre, pin):
         parent = masses[joint.parent]
-        # all that can be taken away from the parent there: then the inertia of the rest is 0.
+        # All that can be taken away from the parent there: then the inertia of the rest is 0.
         spare = parent.mass
         if not (same_point(at, parent.centre) or math.isinf(parent.inertia)):
             about = parent.inertia + parent.mass * abs(at - parent.centre) ** 2

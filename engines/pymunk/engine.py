@@ -65,16 +65,11 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
     @property
     def supplied(self) -> Supplied:
         """Stops as joints that come and go; forces, of which Chipmunk tells magnitudes alone."""
-        return {
-            Part.EVENTS: "",
-            Part.ELEMENTS: "dampers and constant forces",
-            Part.REACTIONS: "",
-            Part.TORQUES: "",
-        }
+        elements = "dampers and constant forces"
+        return {Part.EVENTS: "", Part.ELEMENTS: elements, Part.REACTIONS: "", Part.TORQUES: ""}
 
     def _run(self, problem: Problem) -> Recording:
-        # Here and not above: a class must tell that its library is missing, not fail to load.
-        from .motion import run
+        from .motion import run  # loads pymunk, which may be missing
 
         return units_of(problem.mechanism).run(run, problem, self)
 

@@ -55,10 +55,7 @@ class CorrectedRod(ABC):
     Chipmunk corrects the distance along the line between the ends. Because the ends also move
     across the line and on arcs, the rod is longer by s = O(h^2) at the end of the step. A target
     distance that is shorter by s, extrapolated from the last two steps, leaves an error of O(h^4),
-    as SHAKE would. It takes no force into account.
-
-    Args:
-        offsets: of the bodies in a row, by identity; the ground has none.
+    as SHAKE would. It takes no force into account. Bodies have their offsets in a row by identity.
     """
 
     def __init__(self, rod: Rod, offsets: Mapping[int, int], h: float) -> None:
@@ -82,7 +79,7 @@ class CorrectedRod(ABC):
 
     def aim(self, row: Row) -> None:
         """Correct the next step, from the state after this one."""
-        # this state's velocities fix the stretch s of the next step; the increment in it acts on
+        # This state's velocities fix the stretch s of the next step; the increment in it acts on
         # the step after, whose stretch is extrapolated from this one and the last.
         s = self._stretch(row, self._h)
         self.joint.distance = self._length - (2.0 * s - self._last)
@@ -146,7 +143,7 @@ class SlidingRod(CorrectedRod):
         return self._end_a + along * self._axis
 
     def _stretch(self, row: Row, h: float) -> float:
-        # with n across the line, d from anchor to point and the line's rotation e: Re(conj(e n) d)
+        # With n across the line, d from anchor to point and the line's rotation e: Re(conj(e n) d)
         # after the step.
         a, b = self._a, self._b
         normal = 1j * self._axis * _turned(row, a, 0.0)
@@ -282,8 +279,8 @@ class Stepper:
         self.rows = [self._read()]
         self._half = self.rows[0]
         if moves:
-            # half an increment misses the rods' lengths by O(h^3) where forces change at the start.
-            # to undo that in the step after would be an error of O(h) in the forces, so the
+            # Half an increment misses the rods' lengths by O(h^3) where forces change at the start.
+            # To undo that in the step after would be an error of O(h) in the forces, so the
             # velocities of the first step get what makes it end at those lengths.
             for joint in (*self._corrected, *pivots):
                 joint.meet(self._half)
@@ -291,7 +288,7 @@ class Stepper:
             for pivot in pivots:
                 pivot.begin(self._half)
             self.rows = [self._read()]
-        # one step before the start, by the first velocity increment backwards.
+        # One step before the start, by the first velocity increment backwards.
         earlier = self._before_start()
         bodies = earlier.reshape(-1, _WIDTH)
         bodies[:, :3] -= self.h * bodies[:, 3:]
@@ -305,7 +302,7 @@ class Stepper:
         increment, passes = self.assembly.rates - before, iterations
         rounding = _LAST_BITS * max(abs(complex(*position)) for position, _ in places) / h
         while settle and passes <= _MOST_START_PASSES:
-            # the step is repeated from the same state, and starts with the impulses found so far.
+            # The step is repeated from the same state, and starts with the impulses found so far.
             _step_to(self.assembly, places, before, h, passes)
             last, increment = increment, self.assembly.rates - before
             if np.abs(increment - last).max() <= max(STARTED * np.abs(increment).max(), rounding):
@@ -317,8 +314,7 @@ class Stepper:
         """Take some steps; a row each.
 
         Raises:
-            SimulationError: the ends of a rod meet, or numbers are not finite: the impulses did not
-                converge.
+            SimulationError: ends of a rod meet, or numbers are not finite: impulses diverged.
         """
         self._space.iterations = iterations
         try:
@@ -361,7 +357,7 @@ class Stepper:
         rows = by_body(self.rows[max(first - 1, 0) : None if last is None else last + 1])
         before, after, places = rows[:-1], rows[1:], rows[1:]
         if first == 0:
-            # the start's increment is the one found there, continued backwards.
+            # The start's increment is the one found there, continued backwards.
             start = by_body(np.array([self._before_start(), self._half]))
             before, after = np.concatenate([start[:1], before]), np.concatenate([start[1:], after])
             places = rows
@@ -421,8 +417,7 @@ def settled_increment(assembly: Assembly) -> FloatArray:
     The rates are those before afterwards; shape (n_bodies, 3).
 
     Raises:
-        SimulationError: the impulses do not converge: masses differ too much, or constraints are
-            nearly parallel.
+        SimulationError: the impulses do not converge.
     """
     before, places = assembly.rates, _places(assembly)
     # A joint's error has the rounding of its ends' positions, however small the accelerations are.
@@ -430,14 +425,14 @@ def settled_increment(assembly: Assembly) -> FloatArray:
     needed, taken = convergence(assembly).passes_to(_SETTLED), 0
     increment, change, enough = np.full_like(before, np.inf), math.inf, _ENOUGH
     for doublings in range(_ROUNDS):
-        # the step is repeated from the same state, and starts with the impulses found so far.
+        # The step is repeated from the same state, and starts with the impulses found so far.
         passes = _FIRST_PASSES * 2**doublings
         _step_to(assembly, places, before, STEP, passes)
         taken += passes
         last, increment = increment, assembly.rates - before
         size, previous = max(float(np.abs(increment).max()), reach), change
         difference = float(np.abs(increment - last).max())
-        # at rest at the origin nothing has a size.
+        # At rest at the origin nothing has a size.
         change = difference / size if size > 0 else difference
         enough = _MOST if taken >= needed else _ENOUGH
         if change <= _SETTLED or ((previous < change or taken >= needed) and change <= enough):

@@ -61,15 +61,14 @@ def run(problem: Problem, options: PymunkOptions) -> Recording:
     Raises:
         UnsupportedProblemError: the mechanism has a part that has no counterpart here, or under the
             release-once law starts with a closed stop whose gap changes.
-        SimulationError: impacts follow each other without an end, or their impulses do not
-            converge.
+        SimulationError: impacts do not end, or impulses do not converge.
     """
     motion = PymunkMotion(problem, options)
     return EventDriver(problem, motion, "pymunk", impacts=motion.unilateral).run()
 
 
 def _placed(mechanism: Mechanism, q: FloatArray, u: FloatArray) -> Mechanism:
-    # not validated: gaps are zero to rounding only, and stops keep the word on whether they are
+    # Not validated: gaps are zero to rounding only, and stops keep the word on whether they are
     # closed at the start, which decides on the bodies.
     return mechanism.model_copy(
         update={"start": tuple(q.tolist()), "start_speeds": tuple(u.tolist())}
@@ -106,10 +105,10 @@ def _active_at_start(mechanism: Mechanism, h: float, pivot_mass: float) -> Conta
         stepper = Stepper(assembly, h, hold_lengths=True)
         stepper.start(_TRIAL_ITERATIONS, leapfrog=True, settle=bool(mechanism.loop_joints))
         reading = MotionReading(assembly, stepper.samples(0))
-        forces = forces_of(reading, tuple(assembly.stops)).torques
+        _, forces = forces_of(reading, tuple(assembly.stops))
         torques = {name: float(torque[0]) for name, torque in forces.items()}
         least = -_ROUNDING * max(map(abs, torques.values()), default=0.0)
-        # largest acceleration of a gap by the unit torque or force of its own stop, in the tree.
+        # Largest acceleration of a gap by the unit torque or force of its own stop, in the tree.
         rows = np.array([kinematics.gap_jacobian(name, q) for name in touching])
         moved = np.linalg.pinv(mass_matrix(kinematics, q[None])[0]) @ rows.T
         rounding = least * float(np.max(np.sum(rows.T * moved, axis=0), initial=0.0))
@@ -149,31 +148,26 @@ class SteppedSegment:
         self._impulses: dict[str, float] = {}
         self._grown = 1.0
         """Growth of the slowest mode's error since passes were last enough to let it decay."""
-        # the first sample, and without the leapfrog the first step.
-        stepper, closed = self.stepper, self._checks_passes
-        passes = self._passes(self._convergence(*initial_state(mechanism)) if closed else None)
-        # stops that meet the joints as well as a trebuchet's do start with the option's passes.
-        settle = closed and (bool(mechanism.loop_joints) or passes > self.options.iterations)
-        stepper.start(max(self.options.start_iterations, passes), self.options.leapfrog, settle)
-        if not self.options.leapfrog:
-            # the first step has no impulses to start from; a leapfrog has found them at the start.
-            stepper.run(1, self.options.start_iterations)
+        # The first sample, and without the leapfrog the first step.
+        stepper, closed, passes = self.stepper, self._checks_passes, options.iterations
+        if closed:
+            _, passes = self._convergence(*initial_state(mechanism))
+        # Stops that meet the joints as well as a trebuchet's do start with the option's passes.
+        settle = closed and (bool(mechanism.loop_joints) or passes > options.iterations)
+        stepper.start(max(options.start_iterations, passes), options.leapfrog, settle)
+        if not options.leapfrog:
+            # The first step has no impulses to start from; a leapfrog has found them at the start.
+            stepper.run(1, options.start_iterations)
             self._release_before_next(1)
 
     def advance(self, last: int) -> None:
-        """Step to a sample.
-
-        Raises:
-            SimulationError: loops are so nearly rigid or singular that their impulses do not
-                converge.
-        """
+        """Step to a sample; loops whose impulses do not converge are refused."""
         while self._checks_passes and self.stepper.steps < last:
             first = self.stepper.steps
             q, u, _ = self.reading(first, first).motion
-            here = self._convergence(q[0], u[0])
-            passes = self._passes(here)
+            here, passes = self._convergence(q[0], u[0])
             rate = 0.0 if here is None else growth(here.left_after(passes))
-            # singular positions are passed in a few steps, during which impulses need not converge.
+            # Singular positions are passed in a few steps, during which impulses need not converge.
             end = min(last, first + (_CHECKED if rate < 1.0 else 1))
             self._take_steps(end, passes)
             self._refuse_divergence(end, here, passes, rate)
@@ -209,21 +203,21 @@ class SteppedSegment:
     @property
     def _checks_passes(self) -> bool:
         """Whether a step has as many passes as its loops need: if joints keep their lengths."""
-        # an active stop closes a loop as a joint does.
+        # An active stop closes a loop as a joint does.
         closed = bool(self.assembly.mechanism.loop_joints or self.assembly.stops)
         return self.options.hold_lengths and closed
 
-    def _passes(self, here: Convergence | None) -> int:
-        """Passes that a step needs, up to `MOST_PASSES`, and no less than the option says."""
-        needed = 1 if here is None else min(here.passes_to(TRACKED), MOST_PASSES)
-        return max(needed, self.options.iterations)
+    def _convergence(self, q: FloatArray, u: FloatArray) -> tuple[Convergence | None, int]:
+        """Convergence in a state, None where joints are lost, and the passes that a step needs.
 
-    def _convergence(self, q: FloatArray, u: FloatArray) -> Convergence | None:
-        """Convergence in a state, shapes (n_q,); None where the run has lost its joints."""
+        These are `MOST_PASSES` at most, and no less than the option says.
+        """
+        least = self.options.iterations
         if not np.isfinite([q, u]).all():
-            return None
+            return None, least
         there, active = _placed(self.assembly.mechanism, q, u), tuple(self.assembly.stops)
-        return convergence(build(there, active, 0.0, self.options.pivot_mass))
+        here = convergence(build(there, active, 0.0, self.options.pivot_mass))
+        return here, max(least, min(here.passes_to(TRACKED), MOST_PASSES))
 
     def _take_steps(self, last: int, iterations: int) -> None:
         while self.assembly.stops and self.stepper.steps < last:
@@ -233,7 +227,7 @@ class SteppedSegment:
 
     def _release_before_next(self, k: int) -> None:
         """Release the stop whose torque vanishes next, if that is before sample k + 1."""
-        # impulses tell at no cost, but by their size only, whether one may soon be zero.
+        # Impulses tell at no cost, but by their size only, whether one may soon be zero.
         before = self._impulses
         self._impulses = now = {name: joint.impulse for name, joint in self.assembly.stops.items()}
         settled = k >= self.regimes[-1][0] + 3
@@ -242,7 +236,8 @@ class SteppedSegment:
         first = max(min(max(self.regimes[-1][0], k - 2), k - 1), 0)
         reading = MotionReading(self.assembly, self.stepper.samples(first))
         due: dict[str, float] = {}
-        for name, torque in forces_of(reading, tuple(self.assembly.stops)).torques.items():
+        _, torques = forces_of(reading, tuple(self.assembly.stops))
+        for name, torque in torques.items():
             step = 0.0 if torque[-1] <= 0 else None
             if self.options.locate_releases:
                 step = _foreseen(torque)
@@ -265,14 +260,10 @@ class SteppedSegment:
         return MotionReading(self.assembly, self.stepper.samples(first, last), near)
 
     def recording(self, last: int) -> Recording:
-        """The segment up to a sample.
-
-        Raises:
-            SimulationError: impulses that did not converge have separated the bodies although all
-                numbers are finite.
-        """
+        """The segment up to a sample."""
         t, reading = self.times[: last + 1], self.reading(0, last)
         mechanism, gaps = self.assembly.mechanism, reading.gaps()
+        # Impulses that did not converge may have separated bodies although all numbers are finite.
         for name, gap in gaps.items():
             lost = np.flatnonzero(~(gap <= _reach(mechanism)))
             if len(lost):
@@ -284,10 +275,10 @@ class SteppedSegment:
         torques = {stop.name: np.zeros(len(t)) for stop in mechanism.stops}
         ends = [first for first, _ in self.regimes[1:]] + [len(t)]
         for (first, active), end in zip(self.regimes, ends, strict=True):
-            forces = forces_of(reading, active)
+            forces, pushes = forces_of(reading, active)
             for name, reaction in reactions.items():
-                reaction[first:end] = forces.reactions[name][first:end]
-            for name, torque in forces.torques.items():
+                reaction[first:end] = forces[name][first:end]
+            for name, torque in pushes.items():
                 torques[name][first:end] = np.maximum(torque[first:end], 0.0)
         q, u, _ = reading.motion
         kinetic, potential = reading.energies()
@@ -356,7 +347,7 @@ class PymunkMotion:
         too low; those that came to rest because they came back at once all the same."""
         self._recordings: list[Recording] = []
         if self.unilateral:
-            # raises UnsupportedProblemError at once if a stop cannot be enforced, instead of at the
+            # Raises UnsupportedProblemError at once if a stop cannot be enforced, instead of at the
             # first impact.
             placed = _with_closed(self.mechanism, [stop.name for stop in self.mechanism.stops])
             build(placed, (), options.error_bias, options.pivot_mass)
@@ -383,7 +374,7 @@ class PymunkMotion:
         parted = not self._start.stop(event.met).closed
         too_low = event.met not in self._kept and event.sample < _SETTLING_SAMPLES
         if again and parted and too_low:
-            # back before the last impact, for it to be resolved without such a low rebound. Its
+            # Back before the last impact, for it to be resolved without such a low rebound. Its
             # contacts that touch again become plastic; one that was plastic comes to rest.
             assert self._before_impact is not None
             self._state = self._before_impact
@@ -412,41 +403,26 @@ class PymunkMotion:
             q, u, a = segment.reading(first, last, near).motion
             events: list[_ContactEvent] = []
             for stop in self.mechanism.stops:
-                k = self._first_penetration(stop.name, segment, first, q, u, parted)
-                if k is not None:
-                    i = max(k - 1 - first, 0)
-                    state = q[i], u[i], a[i]
-                    events.append(self._located(stop.name, segment, first + i, state, watch))
+                name = stop.name
+                opened = next((k for k, active in segment.regimes if name not in active), None)
+                if opened is None:  # still active
+                    continue
+                gaps = self.kinematics.gap(name, q)
+                speeds = np.sum(self.kinematics.gap_jacobian(name, q) * u, axis=-1)
+                for k in range(max(first, opened), last + 1):
+                    i = k - first
+                    if gaps[i] > 0:
+                        parted.add(name)
+                    settled = name in parted or k >= opened + _SETTLING_SAMPLES
+                    if settled and gaps[i] < 0 and speeds[i] < 0:
+                        i = max(i - 1, 0)
+                        state = q[i], u[i], a[i]
+                        events.append(self._located(name, segment, first + i, state, watch))
+                        break
             if events:
                 event = min(events, key=lambda event: event.time)
                 return event if event.time < segment.ends - SAME_TIME else None
             first, near = last, q[-1]
-        return None
-
-    def _first_penetration(
-        self,
-        name: str,
-        segment: SteppedSegment,
-        first: int,
-        q: FloatArray,
-        u: FloatArray,
-        parted: set[str],
-    ) -> int | None:
-        """The sample before which a contact is met, among those from `first` on.
-
-        Contacts that have a gap are added to `parted`.
-        """
-        opened = next((since for since, active in segment.regimes if name not in active), None)
-        if opened is None:  # still active
-            return None
-        gaps = self.kinematics.gap(name, q)
-        speeds = np.sum(self.kinematics.gap_jacobian(name, q) * u, axis=-1)
-        for k in range(max(first, opened), first + len(q)):
-            gap, speed = float(gaps[k - first]), float(speeds[k - first])
-            if gap > 0:
-                parted.add(name)
-            elif gap < 0 and speed < 0 and (name in parted or k >= opened + _SETTLING_SAMPLES):
-                return k
         return None
 
     def _located(
@@ -523,19 +499,15 @@ def resolve_impact(
     pivot_mass: float,
     held: Collection[str] = (),
 ) -> TrialImpact:
-    """The impact of the contacts that touch.
+    """The impact of the contacts that touch, each with its restitution e.
 
-    Args:
-        placed: the mechanism there, with the speeds before; stops that touch are closed in it.
-        restitution: e of each of them.
-        pivot_mass: as the engine's option.
-        held: those that come to rest even if they have to pull, which is not recorded: forces bring
-            them back to their walls at once.
+    They are closed in the mechanism, which is placed there with the speeds before. Held contacts
+    come to rest even if they have to pull, which is not recorded: forces bring them back to their
+    walls at once. They are left to the others' impact where that contradicts itself.
 
     Raises:
         SimulationError: the impulses do not converge, or no set of contacts takes part.
     """
-    # held contacts are left to the others' impact where that contradicts itself.
     weightless = placed.model_copy(update={"gravity": 0.0, "force_elements": ()})
     attempts: list[tuple[Mapping[str, float], Collection[str]]] = [(restitution, ())]
     if held:
@@ -580,9 +552,9 @@ def _impact_of(
     for name in active:
         _set_target(assembly.stops[name], restitution[name])
     increment = settled_increment(assembly)
-    # impulses by the bodies' change of momentum, and speeds after by their change of velocity.
+    # Impulses by the bodies' change of momentum, and speeds after by their change of velocity.
     assembly.rates = np.zeros_like(increment)
-    torques = forces_of(reading_of(assembly, increment), active).torques
+    _, torques = forces_of(reading_of(assembly, increment), active)
     impulses = dict.fromkeys(restitution, 0.0)
     for name in active:
         impulses[name] = float(torques[name][0])
@@ -605,7 +577,7 @@ def _impact_of(
             continue
         if impulses[name] < least:
             wrong.append(name)
-        # stops whose targets contradict each other meet one of them at most. A gap that is left is
+        # Stops whose targets contradict each other meet one of them at most. A gap that is left is
         # closed in the step, unless the stop's joint was built where its bodies are.
         closed = beyond + float(kinematics.gap(name, q)) / STEP
         if min(abs(beyond), abs(closed)) > rounding:

@@ -24,8 +24,8 @@ class PymunkOptions(EngineOptions):
     )
     error_bias: Annotated[Real, Field(ge=0, le=1)] = Field(
         default=0.0,
-        description="share of a joint's error left after a second; "
-        "0: all of it is undone in a step",
+        description="share of a joint's error left after a second; 0: all of it is undone in a "
+        "step",
     )
     leapfrog: bool = Field(
         default=True,

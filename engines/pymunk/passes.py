@@ -62,7 +62,7 @@ class Convergence:
             power = power @ power
             before, left = left, _norm(power)
             if left <= share:
-                # between two powers the logarithm of what is left is nearly linear in the passes.
+                # Between two powers the logarithm of what is left is nearly linear in the passes.
                 fraction = math.log(share / before) / math.log(max(left, share**2) / before)
                 return math.ceil(passes * (1 + min(fraction, 1.0)))
             passes *= 2
@@ -80,7 +80,7 @@ def convergence(assembly: Assembly) -> Convergence:
     first = {body: 3 * k for k, body in enumerate(assembly.bodies)}
     inverse = [[1 / body.mass, 1 / body.mass, 1 / body.moment] for body in assembly.bodies]
     roots = np.sqrt(np.array(inverse).ravel())
-    # orthonormal columns that span W^(1/2) J^T of each constraint that anything can move against.
+    # Orthonormal columns that span W^(1/2) J^T of each constraint that anything can move against.
     blocks: list[FloatArray] = []
     for joint in assembly.space.constraints:
         rows: list[FloatArray] = []
@@ -118,7 +118,7 @@ def _rates(joint: constraints.Constraint) -> list[_Rates]:
                 for body, anchor in ((a, joint.anchor_a), (b, joint.anchor_b))
             )
             directions = [1.0 + 0j, 1j]
-            if isinstance(joint, constraints.PinJoint):
+            if not isinstance(joint, constraints.PivotJoint):
                 between = complex(*b.position) + arm_b - complex(*a.position) - arm_a
                 directions = [between / abs(between)]
             rows: list[_Rates] = []

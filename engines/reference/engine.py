@@ -87,43 +87,39 @@ class ReferenceEngine(BuiltinEngine):
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The machine once more in redundant coordinates: the gate measures by the minimal ones."""
-        system = RedundantSystem(mechanism)
-        start = system.start
+        start, dynamics = RedundantSystem(mechanism), list[Dynamics]()
+        for state in states:
+            placed = {"start": tuple(state.q), "start_speeds": tuple(state.u)}
+            system = RedundantSystem(mechanism.model_copy(update=placed))
+            y, closed = system.start, state.closed
+            rates, torques = system.rates(y, closed)[system.n :], system.torques(y, closed)
+            centres = dict[str, FloatArray]()
+            for body in mechanism.bodies:
+                centres[body.name] = system.point(y, rates, body.name, body.centre)[0]
+            dynamics.append(
+                Dynamics(
+                    accelerations=system.accelerations(y, closed),
+                    stop_torques=dict(zip(closed, torques.tolist(), strict=True)),
+                    centres=centres,
+                    stop_gaps={name: system.gap(y[: system.n], name) for name in closed},
+                )
+            )
         return Inspection(
-            start=system.coordinates(start[: system.n]),
-            start_speeds=system.speeds(start),
-            dynamics=tuple(_redundant_dynamics(mechanism, state) for state in states),
+            start=start.coordinates(start.start[: start.n]),
+            start_speeds=start.speeds(start.start),
+            dynamics=tuple(dynamics),
             total_mass=sum(body.mass for body in mechanism.bodies),
         )
 
     def _run(self, problem: Problem) -> Recording:
         solution = self.solve(problem)
         releases = [time for time in solution.release_times.values() if time]
-        times = sample_times(problem.duration, self.timestep, releases)
+        # A uniform grid from 0, the end, and the events, sorted and without repeats.
+        duration, interval = problem.duration, self.timestep
+        grid = interval * np.arange(int(np.floor(duration / interval * (1 + 1e-12))) + 1)
+        times = np.unique(np.concatenate([grid[grid <= duration], [duration], releases]))
         trajectory = solution.trajectory(times)
         fields = {field.name for field in dataclasses.fields(Recording)} - {"steps"}
         return Recording(
             **{name: getattr(trajectory, name) for name in fields}, steps=solution.evaluations
         )
-
-
-def _redundant_dynamics(mechanism: Mechanism, state: State) -> Dynamics:
-    placed = mechanism.model_copy(update={"start": tuple(state.q), "start_speeds": tuple(state.u)})
-    system = RedundantSystem(placed)
-    y = system.start
-    a = system.rates(y, state.closed)[system.n :]
-    torques = system.torques(y, state.closed)
-    return Dynamics(
-        accelerations=system.accelerations(y, state.closed),
-        stop_torques=dict(zip(state.closed, torques.tolist(), strict=True)),
-        centres={
-            body.name: system.point(y, a, body.name, body.centre)[0] for body in mechanism.bodies
-        },
-        stop_gaps={name: system.gap(y[: system.n], name) for name in state.closed},
-    )
-
-
-def sample_times(duration: float, interval: float, events: list[float]) -> FloatArray:
-    """A uniform grid from 0 [s], the end, and the events, sorted and without repeats."""
-    grid = interval * np.arange(int(np.floor(duration / interval * (1 + 1e-12))) + 1)
-    return np.unique(np.concatenate([grid[grid <= duration], [duration], events]))

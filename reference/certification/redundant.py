@@ -25,27 +25,9 @@ from typing import Any
 
 import numpy as np
 
+from ...models import elements
 from ...models.arrays import FloatArray
-from ...models.elements import (
-    FORCE_ELEMENTS,
-    GROUND,
-    JOINTS,
-    STOPS,
-    AnyJoint,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
-    FreeJoint,
-    PinJoint,
-    PointStop,
-    PrismaticJoint,
-    RotationalSpringDamper,
-    SlotJoint,
-    SpringDamper,
-    Stop,
-    WeldJoint,
-)
+from ...models.elements import GROUND, ElementTable
 from ...models.errors import SimulationError, UnsupportedProblemError
 from ...models.launch import Launch, rest_opened
 from ...models.mechanism import Mechanism
@@ -56,8 +38,7 @@ from .constrained import ConstrainedMotion, PointState, integrate
 # Of the largest singular value: constraints more nearly dependent follow from each other.
 _DEPENDENT = 1e-6
 _PROJECTIONS = 3  # Newton converges in one from the rounding of a step; the start may need another
-BodyPoint = tuple[str, Vector]
-"""A body (or the ground) and a point in its frame [m]."""
+BodyPoint = tuple[str, Vector]  # A body (or the ground) and a point in its frame [m]
 
 _CLOCKWISE = np.array([1.0, -1.0])
 
@@ -139,8 +120,7 @@ class _Vectors:
     def rows(self, ends: _Ends, along: FloatArray, turning: FloatArray | None = None) -> FloatArray:
         """Gradients of components along directions (m, 2), shape (m, 3 n_bodies).
 
-        Args:
-            turning: which directions turn with the second body, shape (m,); None: none.
+        Some directions, or none, are turning with the second body, shape (m,).
         """
         rows = np.zeros((len(self), self._n + 3))
         moments = _dot(along[:, None], _right_angle(ends.arms))
@@ -211,7 +191,7 @@ def _angle_rows(mechanism: Mechanism, pairs: Sequence[tuple[str, str]]) -> Float
 class _AngleGap:
     """Gap of a stop on an angle, linear in the bodies' angles."""
 
-    def __init__(self, mechanism: Mechanism, stop: Stop) -> None:
+    def __init__(self, mechanism: Mechanism, stop: elements.Stop) -> None:
         self._row = stop.sense * _angle_rows(mechanism, [(stop.body, stop.relative_to)])
 
     def derivatives(self, x: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -219,36 +199,38 @@ class _AngleGap:
         return self._row, np.zeros(1)
 
 
-def _point_gap(mechanism: Mechanism, stop: PointStop) -> _Components:
+def _point_gap(mechanism: Mechanism, stop: elements.PointStop) -> _Components:
     ends: tuple[BodyPoint, BodyPoint] = ((stop.body, stop.point), (stop.relative_to, (0.0, 0.0)))
     return _Components(mechanism, [ends], [complex(*stop.normal)], [stop.relative_to != GROUND])
 
 
 _GAPS: ElementTable[Callable[[Mechanism, Any], _AngleGap | _Components]] = ElementTable(
-    "The redundant formulation", STOPS, {Stop: _AngleGap, PointStop: _point_gap}
+    "The redundant formulation",
+    elements.STOPS,
+    {elements.Stop: _AngleGap, elements.PointStop: _point_gap},
 )
 _HELD: ElementTable[Callable[[Any], tuple[complex, ...]]] = ElementTable(
     "The redundant formulation",
-    JOINTS,
+    elements.JOINTS,
     {
-        PinJoint: lambda joint: (1.0, 1j),
-        WeldJoint: lambda joint: (1.0, 1j),
-        SlotJoint: lambda joint: (1j * complex(*joint.axis),),
-        PrismaticJoint: lambda joint: (1j * complex(*joint.axis),),
-        FreeJoint: lambda joint: (),
+        elements.PinJoint: lambda joint: (1.0, 1j),
+        elements.WeldJoint: lambda joint: (1.0, 1j),
+        elements.SlotJoint: lambda joint: (1j * complex(*joint.axis),),
+        elements.PrismaticJoint: lambda joint: (1j * complex(*joint.axis),),
+        elements.FreeJoint: lambda joint: (),
     },
 )
 """Directions, in the parent's frame, in which each joint holds the child's point."""
 
 _FORCES: ElementTable[str] = ElementTable(
     "The redundant formulation",
-    FORCE_ELEMENTS,
+    elements.FORCE_ELEMENTS,
     {
-        SpringDamper: "springs",
-        RotationalSpringDamper: "twists",
-        CubicTorsionSpring: "cubics",
-        ConstantForce: "forces",
-        ConstantTorque: "motors",
+        elements.SpringDamper: "springs",
+        elements.RotationalSpringDamper: "twists",
+        elements.CubicTorsionSpring: "cubics",
+        elements.ConstantForce: "forces",
+        elements.ConstantTorque: "motors",
     },
 )
 
@@ -344,7 +326,7 @@ class RedundantSystem:
         self._mass = np.diag(np.ravel(masses))
         self._applied = _AppliedCartesian(mechanism)
 
-        def components(parts: list[tuple[AnyJoint, complex]]) -> _Components:
+        def components(parts: list[tuple[elements.AnyJoint, complex]]) -> _Components:
             """Components of the vectors from the parents' points to the children's."""
             ends = [
                 ((joint.child, joint.child_point), (joint.parent, joint.parent_point))

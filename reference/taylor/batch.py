@@ -49,18 +49,12 @@ _SAMPLES = np.linspace(0.0, 1.0, 17)  # of a step
 class BatchLaunches:
     """Launches of n machines; NaN where a stop did not open, or a machine did not launch."""
 
-    release_times: Mapping[str, FloatArray]
-    """[s], each of shape (n,)."""
-    launched: BoolArray
-    """Whether there was a launch within the duration, shape (n,)."""
-    time: FloatArray
-    """[s], shape (n,)."""
-    velocity: FloatArray
-    """Of the projectile [m/s], shape (n, 2)."""
-    q: FloatArray
-    """At the launch, shape (n, n_q) [rad or m]."""
-    u: FloatArray
-    """At the launch, shape (n, n_q) [rad/s or m/s]."""
+    release_times: Mapping[str, FloatArray]  # [s], each of shape (n,)
+    launched: BoolArray  # whether there was a launch within the duration, shape (n,)
+    time: FloatArray  # [s], shape (n,)
+    velocity: FloatArray  # of the projectile [m/s], shape (n, 2)
+    q: FloatArray  # at the launch, shape (n, n_q) [rad or m]
+    u: FloatArray  # at the launch, shape (n, n_q) [rad/s or m/s]
     failures: Mapping[int, str] = field(default_factory=dict[int, str])
     """Index of machines whose motion is not known so far, and a sentence that says why.
 
@@ -95,12 +89,17 @@ def launch_batch(
     """
     if not 2.3e-16 <= tolerance <= 1e-2:
         raise InputError(f"tolerance = {tolerance!r} is not between 2.3e-16 and 0.01.")
-    source, kind, parts = iter(mechanisms), None, list[BatchLaunches]()
+    source, parts = iter(mechanisms), list[BatchLaunches]()
+    problem: Problem | None = None  # of the first machine
     structure: Structure | None = None
     lanes = int(heyoka().recommended_simd_size())
     while chunk := list(islice(source, _CHUNK)):
-        kind = kind or _Kind(chunk[0], duration)
-        machines = _Machines(chunk, kind, len(parts) * _CHUNK, structure)
+        problem = problem or Problem(chunk[0], duration)
+        if problem.mechanism.marker(PROJECTILE) is None:
+            raise InputError(
+                f"mechanism {chunk[0].name!r} has no marker 'projectile' that could be launched."
+            )
+        machines = _Machines(chunk, problem, len(parts) * _CHUNK, structure)
         structure = machines.structure
         with batch_pool(structure, tolerance, lanes).lend() as integrator:
             parts.append(_Lanes(integrator, machines, duration, tolerance).run())
@@ -118,61 +117,31 @@ def launch_batch(
     return BatchLaunches(release_times=releases, failures=failures, **columns)
 
 
-class _Kind:
-    """Properties that all machines of a batch share with the first one."""
-
-    def __init__(self, first: Mechanism, duration: float) -> None:
-        self._name, self.problem = first.name, Problem(first, duration)
-        self._properties = self._of(first)
-        if first.marker(PROJECTILE) is None:
-            raise InputError(
-                f"mechanism {first.name!r} has no marker 'projectile' that could be launched."
-            )
-
-    def problem_of(self, mechanism: Mechanism) -> Problem:
-        """Problem of a valid mechanism: not validated again, which takes as long as its motion."""
-        return self.problem.model_copy(update={"mechanism": mechanism})
-
-    def includes(self, mechanism: Mechanism) -> bool:
-        return self._of(mechanism) == self._properties
-
-    def refusal(self, mechanism: Mechanism, index: int) -> InputError:
-        return InputError(
-            f"mechanisms[{index}] ({mechanism.name!r}) differs from the first ({self._name!r}) in "
-            "its coordinates, stops, loops, force elements or projectile; a batch needs machines "
-            "of one kind."
-        )
-
-    @staticmethod
-    def _of(mechanism: Mechanism) -> tuple[object, ...]:
-        stops = [(type(stop), _reader(type(stop))(vars(stop))) for stop in mechanism.stops]
-        thrown = [marker.body for marker in mechanism.markers if marker.name == PROJECTILE]
-        loops = [(joint.name, joint.kind) for joint in mechanism.loop_joints]
-        return mechanism.coordinates, stops, thrown, loops
-
-
 class _Machines:
     """The machines' parameters and starts as arrays, one column for each.
 
-    Args:
-        first: index of the first of these machines among all.
-        before: structure of the machines before them, if there are any.
+    All are like the problem `example`; `first` is the index of the first of them among all, and
+    `before` the structure of those before it.
     """
 
     def __init__(
-        self, mechanisms: Sequence[Mechanism], kind: _Kind, first: int, before: Structure | None
+        self,
+        mechanisms: Sequence[Mechanism],
+        example: Problem,
+        first: int,
+        before: Structure | None,
     ) -> None:
-        self.mechanisms, self.kind = mechanisms, kind
-        self.guard: RankGuard | None = None
+        self.mechanisms, self._example, self._first = mechanisms, example, first
+        self.guard: _RankGuard | None = None
         self.names = tuple(stop.name for stop in mechanisms[0].stops)
-        self.stops = relevant_stops(kind.problem)
+        self.stops = relevant_stops(example)
         groups: list[tuple[IndexArray, Problem, Kinematics]] = []
         for indices, alike in stacked(mechanisms):
             i = int(indices[0])
-            if not kind.includes(mechanisms[i]):
-                raise kind.refusal(mechanisms[i], first + i)
-            groups.append((indices, kind.problem_of(alike), Kinematics(alike)))
-        numbers = self._take_structure(groups, first, before)
+            if _properties(mechanisms[i]) != _properties(example.mechanism):
+                raise self._refusal(i)
+            groups.append((indices, self.problem(alike), Kinematics(alike)))
+        numbers = self._take_structure(groups, before)
         n, n_q = len(mechanisms), self.structure.n_q
         self.parameters = np.zeros((self.structure.n_parameters, n))
         self.parameters[: self.structure.n_numbers] = numbers[:, np.array(self.structure.present)].T
@@ -189,11 +158,19 @@ class _Machines:
         self._begin()
         self.rests = np.array([name in rests_of(mechanisms[0]) for name in self.stops], dtype=bool)
 
+    def problem(self, mechanism: Mechanism) -> Problem:
+        """Problem of a valid mechanism: not validated again, which takes as long as its motion."""
+        return self._example.model_copy(update={"mechanism": mechanism})
+
+    def _refusal(self, i: int) -> InputError:
+        return InputError(
+            f"mechanisms[{self._first + i}] ({self.mechanisms[i].name!r}) differs from the first "
+            f"({self._example.mechanism.name!r}) in its coordinates, stops, loops, force elements "
+            "or projectile; a batch needs machines of one kind."
+        )
+
     def _take_structure(
-        self,
-        groups: Sequence[tuple[IndexArray, Problem, Kinematics]],
-        first: int,
-        before: Structure | None,
+        self, groups: Sequence[tuple[IndexArray, Problem, Kinematics]], before: Structure | None
     ) -> FloatArray:
         """All numbers, shape (n, n_numbers); the structure has those that any machine has."""
         none = np.zeros(0, dtype=bool)
@@ -205,7 +182,7 @@ class _Machines:
         common = replace(structures[0], springs=springs)
         for (indices, _, _), structure in zip(groups, structures, strict=False):
             if replace(structure, springs=springs) != common:
-                raise self.kind.refusal(self.mechanisms[indices[0]], first + int(indices[0]))
+                raise self._refusal(int(indices[0]))
         rows = [numbers_of(problem, kinematics, np.float64) for _, problem, kinematics in groups]
         numbers = np.empty((len(self.mechanisms), rows[0].shape[1]))
         for (indices, _, _), row in zip(groups, rows, strict=True):
@@ -230,11 +207,11 @@ class _Machines:
         self.alone = np.zeros(len(self.mechanisms), dtype=bool)
         if self.structure.n_loops:
             q = self.states[: self.structure.n_q]
-            self.guard = RankGuard(self.structure, self.parameters, q)
+            self.guard = _RankGuard(self.structure, self.parameters, q)
             self.alone = self.guard.near_at_start
         for i in np.flatnonzero(~self.plain & ~self.alone).tolist():
             equations = Equations(self.mechanisms[i])
-            initial = ActiveSet(self.problem(i), equations).begin()
+            initial = ActiveSet(self.problem(self.mechanisms[i]), equations).begin()
             refuse_dependent(equations, initial.q, initial.closed, "the Taylor integrator")
             self.states[:, i] = np.concatenate([initial.q, initial.u])
             self.released_at_start[i] = [name not in initial.closed for name in self.stops]
@@ -244,13 +221,18 @@ class _Machines:
         parameters = self.parameters[: self.structure.active.stop]
         return np.asarray(torque_function(self.structure, np.float64)(self.states, pars=parameters))
 
-    def problem(self, i: int) -> Problem:
-        return self.kind.problem_of(self.mechanisms[i])
-
     def velocity(self, i: int, state: FloatArray) -> FloatArray:
         """Velocity of the projectile of machine i [m/s], shape (2,)."""
         n_q, row = self.structure.n_q, PointCoefficients(0j, self.projectiles[i])
         return self.kinematics.velocity(row, state[:n_q], state[n_q:])
+
+
+def _properties(mechanism: Mechanism) -> tuple[object, ...]:
+    """Properties that all machines of a batch share."""
+    stops = [(type(stop), _reader(type(stop))(vars(stop))) for stop in mechanism.stops]
+    thrown = [marker.body for marker in mechanism.markers if marker.name == PROJECTILE]
+    loops = [(joint.name, joint.kind) for joint in mechanism.loop_joints]
+    return mechanism.coordinates, stops, thrown, loops
 
 
 class _Lanes:
@@ -310,7 +292,8 @@ class _Lanes:
         """Solve a machine that the lanes cannot take, or note why it cannot be solved."""
         self.releases[i] = np.nan
         try:
-            throw = taylor_quantities(self.machines.problem(i), "double", self.tolerance)
+            problem = self.machines.problem(self.machines.mechanisms[i])
+            throw = taylor_quantities(problem, "double", self.tolerance)
         except SimulationError as error:
             self.failures[i] = str(error)
             return
@@ -369,17 +352,13 @@ class _Lanes:
                 self._load(lane)
 
 
-class RankGuard:
+class _RankGuard:
     """Finds the lanes of a batch that come near a singular position (:mod:`..singular`).
 
     The singular values of the constraints' Jacobian are taken at both ends of each step. They
     change no faster than the Jacobian does; where they may have been small in between, the step's
-    Taylor polynomials are sampled.
-
-    Args:
-        structure: with loops.
-        parameters: of all machines, switches of the stops among them, shape (n_parameters, n).
-        q: coordinates at the start, shape (n_q, n).
+    Taylor polynomials are sampled. Parameters are those of all machines, (n_parameters, n); q is
+    their start, (n_q, n).
     """
 
     def __init__(self, structure: Structure, parameters: FloatArray, q: FloatArray) -> None:
@@ -396,11 +375,9 @@ class RankGuard:
         """Whether each machine starts there, shape (n,)."""
 
     def after_step(self, integrator: Any, machines: Any) -> BoolArray:
-        """Whether each lane came near a singular position, shape (lanes,).
+        """Whether each lane came near a singular position in the integrator's last step, (lanes,).
 
-        Args:
-            integrator: with the Taylor coefficients of its last step.
-            machines: index of each lane's machine, shape (lanes,).
+        `machines` are the indices of the lanes' machines.
         """
         coefficients, parameters = integrator.tc[: self._structure.n_q], integrator.pars
         degrees = np.arange(coefficients.shape[1])

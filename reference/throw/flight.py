@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -20,7 +19,7 @@ from ...models.arrays import FloatArray
 from ...models.elements import GROUND
 from ...models.errors import InputError
 from ...models.launch import LAUNCH_ANGLE
-from ...models.mechanism import Body, Marker, Mechanism
+from ...models.mechanism import Mechanism
 from ...models.problem import StopLaw
 from ...models.spec import NonNegative, Positive, Real, Spec
 from ..solution import Solution
@@ -28,8 +27,7 @@ from ..solver import characteristic_time, solve_until
 
 FINE, COARSE = 1e-13, 1e-7
 """Relative local errors of a flight that counts, and of one that is only ranked among others."""
-LEVEL = 1e-12
-"""Rounding of a direction [rad]."""
+LEVEL = 1e-12  # Rounding of a direction [rad]
 
 # Durations of the motions, in characteristic times; Table I's sweep ends at 2.5.
 _SPANS = (3.0, 6.0, 12.0)
@@ -39,11 +37,7 @@ _DOWN = -math.pi / 2
 
 
 class Air(Spec):
-    """Still air of one density, and how the projectile meets it; none by default.
-
-    Raises:
-        InputError: a value is negative or not finite.
-    """
+    """Still air of one density, and how the projectile meets it; none by default."""
 
     density: NonNegative = Field(default=0.0, description="[kg/m^3]")
     drag_area: NonNegative = Field(
@@ -52,11 +46,7 @@ class Air(Spec):
 
     @classmethod
     def around(cls, density: float, drag_coefficient: float, area: float) -> Self:
-        """From the drag coefficient [1] and the cross-section [m^2] apart.
-
-        Raises:
-            InputError: a value is negative or not finite.
-        """
+        """From the drag coefficient [1] and the cross-section [m^2] apart."""
         if drag_coefficient < 0 or area < 0:
             raise InputError(
                 f"drag_coefficient = {drag_coefficient!r} and area = {area!r} must not be negative."
@@ -88,22 +78,14 @@ WORLDS = {
 
 
 def world(name: str) -> World:
-    """The place of that name, in any case.
-
-    Raises:
-        InputError: there is none; the sentence lists those there are.
-    """
+    """The place of that name, in any case; InputError with a list of all if there is none."""
     if name.lower() not in WORLDS:
         raise InputError(f"there is no body {name!r}; there are: {', '.join(WORLDS)}.")
     return WORLDS[name.lower()]
 
 
 class Surroundings(Spec):
-    """Forces on a projectile in flight, and where it lands.
-
-    Raises:
-        InputError: a value is not finite or outside its range.
-    """
+    """Forces on a projectile in flight, and where it lands."""
 
     gravity: Positive = Field(description="downwards [m/s^2]; without it nothing lands")
     drag: NonNegative = Field(
@@ -117,12 +99,9 @@ class Surroundings(Spec):
 class Release:
     """The projectile as it is let go."""
 
-    time: float
-    """[s]"""
-    position: tuple[float, float]
-    """World [m]."""
-    velocity: tuple[float, float]
-    """World [m/s]."""
+    time: float  # [s]
+    position: tuple[float, float]  # world [m]
+    velocity: tuple[float, float]  # world [m/s]
     acceleration: tuple[float, float] = (0.0, 0.0)
     """Of the projectile still on its machine, world [m/s^2]: what a later release would change."""
 
@@ -144,12 +123,9 @@ class Flight:
     release: Release
     range: float
     """Horizontal distance of the landing from the surroundings' origin [m]; negative behind it."""
-    apex_height: float
-    """Largest world y [m]."""
-    time: float
-    """From release to landing [s]."""
-    impact_velocity: tuple[float, float]
-    """[m/s]."""
+    apex_height: float  # largest world y [m]
+    time: float  # from release to landing [s]
+    impact_velocity: tuple[float, float]  # [m/s]
     state: Callable[[FloatArray], FloatArray]
     """States (x, y, vx, vy), shape (n, 4), at times since the release [s], shape (n,)."""
 
@@ -169,11 +145,7 @@ class Flight:
 
 
 def downwards(mechanism: Mechanism) -> float:
-    """Size of a mechanism's gravity [m/s^2], which must be downwards for a flight.
-
-    Raises:
-        InputError: its direction is another one.
-    """
+    """Size of a mechanism's gravity [m/s^2]; InputError unless it is downwards."""
     if math.dist(mechanism.gravity_direction, (0.0, -1.0)) > LEVEL:
         raise InputError(
             f"gravity_direction = {mechanism.gravity_direction!r} of {mechanism.name!r} must be "
@@ -226,12 +198,9 @@ def fall_time(y: FloatArray, vy: FloatArray, surroundings: Surroundings) -> Floa
 
 
 def _fall(start: FloatArray, surroundings: Surroundings, tolerance: float) -> list[Any] | None:
-    """Integrate through air up to the apex, then down: y is monotone in each, so none is missed.
+    """Legs through air up to the apex, then down, from (x, y, vx, vy), or that and its variation.
 
-    Args:
-        start: (x, y, vx, vy), or that and its variation.
-        surroundings: with drag.
-        tolerance: relative local error.
+    The height y is monotone in each, so no landing is missed. None where it never lands.
     """
     drag, gravity, ground = surroundings.drag, surroundings.gravity, surroundings.ground
 
@@ -313,54 +282,34 @@ def range_rate(release: Release, surroundings: Surroundings) -> float:
     return float(dx - vx / vy * dy) if vy else math.nan
 
 
-@dataclass(frozen=True)
 class Projectile:
-    """A marker of a continuous motion, as what is thrown.
+    """A marker of a continuous motion, as what is thrown; InputError without that marker."""
 
-    Raises:
-        InputError: the mechanism has no marker of that name.
-    """
-
-    solution: Solution
-    name: str = "projectile"
-
-    def __post_init__(self) -> None:
-        names = [marker.name for marker in self.mechanism.markers]
-        if self.name not in names:
+    def __init__(self, solution: Solution, name: str = "projectile") -> None:
+        self.solution, self.name = solution, name
+        self.mechanism = mechanism = solution.problem.mechanism
+        marker = mechanism.marker(name)
+        if marker is None:
+            names = [marker.name for marker in mechanism.markers]
             raise InputError(
-                f"the mechanism has no marker {self.name!r} to throw; it has: {names or 'none'}."
+                f"the mechanism has no marker {name!r} to throw; it has: {names or 'none'}."
             )
-
-    @property
-    def mechanism(self) -> Mechanism:
-        """The machine that throws."""
-        return self.solution.problem.mechanism
-
-    @cached_property
-    def marker(self) -> Marker:
-        """The point that is thrown."""
-        return next(marker for marker in self.mechanism.markers if marker.name == self.name)
-
-    @cached_property
-    def body(self) -> Body:
+        self.marker = marker
+        self.body = mechanism.body(marker.body)
         """The body that carries it: a sling, say."""
-        return self.mechanism.body(self.marker.body)
-
-    @property
-    def mass(self) -> float | None:
-        """Mass of what is thrown [kg]; None where it is not known."""
-        return self.mechanism.thrown_mass(self.marker)
+        self.mass = mechanism.thrown_mass(marker)
+        """[kg]; None where it is not known."""
+        parent = mechanism.joint_of(marker.body).parent
+        self.arm = None if parent == GROUND else parent
+        """Body that its own one hangs on, as a sling on an arm; None on the ground."""
+        self.end = solution.segments[-1].end
+        """End of the motion [s]."""
 
     @property
     def opened(self) -> float:
         """When the last stop of its own body opened [s]; 0 where none did."""
         stops = [stop.name for stop in self.mechanism.stops if stop.body == self.body.name]
         return max((self.solution.release_times[name] or 0.0 for name in stops), default=0.0)
-
-    @property
-    def end(self) -> float:
-        """End of the motion [s]."""
-        return self.solution.segments[-1].end
 
     def sweep(self) -> tuple[float, float]:
         """First sweep [s]: from the opening of its stop to where its velocity points straight down.
@@ -375,17 +324,10 @@ class Projectile:
         motion, kinematics = self.solution.motion(t), self.solution.equations.kinematics
         return kinematics.point_motion(self.marker, motion.q, motion.u, motion.a)
 
-    @property
-    def arm(self) -> str | None:
-        """Body that its own one hangs on, as a sling on an arm; None on the ground."""
-        parent = self.mechanism.joint_of(self.body.name).parent
-        return None if parent == GROUND else parent
-
     def sling_angle(self, t: FloatArray) -> FloatArray:
         """Angle of its body relative to that body's parent (phi - theta) [rad], shape (n,).
 
-        Raises:
-            InputError: it is part of a body that hangs on the ground, so there is no such angle.
+        InputError if its body hangs on the ground, so that there is no such angle.
         """
         if self.arm is None:
             raise InputError(
@@ -396,11 +338,7 @@ class Projectile:
         return angle.value(self.solution.motion(t).q)
 
     def release_at(self, time: float) -> Release:
-        """Release at a time [s].
-
-        Raises:
-            InputError: the time lies outside the motion.
-        """
+        """Release at a time [s]; InputError outside the motion."""
         if not 0 <= time <= self.end:
             raise InputError(
                 f"release time = {time!r} s must lie within the motion, from 0 to {self.end:.6g} s."
@@ -412,8 +350,7 @@ class Projectile:
     def release_at_angle(self, angle: float = LAUNCH_ANGLE) -> Release:
         """Release when the velocity first falls to an angle above the horizontal [rad].
 
-        Raises:
-            InputError: it never does.
+        InputError if it never does.
         """
         launch = self.solution.launch_at(angle, self.name)
         if launch is None:
@@ -427,9 +364,7 @@ class Projectile:
     def release_at_sling_angle(self, angle: float) -> Release:
         """Release when :meth:`sling_angle` first comes to a value [rad], its rest having opened.
 
-        Raises:
-            InputError: it never does, and the sentence gives the angles it takes in its first
-                sweep; or there is no sling.
+        InputError, with the angles it takes in its first sweep, if it never does or has no sling.
         """
         start, end = self.sweep()
         times = np.linspace(start, end, 4 * _SCAN)

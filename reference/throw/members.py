@@ -38,8 +38,7 @@ from ..solution import Solution
 _SCAN = 1500  # samples between which a force changes its sign at most once: 2 ms apart on Table I
 _UPRIGHT = 1e-9  # [rad] a slot nearer to upright than this carries nothing: rounding of its axis
 _ROUNDING = 1e-9  # of the largest force: a smaller compression is rounding of a force that is zero
-Interval = tuple[Real, Real]
-"""From, to [s]."""
+Interval = tuple[Real, Real]  # From, to [s]
 
 
 class MemberForce(Spec):
@@ -96,17 +95,15 @@ def members(mechanism: Mechanism) -> tuple[Member, ...]:
         rod = body.inertia == 0 or joint.parent != GROUND
         if not rod or not joint.held_directions or body.centre == joint.child_point:
             continue
-        two_force = body.inertia == 0
+        pulled = any(body.name in element.bodies for element in mechanism.force_elements)
+        two_force = body.inertia == 0 and not pulled
         for other in mechanism.joints:
-            for name, point in (
-                (other.parent, other.parent_point),
-                (other.child, other.child_point),
-            ):
+            sides = (other.parent, other.parent_point), (other.child, other.child_point)
+            for name, point in sides:
                 if name == body.name:
                     at_end = point in (joint.child_point, body.centre)
                     two_force = two_force and at_end and not other.holds_angle
-        pulled = any(body.name in element.bodies for element in mechanism.force_elements)
-        selected.append(Member(body, joint, two_force and not pulled))
+        selected.append(Member(body, joint, two_force))
     return tuple(selected)
 
 
@@ -121,11 +118,7 @@ def axial_force(solution: Solution, member: Member, t: FloatArray) -> FloatArray
 
 
 def member_forces(solution: Solution, until: float) -> tuple[MemberForce, ...]:
-    """Axial forces of all members from the start until a time [s], the release say.
-
-    Raises:
-        InputError: the time lies outside the motion.
-    """
+    """Axial forces of all members from the start until a time within the motion [s]."""
     times = _times(solution, until)
     forces: list[MemberForce] = []
     for member in members(solution.problem.mechanism):
@@ -191,11 +184,7 @@ _UPWARDS: ElementTable[Callable[[Any], Vector]] = ElementTable(
 
 
 def support_forces(solution: Solution, until: float) -> tuple[SupportForce, ...]:
-    """Forces of the ground from the start until a time [s].
-
-    Raises:
-        InputError: the time lies outside the motion.
-    """
+    """Forces of the ground from the start until a time within the motion [s]."""
     times = _times(solution, until)
     forces: list[SupportForce] = []
     for joint in supports(solution.problem.mechanism):

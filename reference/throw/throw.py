@@ -72,11 +72,7 @@ def throw(
     """
     performance = perform(
         model(mechanism),
-        {
-            "release_angle": release_angle,
-            "release_time": release_time,
-            "sling_angle": sling_angle,
-        },
+        {"release_angle": release_angle, "release_time": release_time, "sling_angle": sling_angle},
         best=best,
         density=density,
         drag_area=drag_area,
@@ -451,8 +447,7 @@ class Performance:
     surroundings: Surroundings
     flight: Flight
     best: Flight | None
-    held: Held
-    """What chose the release."""
+    held: Held  # what chose the release
 
     @property
     def solution(self) -> Solution:

@@ -11,9 +11,15 @@ import jsonschema
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.recommend import Advice, Asked
-from trebucheck.comparisons.recommend.search import TargetedRuns, configured, option_sets
-from trebucheck.comparisons.recommend.study import recommend_study, snippets
+from trebucheck.comparisons.recommend import (
+    Advice,
+    Asked,
+    TargetedRuns,
+    configured,
+    option_sets,
+    recommend_study,
+    snippets,
+)
 from trebucheck.comparisons.runs.record import EngineRuns
 from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.study import Study, Until

@@ -14,7 +14,7 @@ import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from trebucheck.comparisons.compare.study import Comparison
+from trebucheck.comparisons.compare import Comparison
 from trebucheck.comparisons.report.pages.compare import quantities
 from trebucheck.comparisons.report.pages.tables import complaints
 from trebucheck.comparisons.runs.results import Outcome, Run

@@ -11,7 +11,7 @@ from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.mechanism import Mechanism
 
 TABLES = {
-    "exudyn": ("JOINT_BUILDERS", "STOP_BUILDERS", "FORCE_BUILDERS"),
+    "exudyn": ("BUILDERS",),
     "pymunk": ("TREE_JOINT_BUILDERS", "STOP_BUILDERS", "FORCE_BUILDERS"),
 }
 
@@ -38,7 +38,8 @@ def test_a_class_without_a_builder_is_refused_by_name(
     spring = CubicTorsionSpring(name="duffing", body=pendulum.bodies[0].name, cubic_stiffness=1.0)
     mechanism = pendulum.model_copy(update={"force_elements": (spring,)})
     _build(engine, mechanism)
-    monkeypatch.delitem(module.FORCE_BUILDERS.handlers, CubicTorsionSpring)
+    handlers = getattr(module, TABLES[engine][-1]).handlers
+    monkeypatch.delitem(handlers, CubicTorsionSpring)
     with pytest.raises(UnsupportedProblemError, match="'duffing'"):
         _build(engine, mechanism)
 

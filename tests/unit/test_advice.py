@@ -21,21 +21,23 @@ import pytest
 import trebucheck as tb
 import typer
 from trebucheck.__main__ import main
-from trebucheck.comparisons.recommend import Advice, Asked
-from trebucheck.comparisons.recommend import search as family
-from trebucheck.comparisons.recommend import search as obstacles
-from trebucheck.comparisons.recommend.results import Obstacle
-from trebucheck.comparisons.recommend.search import (
+from trebucheck.comparisons import recommend as recommending
+from trebucheck.comparisons.recommend import (
+    PYTHON,
     RUNGS,
     SCREENED_AT,
+    Advice,
+    Asked,
+    Obstacle,
     Search,
     TargetedRuns,
     configured,
     ladder,
     option_sets,
     read_torque,
+    recommend_study,
+    snippets,
 )
-from trebucheck.comparisons.recommend.study import PYTHON, recommend_study, snippets
 from trebucheck.comparisons.runs.record import EngineRuns, RunRecord
 from trebucheck.comparisons.runs.results import Metric
 from trebucheck.comparisons.runs.study import Study
@@ -121,22 +123,22 @@ def test_every_set_is_valid_at_every_step_and_another_one(name: str) -> None:
 
 def test_neighbours_stay_in_the_stated_ranges_and_are_always_the_same() -> None:
     base = tb.TrebuchetParameters().model_dump()
-    first = list(islice(family.of_parameters("rolling", None), 30))
-    assert first == list(islice(family.of_parameters("rolling", None), 30))
+    first = list(islice(recommending.of_parameters("rolling", None), 30))
+    assert first == list(islice(recommending.of_parameters("rolling", None), 30))
     assert len({mechanism.content_hash for mechanism, _ in first}) == 30
     for _, own in first:
         for name, value in own.items():
             if name.endswith("0"):
-                assert abs(value - base[name]) <= family.ANGLE
+                assert abs(value - base[name]) <= recommending.ANGLE
             else:
-                largest = family.MASS if name.startswith("m_") else family.LENGTH
+                largest = recommending.MASS if name.startswith("m_") else recommending.LENGTH
                 assert 1 / largest <= value / base[name] <= largest
     assert set(first[0][1]) == set(base) - {"g"}
 
 
 def test_a_mechanism_of_ones_own_keeps_its_geometry() -> None:
     mechanism = tb.fixed()
-    neighbours = list(islice(family.of_mechanism(mechanism), 5))
+    neighbours = list(islice(recommending.of_mechanism(mechanism), 5))
     assert len(neighbours) == 5
     for neighbour, factors in neighbours:
         assert neighbour.joints == mechanism.joints and neighbour.start == mechanism.start
@@ -149,8 +151,8 @@ def test_a_mechanism_of_ones_own_keeps_its_geometry() -> None:
 # What stands in the way
 
 
-def _verdict(error: Callable[[float], float], allowed: float = 1e-9) -> obstacles.Verdict:
-    return obstacles.classify(STEPS, [error(h) for h in STEPS], allowed, "m")
+def _verdict(error: Callable[[float], float], allowed: float = 1e-9) -> recommending.Verdict:
+    return recommending.classify(STEPS, [error(h) for h in STEPS], allowed, "m")
 
 
 def test_obstacles_are_told_from_the_course_of_the_error() -> None:
@@ -265,7 +267,7 @@ def test_a_set_that_must_be_dearer_is_not_run_on_all_machines() -> None:
 def test_a_floor_is_given_up_and_named() -> None:
     search, sweeps, _ = _search((1.0, 1.0), (1.0, 1.0), floor=1e-5)
     assert search.chosen(sweeps) is None
-    verdict = obstacles.explain(search, sweeps)
+    verdict = recommending.explain(search, sweeps)
     assert verdict.obstacle is Obstacle.FLOOR
     assert (
         "error of the position of 1.0e-05 m on this machine, where 1.0e-06 m are asked"
@@ -280,7 +282,7 @@ def test_what_was_reached_is_told_of_the_best_step_measured() -> None:
     """
     search, sweeps, _ = _search((1e6, 1e6), (1.0, 1.0))
     assert all(STEPS[-1] not in sweep.levels for sweep in sweeps)
-    verdict = obstacles.explain(search, sweeps)
+    verdict = recommending.explain(search, sweeps)
     assert verdict.obstacle is Obstacle.STEP
     best = 1e6 * STEPS[-1] ** 2
     assert f" at {STEPS[-1]:g} s, has an error of the position of {best:.1e} m" in verdict.sentence
@@ -370,7 +372,6 @@ def test_an_engine_that_is_not_here_is_a_row(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_the_command_takes_as_many_neighbours_as_the_function() -> None:
     from trebucheck.cli.app import app
-    from trebucheck.comparisons.recommend import study as recommending
 
     commands: Any = typer.main.get_command(app)
     defaults = {each.name: each.default for each in commands.commands["recommend"].params}

@@ -18,8 +18,7 @@ import trebucheck as tb
 from mechanisms import chain, four_bar, hanging_bob
 from trebucheck.__main__ import main
 from trebucheck.comparisons import converge as converging
-from trebucheck.comparisons.recommend import Asked
-from trebucheck.comparisons.recommend.study import recommend_study
+from trebucheck.comparisons.recommend import Asked, recommend_study
 from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.report.pages.converge import document
 from trebucheck.comparisons.runs.process import Worker

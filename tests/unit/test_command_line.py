@@ -223,7 +223,7 @@ def test_run_writes_a_trajectory(tmp_path: Path, capsys: pytest.CaptureFixture[s
 def test_an_interrupt_is_exit_code_130(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    from trebucheck.comparisons.compare import study as campaign
+    from trebucheck.comparisons import compare as campaign
 
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt

@@ -17,8 +17,7 @@ import pytest
 import trebucheck as tb
 from trebucheck.comparisons.converge import parameter_names, refinements, swept_parameters
 from trebucheck.comparisons.explain import causes_of
-from trebucheck.comparisons.recommend.search import option_sets
-from trebucheck.comparisons.recommend.study import snippets
+from trebucheck.comparisons.recommend import option_sets, snippets
 from trebucheck.comparisons.report.plots import engine_colour
 from trebucheck.engines.registry import engine_class
 from trebucheck.engines.study import ConstraintKinds, EngineStudy

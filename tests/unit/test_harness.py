@@ -16,7 +16,7 @@ import jsonschema
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.compare.study import Comparison, RunKey, compare_study
+from trebucheck.comparisons.compare import Comparison, RunKey, compare_study
 from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.report.pages.compare import document
 from trebucheck.comparisons.runs.metrics import measure

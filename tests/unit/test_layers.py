@@ -31,11 +31,7 @@ RANKS: tuple[tuple[str, ...], ...] = (
     ("comparisons/report/drawing",),
     ("comparisons/report",),
     ("comparisons/diagnosis",),
-    (
-        "comparisons/compare",
-        "comparisons/data",
-        "comparisons/recommend",
-    ),
+    ("comparisons/data",),
     ("comparisons",),  # the studies of one module: diff, matrix, ...
     ("comparisons/report/pages",),
     ("conformance",),

@@ -15,7 +15,7 @@ import pytest
 import trebucheck as tb
 from rich.console import Console
 from trebucheck.cli.catalogue import engine_document
-from trebucheck.comparisons.compare.study import Comparison
+from trebucheck.comparisons.compare import Comparison
 from trebucheck.comparisons.report import terminal
 from trebucheck.comparisons.report.document import Column, Document, table
 from trebucheck.comparisons.report.pages import compare as report

@@ -389,6 +389,13 @@ def test_bad_files_get_one_sentence(
     assert "must end in .html, .md or .json" in capsys.readouterr().err
 
 
+def test_a_file_that_is_not_there_is_said_to_be_unreadable_and_not_to_be_of_another_kind(
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(InputError, match=r"none\.json cannot be read: No such file"):
+        tb.matrix(tmp_path / "none.json")
+
+
 def test_a_table_is_no_wider_than_a_screen_and_every_problem_is_in_one() -> None:
     problems = tuple(_problem(f"p{k:02}", number=f"P{k:02}") for k in range(17))
     text = _text(

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons import certify as certifying
-from trebucheck.comparisons.compare.study import Comparison
+from trebucheck.comparisons.compare import Comparison
 from trebucheck.models.library.registry import library_problem
 from trebucheck.models.shown import Reported, Shown
 from trebucheck.reference.certification.certificate import load_certificate

@@ -6,8 +6,8 @@ import subprocess
 import sys
 
 import pytest
+from trebucheck.comparisons.report import pages
 from trebucheck.comparisons.report.document import Document
-from trebucheck.comparisons.report.pages import session
 from trebucheck.models.shown import Reported, report_with
 
 _ALONE = """
@@ -36,7 +36,7 @@ class _Result(Reported):
 
 def test_a_result_without_a_report_is_named() -> None:
     with pytest.raises(TypeError, match="_Result"):
-        session.document(_Result())
+        pages.document(_Result())
 
 
 def test_a_distribution_registers_the_report_of_its_own_results() -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 import trebucheck as tb
 from trebucheck.cli.app import main
-from trebucheck.comparisons.compare.study import (
+from trebucheck.comparisons.compare import (
     Comparison,
     compare_study,
     read_results,

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event, Thread
@@ -186,3 +187,34 @@ def test_a_closed_worker_leaves_no_semaphores() -> None:
     )
     assert done.returncode == 0, done.stderr
     assert "leaked" not in done.stderr
+
+
+class _Stillborn:
+    """A pool whose process ends before it can be sent anything."""
+
+    def __init__(self, **_: object) -> None:
+        self.ended = False
+
+    def submit(self, *_: object) -> Future[None]:
+        future = Future[None]()
+        future.set_exception(process.BrokenProcessPool("it ended"))
+        return future
+
+    def shutdown(self, **_: object) -> None:
+        self.ended = True
+
+
+def test_a_process_that_does_not_start_is_a_failure_and_is_ended(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pools: list[_Stillborn] = []
+
+    def made(**options: object) -> _Stillborn:
+        pools.append(_Stillborn(**options))
+        return pools[-1]
+
+    monkeypatch.setattr(process, "ProcessPoolExecutor", made)
+    with Worker() as worker:
+        with pytest.raises(SimulationError, match="it crashed: its process ended by itself"):
+            worker.call(_end, _Engine(), None)
+        assert [pool.ended for pool in pools] == [True]

@@ -20,7 +20,7 @@ from ....models.problem import StopLaw
 from ....models.trajectory import Trajectory
 from ....reference.certification.certificate import load_certificate
 from ....reference.solution import Solution
-from ...compare.study import Comparison
+from ...compare import Comparison
 from ...runs.balance import sampled_balance
 from ...runs.metrics import LEAST_START
 from ...runs.results import COMPARED, FAILURES, Machine, Metric, Outcome, Pair, Results, Run
@@ -29,22 +29,7 @@ from .. import document as doc
 from ..document import format_number, format_settings, format_step, sentence
 from ..drawing.scene import Scene
 from ..plots import REFERENCE, Axis, Panels, Plot, Rule, Series, Style, motion_scene, run_style
-from .tables import (
-    MARKS,
-    anchor,
-    capital,
-    cause_text,
-    certified_figures,
-    chapter,
-    complaints,
-    diagnosis,
-    is_tuned,
-    partings,
-    predictable,
-    provenance,
-    verdict_blocks,
-    why,
-)
+from . import tables
 
 _QUESTION = "How far can you trust a multibody engine, and why does it differ?"
 _INTRODUCTION = (
@@ -70,7 +55,7 @@ def document(comparison: Comparison) -> doc.Document:
     results = comparison.results
     machines = results.machines
     line = verdict(results)
-    first_verdict, last_verdict = verdict_blocks(line, doc.mark_of(results.passed))
+    first_verdict, last_verdict = tables.verdict_blocks(line, doc.mark_of(results.passed))
     blocks: list[doc.Block] = [first_verdict, _tiles(results)]
     if machines:
         blocks.append(motion(comparison))
@@ -80,11 +65,11 @@ def document(comparison: Comparison) -> doc.Document:
     for machine in machines:
         runs = _runs(results, machine)
         blocks += [
-            chapter(machine.model),
+            tables.chapter(machine.model),
             doc.Text(" ".join(_reference_sentences(machine)), medium="page"),
-            doc.Text(predictable(machine)),
+            doc.Text(tables.predictable(machine)),
             agreement(machine, runs),
-            *partings(machine, runs),
+            *tables.partings(machine, runs),
             figures(comparison, machine),
         ]
     if any(run.outcome is not Outcome.AGREES for run in results.runs):
@@ -104,7 +89,7 @@ def document(comparison: Comparison) -> doc.Document:
         doc.Note(_INTRODUCTION),
         doc.Note(_EQUIVALENCE),
         doc.Listing(tuple(assistance), medium="page"),
-        *provenance(results, settings, machines),
+        *tables.provenance(results, settings, machines),
         findings,
         last_verdict,
     ]
@@ -152,23 +137,23 @@ def _differing(results: Results) -> tuple[list[doc.Block], doc.Listing]:
     findings: list[doc.Text] = []
     for run in results.runs:
         name = f"{run.model}, {run.label}"
-        items = [doc.Text(line, "bad") for line in complaints(run, _MOST)]
+        items = [doc.Text(line, "bad") for line in tables.complaints(run, _MOST)]
         findings += [replace(item, lead=f"{name}:") for item in items]
         if run.message:
-            mark = MARKS[run.outcome]
-            items.append(doc.Text(capital(run.message), mark))
+            mark = tables.MARKS[run.outcome]
+            items.append(doc.Text(tables.capital(run.message), mark))
             findings.append(doc.Text(f"{run.outcome.value}: {run.message}", mark, f"{name}:"))
         if run.unjudged:
             labels = ", ".join(metric.label for metric in run.unjudged)
             text = f"not judged: {labels} ({run.unjudged[0].note})."
             items.append(doc.Text(text, "unjudged"))
             findings.append(doc.Text(text, "warning", f"{name}:"))
-        findings += [doc.Text(line, "strong", f"{name}, why:") for line in diagnosis(run)]
+        findings += [doc.Text(line, "strong", f"{name}, why:") for line in tables.diagnosis(run)]
         if run.outcome is not Outcome.AGREES:
             title = f"{name}: {run.outcome.value}"
             sections += [
                 doc.Heading(title, 3, _why_anchor(run)),
-                *map(doc.page_only, why(run)),
+                *map(doc.page_only, tables.why(run)),
                 doc.Listing(tuple(items), medium="page"),
             ]
     return sections, doc.Listing(tuple(findings), medium="terminal")
@@ -308,7 +293,11 @@ def figures(comparison: Comparison, machine: Machine) -> doc.Grid:
 
     blocks: list[doc.Figure] = []
     for name, caption, count, draw in _figures(machine):
-        plot, place, columns = partial(panels, draw), anchor(model, name), min(count, _COLUMNS)
+        plot, place, columns = (
+            partial(panels, draw),
+            tables.anchor(model, name),
+            min(count, _COLUMNS),
+        )
         blocks.append(doc.Figure(plot, name.capitalize(), caption, place, model, columns))
     return doc.Grid(tuple(blocks))
 
@@ -391,7 +380,8 @@ def _over_time(
             for run in runs:
                 with suppress(ValueError):
                     seen = run.values(quantity)
-                    series += [] if seen is None else [seen]
+                    if seen is not None:
+                        series.append(seen)
             values = Axis("", unit)
             panels.append(Plot(_TIME, values, tuple(series), name, rules=rules, height=230))
         axis = Axis("difference", unit, logarithmic=True)
@@ -430,7 +420,7 @@ def work_precision(machines: Sequence[Machine], runs: Sequence[Run]) -> doc.Figu
     distance = Axis("largest distance of a marker", "m", logarithmic=True)
     series: dict[str, list[Series]] = {machine.model: [] for machine in machines}
     for run in runs:
-        error = largest(m.value for m in run.metrics if m.name == "position_max" and m.observed)
+        error = _POSITION.value(run)
         if run.model in series and run.wall_time and error is not None:
             style, hints = run_style(run.engine, run.preset), (f"{run.steps} steps",)
             x, y = np.array([run.wall_time]), np.array([error])
@@ -599,7 +589,7 @@ def overview(results: Results) -> doc.Table:
             for quantity in shown:
                 cell = quantity.cell(run)
                 if cell.text and quantity.plot in plots:
-                    cell = replace(cell, link=anchor(run.model, quantity.plot))
+                    cell = replace(cell, link=tables.anchor(run.model, quantity.plot))
                 elif run.metrics and not cell.text:
                     cell = doc.Cell("–", hint="not observed, or not part of this motion")
                 cells.append(cell)
@@ -614,17 +604,17 @@ def overview(results: Results) -> doc.Table:
             outcome = replace(
                 verdict_cell(run), link=_metrics_anchor(run) if agrees else _why_anchor(run)
             )
-            end, place = (_step(run), _wall_time(run)), anchor(run.model, run.label)
+            end, place = (_step(run), _wall_time(run)), tables.anchor(run.model, run.label)
             rows.append(doc.row(run.label, outcome, *cells, further, *end, anchor=place))
     return doc.page_only(doc.without_empty_columns(doc.table(heads, rows, _AGREEMENT)))
 
 
 def _metrics_anchor(run: Run) -> str:
-    return anchor(run.model, f"metrics {run.label}")
+    return tables.anchor(run.model, f"metrics {run.label}")
 
 
 def _why_anchor(run: Run) -> str:
-    return anchor("why", f"{run.model}-{run.label}")
+    return tables.anchor("why", f"{run.model}-{run.label}")
 
 
 def verdict_cell(run: Run) -> doc.Cell:
@@ -632,7 +622,7 @@ def verdict_cell(run: Run) -> doc.Cell:
     text = run.outcome.value
     if run.outcome in COMPARED:
         text += f" {len(run.judged) - len(run.broken)}/{len(run.judged)}"
-    return doc.Cell(text, MARKS[run.outcome])
+    return doc.Cell(text, tables.MARKS[run.outcome])
 
 
 # --- The reference, and the evidence
@@ -680,7 +670,7 @@ def _evidence(results: Results, machine: Machine) -> Iterator[doc.Block]:
     """Evidence for the machine's verdicts, folded away."""
     runs, model = _runs(results, machine), machine.model
     title = f"{model.capitalize()} machine: the evidence"
-    yield doc.Heading(title, 2, anchor(model, "evidence"))
+    yield doc.Heading(title, 2, tables.anchor(model, "evidence"))
     yield _uncertainty(machine)
     pairs = [pair for pair in results.pairs if pair.model == model]
     if pairs:
@@ -692,7 +682,7 @@ def _evidence(results: Results, machine: Machine) -> Iterator[doc.Block]:
     )
     heads = ["engine", *_CHECKS, "states", "verdict"]
     checks = doc.table(heads, map(_equivalence_row, checked), caption, "page")
-    yield doc.Fold(title, (checks,), anchor=anchor(model, "equivalence"))
+    yield doc.Fold(title, (checks,), anchor=tables.anchor(model, "equivalence"))
     for run in runs:
         if run.metrics:
             held = f"{len(run.judged) - len(run.broken)} of {len(run.judged)} hold"
@@ -718,7 +708,7 @@ def _uncertainty(machine: Machine) -> doc.Block:
         "DOP853 over a ladder of tolerances and Taylor series in double and extended precision. A "
         "tolerance finer than ten times the reference's uncertainty is refused."
     )
-    values = doc.page_only(certified_figures(shown, "Certified values"))
+    values = doc.page_only(tables.certified_figures(shown, "Certified values"))
     return doc.Fold("How far the reference is known: its certificate", (values, doc.Note(text)))
 
 
@@ -750,7 +740,7 @@ _PAIR_COLUMNS = (
 
 def _pairs(pairs: Sequence[Pair]) -> tuple[doc.Block, ...]:
     """Engine against engine: all pairs on a page, those of tuned presets in a terminal."""
-    tuned = [pair for pair in pairs if is_tuned(pair.first) and is_tuned(pair.second)]
+    tuned = [pair for pair in pairs if tables.both_tuned(pair.first, pair.second)]
     every = doc.table(_PAIR_COLUMNS, pairs, "Engine against engine, all pairs")
     caption = "engine against engine (tuned; the report has all)"
     short = doc.table(_PAIR_COLUMNS, tuned, caption, "terminal")
@@ -801,17 +791,19 @@ def summary(results: Results) -> doc.Document:
     all_complaints: list[doc.Text] = []
     for run in results.runs:
         # One line for each run that does not agree: the worst of it, and its likeliest cause.
-        parts, name = complaints(run, 1), f"{run.model}, {run.label}:"
+        parts, name = tables.complaints(run, 1), f"{run.model}, {run.label}:"
         if run.message:
             parts.append(run.message)
         if run.unjudged:
             parts.append(f"not judged: {len(run.unjudged)} quantities")
         if run.diagnosis is not None:
-            parts.append(cause_text(run.diagnosis))
+            parts.append(tables.cause_text(run.diagnosis))
         if parts:
             text = " ".join(map(sentence, parts))
             broken.append(doc.Text(text, "bad" if run.broken else "warning", name))
-        all_complaints += [doc.Text(line, lead=name) for line in complaints(run, _COMPLAINTS)]
+        all_complaints += [
+            doc.Text(line, lead=name) for line in tables.complaints(run, _COMPLAINTS)
+        ]
     engines = {run.engine: run.engine_version for run in results.runs}
     versions = ", ".join(f"{engine} {version}" for engine, version in engines.items())
     here = f"trebucheck {results.trebucheck_version}, Python {results.python_version}"
@@ -832,11 +824,11 @@ def summary(results: Results) -> doc.Document:
         blocks.append(doc.Fold("Tolerances that are broken", (listing,)))
     mechanisms = [(m.model, m.mechanism_hash[:16], f"{m.judged_to:.6g}") for m in results.machines]
     settings = [(run.model, run.label, format_settings(run.settings)) for run in results.runs]
-    tables = (
+    details = (
         doc.table("machine | hash | judged to [s]", mechanisms),
         doc.table(["machine", "engine", doc.words("settings")], settings),
     )
-    blocks.append(doc.Fold("Mechanisms and settings", tables))
+    blocks.append(doc.Fold("Mechanisms and settings", details))
     return doc.Document("", tuple(blocks))
 
 

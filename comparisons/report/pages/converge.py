@@ -12,7 +12,7 @@ from ...converge import Curve, LimitPair, MachineStudies, PowerLaw, Studies, Swe
 from .. import document as doc
 from ..document import format_number, format_settings
 from ..plots import Axis, Label, Panels, Plot, Series, Style, run_style
-from .tables import capital, chapter, compared_time, is_tuned, provenance
+from .tables import both_tuned, capital, chapter, compared_time, provenance
 
 _WHOLE = Style("#8a8f96")
 _INTRODUCTION = (
@@ -286,7 +286,7 @@ def _floors(studies: Sequence[SweepStudy]) -> doc.Table:
 
 
 def _limits(machine: MachineStudies) -> Iterator[doc.Block]:
-    tuned = [pair for pair in machine.pairs if is_tuned(pair.first) and is_tuned(pair.second)]
+    tuned = [pair for pair in machine.pairs if both_tuned(pair.first, pair.second)]
     rows = [
         doc.row(limit.label, "reference", format_number(limit.position), medium="page")
         for limit in machine.limits

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ...recommend.results import Advice, EngineAdvice
-from ...recommend.search import unit_of
+from ...recommend import Advice, EngineAdvice, unit_of
 from .. import document as doc
 from ..document import format_number, format_step, sentence
 from .tables import Settings, compared_time, provenance

@@ -12,36 +12,28 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ...engines.given import Engines, Names
-from ...engines.protocol import Engine
-from ...models.errors import InputError, SimulationError, UnwritableError
-from ...models.files import read_bytes
-from ...models.library.registry import Models
-from ...models.mechanism import Mechanism
-from ...models.problem import StopLaw
-from ...models.shown import Reported
-from ...models.spec import Spec
-from ...models.trajectory import Trajectory, load
-from ...reference.solution import Solution
-from ..diagnosis.diagnose import check_and_diagnose, diagnose_motion, failed_diagnosis
-from ..diagnosis.rerun import Rerun
-from ..report.document import format_number
-from ..runs.process import OnDemand, Worker, in_order, simulate
-from ..runs.record import RunErrors, RunRecord, judged, machine_row, new_record, pair_of, run_row
-from ..runs.results import (
-    COMPARED,
-    FORMAT,
-    Diagnosis,
-    Equality,
-    Machine,
-    Outcome,
-    Pair,
-    Results,
-    Run,
-)
-from ..runs.runner import Runner
-from ..runs.store import Store, conditions, digest
-from ..runs.study import Study, Until
+from ..engines.given import Engines, Names
+from ..engines.protocol import Engine
+from ..models.errors import InputError, SimulationError, UnwritableError
+from ..models.files import read_bytes
+from ..models.library.registry import Models
+from ..models.mechanism import Mechanism
+from ..models.problem import StopLaw
+from ..models.shown import Reported
+from ..models.spec import Spec
+from ..models.trajectory import Trajectory, load
+from ..reference.solution import Solution
+from .diagnosis.diagnose import check_and_diagnose, diagnose_motion, failed_diagnosis
+from .diagnosis.rerun import Rerun
+from .report.document import format_number
+from .runs.process import OnDemand, Worker, in_order, simulate
+from .runs.record import RunErrors, RunRecord, judged, machine_row, new_record, pair_of, run_row
+from .runs.results import COMPARED, FORMAT, Machine, Outcome, Pair, Results, Run
+from .runs.runner import Runner
+from .runs.store import Store, conditions, digest
+from .runs.study import Study, Until
+
+__path__: list[str] = []  # names of earlier releases below this module: see renamed.py
 
 
 @dataclass(frozen=True)
@@ -86,50 +78,45 @@ class MachineRuns:
     """
 
     def __init__(self, study: Study, mechanism: Mechanism, worker: Worker) -> None:
-        self.store, self._needs = study.store, study.needs
+        self.store, self._needs, self.diagnoses = study.store, study.needs, study.diagnose
         self.runner = Runner(mechanism, worker, study.end_of(mechanism), study.law_of(mechanism))
-        self.diagnoses = study.diagnose
-        """Whether the causes of exceeded tolerances are looked for."""
         kept = None
         if self.store is not None:
             made_by = conditions(*self.runner.conditions)
             kept = self.store.record(mechanism.name, _KeptMachine, made_by)
         self._pairs = {} if kept is None else kept.pairs
-        self.machine = machine_row(self.runner, study.needs) if kept is None else kept.machine
+        machine = machine_row(self.runner, study.needs) if kept is None else kept.machine
         needs = study.needs.texts  # they decide verdicts, and no record
-        self.taken = kept is not None and kept.machine.needs == needs
+        self.taken = kept is not None and machine.needs == needs
         """Whether the row was taken from the store as it is."""
-        self.machine = self.machine.model_copy(update={"needs": needs})
+        self.machine = machine.model_copy(update={"needs": needs})
 
     def run(self, case: RunKey, engine: Engine) -> FinishedRun:
         """Takes a run from the store, or makes and measures it; judges and diagnoses it.
 
         It may be called from any thread.
         """
-        finished = self._kept(case, engine) or self._made(case, engine)
-        run = judged(finished.record, engine, self.machine, self._needs)
-        finished = finished._replace(run=run)
+        # Conditions of a record: those of the run, and the code that checks and diagnoses it
+        made_by = conditions(*self.runner.conditions, engine=engine, code="comparisons/diagnosis")
+        finished = self._kept(case, engine, made_by) or self._made(case, engine)
+        finished = finished._replace(run=judged(finished.record, engine, self.machine, self._needs))
         if finished.motion is None:
             return finished
-        if run.broken and self.diagnoses:
-            finished = self._diagnosed(finished, engine)
+        if finished.run.broken and self.diagnoses:
+            finished = self._diagnosed(finished, finished.motion, engine)
         if self.store is not None and self.store.records is not None and not finished.taken:
             path = self.store.path(case.model, case.label)
             record = finished.record.model_copy(update={"trajectory": digest(path) or ""})
-            self.store.keep_record(path.stem, record, self._conditions(engine))
+            self.store.keep_record(path.stem, record, made_by)
             finished = finished._replace(record=record)
         return finished
 
-    def _conditions(self, engine: Engine) -> str:
-        """Conditions of a record: those of the run, and the code that checks and diagnoses it."""
-        return conditions(*self.runner.conditions, engine=engine, code="comparisons/diagnosis")
-
-    def _kept(self, case: RunKey, engine: Engine) -> FinishedRun | None:
+    def _kept(self, case: RunKey, engine: Engine, made_by: str) -> FinishedRun | None:
         """The finished run from the store, if its trajectory's file is unchanged."""
         if self.store is None:
             return None
         path = self.store.path(case.model, case.label)
-        record = self.store.record(path.stem, RunRecord, self._conditions(engine))
+        record = self.store.record(path.stem, RunRecord, made_by)
         if record is None or record.trajectory != digest(path):
             return None
         self.store.taken.add(path.stem)
@@ -137,21 +124,26 @@ class MachineRuns:
         return FinishedRun(record, run_row(record, engine, case.model), motion, taken=True)
 
     def _made(self, case: RunKey, engine: Engine) -> FinishedRun:
-        mechanism, worker = self.runner.mechanism, self.runner.worker
+        mechanism = self.runner.mechanism
         record = new_record(case.engine, case.preset, engine, mechanism)
         motion: Callable[[], Trajectory] | None = None
         errors: RunErrors | None = None
         try:
-            equality, diagnosis = worker.call(check_and_diagnose, engine, mechanism)
-            record = record.model_copy(update={"equality": equality, "diagnosis": diagnosis})
-            if equality.holds:
+            checked = self.runner.worker.call(check_and_diagnose, engine, mechanism)
+            record = record.model_copy(update={"equality": checked[0], "diagnosis": checked[1]})
+            if checked[0].holds:
                 trajectory = self._trajectory(case, engine)
                 metrics = self.runner.measured(trajectory)
                 record = record.timed(trajectory).model_copy(update={"metrics": metrics})
                 motion, errors = (lambda: trajectory), self._errors(trajectory)
             else:
-                unequal = {"outcome": Outcome.NOT_EQUIVALENT, "message": _unequal(equality)}
-                record = record.model_copy(update=unequal)
+                broken = [f"{c.label} off by {format_number(c.value)}" for c in checked[0].broken]
+                message = checked[0].note or (
+                    f"the built model differs before any motion: {', '.join(broken)}; its motion "
+                    "was not compared."
+                )
+                update = {"outcome": Outcome.NOT_EQUIVALENT, "message": message}
+                record = record.model_copy(update=update)
         except UnwritableError:
             raise
         except Exception as error:
@@ -162,9 +154,8 @@ class MachineRuns:
         if self.store is None:
             return self.runner.simulate(engine)
         problem = self.runner.problem(engine)
-        made_by = conditions(
-            problem.mechanism.content_hash, problem.duration, problem.stop_law, engine=engine
-        )
+        parts = problem.mechanism.content_hash, problem.duration, problem.stop_law
+        made_by = conditions(*parts, engine=engine)
         kept = self.store.trajectory(case.model, case.label, made_by)
         if kept is None:
             self.store.made.add(self.store.path(case.model, case.label).stem)
@@ -172,27 +163,25 @@ class MachineRuns:
             self.store.keep(kept, case.model, case.label, made_by, self.runner.worker.jobs)
         return kept
 
-    def _diagnosed(self, finished: FinishedRun, engine: Engine) -> FinishedRun:
+    def _diagnosed(
+        self, finished: FinishedRun, motion: Callable[[], Trajectory], engine: Engine
+    ) -> FinishedRun:
         """Adds the diagnosis: the record's, if it is for the same tolerances, else a new one."""
-        record, broken, motion = finished.record, finished.run.broken, finished.motion
-        assert motion is not None
+        record, broken = finished.record, finished.run.broken
         exceeded = {metric.label: metric.tolerance for metric in broken}
         taken = finished.taken and record.diagnosed_for == exceeded
         if not taken:
-            diagnosis = self._diagnosis(finished.run, motion(), engine)
+            # In a process: it solves and runs many changed mechanisms
+            motions = motion(), self.runner.solution, self.runner.end
+            diagnose = partial(diagnose_motion, broken, *motions, Rerun(engine, simulate))
+            try:
+                diagnosis = self.runner.worker.compute(diagnose, "the diagnosis")
+            except Exception as error:
+                diagnosis = failed_diagnosis(broken, error)
             update = {"diagnosis": diagnosis, "diagnosed_for": exceeded}
             record = record.model_copy(update=update)
         run = finished.run.model_copy(update={"diagnosis": record.diagnosis})
         return finished._replace(record=record, run=run, taken=taken)
-
-    def _diagnosis(self, run: Run, trajectory: Trajectory, engine: Engine) -> Diagnosis:
-        """Computes a diagnosis in a process: it solves and runs many changed mechanisms."""
-        motions = trajectory, self.runner.solution, self.runner.end
-        diagnose = partial(diagnose_motion, run.broken, *motions, Rerun(engine, simulate))
-        try:
-            return self.runner.worker.compute(diagnose, "the diagnosis")
-        except Exception as error:
-            return failed_diagnosis(run.broken, error)
 
     def _errors(self, trajectory: Trajectory) -> RunErrors:
         reference = self.runner.reference(trajectory.t)
@@ -200,37 +189,33 @@ class MachineRuns:
 
     def pairs(self, runs: Iterable[FinishedRun]) -> list[Pair]:
         """Compares every two runs that came to their end; keeps them in the store with the row."""
-        moved = {each.run.label: each for each in runs if each.motion is not None}
-        errors = {label: each.errors for label, each in moved.items()}
+        moved = {finished.run.label: finished for finished in runs if finished.motion is not None}
+        errors = {label: finished.errors for label, finished in moved.items()}
+
+        def errors_of(label: str) -> RunErrors:
+            known, motion = errors[label], moved[label].motion
+            if known is None:
+                assert motion is not None
+                known = errors[label] = self._errors(motion())
+            return known
+
         pairs: dict[str, Pair] = {}
-        for labels in combinations(moved, 2):
+        for first, second in combinations(moved, 2):
+            labels = first, second
             key = ", ".join(f"{label}: {moved[label].record.trajectory}" for label in labels)
-            pair = self._pairs.get(key)
-            if pair is None:
-                sides: list[RunErrors] = []
-                for label in labels:
-                    motion = moved[label].motion
-                    assert motion is not None
-                    side = errors[label] or self._errors(motion())
-                    errors[label] = side
-                    sides.append(side)
-                first, second = sides
-                pair = pair_of(self.machine.model, labels, first, second, self.machine.judged_to)
-            pairs[key] = pair
+            pairs[key] = self._pairs.get(key) or pair_of(
+                self.machine.model,
+                labels,
+                errors_of(first),
+                errors_of(second),
+                self.machine.judged_to,
+            )
         self.taken = self.taken and pairs.keys() <= self._pairs.keys()
         if self.store is not None and not (self.taken and all(run.taken for run in moved.values())):
             kept = _KeptMachine(machine=self.machine, pairs=self._pairs | pairs)
             made_by = conditions(*self.runner.conditions)
             self.store.keep_record(self.machine.model, kept, made_by)
         return list(pairs.values())
-
-
-def _unequal(equality: Equality) -> str:
-    if equality.note:
-        return equality.note
-    off = [f"{check.label} off by {format_number(check.value)}" for check in equality.broken]
-    broken = ", ".join(off)
-    return f"the built model differs before any motion: {broken}; its motion was not compared."
 
 
 @dataclass(frozen=True, repr=False)
@@ -341,15 +326,7 @@ def compare(
 def compare_study(
     study: Study, progress: Callable[[RunKey, int, int], None] | None = None
 ) -> Comparison:
-    """Measure the engines of a study against the reference.
-
-    Args:
-        study: its own `progress` is not used.
-        progress: called before each case is measured, with the number done and the number of all.
-
-    Raises:
-        InputError: as :func:`compare`.
-    """
+    """Measure the engines of a study (not its own `progress`); raises as :func:`compare`."""
     cases = [
         RunKey(m.name, name, preset)
         for m in study.mechanisms
@@ -360,6 +337,7 @@ def compare_study(
     engines = {(c.engine, c.preset): study.engine(c.engine, c.preset) for c in cases}
     by_name = {mechanism.name: mechanism for mechanism in study.mechanisms}
     finished: dict[RunKey, FinishedRun] = {}
+    pairs: list[Pair] = []
     with study.worker() as worker:
 
         def solved(mechanism: Mechanism) -> MachineRuns | SimulationError:
@@ -386,7 +364,6 @@ def compare_study(
                     progress(case, done, len(cases))
                 finished[case] = next(results)
         moved = {name: each for name, each in machines.items() if isinstance(each, MachineRuns)}
-        pairs: list[Pair] = []
         for name, machine in moved.items():
             pairs += machine.pairs(each for case, each in finished.items() if case.model == name)
     motions = {
@@ -428,17 +405,21 @@ def stored(folder: str | Path) -> Comparison:
 
 
 def read_results(path: str | Path) -> Results:
-    """Results of a comparison.
-
-    Args:
-        path: of results.json, or of the folder that holds it.
+    """Results of a comparison, by the path of results.json or of the folder that holds it.
 
     Raises:
         InputError: the file is not there, is of another kind or format, or is broken.
     """
     path = Path(path)
     path = path / "results.json" if path.is_dir() else path
-    _refuse_others(path)
+    # A file of another kind or format is refused at once, before its fields are read.
+    stated = format_of(path)
+    if stated != FORMAT:
+        has = "no format" if stated is None else f"format {str(stated)[:60]!r}"
+        raise InputError(
+            f"{path} has {has}; a results.json of `trebucheck compare` has {FORMAT!r}: "
+            "make it again."
+        )
     results = Results.load(path)
     runs = Counter((run.model, run.engine, run.preset) for run in results.runs)
     twice = [name for name, number in runs.items() if number > 1]
@@ -453,8 +434,8 @@ def read_results(path: str | Path) -> Results:
     return results
 
 
-def _refuse_others(path: Path) -> None:
-    """Refuses a file of another kind or format at once, before its fields are read."""
+def format_of(path: Path) -> object:
+    """The format that a file of results states, if any; InputError: it is not JSON."""
     text = read_bytes(path, Results.largest_file)
     try:
         content = json.loads(text)
@@ -462,10 +443,4 @@ def _refuse_others(path: Path) -> None:
         raise InputError(
             f"{path} is not JSON; the results.json of `trebucheck compare` is needed."
         ) from None
-    given = content.get("format") if isinstance(content, dict) else None
-    if given != FORMAT:
-        has = "no format" if given is None else f"format {str(given)[:60]!r}"
-        raise InputError(
-            f"{path} has {has}; a results.json of `trebucheck compare` has {FORMAT!r}: "
-            "make it again."
-        )
+    return content.get("format") if isinstance(content, dict) else None

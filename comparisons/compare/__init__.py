@@ -1,1 +1,0 @@
-"""`trebucheck compare`: engines against the reference and against each other."""
