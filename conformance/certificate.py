@@ -6,26 +6,7 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from itertools import groupby
 
-from ..comparisons.report.document import (
-    Block,
-    Cell,
-    Column,
-    Document,
-    Fold,
-    Heading,
-    Listing,
-    Mark,
-    Row,
-    Table,
-    Text,
-    Tile,
-    Tiles,
-    format_number,
-    page_only,
-    row,
-    table,
-    words,
-)
+from ..comparisons.report import document as page
 from ..engines.inspection import Inspectable
 from ..engines.registry import capabilities_of, engine, engine_class
 from ..engines.supplied import sentence
@@ -33,7 +14,7 @@ from ..models.errors import TrebucheckError
 from .suite import INTERFACE, STANDARD, given, missing
 from .verdicts import CheckState, CheckVerdict, Conformance
 
-MARKS: dict[CheckState, Mark] = {
+MARKS: dict[CheckState, page.Mark] = {
     CheckState.KEPT: "good",
     CheckState.BROKEN: "bad",
     CheckState.NOT_JUDGED: "bad",
@@ -59,52 +40,54 @@ def _judged(results: Conformance) -> int:
     return len(results.verdicts) - results.counts[CheckState.SKIPPED]
 
 
-def certificate(results: Conformance) -> Document:
+def certificate(results: Conformance) -> page.Document:
     """Verdict, what to do next, problems, and every check."""
     line, counts = headline(results), results.counts
-    mark: Mark = "good" if results.passed else "bad"
+    mark: page.Mark = "good" if results.passed else "bad"
     failed = sum(verdict.failed for verdict in results.verdicts)
     known, skipped = counts[CheckState.DEVIATES], counts[CheckState.SKIPPED]
     tiles = (
-        Tile(f"{counts[CheckState.KEPT]}/{_judged(results)}", "checks kept", mark),
-        Tile(str(failed), "broken or not judged", "bad" if failed else "plain"),
-        Tile(str(known), "known deviations", "warning" if known else "plain"),
-        Tile(str(skipped), "skipped"),
+        page.Tile(f"{counts[CheckState.KEPT]}/{_judged(results)}", "checks kept", mark),
+        page.Tile(str(failed), "broken or not judged", "bad" if failed else "plain"),
+        page.Tile(str(known), "known deviations", "warning" if known else "plain"),
+        page.Tile(str(skipped), "skipped"),
     )
-    blocks: list[Block] = [Text(line, mark), Tiles(tiles)]
+    blocks: list[page.Block] = [page.Text(line, mark), page.Tiles(tiles)]
     for label in results.engines:  # the parts of a run that each does itself
         supplied = results.supplied.get(label)
         text = "The engine does not say what of a run is its own."
         if supplied is not None:
             text = sentence(supplied)
-        blocks.append(Text(text, lead=f"{label}:" if len(results.engines) > 1 else ""))
-    checks = Table(_CHECK_COLUMNS, tuple(_check_row(verdict) for verdict in results.verdicts))
+        blocks.append(page.Text(text, lead=f"{label}:" if len(results.engines) > 1 else ""))
+    checks = page.Table(_CHECK_COLUMNS, tuple(_check_row(verdict) for verdict in results.verdicts))
     blocks += [
         *_advice(results),
-        Heading("Problems", 2),
-        table(_PROBLEM_COLUMNS, list(_problem_rows(results.verdicts)), "From the simplest on"),
-        Fold(f"All {len(results.verdicts)} checks", (page_only(checks),)),
+        page.Heading("Problems", 2),
+        page.table(_PROBLEM_COLUMNS, list(_problem_rows(results.verdicts)), "From the simplest on"),
+        page.Fold(f"All {len(results.verdicts)} checks", (page.page_only(checks),)),
     ]
     title = f"Conformance of {', '.join(results.engines)}"
-    return Document(title, tuple(blocks), window=title, command=results.command or "", verdict=line)
+    return page.Document(
+        title, tuple(blocks), window=title, command=results.command or "", verdict=line
+    )
 
 
-def _advice(results: Conformance) -> Iterator[Block]:
+def _advice(results: Conformance) -> Iterator[page.Block]:
     steps = list(next_steps(results))
     if steps:
-        yield Heading("What to do next", 2, medium="any")
-        yield Listing(tuple(Text(step) for step in steps[:_LISTED]), ordered=True)
+        yield page.Heading("What to do next", 2, medium="any")
+        yield page.Listing(tuple(page.Text(step) for step in steps[:_LISTED]), ordered=True)
     unexplained = [v for v in results.verdicts if v.failed and v.error is not None and not v.cause]
     if unexplained:
         where, name = unexplained[0].problem, unexplained[0].id.split("/", 1)[0]
-        yield Text(
+        yield page.Text(
             "No cause was looked for where none is named, to save time: "
             f"`trebucheck compare --engines {name} --models {where}` does so."
         )
     more = [text for label in results.engines for text in optional_steps(label)]
     if more:
-        yield Heading("What is missing, and may stay so", 2, medium="any")
-        yield Listing(tuple(map(Text, more)))
+        yield page.Heading("What is missing, and may stay so", 2, medium="any")
+        yield page.Listing(tuple(map(page.Text, more)))
 
 
 def next_steps(results: Conformance) -> Iterator[str]:
@@ -158,25 +141,25 @@ def optional_steps(label: str) -> Iterator[str]:
 
 
 _PROBLEM_COLUMNS = (
-    words("engine", wrap=False, medium="page"),
-    words("problem", wrap=False),
-    Column("kept", align="right"),
-    Column("worst", align="left"),
-    Column("of its tolerance", align="right"),
-    Column("run", "s", align="right", rank=3),
-    words("verdict"),
+    page.words("engine", wrap=False, medium="page"),
+    page.words("problem", wrap=False),
+    page.Column("kept", align="right"),
+    page.Column("worst", align="left"),
+    page.Column("of its tolerance", align="right"),
+    page.Column("run", "s", align="right", rank=3),
+    page.words("verdict"),
 )
 _CHECK_COLUMNS = (
-    words("check", wrap=False),
-    words("verdict", wrap=False),
-    Column("error", align="right"),
-    Column("tolerance", align="right"),
-    words("unit", wrap=False),
-    words("why"),
+    page.words("check", wrap=False),
+    page.words("verdict", wrap=False),
+    page.Column("error", align="right"),
+    page.Column("tolerance", align="right"),
+    page.words("unit", wrap=False),
+    page.words("why"),
 )
 
 
-def _problem_rows(verdicts: Sequence[CheckVerdict]) -> Iterator[Row]:
+def _problem_rows(verdicts: Sequence[CheckVerdict]) -> Iterator[page.Row]:
     order = (CheckState.BROKEN, CheckState.NOT_JUDGED, CheckState.DEVIATES, CheckState.KEPT)
     for where, group in groupby(verdicts, key=lambda verdict: verdict.id.rsplit("/", 1)[0]):
         checks = list(group)
@@ -195,14 +178,14 @@ def _problem_rows(verdicts: Sequence[CheckVerdict]) -> Iterator[Row]:
         text = state.value
         if state is CheckState.SKIPPED:  # so all of them are
             text = f"skipped: {checks[0].text}"
-        yield row(engine, problem, counts, *worst_cells, wall, Cell(text, MARKS[state]))
+        yield page.row(engine, problem, counts, *worst_cells, wall, page.Cell(text, MARKS[state]))
 
 
-def _check_row(v: CheckVerdict) -> Row:
-    error = format_number(v.error) if v.error is not None else ""
-    tolerance = format_number(v.tolerance) if v.tolerance is not None else ""
+def _check_row(v: CheckVerdict) -> page.Row:
+    error = page.format_number(v.error) if v.error is not None else ""
+    tolerance = page.format_number(v.tolerance) if v.tolerance is not None else ""
     why = v.text or v.source
-    return row(v.id, Cell(v.state.value, MARKS[v.state]), error, tolerance, v.unit, why)
+    return page.row(v.id, page.Cell(v.state.value, MARKS[v.state]), error, tolerance, v.unit, why)
 
 
 def badge(results: Conformance) -> str:

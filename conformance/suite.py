@@ -26,15 +26,8 @@ from ..comparisons.runs.quantities import JUDGED
 from ..comparisons.runs.results import FAILURES, Metric, Outcome, Run
 from ..comparisons.runs.runner import refuse_invalid
 from ..comparisons.runs.study import Study
+from ..engines import registry
 from ..engines.protocol import Capabilities, Engine
-from ..engines.registry import (
-    EngineClass,
-    announce,
-    capabilities_of,
-    engine,
-    engine_class,
-    supplied_in,
-)
 from ..models.errors import InputError, SimulationError, TrebucheckError, UnsupportedProblemError
 from ..models.features import missing_elements
 from ..models.files import refuse_unwritable, write_text
@@ -124,7 +117,7 @@ def quantities(mechanism: Mechanism, law: StopLaw, capabilities: Capabilities) -
 # --- The engine
 
 
-def absence(cls: EngineClass) -> str:
+def absence(cls: registry.EngineClass) -> str:
     """A sentence for an engine that is not installed, in its own words where it has any."""
     in_own_words = getattr(cls, "absence", None)
     return str(in_own_words() if in_own_words else f"engine {cls.name!r} is not installed here.")
@@ -147,8 +140,8 @@ class Target:
             InputError: there is no such engine or preset, or it cannot be loaded.
         """
         name, _, preset = text.strip().partition("/")
-        name = announce(name) if ":" in name else name
-        engine_type = engine_class(name)
+        name = registry.announce(name) if ":" in name else name
+        engine_type = registry.engine_class(name)
         try:
             presets = tuple(engine_type.presets())
         except Exception as error:
@@ -170,14 +163,14 @@ class Target:
         return f"{self.engine}/{self.preset}"
 
     @property
-    def engine_type(self) -> EngineClass:
+    def engine_type(self) -> registry.EngineClass:
         """The engine's class."""
-        return engine_class(self.engine)
+        return registry.engine_class(self.engine)
 
     @cached_property
     def capabilities(self) -> Capabilities:
         """Capabilities with the options of its preset."""
-        return capabilities_of(self.engine, self.preset)
+        return registry.capabilities_of(self.engine, self.preset)
 
     def lacks(self, problem: str) -> tuple[str, ...]:
         """Names of what a problem needs and the engine does not declare."""
@@ -198,7 +191,7 @@ class _Interface:
         self.target, self.problems, self.worker = target, problems, worker
 
     def _make(self) -> Engine:
-        return engine(self.target.engine, self.target.preset)
+        return registry.engine(self.target.engine, self.target.preset)
 
     def _fitting(self) -> list[str]:
         """Problems that the engine declares to be able to build."""
@@ -240,7 +233,7 @@ class _Interface:
 
     def made_again(self) -> Iterator[str]:
         first = self._make()
-        again = engine(first.name, first.preset, **first.settings)
+        again = registry.engine(first.name, first.preset, **first.settings)
         for name in (*first.settings, *again.settings):
             value, changed = first.settings.get(name), again.settings.get(name)
             if changed != value:
@@ -640,7 +633,7 @@ class Session:
         targets = [suite.target for suite in self._suites]
         return Conformance.made_here(
             engines={t.label: str(t.engine_type.version()) for t in targets},
-            supplied={t.label: supplied_in(t.engine, t.preset) for t in targets},
+            supplied={t.label: registry.supplied_in(t.engine, t.preset) for t in targets},
             tier=self._tier,
             verdicts=tuple(self._found[id] for id in self.ids if id in self._found),
         )

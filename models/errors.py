@@ -17,9 +17,8 @@ class TrebucheckError(Exception):
     """Base of every error this package raises on purpose; its text is a short sentence."""
 
     def __init__(self, *arguments: object) -> None:
-        super().__init__(
-            *(shortened(part) if isinstance(part, str) else part for part in arguments)
-        )
+        texts = [shortened(text) if isinstance(text, str) else text for text in arguments]
+        super().__init__(*texts)
 
 
 class InputError(TrebucheckError, ValueError):

@@ -56,9 +56,8 @@ class Problem(Shown, Spec):
 
     def headline(self) -> str:
         """Its mechanism, duration and law."""
-        return (
-            f"Problem: {self.mechanism.name!r} for {self.duration:g} s, stops {self.stop_law.value}"
-        )
+        name, law = self.mechanism.name, self.stop_law.value
+        return f"Problem: {name!r} for {self.duration:g} s, stops {law}"
 
     def facts(self) -> Iterable[tuple[str, str]]:
         """Those of its mechanism."""

@@ -108,7 +108,7 @@ class Trajectory(Reported):
     _repr_html_ = Shown._repr_html_  # a table: the page of a run is for `write_html`
 
     def rows(self) -> Iterator[Mapping[str, object]]:
-        """A sample a row; see :meth:`to_dataframe`."""
+        """A sample a row, as :meth:`to_dataframe`."""
         yield from self.to_dataframe().reset_index().to_dict("records")
 
     def to_dataframe(self) -> pd.DataFrame:

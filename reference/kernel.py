@@ -63,15 +63,9 @@ def _fill_mass(
 
 @_inlined
 def _fill_forces(
-    right: Any,
-    q: Any,
-    carried: Any,
-    products: Any,
-    weights: Any,
-    rates: Any,
-    curvature: Any,
+    right: Any, q: Any, carried: Any, products: Any, weights: Any, rates: Any, curvature: Any,
     centrifugal: bool,
-) -> None:
+) -> None:  # fmt: skip
     """Q - b = Re(J^H (W - K dJ/dt u)), or Q alone."""
     n = len(q)
     row = np.empty(n, dtype=np.complex128)
@@ -100,15 +94,9 @@ def _add_linear(
 
 @_inlined
 def _fill_constraints(
-    matrix: Any,
-    right: Any,
-    q: Any,
-    carried: Any,
-    point_rows: Any,
-    angle_rows: Any,
-    rates: Any,
+    matrix: Any, right: Any, q: Any, carried: Any, point_rows: Any, angle_rows: Any, rates: Any,
     curvature: Any,
-) -> None:
+) -> None:  # fmt: skip
     """G, -G^T and -gamma."""
     n, m = len(q), len(point_rows)
     row = np.empty(n, dtype=np.complex128)
@@ -273,16 +261,9 @@ def _load() -> None:
     """Load all of it from the disk, or compile it: a process that is forked afterwards need not."""
     numbers, complexes, y = np.zeros((1, 1)), np.zeros((1, 1), dtype=np.complex128), np.zeros(2)
     added = y[:1], numbers, numbers, 0.0, True
-    rows = np.zeros((0, 1), dtype=np.complex128), np.zeros((0, 1))
-    arrays = (
-        np.ones(1),
-        np.zeros((0, 2), dtype=np.intp),
-        complexes,
-        complexes[0],
-        np.ones((1, 1)),
-        added,
-        *rows,
-    )
+    rows, none = np.zeros((0, 1), dtype=np.complex128), np.zeros((0, 2), dtype=np.intp)
+    matrices = complexes, complexes[0], np.ones((1, 1))
+    arrays = np.ones(1), none, *matrices, added, rows, np.zeros((0, 1))
     solve(numbers, numbers, arrays)
     _, stages, _, _ = step(y, y, 1.0, (np.zeros((2, 1)), y, y), (1.0, 1.0), arrays)
     coefficients = dense_output(y, y, stages, 1.0, np.zeros((1, 2)), np.zeros((1, 3)), arrays)

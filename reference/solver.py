@@ -19,9 +19,7 @@ from scipy.integrate import DenseOutput, OdeSolution
 from scipy.optimize import brentq
 
 from ..models.arrays import FloatArray
-from ..models.elements import (
-    refuse_unknown,
-)
+from ..models.elements import refuse_unknown
 from ..models.errors import InputError, SimulationError
 from ..models.kinematics import initial_state
 from ..models.mechanism import Mechanism

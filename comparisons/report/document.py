@@ -27,7 +27,8 @@ SIGNS: dict[Mark, str] = {"good": "✓", "bad": "✗", "warning": "!", "unjudged
 
 def mark_of(holds: bool | None) -> Mark:
     """Mark of a value by its tolerance; plain where it has none."""
-    return "plain" if holds is None else "good" if holds else "bad"
+    marks: dict[bool | None, Mark] = {None: "plain", True: "good", False: "bad"}
+    return marks[holds]
 
 
 # --- Numbers
@@ -69,7 +70,9 @@ def format_percent(fraction: float | None) -> str:
     value = 100.0 * fraction
     if abs(value) >= 10:
         return f"{value:.0f} %"
-    return f"{value:.1f} %" if abs(value) >= 0.1 else ("0 %" if value == 0 else "< 0.1 %")
+    if abs(value) >= 0.1:
+        return f"{value:.1f} %"
+    return "0 %" if value == 0 else "< 0.1 %"
 
 
 def format_settings(settings: Mapping[str, object]) -> str:
@@ -383,8 +386,9 @@ def without_empty_columns(shown: Table) -> Table:
     count = len(shown.columns)
     kept = {0}
     for each in shown.rows:
-        for i, cell in enumerate(each.cells if len(each.cells) == count else ()):
-            if cell.text not in ("", "–") or cell.mark in ("good", "bad", "warning"):
+        for i, cell in enumerate(each.cells):
+            says = cell.text not in ("", "–") or cell.mark in ("good", "bad", "warning")
+            if says and len(each.cells) == count:
                 kept.add(i)
     rows: list[Row] = []
     for each in shown.rows:

@@ -15,15 +15,7 @@ from pydantic import Discriminator, Field, Tag
 
 from ..errors import UnsupportedProblemError
 from .angle_stop import Stop
-from .base import (
-    CONSUMERS,
-    GROUND,
-    Basic,
-    ElementTable,
-    Feature,
-    TwoBodyForceElement,
-    refusal,
-)
+from .base import CONSUMERS, GROUND, Basic, ElementTable, Feature, TwoBodyForceElement, refusal
 from .constant_force import ConstantForce
 from .constant_torque import ConstantTorque
 from .cubic_torsion_spring import CubicTorsionSpring

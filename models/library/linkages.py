@@ -14,10 +14,12 @@ from ..elements import GROUND, ConstantTorque, SpringDamper
 from ..mechanism import Body, Mechanism
 from ..spec import NonNegative, Positive, Real
 from .benchmark import (
+    LOWEST,
     BenchmarkParameters,
     Condition,
     KnownValue,
     Quantity,
+    Swing,
     at,
     coordinate,
     energy_figure,
@@ -28,9 +30,12 @@ from .benchmark import (
     pin,
     rod,
     slot,
+    slow_swing_period,
     suite_condition,
+    time_between,
+    turn,
+    turn_period,
 )
-from .closed_forms import LOWEST, Swing, slow_swing_period, time_between, turn, turn_period
 
 UPRIGHT = -math.pi / 2  # [rad] angle of a link that points up
 

@@ -14,9 +14,11 @@ from ..elements import GROUND, Stop
 from ..mechanism import Body, Mechanism
 from ..spec import Positive, Real
 from .benchmark import (
+    LOWEST,
     BenchmarkParameters,
     Condition,
     KnownValue,
+    Swing,
     bob,
     coordinate,
     energy_figure,
@@ -26,7 +28,6 @@ from .benchmark import (
     rod,
     suite_condition,
 )
-from .closed_forms import LOWEST, Swing
 
 
 class PendulumParameters(BenchmarkParameters):

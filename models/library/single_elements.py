@@ -24,6 +24,7 @@ from ..spec import NonNegative, Positive, Real, Vector
 from .benchmark import (
     BenchmarkParameters,
     KnownValue,
+    Swing,
     at,
     block,
     coordinate,
@@ -37,8 +38,8 @@ from .benchmark import (
     rail,
     rod,
     speed,
+    time_between,
 )
-from .closed_forms import Swing, time_between
 
 _LINEAR = "linear equation of motion: Lord Rayleigh, The Theory of Sound (1877), Ch. III"
 _SPAN = 10.0  # periods, or time constants, of a linear motion

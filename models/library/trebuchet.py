@@ -86,10 +86,7 @@ class HingedParameters(Spec):
     """Lengths [m], masses [kg], gravity [m/s^2] and start angles [rad] of the classical trebuchet.
 
     Masses and lengths are Table I's: the paper's machine, turned to where such machines started.
-
-    Raises:
-        InputError: a length, mass or gravity is not positive and finite, or an angle is not in
-            range.
+    Values are refused as by :class:`TrebuchetParameters`.
     """
 
     l1: Positive = Field(default=10.0, description="arm, fulcrum to sling pin [m]")
@@ -108,32 +105,20 @@ class HingedParameters(Spec):
 
 
 def fixed(parameters: TrebuchetParameters | None = None) -> Mechanism:
-    """The machine whose fulcrum is pinned to the ground; q = (theta, phi, alpha).
-
-    Args:
-        parameters: Table I where left out.
-    """
+    """The machine whose fulcrum is pinned to the ground; q = (theta, phi, alpha)."""
     p = parameters or TrebuchetParameters()
     return _whipper("fixed", p, pin(FULCRUM, GROUND, "arm"), (p.theta0, p.phi0, p.alpha0))
 
 
 def rolling(parameters: TrebuchetParameters | None = None) -> Mechanism:
-    """The machine whose fulcrum rolls along x on massless wheels; q = (theta, phi, alpha, x_p).
-
-    Args:
-        parameters: Table I where left out.
-    """
+    """The machine whose fulcrum rolls along x on massless wheels; q = (theta, phi, alpha, x_p)."""
     p = parameters or TrebuchetParameters()
     fulcrum = slot(FULCRUM, "arm", (1, 0), coordinate="x_p")
     return _whipper("rolling", p, fulcrum, (p.theta0, p.phi0, p.alpha0, 0.0))
 
 
 def hinged(parameters: HingedParameters | None = None) -> Mechanism:
-    """The classical trebuchet; q = (theta, phi, alpha), and a trough where the projectile starts.
-
-    Args:
-        parameters: as documented there where left out.
-    """
+    """The classical trebuchet, whose projectile starts in a trough; q = (theta, phi, alpha)."""
     p = parameters or HingedParameters()
     whipper = fixed(TrebuchetParameters(**p.model_dump()))
     height = -p.l1 * math.sin(p.theta0) - p.r * math.sin(p.phi0)
@@ -248,10 +233,6 @@ class CatapultParameters(Spec):
 
     Masses and arm are Table I's. The arm starts pointing back and down, away from the launch, at 45
     degrees.
-
-    Raises:
-        InputError: a length, mass or gravity is not positive and finite, or the angle is not in
-            range.
     """
 
     l1: Positive = Field(default=10.0, description="arm, fulcrum to projectile [m]")
@@ -270,9 +251,6 @@ def catapult(parameters: CatapultParameters | None = None) -> Mechanism:
 
     The projectile is part of the body for as long as the motion is followed: a launch is an instant
     of it.
-
-    Args:
-        parameters: Table I's masses and arm where left out.
     """
     p = parameters or CatapultParameters()
     return Mechanism(
@@ -292,10 +270,6 @@ class FloatingArmParameters(Spec):
     """Lengths [m], masses [kg], gravity [m/s^2] and start angles [rad] of a floating arm.
 
     Masses and lengths are Table I's; the wheel stands where the fulcrum of the others is.
-
-    Raises:
-        InputError: a length, mass or gravity is not positive and finite, or an angle is not in
-            range.
     """
 
     l1: Positive = Field(default=10.0, description="arm, wheel to sling pin [m]")
@@ -315,9 +289,6 @@ def floating_arm(parameters: FloatingArmParameters | None = None) -> Mechanism:
     """The arm on its two tracks and its sling; q = (theta, phi, drop), one loop.
 
     The tracks cross at the origin; `drop` is the counterweight's height above the wheel's track.
-
-    Args:
-        parameters: Table I's where left out.
     """
     p = parameters or FloatingArmParameters()
     height = -p.l1 * math.sin(p.theta0) - p.r * math.sin(p.phi0)

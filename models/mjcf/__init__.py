@@ -43,11 +43,9 @@ class MachinePaths(ModuleType):
         sys.modules[self.__name__] = self
 
 
-catapult = MachinePaths("catapult")
-fixed = MachinePaths("fixed")
-floating_arm = MachinePaths("floating-arm")
-hinged = MachinePaths("hinged")
-rolling = MachinePaths("rolling")
+_PATHS = {name: MachinePaths(name) for name in models()}
+catapult, fixed, floating_arm = _PATHS["catapult"], _PATHS["fixed"], _PATHS["floating-arm"]
+hinged, rolling = _PATHS["hinged"], _PATHS["rolling"]
 
 
 def mjcf_path(name: str, *, scene: bool = False) -> str:
@@ -60,13 +58,12 @@ def mjcf_path(name: str, *, scene: bool = False) -> str:
     Raises:
         InputError: it is none of the machines; :func:`mjcf` writes the MJCF of any other.
     """
-    if name not in models():
-        known = ", ".join(models())
+    if name not in _PATHS:
+        known = ", ".join(_PATHS)
         raise InputError(
             f"there are no MJCF files of {name!r}; there are of {known}; tb.mjcf writes any other."
         )
-    paths: MachinePaths = globals()[name.replace("-", "_")]
-    return paths.MJCF_PATH_SCENE if scene else paths.MJCF_PATH
+    return _PATHS[name].MJCF_PATH_SCENE if scene else _PATHS[name].MJCF_PATH
 
 
 def as_spec(text: str) -> Any:

@@ -18,7 +18,7 @@ from trebucheck.cli.app import main
 from trebucheck.comparisons.data import certified as published_files
 from trebucheck.comparisons.data.certified import certified_dataset, names, published, states
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.library.closed_forms import swing, turn
+from trebucheck.models.library.benchmark import swing, turn
 from trebucheck.models.library.registry import benchmarks, library_problem, model, models
 from trebucheck.models.trajectory import load
 

@@ -12,7 +12,7 @@ import pytest
 import trebucheck as tb
 from trebucheck.comparisons.problems import ProblemCheck, check
 from trebucheck.comparisons.runs.study import Study
-from trebucheck.models.library.closed_forms import swing, swing_period, turn, turn_period
+from trebucheck.models.library.benchmark import swing, swing_period, turn, turn_period
 from trebucheck.models.library.linkages import SqueezerParameters
 from trebucheck.models.library.pendulums import HighPendulumParameters
 from trebucheck.models.library.registry import benchmark, benchmarks

@@ -254,7 +254,7 @@ def _tolerances(change: QuantityChange) -> tuple[float | None, float | None]:
 def _judged(metric: Metric | None) -> str:
     if metric is None:
         return "not there"
-    return "not judged" if metric.holds is None else "holds" if metric.holds else "breaks"
+    return {None: "not judged", True: "holds", False: "breaks"}[metric.holds]
 
 
 _COLUMNS = (
@@ -277,9 +277,12 @@ def _table(changes: Sequence[QuantityChange]) -> doc.Table:
         label, unit = change.either.label, change.either.unit
         sizes: list[doc.Cell] = []
         for metric in (change.old, change.new):
-            size = None if metric is None or metric.value is None else abs(metric.value)
-            hint = metric.note or "" if metric else ""  # why there is none
-            sizes.append(doc.Cell(format_number(size), hint=hint))
+            cell = doc.Cell("–")
+            if metric is not None and metric.value is not None:
+                cell = doc.Cell(format_number(abs(metric.value)), hint=metric.note or "")
+            elif metric is not None:
+                cell = doc.Cell("–", hint=metric.note or "")  # why there is none
+            sizes.append(cell)
         # Both tolerances, where they read differently.
         limits = [format_number(limit) for limit in _tolerances(change) if limit is not None]
         tolerance = " → ".join(dict.fromkeys(limits)) or "–"

@@ -7,7 +7,7 @@ from ...runs.quantities import QUANTITIES
 from ...runs.results import Outcome
 from .. import document as doc
 from ..document import format_number
-from .tables import compared_time, why
+from .tables import compared_time, judged_mark, why
 
 _HEADS = (
     doc.words("quantity", wrap=False),
@@ -43,10 +43,8 @@ def document(judgement: Judgement) -> doc.Document:
     for metric in judgement.metrics:
         note, tolerance = metric.note or "", metric.tolerance
         if metric.observed and metric.follows is None:
-            verdict = doc.Cell("not judged", "unjudged")
-            if metric.holds is not None:
-                text = "holds" if metric.holds else "breaks it"
-                verdict = doc.Cell(text, doc.mark_of(metric.holds))
+            texts = {None: "not judged", True: "holds", False: "breaks it"}
+            verdict = doc.Cell(texts[metric.holds], judged_mark(metric.holds))
             value = note or "none"
             if metric.value is not None:
                 value = format_number(metric.value)

@@ -14,7 +14,7 @@ from ...matrix import FLOOR, SHOWN, Matrix, MatrixProblem, MatrixRun, sentence, 
 from ...runs.results import COMPARED, Outcome
 from .. import document as doc
 from ..document import format_number
-from .tables import MARKS
+from .tables import MARKS, judged_mark
 
 READING = (
     "Own: how much of its runs on a table's problems is the engine's. “all”; “most”: trebucheck "
@@ -136,9 +136,10 @@ _LEADING = (doc.words("own"), doc.words("order", wrap=False), doc.words("agrees"
 _WIDEST = 6  # problems in a table, with which it fits a screen of 1280 pixels
 
 
-def _tables(
-    matrix: Matrix, show: Callable[[MatrixRun], doc.Cell], *, leading: bool = False
-) -> Iterator[doc.Table]:
+_Show = Callable[[MatrixRun], doc.Cell]
+
+
+def _tables(matrix: Matrix, show: _Show, *, leading: bool = False) -> Iterator[doc.Table]:
     """A table for each kind of problem: engines by scheme against problems.
 
     Leading columns: the engine's own share, its order, and on how many of its problems it agrees.
@@ -155,24 +156,29 @@ def _tables(
             if len(part) < len(problems):
                 caption = f"{title}: {part[0].title} to {part[-1].title}"
             columns = (doc.Column(problem.title, align="left", wrap=False) for problem in part)
-            rows: list[doc.Row] = []
-            for scheme, labels in matrix.schemes().items():
-                engines: list[doc.Row] = []
-                for label in labels:
-                    runs = [matrix.run(label, problem.name) for problem in part]
-                    first: tuple[object, ...] = ()
-                    if leading:
-                        every = [*matrix.of(label)]
-                        agreeing = sum(run.outcome is Outcome.AGREES for run in every)
-                        share = own_on(matrix, label, part)
-                        first = share, _order(matrix, label), f"{agreeing} of {len(every)}"
-                    if leading or any(runs):
-                        absent = doc.Cell("not run", "muted")
-                        cells = (absent if run is None else show(run) for run in runs)
-                        engines.append(doc.row(label, *first, *cells))
-                if engines:
-                    rows += [doc.row(doc.Cell(scheme or _SCHEME_UNSTATED, "strong")), *engines]
+            rows = _rows(matrix, part, show, leading=leading)
             yield doc.table([*heads, *columns], rows, caption)
+
+
+def _rows(
+    matrix: Matrix, problems: Sequence[MatrixProblem], show: _Show, *, leading: bool
+) -> Iterator[doc.Row]:
+    absent = doc.Cell("not run", "muted")
+    for scheme, labels in matrix.schemes().items():
+        rows: list[doc.Row] = []
+        for label in labels:
+            runs = [matrix.run(label, problem.name) for problem in problems]
+            cells = (absent if run is None else show(run) for run in runs)
+            if leading:
+                every = [*matrix.of(label)]
+                agreeing = sum(run.outcome is Outcome.AGREES for run in every)
+                share, order = own_on(matrix, label, problems), _order(matrix, label)
+                rows.append(doc.row(label, share, order, f"{agreeing} of {len(every)}", *cells))
+            elif any(runs):
+                rows.append(doc.row(label, *cells))
+        if rows:
+            yield doc.row(doc.Cell(scheme or _SCHEME_UNSTATED, "strong"))
+            yield from rows
 
 
 def _order(matrix: Matrix, label: str) -> doc.Cell:
@@ -212,10 +218,10 @@ def _quantity(run: MatrixRun, metric: str) -> doc.Cell:
         return doc.Cell("")
     if not error.observed:
         return doc.Cell("–", "muted", hint=error.note or "")
-    mark: doc.Mark = "unjudged" if error.holds is None else doc.mark_of(error.holds)
     value = f"{format_number(error.value)} {error.unit}, tolerance {format_number(error.tolerance)}"
     text = "missing" if error.part is None else format_number(error.part)
-    return doc.Cell(text, mark, hint=error.note or " ".join(filter(None, (error.subject, value))))
+    hint = error.note or " ".join(filter(None, (error.subject, value)))
+    return doc.Cell(text, judged_mark(error.holds), hint=hint)
 
 
 # --- Refusals, causes, versions

@@ -39,6 +39,11 @@ def verdict_blocks(text: str, mark: doc.Mark) -> tuple[doc.Block, doc.Block]:
     return doc.Text(text, mark, medium="page"), doc.Text(text, mark, medium="terminal")
 
 
+def judged_mark(holds: bool | None) -> doc.Mark:
+    """Mark of a value by its tolerance; its own one where nothing judges it."""
+    return "unjudged" if holds is None else doc.mark_of(holds)
+
+
 def chapter(model: str) -> doc.Heading:
     """Heading of a machine's chapter."""
     return doc.Heading(f"{model.capitalize()} machine", 2, model)
