@@ -281,11 +281,7 @@ class Assembly:
 
 
 def parts_of(mechanism: Mechanism, pivot_mass: float) -> list[BodyPart]:
-    """Parts in the order of the bodies.
-
-    Args:
-        mechanism: without welds in its tree; its start is where the parts are put.
-        pivot_mass: as the engine's option.
+    """Parts in the order of the bodies of a mechanism without welds in its tree, at its start.
 
     Raises:
         UnsupportedProblemError: a body has no inertia and is no bob.
@@ -365,10 +361,7 @@ def _with_inertia(
 ) -> LumpedMass:
     """Mass of a turning body: a point mass gets an inertia by mass at its pin.
 
-    Its parent among `masses` lends it, or the ground.
-
-    Raises:
-        UnsupportedProblemError: there is no pin, or nobody to lend.
+    Its parent among `masses` lends it, or the ground; it is refused if neither can.
     """
     pin, at = complex(*joint.child_point), complex(*joint.parent_point)
     if is_pin(joint) and joint.parent == GROUND:

@@ -35,8 +35,7 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkOption
 
     Raises:
         UnsupportedProblemError: the mechanism has a part that has no counterpart here.
-        SimulationError: Chipmunk's impulses do not settle: masses differ too much, or constraints
-            are nearly parallel.
+        SimulationError: Chipmunk's impulses do not converge.
     """
     touching = [stop.name for stop in mechanism.stops if stop.closed]
     built = build(mechanism, touching, 0.0, options.pivot_mass)
@@ -77,7 +76,7 @@ def _dynamics(built: Assembly, state: State, pivot_mass: float) -> Dynamics:
             anchor = complex(*joint.anchor_a) - STEP**2 * centripetal
             joint.anchor_a = (anchor.real, anchor.imag)
     reading = reading_of(assembly, settled_increment(assembly) / STEP)
-    torques = forces_of(reading, state.closed).torques
+    _, torques = forces_of(reading, state.closed)
     centres = {body.name: reading.point(body.name, body.centre) for body in placed.bodies}
     gaps: dict[str, float] = {}
     for name in state.closed:

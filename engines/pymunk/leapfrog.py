@@ -55,10 +55,7 @@ class CorrectedRod(ABC):
     Chipmunk corrects the distance along the line between the ends. Because the ends also move
     across the line and on arcs, the rod is longer by s = O(h^2) at the end of the step. A target
     distance that is shorter by s, extrapolated from the last two steps, leaves an error of O(h^4),
-    as SHAKE would. It takes no force into account.
-
-    Args:
-        offsets: of the bodies in a row, by identity; the ground has none.
+    as SHAKE would. It takes no force into account. Bodies have their offsets in a row by identity.
     """
 
     def __init__(self, rod: Rod, offsets: Mapping[int, int], h: float) -> None:
@@ -317,8 +314,7 @@ class Stepper:
         """Take some steps; a row each.
 
         Raises:
-            SimulationError: the ends of a rod meet, or numbers are not finite: the impulses did not
-                converge.
+            SimulationError: ends of a rod meet, or numbers are not finite: impulses diverged.
         """
         self._space.iterations = iterations
         try:
@@ -421,8 +417,7 @@ def settled_increment(assembly: Assembly) -> FloatArray:
     The rates are those before afterwards; shape (n_bodies, 3).
 
     Raises:
-        SimulationError: the impulses do not converge: masses differ too much, or constraints are
-            nearly parallel.
+        SimulationError: the impulses do not converge.
     """
     before, places = assembly.rates, _places(assembly)
     # A joint's error has the rounding of its ends' positions, however small the accelerations are.

@@ -146,12 +146,9 @@ class RodAngle:
 
 
 def pull(element: SpringDamper, vector: Combination, stiffness: float) -> Load:
-    """A damper between two points, and its spring where Chipmunk's has no body to act on.
+    """A damper along a vector, and its spring where Chipmunk's has no body to act on.
 
-    Args:
-        element: the damper.
-        vector: from the other body's point to the body's.
-        stiffness: of the spring that acts here [N/m]; 0 where Chipmunk's own does.
+    The stiffness [N/m] is 0 where Chipmunk's own spring acts.
     """
 
     def act(bodies: LoadedBodies) -> None:
@@ -173,9 +170,7 @@ def twist(
 ) -> Load:
     """A torque between two bodies: constant, of a damper, or of a spring that Chipmunk has not.
 
-    Args:
-        torque: on the body [N m] by the relative angle [rad] and its rate [rad/s], all clockwise.
-        angle, other: those of the body and of the other one.
+    On the first one [N m], by the relative angle [rad] and its rate [rad/s], all clockwise.
     """
 
     def act(bodies: LoadedBodies) -> None:

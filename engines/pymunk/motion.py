@@ -61,8 +61,7 @@ def run(problem: Problem, options: PymunkOptions) -> Recording:
     Raises:
         UnsupportedProblemError: the mechanism has a part that has no counterpart here, or under the
             release-once law starts with a closed stop whose gap changes.
-        SimulationError: impacts follow each other without an end, or their impulses do not
-            converge.
+        SimulationError: impacts do not end, or impulses do not converge.
     """
     motion = PymunkMotion(problem, options)
     return EventDriver(problem, motion, "pymunk", impacts=motion.unilateral).run()
@@ -106,7 +105,7 @@ def _active_at_start(mechanism: Mechanism, h: float, pivot_mass: float) -> Conta
         stepper = Stepper(assembly, h, hold_lengths=True)
         stepper.start(_TRIAL_ITERATIONS, leapfrog=True, settle=bool(mechanism.loop_joints))
         reading = MotionReading(assembly, stepper.samples(0))
-        forces = forces_of(reading, tuple(assembly.stops)).torques
+        _, forces = forces_of(reading, tuple(assembly.stops))
         torques = {name: float(torque[0]) for name, torque in forces.items()}
         least = -_ROUNDING * max(map(abs, torques.values()), default=0.0)
         # Largest acceleration of a gap by the unit torque or force of its own stop, in the tree.
@@ -162,12 +161,7 @@ class SteppedSegment:
             self._release_before_next(1)
 
     def advance(self, last: int) -> None:
-        """Step to a sample.
-
-        Raises:
-            SimulationError: loops are so nearly rigid or singular that their impulses do not
-                converge.
-        """
+        """Step to a sample; loops whose impulses do not converge are refused."""
         while self._checks_passes and self.stepper.steps < last:
             first = self.stepper.steps
             q, u, _ = self.reading(first, first).motion
@@ -242,7 +236,8 @@ class SteppedSegment:
         first = max(min(max(self.regimes[-1][0], k - 2), k - 1), 0)
         reading = MotionReading(self.assembly, self.stepper.samples(first))
         due: dict[str, float] = {}
-        for name, torque in forces_of(reading, tuple(self.assembly.stops)).torques.items():
+        _, torques = forces_of(reading, tuple(self.assembly.stops))
+        for name, torque in torques.items():
             step = 0.0 if torque[-1] <= 0 else None
             if self.options.locate_releases:
                 step = _foreseen(torque)
@@ -265,14 +260,10 @@ class SteppedSegment:
         return MotionReading(self.assembly, self.stepper.samples(first, last), near)
 
     def recording(self, last: int) -> Recording:
-        """The segment up to a sample.
-
-        Raises:
-            SimulationError: impulses that did not converge have separated the bodies although all
-                numbers are finite.
-        """
+        """The segment up to a sample."""
         t, reading = self.times[: last + 1], self.reading(0, last)
         mechanism, gaps = self.assembly.mechanism, reading.gaps()
+        # Impulses that did not converge may have separated bodies although all numbers are finite.
         for name, gap in gaps.items():
             lost = np.flatnonzero(~(gap <= _reach(mechanism)))
             if len(lost):
@@ -284,10 +275,10 @@ class SteppedSegment:
         torques = {stop.name: np.zeros(len(t)) for stop in mechanism.stops}
         ends = [first for first, _ in self.regimes[1:]] + [len(t)]
         for (first, active), end in zip(self.regimes, ends, strict=True):
-            forces = forces_of(reading, active)
+            forces, pushes = forces_of(reading, active)
             for name, reaction in reactions.items():
-                reaction[first:end] = forces.reactions[name][first:end]
-            for name, torque in forces.torques.items():
+                reaction[first:end] = forces[name][first:end]
+            for name, torque in pushes.items():
                 torques[name][first:end] = np.maximum(torque[first:end], 0.0)
         q, u, _ = reading.motion
         kinetic, potential = reading.energies()
@@ -508,19 +499,15 @@ def resolve_impact(
     pivot_mass: float,
     held: Collection[str] = (),
 ) -> TrialImpact:
-    """The impact of the contacts that touch.
+    """The impact of the contacts that touch, each with its restitution e.
 
-    Args:
-        placed: the mechanism there, with the speeds before; stops that touch are closed in it.
-        restitution: e of each of them.
-        pivot_mass: as the engine's option.
-        held: those that come to rest even if they have to pull, which is not recorded: forces bring
-            them back to their walls at once.
+    They are closed in the mechanism, which is placed there with the speeds before. Held contacts
+    come to rest even if they have to pull, which is not recorded: forces bring them back to their
+    walls at once. They are left to the others' impact where that contradicts itself.
 
     Raises:
         SimulationError: the impulses do not converge, or no set of contacts takes part.
     """
-    # Held contacts are left to the others' impact where that contradicts itself.
     weightless = placed.model_copy(update={"gravity": 0.0, "force_elements": ()})
     attempts: list[tuple[Mapping[str, float], Collection[str]]] = [(restitution, ())]
     if held:
@@ -567,7 +554,7 @@ def _impact_of(
     increment = settled_increment(assembly)
     # Impulses by the bodies' change of momentum, and speeds after by their change of velocity.
     assembly.rates = np.zeros_like(increment)
-    torques = forces_of(reading_of(assembly, increment), active).torques
+    _, torques = forces_of(reading_of(assembly, increment), active)
     impulses = dict.fromkeys(restitution, 0.0)
     for name in active:
         impulses[name] = float(torques[name][0])

@@ -118,7 +118,7 @@ def _rates(joint: constraints.Constraint) -> list[_Rates]:
                 for body, anchor in ((a, joint.anchor_a), (b, joint.anchor_b))
             )
             directions = [1.0 + 0j, 1j]
-            if isinstance(joint, constraints.PinJoint):
+            if not isinstance(joint, constraints.PivotJoint):
                 between = complex(*b.position) + arm_b - complex(*a.position) - arm_a
                 directions = [between / abs(between)]
             rows: list[_Rates] = []

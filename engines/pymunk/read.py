@@ -12,7 +12,6 @@ solution of G^T lam = r, with the residual r of the equations of motion without 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -238,18 +237,13 @@ def reading_of(assembly: Assembly, accelerations: FloatArray | None = None) -> M
 # --- Forces
 
 
-@dataclass(frozen=True)
-class ConstraintForces:
-    """Forces of joints and stops at the samples."""
+def forces_of(
+    reading: MotionReading, active: Contacts
+) -> tuple[dict[str, ComplexArray], dict[str, FloatArray]]:
+    """Force of each joint on its child, complex [N], and torque of each active stop [N m or N].
 
-    reactions: Mapping[str, ComplexArray]
-    """Force of each joint on its child [N], complex, shape (n,)."""
-    torques: Mapping[str, FloatArray]
-    """Torque of each active stop [N m, or N for one on a point], shape (n,)."""
-
-
-def forces_of(reading: MotionReading, active: Contacts) -> ConstraintForces:
-    """Forces of all joints and of the active stops."""
+    At the samples, each of shape (n,).
+    """
     mechanism = reading.mechanism
     # The force that each body's momentum needs beyond gravity and force elements [N].
     needed: _Forces = {}
@@ -268,7 +262,7 @@ def forces_of(reading: MotionReading, active: Contacts) -> ConstraintForces:
     one_by_one = not (points or turn_together) and len(outer) == len(active)
     if not mechanism.loop_joints and (not active or one_by_one):
         reactions = _tree_reactions(reading, needed)
-        return ConstraintForces(reactions, _angle_torques(reading, reactions, active))
+        return reactions, _angle_torques(reading, reactions, active)
 
     multipliers = iter(_multipliers(reading, needed, active).T)
     loops: _Forces = {}
@@ -285,7 +279,7 @@ def forces_of(reading: MotionReading, active: Contacts) -> ConstraintForces:
         push = reading.frames[stop.relative_to].world(complex(*stop.normal)) * torques[stop.name]
         _act(needed, stop.body, -push)
         _act(needed, stop.relative_to, push)
-    return ConstraintForces(_tree_reactions(reading, needed) | loops, torques)
+    return _tree_reactions(reading, needed) | loops, torques
 
 
 def _act(needed: _Forces, body: str, force: ComplexArray) -> None:

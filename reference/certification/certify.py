@@ -156,8 +156,7 @@ class Plan:
 
     mechanism: Mechanism
     releases: tuple[str, ...]
-    halfway: Mapping[str, float]
-    """A fixed instant about half way to each release [s]."""
+    halfway: Mapping[str, float]  # a fixed instant about half way to each release [s]
     grid: tuple[float, ...]
     launches: bool
     step: float = BEYOND_LAUNCH
@@ -171,12 +170,7 @@ def _grid_step(scale: float) -> float:
 
 
 def _plan(mechanism: Mechanism, motion: Motion, end: float, step: float) -> Plan:
-    """Quantities of a machine whose motion is known well enough to say which there are.
-
-    Args:
-        end: of the certified motion, the launch or the duration [s].
-        step: of the grid of instants, a power of ten [s].
-    """
+    """Quantities up to `end` [s], of a motion that is known well enough to say which there are."""
     # Rounded to a hundredth of the step: all computations must use the same number.
     decimals = -round(math.log10(step))
     least = 10.0 ** -(decimals + 2)
@@ -505,8 +499,7 @@ class _Task:
 
     computation: Computation
     compute: Callable[[], dict[Key, float]]
-    optional: bool = False
-    """Whether a certificate may lack it."""
+    optional: bool = False  # whether a certificate may lack it
 
 
 def _tasks(

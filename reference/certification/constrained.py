@@ -38,10 +38,8 @@ PointState = tuple[FloatArray, FloatArray, FloatArray]
 class ConstrainedSystem(Protocol):
     """First-order equations y' = f(y) under a set of active stops."""
 
-    start: FloatArray
-    """State at t = 0."""
-    stops: tuple[str, ...]
-    """Stops that touch at the start."""
+    start: FloatArray  # state at t = 0
+    stops: tuple[str, ...]  # stops that touch at the start
 
     def rates(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
         """dy/dt."""

@@ -210,10 +210,6 @@ class PaperMotion:
 def solve_paper(
     parameters: TrebuchetParameters, rolling: bool, duration: float, tolerance: float
 ) -> PaperMotion:
-    """Integrate the paper's equations with DOP853, release-once.
-
-    Raises:
-        SimulationError: the integrator's step size collapsed.
-    """
+    """Integrate the paper's equations with DOP853, release-once."""
     system = PaperSystem(parameters, PaperEquations(rolling))
     return PaperMotion(system, integrate(system, duration, tolerance))

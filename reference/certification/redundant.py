@@ -38,8 +38,7 @@ from .constrained import ConstrainedMotion, PointState, integrate
 # Of the largest singular value: constraints more nearly dependent follow from each other.
 _DEPENDENT = 1e-6
 _PROJECTIONS = 3  # Newton converges in one from the rounding of a step; the start may need another
-BodyPoint = tuple[str, Vector]
-"""A body (or the ground) and a point in its frame [m]."""
+BodyPoint = tuple[str, Vector]  # A body (or the ground) and a point in its frame [m]
 
 _CLOCKWISE = np.array([1.0, -1.0])
 
@@ -121,8 +120,7 @@ class _Vectors:
     def rows(self, ends: _Ends, along: FloatArray, turning: FloatArray | None = None) -> FloatArray:
         """Gradients of components along directions (m, 2), shape (m, 3 n_bodies).
 
-        Args:
-            turning: which directions turn with the second body, shape (m,); None: none.
+        Some directions, or none, are turning with the second body, shape (m,).
         """
         rows = np.zeros((len(self), self._n + 3))
         moments = _dot(along[:, None], _right_angle(ends.arms))

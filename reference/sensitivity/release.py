@@ -61,8 +61,7 @@ _UNIT_VECTORS = ("axis", "normal")
 class PhysicalNumber:
     """One number of a mechanism, and how the mechanism changes with it."""
 
-    name: str
-    """Such as "stiffness of strut spring"."""
+    name: str  # such as "stiffness of strut spring"
     unit: str
     value: float
     direction: Direction
@@ -187,11 +186,9 @@ def scaled_directions(
 class Moment:
     """A release of a motion, and what is held when the mechanism changes."""
 
-    time: float
-    """[s]."""
+    time: float  # [s]
     held: Held = "velocity"
-    angle: float = LAUNCH_ANGLE
-    """Of the velocity above the horizontal [rad]; held by "velocity"."""
+    angle: float = LAUNCH_ANGLE  # of the velocity above the horizontal [rad]; held by "velocity"
 
 
 @dataclass(frozen=True)
@@ -200,12 +197,9 @@ class Sensitivities:
 
     names: tuple[str, ...]
     """`TrebuchetParameters`, start speeds ("u_theta", ...), start slides ("x_p0")."""
-    values: FloatArray
-    """Of each, shape (n,)."""
-    launch_time: float
-    """Time of the release, by default of the velocity's fall to 45 degrees [s]."""
-    launch_speed: float
-    """[m/s]."""
+    values: FloatArray  # of each, shape (n,)
+    launch_time: float  # time of the release, by default of the velocity's fall to 45 degrees [s]
+    launch_speed: float  # [m/s]
     range: float
     """Landing x in the world, in vacuum at y = 0 or the ground asked for [m].
 
@@ -213,10 +207,8 @@ class Sensitivities:
     not downwards."""
     d_launch_time: FloatArray
     d_launch_speed: FloatArray
-    d_launch_angle: FloatArray
-    """Of the velocity above the horizontal [rad per unit]."""
-    d_range: FloatArray
-    """Shape (n,)."""
+    d_launch_angle: FloatArray  # of the velocity above the horizontal [rad per unit]
+    d_range: FloatArray  # as all of these, of shape (n,)
     d_release_times: dict[str, FloatArray]
     """By stop, shape (n,); NaN where it did not open between the start and the launch."""
     one_sided: tuple[str, ...] = ()
@@ -287,15 +279,10 @@ def _of_the_release(
     ground: float = 0.0,
     measured_from: AnyJoint | None = None,
 ) -> Sensitivities:
-    """Derivatives along directions, each of the size of its value, at a release.
+    """Derivatives at a release by numbers with these values and directions.
 
-    Args:
-        solution: the motion.
-        values, directions: of what it is differentiated by.
-        moment: the release.
-        ground: where the projectile lands [m].
-        measured_from: with whose place at the start the ground and the origin of the range move;
-            the world's if None.
+    The projectile lands at `ground` [m]. Ground and origin of the range move with the place at the
+    start of the joint that they are measured from; None: they stay.
 
     Raises:
         UnsupportedProblemError: the motion or the release does not depend smoothly on the numbers.

@@ -53,12 +53,10 @@ class Kink:
     """A stop at which derivatives hold to one side."""
 
     stop: str
-    t: float
-    """[s]."""
+    t: float  # [s]
     sides: FloatArray
     """Sides on which derivatives hold: 1 along a direction, -1 against it, 0 both; (m,)."""
-    otherwise: str
-    """What steps to the other side do, such as "strikes floor, which ..."."""
+    otherwise: str  # what steps to the other side do, such as "strikes floor, which ..."
 
 
 @dataclass(frozen=True)
@@ -72,8 +70,7 @@ class StateTangent:
     dq: FloatArray
     du: FloatArray
     """Shape (m, n_q)."""
-    closed: tuple[str, ...]
-    """Stops that are active there."""
+    closed: tuple[str, ...]  # stops that are active there
     d_release_times: dict[str, FloatArray]
     """Of every stop, shape (m,); NaN where it did not open between the start and t."""
     d_impact_times: tuple[tuple[float, FloatArray], ...] = ()
@@ -227,11 +224,7 @@ class _Along:
         return tuple(name for name in segment.closed if name in self.movable)
 
     def _impulses(self, t: float) -> dict[str, float]:
-        """Impulses of the impact at t [s], by stop that acts on the motion; none without one.
-
-        Raises:
-            UnsupportedProblemError: there are several.
-        """
+        """Impulses of the impact at t [s], by stop that acts on the motion; none without one."""
         impacts = [impulses for time, impulses in self.solution.impacts if time == t]
         if len(impacts) > 1:
             raise _not_smooth(t, "several impacts follow each other there at once")

@@ -232,11 +232,7 @@ def numbers(mechanism: Mechanism) -> dict[str, float]:
 
 
 def moved(mechanism: Mechanism, direction: Direction, step: float = 1.0) -> Mechanism:
-    """The mechanism with its numbers moved along a direction; it is not validated.
-
-    Raises:
-        InputError: the direction names a number that the mechanism does not have.
-    """
+    """The mechanism with its numbers moved along a direction; it is not validated."""
     known = numbers(mechanism)
     for name in direction:
         if name not in known:
@@ -278,9 +274,6 @@ def consistent_direction(mechanism: Mechanism, direction: Direction) -> dict[str
     Of a stop whose gap the loops alone fix, the gap changes with the direction, whatever the start.
     Speeds need no change: what the constraints take of a change of them is taken at the start
     (:meth:`VariationalEquations.start`).
-
-    Raises:
-        InputError: the direction names a number that the mechanism does not have.
     """
     return consistent_directions(mechanism, [direction])[0]
 
@@ -322,8 +315,7 @@ class Data:
     gaps: dict[str, ScalarFunction]
     restitution: dict[str, Any]
     markers: dict[str, PointCoefficients]
-    applied: Any
-    """Force elements with what they act along: springs, rotational ones and forces."""
+    applied: Any  # force elements with what they act along: springs, rotational ones and forces
 
 
 def _mapped(function: Callable[..., Any], *values: Any) -> Any:
@@ -355,9 +347,8 @@ def _mapped(function: Callable[..., Any], *values: Any) -> Any:
 class DualEquations(Equations):
     """The equations of motion of data and states with derivatives; states are of shape (n_q,).
 
-    Args:
-        mechanism: at whose numbers the derivatives are.
-        directions: of its numbers; none: the data are plain numbers.
+    The data have derivatives along directions of the mechanism's numbers; without any they are
+    plain numbers.
     """
 
     def __init__(self, mechanism: Mechanism, directions: Sequence[Direction] = ()) -> None:
@@ -434,13 +425,8 @@ class DualEquations(Equations):
 class VariationalEquations(Equations):
     """The equations of motion and their derivatives along directions of the mechanism's numbers.
 
-    Args:
-        mechanism: at whose numbers the derivatives are.
-        directions: of its numbers.
-        names: what sentences call the directions.
-
-    Raises:
-        InputError: a direction names a number that the mechanism does not have.
+    `names` are what sentences call the directions. InputError if a direction names a number that
+    the mechanism does not have.
     """
 
     def __init__(

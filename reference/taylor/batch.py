@@ -49,18 +49,12 @@ _SAMPLES = np.linspace(0.0, 1.0, 17)  # of a step
 class BatchLaunches:
     """Launches of n machines; NaN where a stop did not open, or a machine did not launch."""
 
-    release_times: Mapping[str, FloatArray]
-    """[s], each of shape (n,)."""
-    launched: BoolArray
-    """Whether there was a launch within the duration, shape (n,)."""
-    time: FloatArray
-    """[s], shape (n,)."""
-    velocity: FloatArray
-    """Of the projectile [m/s], shape (n, 2)."""
-    q: FloatArray
-    """At the launch, shape (n, n_q) [rad or m]."""
-    u: FloatArray
-    """At the launch, shape (n, n_q) [rad/s or m/s]."""
+    release_times: Mapping[str, FloatArray]  # [s], each of shape (n,)
+    launched: BoolArray  # whether there was a launch within the duration, shape (n,)
+    time: FloatArray  # [s], shape (n,)
+    velocity: FloatArray  # of the projectile [m/s], shape (n, 2)
+    q: FloatArray  # at the launch, shape (n, n_q) [rad or m]
+    u: FloatArray  # at the launch, shape (n, n_q) [rad/s or m/s]
     failures: Mapping[int, str] = field(default_factory=dict[int, str])
     """Index of machines whose motion is not known so far, and a sentence that says why.
 
@@ -126,10 +120,8 @@ def launch_batch(
 class _Machines:
     """The machines' parameters and starts as arrays, one column for each.
 
-    Args:
-        example: problem of the very first machine, which all others are like.
-        first: index of the first of these machines among all.
-        before: structure of the machines before them, if there are any.
+    All are like the problem `example`; `first` is the index of the first of them among all, and
+    `before` the structure of those before it.
     """
 
     def __init__(
@@ -140,7 +132,7 @@ class _Machines:
         before: Structure | None,
     ) -> None:
         self.mechanisms, self._example, self._first = mechanisms, example, first
-        self.guard: RankGuard | None = None
+        self.guard: _RankGuard | None = None
         self.names = tuple(stop.name for stop in mechanisms[0].stops)
         self.stops = relevant_stops(example)
         groups: list[tuple[IndexArray, Problem, Kinematics]] = []
@@ -215,7 +207,7 @@ class _Machines:
         self.alone = np.zeros(len(self.mechanisms), dtype=bool)
         if self.structure.n_loops:
             q = self.states[: self.structure.n_q]
-            self.guard = RankGuard(self.structure, self.parameters, q)
+            self.guard = _RankGuard(self.structure, self.parameters, q)
             self.alone = self.guard.near_at_start
         for i in np.flatnonzero(~self.plain & ~self.alone).tolist():
             equations = Equations(self.mechanisms[i])
@@ -360,17 +352,13 @@ class _Lanes:
                 self._load(lane)
 
 
-class RankGuard:
+class _RankGuard:
     """Finds the lanes of a batch that come near a singular position (:mod:`..singular`).
 
     The singular values of the constraints' Jacobian are taken at both ends of each step. They
     change no faster than the Jacobian does; where they may have been small in between, the step's
-    Taylor polynomials are sampled.
-
-    Args:
-        structure: with loops.
-        parameters: of all machines, switches of the stops among them, shape (n_parameters, n).
-        q: coordinates at the start, shape (n_q, n).
+    Taylor polynomials are sampled. Parameters are those of all machines, (n_parameters, n); q is
+    their start, (n_q, n).
     """
 
     def __init__(self, structure: Structure, parameters: FloatArray, q: FloatArray) -> None:
@@ -387,11 +375,9 @@ class RankGuard:
         """Whether each machine starts there, shape (n,)."""
 
     def after_step(self, integrator: Any, machines: Any) -> BoolArray:
-        """Whether each lane came near a singular position, shape (lanes,).
+        """Whether each lane came near a singular position in the integrator's last step, (lanes,).
 
-        Args:
-            integrator: with the Taylor coefficients of its last step.
-            machines: index of each lane's machine, shape (lanes,).
+        `machines` are the indices of the lanes' machines.
         """
         coefficients, parameters = integrator.tc[: self._structure.n_q], integrator.pars
         degrees = np.arange(coefficients.shape[1])

@@ -44,11 +44,7 @@ is one call of LAPACK."""
 
 
 def heyoka() -> Any:
-    """The library, imported when first asked for: it takes a quarter of a second.
-
-    Raises:
-        EngineNotInstalledError: it is not here.
-    """
+    """The library, imported when first asked for: it takes a quarter of a second."""
     try:
         return importlib.import_module("heyoka")
     except ImportError:
@@ -75,8 +71,7 @@ def why_not_taylor(problem: Problem) -> str | None:
 
 
 # Sparse algebra of expressions: None stands for what is zero by structure.
-_Pair = tuple[Any, Any]
-"""Re and Im of a complex expression."""
+_Pair = tuple[Any, Any]  # Re and Im of a complex expression
 _Matrix = dict[tuple[int, int], Any]
 """Both triangles of a symmetric matrix; what is zero by structure is absent."""
 
@@ -125,8 +120,7 @@ class _Vector:
     value: _Pair
     gradient: list[_Pair]
     rate: _Pair
-    inward: _Pair
-    """Minus its second derivative without accelerations."""
+    inward: _Pair  # minus its second derivative without accelerations
 
 
 class TaylorSystem:
@@ -437,11 +431,7 @@ def _elimination(
     """An order of elimination with little fill-in, and the number of products that it takes.
 
     Least degree first, of what may be eliminated; the usual order where that is not clearly better.
-
-    Args:
-        keys: the matrix's entries that are not zero by structure.
-        n_free: number of accelerations, the first of the unknowns.
-        usual: another valid order.
+    The keys are the matrix's entries; the first `n_free` unknowns are accelerations.
     """
     neighbours: dict[int, set[int]] = {i: set() for i in usual}
     for i, j in keys:
@@ -480,11 +470,6 @@ def _solve_ldl(matrix: _Matrix, right: Sequence[Any], order: Sequence[int]) -> l
     definite among the multipliers. So accelerations may be eliminated in any order, and a
     multiplier as soon as all accelerations of its constraint are: what is left on its diagonal is
     -G M^-1 G^T of those, which is not zero.
-
-    Args:
-        matrix: both triangles; what is zero by structure is absent.
-        right: the right-hand side; None where zero by structure.
-        order: of elimination.
     """
     a, b = dict(matrix), list(right)
     for step, k in enumerate(order):

@@ -64,20 +64,15 @@ class Structure:
     n_slides: int
     carried: tuple[tuple[int, int], ...]
     """Index of each slide along a line that turns, and of the angle that it turns with."""
-    loop_rows: tuple[Row, ...]
-    """Of each constraint of the loop joints."""
-    gap_rows: tuple[Row, ...]
-    """Of each stop that may ever be active."""
+    loop_rows: tuple[Row, ...]  # of each constraint of the loop joints
+    gap_rows: tuple[Row, ...]  # of each stop that may ever be active
     springs: tuple[bool, ...]
     """Of each spring and damper between points, whether its force depends on its length."""
     twists: tuple[tuple[int, ...], ...]
     """Gradient of the angle of each spring, damper or motor between angles."""
-    closes: bool
-    """Whether stops may close (unilateral law)."""
-    present: tuple[bool, ...]
-    """Which of the numbers are runtime parameters, the others being zero."""
-    throws: bool
-    """Whether there is a projectile, whose launch can be located."""
+    closes: bool  # whether stops may close (unilateral law)
+    present: tuple[bool, ...]  # which of the numbers are runtime parameters, the others being zero
+    throws: bool  # whether there is a projectile, whose launch can be located
 
     @property
     def n_q(self) -> int:
@@ -305,9 +300,7 @@ def _wide(values: NDArray[np.complex128], real: RealType) -> Complex:
 def _waves(rows: Complex, kinematics: Kinematics, vectors: bool = False) -> Complex:
     """Waves z with Re(row w') = Re(z e^{iq}) of an angle, w' = -i e^{-iq}; of a slide Re(z).
 
-    Args:
-        vectors: whether both parts of row w' are needed; of a slide on a line that turns they
-            always are.
+    Of vectors both parts of row w' are needed, and of a slide on a line that turns always.
     """
     slides = rows.conj() if vectors else rows.real.astype(rows.dtype)
     for k, _ in kinematics.carried:

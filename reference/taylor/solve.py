@@ -96,12 +96,10 @@ class TaylorQuantities:
     precision: Precision
     release_times: Mapping[str, np.floating[Any] | None]
     """When each stop opened before the launch [s]."""
-    start_torques: Mapping[str, np.floating[Any]]
-    """Torque of each stop at the start [N m]."""
-    launch_time: np.floating[Any] | None = None
-    launch_speed: np.floating[Any] | None = None
-    launch_velocity: Real | None = None
-    """[s], [m/s] and, of shape (2,), [m/s]."""
+    start_torques: Mapping[str, np.floating[Any]]  # torque of each stop at the start [N m]
+    launch_time: np.floating[Any] | None = None  # [s]
+    launch_speed: np.floating[Any] | None = None  # [m/s]
+    launch_velocity: Real | None = None  # [m/s], shape (2,)
     launch_q: Real | None = None
     launch_u: Real | None = None
     """Shape (n_q,) [rad, m, rad/s, m/s]."""

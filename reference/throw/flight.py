@@ -27,8 +27,7 @@ from ..solver import characteristic_time, solve_until
 
 FINE, COARSE = 1e-13, 1e-7
 """Relative local errors of a flight that counts, and of one that is only ranked among others."""
-LEVEL = 1e-12
-"""Rounding of a direction [rad]."""
+LEVEL = 1e-12  # Rounding of a direction [rad]
 
 # Durations of the motions, in characteristic times; Table I's sweep ends at 2.5.
 _SPANS = (3.0, 6.0, 12.0)
@@ -38,11 +37,7 @@ _DOWN = -math.pi / 2
 
 
 class Air(Spec):
-    """Still air of one density, and how the projectile meets it; none by default.
-
-    Raises:
-        InputError: a value is negative or not finite.
-    """
+    """Still air of one density, and how the projectile meets it; none by default."""
 
     density: NonNegative = Field(default=0.0, description="[kg/m^3]")
     drag_area: NonNegative = Field(
@@ -51,11 +46,7 @@ class Air(Spec):
 
     @classmethod
     def around(cls, density: float, drag_coefficient: float, area: float) -> Self:
-        """From the drag coefficient [1] and the cross-section [m^2] apart.
-
-        Raises:
-            InputError: a value is negative or not finite.
-        """
+        """From the drag coefficient [1] and the cross-section [m^2] apart."""
         if drag_coefficient < 0 or area < 0:
             raise InputError(
                 f"drag_coefficient = {drag_coefficient!r} and area = {area!r} must not be negative."
@@ -87,22 +78,14 @@ WORLDS = {
 
 
 def world(name: str) -> World:
-    """The place of that name, in any case.
-
-    Raises:
-        InputError: there is none; the sentence lists those there are.
-    """
+    """The place of that name, in any case; InputError with a list of all if there is none."""
     if name.lower() not in WORLDS:
         raise InputError(f"there is no body {name!r}; there are: {', '.join(WORLDS)}.")
     return WORLDS[name.lower()]
 
 
 class Surroundings(Spec):
-    """Forces on a projectile in flight, and where it lands.
-
-    Raises:
-        InputError: a value is not finite or outside its range.
-    """
+    """Forces on a projectile in flight, and where it lands."""
 
     gravity: Positive = Field(description="downwards [m/s^2]; without it nothing lands")
     drag: NonNegative = Field(
@@ -116,12 +99,9 @@ class Surroundings(Spec):
 class Release:
     """The projectile as it is let go."""
 
-    time: float
-    """[s]"""
-    position: tuple[float, float]
-    """World [m]."""
-    velocity: tuple[float, float]
-    """World [m/s]."""
+    time: float  # [s]
+    position: tuple[float, float]  # world [m]
+    velocity: tuple[float, float]  # world [m/s]
     acceleration: tuple[float, float] = (0.0, 0.0)
     """Of the projectile still on its machine, world [m/s^2]: what a later release would change."""
 
@@ -143,12 +123,9 @@ class Flight:
     release: Release
     range: float
     """Horizontal distance of the landing from the surroundings' origin [m]; negative behind it."""
-    apex_height: float
-    """Largest world y [m]."""
-    time: float
-    """From release to landing [s]."""
-    impact_velocity: tuple[float, float]
-    """[m/s]."""
+    apex_height: float  # largest world y [m]
+    time: float  # from release to landing [s]
+    impact_velocity: tuple[float, float]  # [m/s]
     state: Callable[[FloatArray], FloatArray]
     """States (x, y, vx, vy), shape (n, 4), at times since the release [s], shape (n,)."""
 
@@ -168,11 +145,7 @@ class Flight:
 
 
 def downwards(mechanism: Mechanism) -> float:
-    """Size of a mechanism's gravity [m/s^2], which must be downwards for a flight.
-
-    Raises:
-        InputError: its direction is another one.
-    """
+    """Size of a mechanism's gravity [m/s^2]; InputError unless it is downwards."""
     if math.dist(mechanism.gravity_direction, (0.0, -1.0)) > LEVEL:
         raise InputError(
             f"gravity_direction = {mechanism.gravity_direction!r} of {mechanism.name!r} must be "
@@ -225,12 +198,9 @@ def fall_time(y: FloatArray, vy: FloatArray, surroundings: Surroundings) -> Floa
 
 
 def _fall(start: FloatArray, surroundings: Surroundings, tolerance: float) -> list[Any] | None:
-    """Integrate through air up to the apex, then down: y is monotone in each, so none is missed.
+    """Legs through air up to the apex, then down, from (x, y, vx, vy), or that and its variation.
 
-    Args:
-        start: (x, y, vx, vy), or that and its variation.
-        surroundings: with drag.
-        tolerance: relative local error.
+    The height y is monotone in each, so no landing is missed. None where it never lands.
     """
     drag, gravity, ground = surroundings.drag, surroundings.gravity, surroundings.ground
 
@@ -313,11 +283,7 @@ def range_rate(release: Release, surroundings: Surroundings) -> float:
 
 
 class Projectile:
-    """A marker of a continuous motion, as what is thrown.
-
-    Raises:
-        InputError: the mechanism has no marker of that name.
-    """
+    """A marker of a continuous motion, as what is thrown; InputError without that marker."""
 
     def __init__(self, solution: Solution, name: str = "projectile") -> None:
         self.solution, self.name = solution, name
@@ -361,8 +327,7 @@ class Projectile:
     def sling_angle(self, t: FloatArray) -> FloatArray:
         """Angle of its body relative to that body's parent (phi - theta) [rad], shape (n,).
 
-        Raises:
-            InputError: it is part of a body that hangs on the ground, so there is no such angle.
+        InputError if its body hangs on the ground, so that there is no such angle.
         """
         if self.arm is None:
             raise InputError(
@@ -373,11 +338,7 @@ class Projectile:
         return angle.value(self.solution.motion(t).q)
 
     def release_at(self, time: float) -> Release:
-        """Release at a time [s].
-
-        Raises:
-            InputError: the time lies outside the motion.
-        """
+        """Release at a time [s]; InputError outside the motion."""
         if not 0 <= time <= self.end:
             raise InputError(
                 f"release time = {time!r} s must lie within the motion, from 0 to {self.end:.6g} s."
@@ -389,8 +350,7 @@ class Projectile:
     def release_at_angle(self, angle: float = LAUNCH_ANGLE) -> Release:
         """Release when the velocity first falls to an angle above the horizontal [rad].
 
-        Raises:
-            InputError: it never does.
+        InputError if it never does.
         """
         launch = self.solution.launch_at(angle, self.name)
         if launch is None:
@@ -404,9 +364,7 @@ class Projectile:
     def release_at_sling_angle(self, angle: float) -> Release:
         """Release when :meth:`sling_angle` first comes to a value [rad], its rest having opened.
 
-        Raises:
-            InputError: it never does, and the sentence gives the angles it takes in its first
-                sweep; or there is no sling.
+        InputError, with the angles it takes in its first sweep, if it never does or has no sling.
         """
         start, end = self.sweep()
         times = np.linspace(start, end, 4 * _SCAN)

@@ -38,8 +38,7 @@ from ..solution import Solution
 _SCAN = 1500  # samples between which a force changes its sign at most once: 2 ms apart on Table I
 _UPRIGHT = 1e-9  # [rad] a slot nearer to upright than this carries nothing: rounding of its axis
 _ROUNDING = 1e-9  # of the largest force: a smaller compression is rounding of a force that is zero
-Interval = tuple[Real, Real]
-"""From, to [s]."""
+Interval = tuple[Real, Real]  # From, to [s]
 
 
 class MemberForce(Spec):

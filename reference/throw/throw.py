@@ -447,8 +447,7 @@ class Performance:
     surroundings: Surroundings
     flight: Flight
     best: Flight | None
-    held: Held
-    """What chose the release."""
+    held: Held  # what chose the release
 
     @property
     def solution(self) -> Solution:
