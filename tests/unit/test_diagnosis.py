@@ -204,6 +204,25 @@ def test_two_settings_that_make_a_deviation_together_are_named_together() -> Non
     assert explained["integrator, solver tolerance"] == pytest.approx(1.0)
 
 
+def test_half_the_step_is_run_only_where_it_can_change_what_the_step_explains() -> None:
+    """An error of first and second order: an eighth and a sixteenth of the step tell it."""
+    solution = solve(tb.Problem(tb.catapult(), 0.5))
+    t = np.linspace(0.0, 0.5, 101)
+    steps: list[float | None] = []
+
+    def simulate(engine: tb.Engine, _: tb.Problem) -> tb.Trajectory:
+        steps.append(engine.timestep)
+        exact, h = solution.trajectory(t), (engine.timestep or 0.0) / 1e-3
+        error = 1e-3 * (h * np.sin(4 * np.pi * t) + h**2 * np.cos(4 * np.pi * t))
+        return dataclasses.replace(exact, q=exact.q + error[:, None])
+
+    engine = MujocoEngine(timestep=1e-3)
+    causes = Rerun(engine, simulate).causes(Case(simulate(engine, solution.problem), solution, 0.5))
+    explained = {cause.name: cause.explained for cause in causes}
+    assert explained["time step"] == pytest.approx(1 - 1 / 128 / math.sqrt(2), abs=2e-3)
+    assert {1e-3 / 8, 1e-3 / 16} < set(steps) and 5e-4 not in steps
+
+
 @dataclasses.dataclass(frozen=True)
 class _Shown(Faulty):
     """An engine that shows something else of its built model."""
