@@ -1,6 +1,7 @@
 # make report   set up, compare all engines, write report/report.html
 # make test     set up, run the test suites of the core and of the audit of the paper
-# make test-all set up, run the test suites of all distributions here (not of the plug-ins: they need environments)
+# make test-all set up, run the test suites of all distributions here (not of the plug-ins: they need environments),
+#               with three times as many random machines and the same evidence again on further machines
 # make all      set up all distributions here: core, paper, environments, importers, toolkit
 # make quick    the fast tier: no engine simulates (under a minute)
 # make plugins  the engines of others: an environment each, their tests, plugins/results/*.json
@@ -41,13 +42,13 @@ report: $(VENV)/installed
 
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 test: $(VENV)/installed
-	$(PYTEST)
+	HYPOTHESIS_PROFILE=few $(PYTEST) -m "not again"
 
 test-all: $(VENV)/satellites
 	$(PYTEST) tests paper/tests environments/tests importers/tests plugins/toolkit/tests
 
 quick: $(VENV)/installed
-	$(BIN)/python -m pytest tests/unit tests/verification -m "not slow" -n 2
+	$(BIN)/python -m pytest tests/unit tests/verification -m "not slow and not again" -n 2
 
 lint: $(VENV)/installed
 	$(BIN)/ruff check .

@@ -28,7 +28,7 @@ from .diagnosis.rerun import Rerun
 from .report.document import format_number
 from .runs.process import OnDemand, Worker, in_order, simulate
 from .runs.record import RunErrors, RunRecord, judged, machine_row, new_record, pair_of, run_row
-from .runs.results import COMPARED, FORMAT, Machine, Outcome, Pair, Results, Run
+from .runs.results import COMPARED, FORMAT, Machine, OfEngine, Outcome, Pair, Results, Run
 from .runs.runner import Runner
 from .runs.store import Store, conditions, digest
 from .runs.study import Study, Until
@@ -37,17 +37,12 @@ __path__: list[str] = []  # names of earlier releases below this module: see ren
 
 
 @dataclass(frozen=True)
-class RunKey:
+class RunKey(OfEngine):
     """One run to be made."""
 
     model: str
     engine: str
     preset: str
-
-    @property
-    def label(self) -> str:
-        """Engine and preset in one."""
-        return f"{self.engine} {self.preset}"
 
 
 class _KeptMachine(Spec):

@@ -24,7 +24,7 @@ from ..models.errors import InputError
 from ..models.shown import Reported
 from ..models.spec import Real, Spec
 from .compare import Comparison, read_results
-from .runs.quantities import QUANTITIES
+from .runs.quantities import QUANTITIES, metric_label
 from .runs.results import COMPARED, Diagnosis, Machine, Metric, Outcome, Results, Run
 
 __path__: list[str] = []  # names of earlier releases below this module: see renamed.py
@@ -411,6 +411,49 @@ class DifferenceData(Spec):
 
 def data(found: Difference) -> DifferenceData:
     """All of a difference; the order is that of the runs."""
+    runs: list[RunFate] = []
+    for each in found.runs:
+        old, new = (None if run is None else run.outcome for run in (each.old, each.new))
+        runs.append(
+            RunFate(
+                model=each.run.model,
+                run=each.run.label,
+                old=old,
+                new=new,
+                fate=each.fate,
+                reason=each.reason,
+                message=None if each.new is None else each.new.message,
+                settings=each.settings,
+            )
+        )
+
+    def side(metric: Metric | None) -> Side | None:
+        if metric is None:
+            return None
+        return Side(value=metric.value, tolerance=metric.tolerance, holds=metric.holds)
+
+    def finite(value: float | None) -> float | None:
+        return value if value is not None and math.isfinite(value) else None
+
+    quantities: list[QuantityDifference] = []
+    for each in found.quantities:
+        quantities.append(
+            QuantityDifference(
+                model=each.model,
+                run=each.run,
+                quantity=each.either.label,
+                unit=each.either.unit,
+                old=side(each.old),
+                new=side(each.new),
+                unknown=finite(each.unknown),
+                factor=finite(each.factor),
+                bounded=each.bounded,
+                broke=each.broke,
+                mended=each.mended,
+                moved=each.moved(found.factor),
+                by_tolerance=each.by_tolerance,
+            )
+        )
     return DifferenceData(
         passed=found.passed,
         summary=found.summary,
@@ -418,52 +461,9 @@ def data(found: Difference) -> DifferenceData:
         versions=found.versions,
         conditions=found.conditions,
         references=found.references,
-        runs=tuple(map(_run, found.runs)),
-        quantities=tuple(_quantity(each, found.factor) for each in found.quantities),
+        runs=tuple(runs),
+        quantities=tuple(quantities),
     )
-
-
-def _run(each: RunChange) -> RunFate:
-    old, new = (None if run is None else run.outcome for run in (each.old, each.new))
-    message = None if each.new is None else each.new.message
-    return RunFate(
-        model=each.run.model,
-        run=each.run.label,
-        old=old,
-        new=new,
-        fate=each.fate,
-        reason=each.reason,
-        message=message,
-        settings=each.settings,
-    )
-
-
-def _quantity(each: QuantityChange, factor: float) -> QuantityDifference:
-    return QuantityDifference(
-        model=each.model,
-        run=each.run,
-        quantity=each.either.label,
-        unit=each.either.unit,
-        old=_side(each.old),
-        new=_side(each.new),
-        unknown=_finite(each.unknown),
-        factor=_finite(each.factor),
-        bounded=each.bounded,
-        broke=each.broke,
-        mended=each.mended,
-        moved=each.moved(factor),
-        by_tolerance=each.by_tolerance,
-    )
-
-
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
-
-
-def _side(metric: Metric | None) -> Side | None:
-    if metric is None:
-        return None
-    return Side(value=metric.value, tolerance=metric.tolerance, holds=metric.holds)
 
 
 FACTOR = 1.1
@@ -496,62 +496,53 @@ def diff(
     """
     if not (math.isfinite(factor) and factor > 1):
         raise InputError(f"factor = {factor!r} must be a finite number above 1.")
-    before, after = _results(old), _results(new)
-    machines = [{machine.model: machine for machine in each.machines} for each in (before, after)]
-    names = {_name(run): None for run in (*before.runs, *after.runs)}
-    pairs = [
-        (machine, machines[1][model])
-        for model, machine in machines[0].items()
-        if model in machines[1]
-    ]
+    sides: list[_Side] = []
+    for given in (old, new):
+        if isinstance(given, Comparison):
+            sides.append(_Side(given.results))
+        else:
+            sides.append(_Side(given if isinstance(given, Results) else read_results(given)))
+    before, after = sides
+    runs: list[RunChange] = []
+    for name in before.runs | after.runs:
+        runs.append(_run_change(name, before, after))
+    references: list[ReferenceChange] = []
+    conditions: list[str] = []
+    for model, machine in before.machines.items():
+        if model in after.machines:
+            now = after.machines[model]
+            conditions += _conditions(machine, now)
+            if not _unlike(machine, now):
+                references += _reference_changes(machine, now)
+    versions = {
+        name: (version, after.versions[name])
+        for name, version in before.versions.items()
+        if after.versions.get(name, version) != version
+    }
     return Difference(
         factor=factor,
-        runs=tuple(
-            _run_change(
-                _run_study(before, n), _run_study(after, n), *(m.get(n[0]) for m in machines)
-            )
-            for n in names
-        ),
-        references=tuple(
-            change for pair in pairs if not _unlike(*pair) for change in _reference_changes(*pair)
-        ),
-        versions=_versions(before, after),
-        conditions=tuple(sentence for pair in pairs for sentence in _conditions(*pair)),
+        runs=tuple(runs),
+        references=tuple(references),
+        versions=versions,
+        conditions=tuple(conditions),
     )
 
 
-def _results(given: Results | Comparison | str | Path) -> Results:
-    if isinstance(given, Results):
-        return given
-    if isinstance(given, Comparison):
-        return given.results
-    return read_results(given)
+class _Side:
+    """One of the two results: its machines, its runs, and versions of all that it names."""
 
-
-def _name(run: Run) -> tuple[str, str, str]:
-    return run.model, run.engine, run.preset
-
-
-def _run_study(results: Results, name: tuple[str, str, str]) -> Run | None:
-    return next((run for run in results.runs if _name(run) == name), None)
-
-
-def _versions(old: Results, new: Results) -> dict[str, tuple[str, str]]:
-    before, after = _all_versions(old), _all_versions(new)
-    return {name: (v, after[name]) for name, v in before.items() if after.get(name, v) != v}
-
-
-def _all_versions(results: Results) -> dict[str, str]:
-    """Versions of everything that the results name."""
-    engines = {
-        run.engine: run.engine_version for run in results.runs if run.outcome is not Outcome.ABSENT
-    }
-    own = {
-        "trebucheck": results.trebucheck_version,
-        "Python": results.python_version,
-        "platform": results.platform,
-    }
-    return own | engines
+    def __init__(self, results: Results) -> None:
+        self.machines = {machine.model: machine for machine in results.machines}
+        self.runs: dict[tuple[str, str, str], Run] = {}
+        self.versions = {
+            "trebucheck": results.trebucheck_version,
+            "Python": results.python_version,
+            "platform": results.platform,
+        }
+        for run in results.runs:
+            self.runs.setdefault((run.model, run.engine, run.preset), run)
+            if run.outcome is not Outcome.ABSENT:
+                self.versions[run.engine] = run.engine_version
 
 
 def _unlike(old: Machine, new: Machine) -> str:
@@ -581,78 +572,64 @@ def _conditions(old: Machine, new: Machine) -> Iterator[str]:
         )
 
 
-def _run_change(
-    old: Run | None, new: Run | None, before: Machine | None, after: Machine | None
-) -> RunChange:
-    if old is None or new is None or before is None or after is None:
+def _run_change(name: tuple[str, str, str], before: _Side, after: _Side) -> RunChange:
+    old, new = before.runs.get(name), after.runs.get(name)
+    machine, now = before.machines.get(name[0]), after.machines.get(name[0])
+    if old is None or new is None or machine is None or now is None:
         return RunChange(old, new)
-    reason = _unlike(before, after)
+    reason = _unlike(machine, now)
     if reason or old.outcome not in COMPARED or new.outcome not in COMPARED:
         return RunChange(old, new, reason)
-    labels = {(m.name, m.subject): None for m in (*old.metrics, *new.metrics)}
-    changes = (
-        _quantity_change(name, subject, (old, before), (new, after)) for name, subject in labels
-    )
-    own = [change for change in changes if change is not None]
-    return RunChange(old, new, reason, (*_model_checks(old, new), *own))
-
-
-def _quantity_change(
-    name: str, subject: str | None, old: tuple[Run, Machine], new: tuple[Run, Machine]
-) -> QuantityChange | None:
-    """Change of a metric that stands for itself and was observed; else None."""
-    metrics = [run.metric(name, subject) for run, _ in (old, new)]
-    found = [metric for metric in metrics if metric is not None]
-    if any(metric.follows for metric in found) or not any(metric.observed for metric in found):
-        return None
-    unknown = sum(
-        _unknown(metric, run, machine)
-        for metric, (run, machine) in zip(metrics, (old, new), strict=True)
-        if metric
-    )
-    return QuantityChange(new[0].model, new[0].label, metrics[0], metrics[1], unknown)
-
-
-def _unknown(metric: Metric, run: Run, machine: Machine) -> float:
-    """Unknown part of an error: uncertainty of the reference, sampling, rounding."""
-    known = machine.reference_uncertainty
-    uncertainty = known.get(metric.label, known.get(metric.name, 0.0))
-    return uncertainty + (metric.sampling_error or 0.0) + _rounding(metric, run, machine)
-
-
-def _rounding(metric: Metric, run: Run, machine: Machine) -> float:
-    """Rounding of one part of the scale in each step: a random walk, carried on."""
-    quantity = QUANTITIES.get(metric.name)
-    if quantity is None or (
-        quantity.scale in ("stop", "gap") and metric.subject not in machine.scales.torques
-    ):
-        return 0.0
-    scales = (machine.whole_scales if quantity.invariant else None) or machine.scales
-    scale = scales.largest_energy if quantity.scale == "energy" else None
-    scale = quantity.scale_of(scales, metric.subject, machine.mechanism) if scale is None else scale
-    return _EPS * math.sqrt(max(run.steps, 1)) * max(machine.stretching, 1.0) * scale
-
-
-def _model_checks(old: Run, new: Run) -> Iterator[QuantityChange]:
-    """The model-equivalence check as a quantity: its largest value, of its tolerance."""
-    checks = [_model_check(run) for run in (old, new)]
-    if checks[0] is not None or checks[1] is not None:
-        yield QuantityChange(new.model, new.label, checks[0], checks[1], math.inf)
+    changes: list[QuantityChange] = []
+    # The model-equivalence check as a quantity: its largest value, of its tolerance.
+    checks = _model_check(old), _model_check(new)
+    if any(checks):
+        changes.append(QuantityChange(new.model, new.label, *checks, math.inf))
+    # Metrics that stand for themselves and were observed.
+    for label in dict.fromkeys((m.name, m.subject) for m in (*old.metrics, *new.metrics)):
+        metrics = old.metric(*label), new.metric(*label)
+        sides = zip(metrics, (old, new), (machine, now), strict=True)
+        known = [(metric, run, side) for metric, run, side in sides if metric is not None]
+        follows = any(metric.follows for metric, _, _ in known)
+        if not follows and any(metric.observed for metric, _, _ in known):
+            unknown = sum(_unknown(*each) for each in known)
+            changes.append(QuantityChange(new.model, new.label, *metrics, unknown))
+    return RunChange(old, new, reason, tuple(changes))
 
 
 def _model_check(run: Run) -> Metric | None:
     if run.equality is None or not run.equality.checks:
         return None
-    values = [
-        None if check.value is None else check.value / check.tolerance
-        for check in run.equality.checks
-    ]
-    largest = None if None in values else max(value for value in values if value is not None)
+    shares: list[float] = []
+    for check in run.equality.checks:
+        if check.value is not None:
+            shares.append(check.value / check.tolerance)
+    largest = max(shares) if len(shares) == len(run.equality.checks) else None
     return Metric(name="model equivalence", value=largest, unit="of its tolerance", tolerance=1.0)
+
+
+def _unknown(metric: Metric, run: Run, machine: Machine) -> float:
+    """Unknown part of an error: uncertainty of the reference, sampling, rounding."""
+    stated = machine.reference_uncertainty
+    unknown = stated.get(metric.label, stated.get(metric.name, 0.0))
+    unknown = unknown + (metric.sampling_error or 0.0)
+    quantity = QUANTITIES.get(metric.name)
+    if quantity is None or (
+        quantity.scale in ("stop", "gap") and metric.subject not in machine.scales.torques
+    ):
+        return unknown
+    # Rounding of one part of the scale in each step: a random walk, carried on.
+    scales = (machine.whole_scales if quantity.invariant else None) or machine.scales
+    if quantity.scale == "energy":
+        scale = scales.largest_energy
+    else:
+        scale = quantity.scale_of(scales, metric.subject, machine.mechanism)
+    return unknown + _EPS * math.sqrt(max(run.steps, 1)) * max(machine.stretching, 1.0) * scale
 
 
 def _reference_changes(old: Machine, new: Machine) -> Iterator[ReferenceChange]:
     """Changes of figures within what both judge."""
+    end = min(old.judged_to, new.judged_to) * (1 + _SAME_END)
 
     def change(
         figure: str, unit: str, before: float | None, after: float | None, unknown: float
@@ -661,44 +638,32 @@ def _reference_changes(old: Machine, new: Machine) -> Iterator[ReferenceChange]:
             model=old.model, figure=figure, unit=unit, old=before, new=after, unknown=unknown
         )
 
-    end = min(old.judged_to, new.judged_to) * (1 + _SAME_END)
-    for name, subject, unit in _figures(old, new):
-        before, after = (_figure(machine, name, subject, end) for machine in (old, new))
+    def figure(machine: Machine, name: str, subject: str | None) -> float | None:
+        """None for an event that is not there by the end."""
+        time = machine.launch_time if subject is None else machine.release_times[subject]
+        if time is None or time > end:
+            return None
+        return machine.launch_speed if name == "launch_speed" else time
+
+    figures: list[tuple[str, str | None, str]] = [
+        ("launch_time", None, "s"),
+        ("launch_speed", None, "m/s"),
+    ]
+    for stop in old.release_times:
+        if stop in new.release_times:
+            figures.append(("release_time", stop, "s"))
+    for name, subject, unit in figures:
+        label = metric_label(name, subject)
+        before, after = figure(old, name, subject), figure(new, name, subject)
         appeared = (before is None) != (after is None)
-        # An event that is not there need not have an uncertainty; a figure without one never moved.
-        missing = 0.0 if appeared else math.inf
-        unknown = sum(
-            _reference_unknown(name, subject, machine, value, missing)
-            for machine, value in ((old, before), (new, after))
-        )
+        unknown = 0.0
+        for machine, value in ((old, before), (new, after)):
+            # An event that is not there need not have an uncertainty; a figure without one never
+            # moved.
+            stated, missing = machine.reference_uncertainty, 0.0 if appeared else math.inf
+            uncertainty = stated.get(label, stated.get(name, missing))
+            unknown += uncertainty + _EPS * abs(value or 0.0)
         if appeared or (before is not None and after is not None and abs(after - before) > unknown):
-            label = name if subject is None else f"{name} ({subject})"
             yield change(label, unit, before, after, unknown)
     if old.impacts != new.impacts and old.compared_to <= end:
         yield change("impacts", "1", old.impacts, new.impacts, 0.0)
-
-
-def _figures(old: Machine, new: Machine) -> Iterator[tuple[str, str | None, str]]:
-    """Name, subject and unit."""
-    yield "launch_time", None, "s"
-    yield "launch_speed", None, "m/s"
-    yield from (
-        ("release_time", stop, "s") for stop in old.release_times if stop in new.release_times
-    )
-
-
-def _figure(machine: Machine, name: str, subject: str | None, end: float) -> float | None:
-    """None for an event that is not there by the end."""
-    time = machine.launch_time if subject is None else machine.release_times[subject]
-    if time is None or time > end:
-        return None
-    return machine.launch_speed if name == "launch_speed" else time
-
-
-def _reference_unknown(
-    name: str, subject: str | None, machine: Machine, value: float | None, missing: float
-) -> float:
-    """Uncertainty of a figure, `missing` where none is stated, and the rounding of its value."""
-    known = machine.reference_uncertainty
-    stated = known.get(f"{name} ({subject})", known.get(name, missing))
-    return stated + _EPS * abs(value or 0.0)

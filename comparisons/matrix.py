@@ -25,6 +25,7 @@ from .runs.results import FORMAT as COMPARE
 from .runs.results import (
     Machine,
     Metric,
+    OfEngine,
     Outcome,
     ResultFile,
     Results,
@@ -77,7 +78,7 @@ class Breach(Spec):
     )
 
 
-class MatrixRun(Spec):
+class MatrixRun(OfEngine, Spec):
     """An engine and preset on a problem."""
 
     problem: str
@@ -116,11 +117,6 @@ class MatrixRun(Spec):
     def _read_old_outcome(cls, given: Any) -> Any:
         return with_time_limit(given)
 
-    @property
-    def label(self) -> str:
-        """Engine and preset in one."""
-        return f"{self.engine} {self.preset}"
-
     def error(self, metric: str) -> Error | None:
         """Error of a quantity; None if the run has none."""
         return next((error for error in self.errors if error.metric == metric), None)
@@ -146,7 +142,7 @@ class MatrixProblem(Spec):
         return self.number or self.name
 
 
-class MeasuredOrder(Spec):
+class MeasuredOrder(OfEngine, Spec):
     """Convergence of an engine's position error with the time step, by `trebucheck converge`."""
 
     engine: str
@@ -158,11 +154,6 @@ class MeasuredOrder(Spec):
         default=None, description="error that no smaller step lowers [m]; None: not reached"
     )
     floor_cause: str = Field(default="", description="what sets it")
-
-    @property
-    def label(self) -> str:
-        """Engine and preset in one."""
-        return f"{self.engine} {self.preset}"
 
 
 class Matrix(ResultFile):

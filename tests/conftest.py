@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import os
 import sys
@@ -28,11 +29,21 @@ _NO_SHRINKING = (
     Phase.explicit,
     Phase.generate,
 )  # a failing machine is shown as found: shrinking takes minutes
-settings.register_profile(
-    "ci", derandomize=True, max_examples=20, database=None, phases=_NO_SHRINKING, **_COMMON
-)
+_FIXED = {"derandomize": True, "database": None, "phases": _NO_SHRINKING, **_COMMON}
+settings.register_profile("ci", max_examples=20, **_FIXED)
+settings.register_profile("few", max_examples=6, **_FIXED)  # of `make test`
 settings.register_profile("search", max_examples=200, **_COMMON)
-settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
+PROFILE = os.environ.get("HYPOTHESIS_PROFILE", "ci")
+settings.load_profile(PROFILE)
+
+
+def machines(number: int) -> settings:
+    """Settings of a test of so many random machines; of a third of them with `make test`."""
+    return settings(max_examples=max(1, number // 3) if PROFILE == "few" else number)
+
+
+again = pytest.mark.again
+"""The same evidence on a further machine: left to `make test-all`."""
 
 
 BUILT_IN = ("mujoco", "pymunk", "exudyn")
@@ -60,6 +71,12 @@ def _param(name: str) -> object:
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "needs(*names): engines without which the test is skipped")
+
+
+def pytest_collection_finish() -> None:
+    """The garbage collector need not go through all tests again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

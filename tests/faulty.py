@@ -30,8 +30,8 @@ TABLE_ONE = P()
 NUMBER = re.compile(r"-?\d+\.?\d*(?:e[-+]?\d+)?")
 
 
-JUDGED_TO = {"fixed": 2.0, "rolling": 2.0}
-"""[s] Both rests are open by then; no fault needs the launch to be seen."""
+JUDGED_TO = {"fixed": 2.0, "rolling": 2.0, "hinged": 1.3, "floating-arm": 1.4}
+"""[s] Every stop is open by then; no fault needs the launch to be seen."""
 
 
 def _same(x: Any) -> Any:

@@ -22,6 +22,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice, starmap
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -35,11 +36,16 @@ GROUPS: dict[str, tuple[str, ...]] = {
 """Folders and files of each group; mutants are drawn by lines of code from all of them."""
 
 TESTS: dict[str, tuple[str, ...]] = {
-    "judging": ("tests/unit", "tests/meta", "tests/agreement/test_agreement.py"),
-    "adapters": ("tests/unit", "tests/agreement"),
-    "reference": ("tests/verification", "tests/unit"),
+    "judging": (
+        "tests/meta/test_recorded.py",
+        "tests/unit",
+        "tests/meta",
+        "tests/agreement/test_agreement.py",
+    ),
+    "adapters": ("tests/meta/test_recorded.py", "tests/unit", "tests/agreement"),
+    "reference": ("tests/meta/test_recorded.py", "tests/verification", "tests/unit"),
 }
-"""Tests that run against the mutants of a group."""
+"""Tests that run against the mutants of a group, the quickest first."""
 
 COMPARED = {ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.Eq: ast.NotEq}
 COMPARED |= {ast.NotEq: ast.Eq, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn}
@@ -95,29 +101,29 @@ def changed(node: ast.AST) -> Iterator[ast.AST]:
             return
 
 
-def mutants(path: Path) -> list[Mutant]:
-    """Every mutant of a file."""
-    text = path.read_text()
-    lines = text.splitlines(keepends=True)
+def candidates(path: Path) -> list[tuple[Path, ast.expr | ast.Slice, ast.AST]]:
+    """Every node of a file that may be changed, with what it is changed into."""
+    tree = ast.parse(path.read_text())
+    return [(path, node, new) for node in _within_functions(tree) for new in changed(node)]
+
+
+def made(path: Path, node: ast.expr | ast.Slice, new: ast.AST) -> Mutant | None:
+    """The mutant; None where what it says is no Python, inside an f-string for one."""
+    encoded = path.read_bytes()
     starts = [0]
-    for line in lines:
-        starts.append(starts[-1] + len(line.encode()))
-    encoded = text.encode()
-    found: list[Mutant] = []
-    for node in _within_functions(ast.parse(text)):
-        for new in changed(node):
-            begin = starts[node.lineno - 1] + node.col_offset
-            end = starts[node.end_lineno - 1] + node.end_col_offset
-            before, after = encoded[begin:end].decode(), ast.unparse(new)
-            if not isinstance(new, ast.Slice):
-                after = f"({after})"
-            source = (encoded[:begin] + after.encode() + encoded[end:]).decode()
-            try:
-                ast.parse(source)
-            except SyntaxError:  # inside an f-string, for one
-                continue
-            found.append(Mutant(path, node.lineno, before, after, source))
-    return found
+    for line in encoded.splitlines(keepends=True):
+        starts.append(starts[-1] + len(line))
+    begin = starts[node.lineno - 1] + node.col_offset
+    end = starts[(node.end_lineno or node.lineno) - 1] + (node.end_col_offset or 0)
+    before, after = encoded[begin:end].decode(), ast.unparse(new)
+    if not isinstance(new, ast.Slice):
+        after = f"({after})"
+    source = (encoded[:begin] + after.encode() + encoded[end:]).decode()
+    try:
+        ast.parse(source)
+    except SyntaxError:
+        return None
+    return Mutant(path, node.lineno, before, after, source)
 
 
 def _within_functions(tree: ast.Module) -> Iterator[ast.expr]:
@@ -134,8 +140,9 @@ def drawn(group: str, number: int, seed: int) -> list[Mutant]:
     """Mutants of a group, drawn from all of its mutants; the seed repeats them."""
     paths = {path for part in GROUPS[group] for path in [*(ROOT / part).rglob("*.py"), ROOT / part]}
     paths = {path for path in paths if path.suffix == ".py"}
-    every = [mutant for path in sorted(paths) for mutant in mutants(path)]
-    return random.Random(seed).sample(every, min(number, len(every)))
+    every = [candidate for path in sorted(paths) for candidate in candidates(path)]
+    random.Random(seed).shuffle(every)
+    return list(islice(filter(None, starmap(made, every)), number))
 
 
 def environment(folder: Path) -> dict[str, str]:

@@ -388,9 +388,9 @@ class Case:
         columns = [np.interp(self.t, near.t, column) for column in differences.T]
         return (self.weights * np.stack(columns, axis=1)).ravel()
 
-    def problem(self, mechanism: Mechanism, law: StopLaw | None = None) -> Problem:
-        """Problem of a mechanism, solved as far as is compared, by the reference's law or other."""
-        law = law or StopLaw(self.solution.problem.stop_law)
+    def problem(self, mechanism: Mechanism) -> Problem:
+        """Problem of a mechanism, solved as far as is compared."""
+        law = StopLaw(self.solution.problem.stop_law)
         return Problem(mechanism, duration=float(self.t[-1]), stop_law=law)
 
     def solved(
@@ -398,7 +398,6 @@ class Case:
         fault: Equations | StopLaw,
         patience: int = PATIENCE,
         tolerance: float = FINE,
-        keep: bool = False,
     ) -> Solution | None:
         """The motion under other equations, or another law of the stops; None if it has none.
 
@@ -406,14 +405,20 @@ class Case:
             fault: what is wrong.
             patience: it is given up after so many times the reference's steps: equations that are
                 so stiff are far from any that fit. Another law of the stops is not given up.
-            tolerance: relative and absolute, of a step.
-            keep: the equations are kept, too, so that other runs may ask for the same motion.
+            tolerance: relative and absolute, of a step. Motions at `ROUGH` are kept: other runs on
+                the mechanism ask for the same ones.
         """
-        solution = _kept_solution if keep else _solution
         if isinstance(fault, StopLaw):
-            return solution(self.problem(self.mechanism, fault), None, tolerance)
-        most = patience * self._reference_steps
-        return solution(self.problem(fault.mechanism), fault, tolerance, most)
+            problem = self.problem(self.mechanism).model_copy(update={"stop_law": fault})
+            equations, most = None, MOST_STEPS
+        else:
+            problem, equations = self.problem(fault.mechanism), fault
+            most = patience * self._reference_steps
+        if tolerance != ROUGH:
+            return _solution(problem, equations, tolerance, most)
+        # To the end that all runs on the mechanism have in common.
+        problem = problem.model_copy(update={"duration": self.end})
+        return _kept_solution(problem, equations, tolerance, most)
 
     @cached_property
     def _reference_steps(self) -> int:

@@ -365,7 +365,7 @@ def _sizeless(case: Case, fault: Fault | StopLaw) -> RankedCause | Estimate:
 
     def share(tolerance: float) -> float | None:
         """Share of the deviation that the faulty motion explains, whoever reads it."""
-        solution = case.solved(wrong, tolerance=tolerance, keep=True)
+        solution = case.solved(wrong, tolerance=tolerance)
         if solution is None:
             return None
         signatures = case.seen(solution, solution.motion(case.t))

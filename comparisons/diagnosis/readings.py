@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -22,7 +23,7 @@ from ...models.mechanism import Mechanism
 from ...models.spec import Vector
 from ...models.trajectory import PointMotion, Trajectory
 from ...reference.equations import Equations
-from ...reference.solution import Solution
+from ...reference.solution import MotionSamples, Solution
 from ..runs.quantities import Kind
 from .faults import mechanism_length, parallel_axis_term
 
@@ -401,10 +402,23 @@ class _Times:
     reference: Trajectory
     step: float
 
-    def read(self, times: FloatArray) -> Trajectory:
-        """The reference's values at other times."""
-        end = self.solution.segments[-1].end
-        return replace(self.solution.trajectory(np.clip(times, 0.0, end)), t=self.reference.t)
+    def read(self, times: FloatArray, kinds: Collection[Kind] = _ALL) -> Trajectory:
+        """The reference's values at other times; forces, which cost most, only if asked for."""
+        solution, t = self.solution, np.clip(times, 0.0, self.solution.segments[-1].end)
+        if not _FORCES.isdisjoint(kinds):
+            return replace(solution.trajectory(t), t=self.reference.t)
+        q, u = np.empty_like(self.motion.q), np.empty_like(self.motion.u)
+        ends = [segment.end for segment in solution.segments[:-1]]
+        of = np.searchsorted(ends, t, side="right")
+        for k, segment in enumerate(solution.segments):
+            if (of == k).any():
+                q[of == k], u[of == k] = np.split(segment.interpolant(t[of == k]).T, 2, axis=1)
+        return solution.reading(self.reference.t, replace(self.motion, q=q, u=u))
+
+    @cached_property
+    def motion(self) -> MotionSamples:
+        """The reference's, at its own times."""
+        return self.solution.motion(self.reference.t)
 
     @property
     def instant(self) -> float:
@@ -416,7 +430,11 @@ class _Times:
         return self.read(self.reference.t + self.instant)
 
     def shifted(
-        self, name: str, later: Trajectory, taken: Callable[[Trajectory], Trajectory]
+        self,
+        name: str,
+        later: Trajectory,
+        taken: Callable[[Trajectory], Trajectory],
+        kinds: Collection[Kind] = _ALL,
     ) -> Reading:
         """A reading of which some quantities are taken from a later motion.
 
@@ -424,12 +442,13 @@ class _Times:
             name: of the reading.
             later: the motion later by one instant.
             taken: the reading, from a later motion.
+            kinds: that it takes from there.
         """
         t, instant = self.reference.t, self.instant
 
         def at(factor: float) -> Trajectory | None:
             late = abs(factor) * _INSTANT
-            return taken(self.read(t + factor * instant)) if late < _LATEST else None
+            return taken(self.read(t + factor * instant, kinds)) if late < _LATEST else None
 
         def text(f: Sequence[float]) -> str:
             return f"{f[0] * instant:+.3g} s, {f[0] * instant / self.step:+.3g} steps"
@@ -457,7 +476,7 @@ def _late(solution: Solution, r: Trajectory, step: float) -> Iterator[Reading]:
     later = times.later()
     alone = {f"{name} shifted in time": frozenset({kind}) for kind, name in _ALONE.items()}
     for name, kinds in (_LATE | alone).items():
-        yield times.shifted(name, later, lambda x, kinds=kinds: times.taken(x, kinds))
+        yield times.shifted(name, later, lambda x, kinds=kinds: times.taken(x, kinds), kinds)
 
 
 def partly_late_readings(
@@ -476,9 +495,8 @@ def partly_late_readings(
         kinds.add(Kind.TORQUE)  # a stop on a point pushes with a force
     if len(kinds) > 1 and kinds not in _LATE.values():
         name = ", ".join(_ALONE[kind] for kind in Kind if kind in kinds)
-        yield times.shifted(
-            f"{name} shifted in time", times.later(), lambda x: times.taken(x, kinds)
-        )
+        name = f"{name} shifted in time"
+        yield times.shifted(name, times.later(), lambda x: times.taken(x, kinds), kinds)
     if {Kind.SPEEDS, Kind.KINETIC_ENERGY} <= kinds and Kind.COORDINATES not in kinds:
 
         def fast(x: Trajectory) -> Trajectory:
@@ -487,7 +505,8 @@ def partly_late_readings(
             right = _values(r)
             return change(mixed, _FORCES, lambda kind, subject, _: right[kind, subject])
 
-        yield times.shifted("speeds, and the energy of them, shifted in time", times.later(), fast)
+        name = "speeds, and the energy of them, shifted in time"
+        yield times.shifted(name, times.later(), fast, {Kind.SPEEDS})
 
 
 # ------------------------------------------------------------ other names, frames, points and zeros

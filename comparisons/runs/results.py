@@ -99,7 +99,33 @@ def share_of(value: float | None, tolerance: float | None) -> float | None:
 _LEAST = 1e-300  # in the place of a tolerance of zero
 
 
-class Metric(Spec):
+class OnSubject:
+    """Base of what has a name, and may have a subject, among its fields."""
+
+    if TYPE_CHECKING:
+        name: str
+        subject: str | None
+
+    @property
+    def label(self) -> str:
+        """Name and subject in one."""
+        return self.name if self.subject is None else f"{self.name} ({self.subject})"
+
+
+class OfEngine:
+    """Base of what has an engine and a preset among its fields."""
+
+    if TYPE_CHECKING:
+        engine: str
+        preset: str
+
+    @property
+    def label(self) -> str:
+        """Engine and preset in one."""
+        return f"{self.engine} {self.preset}"
+
+
+class Metric(OnSubject, Spec):
     """One figure of a run, a distance from the reference unless its name says otherwise.
 
     `value` is None where there is nothing to compare; `note` then says why.
@@ -129,11 +155,6 @@ class Metric(Spec):
     note: str | None = None
 
     @property
-    def label(self) -> str:
-        """Name and subject in one."""
-        return self.name if self.subject is None else f"{self.name} ({self.subject})"
-
-    @property
     def holds(self) -> bool | None:
         """Whether it is within its tolerance; None without one. A missing value is not."""
         if self.tolerance is None:
@@ -152,7 +173,7 @@ class Metric(Spec):
         return wanted and self.follows is None and self.tolerance is None
 
 
-class Check(Spec):
+class Check(OnSubject, Spec):
     """One quantity of the built model against the reference's equations, at the worst state."""
 
     name: str
@@ -163,11 +184,6 @@ class Check(Spec):
     unit: str
     tolerance: Real
     reason: str = Field(description="where the tolerance comes from")
-
-    @property
-    def label(self) -> str:
-        """Name and subject in one."""
-        return self.name if self.subject is None else f"{self.name} ({self.subject})"
 
     @property
     def holds(self) -> bool:
@@ -261,7 +277,7 @@ class Measured:
         return tuple(m for m in self.metrics if m.unjudged)
 
 
-class Run(Measured, Spec):
+class Run(OfEngine, Measured, Spec):
     """One engine, preset and machine."""
 
     model: str
@@ -296,11 +312,6 @@ class Run(Measured, Spec):
     @classmethod
     def _read_old_outcome(cls, given: Any) -> Any:
         return with_time_limit(given)
-
-    @property
-    def label(self) -> str:
-        """Engine and preset in one."""
-        return f"{self.engine} {self.preset}"
 
     def metric(self, name: str, subject: str | None = None) -> Metric | None:
         """The metric of that name and subject, if the run has it."""

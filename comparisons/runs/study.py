@@ -286,19 +286,9 @@ class Study:
 
     def law_of(self, mechanism: Mechanism) -> StopLaw:
         """Law of a mechanism's stops: as asked for, else its problem's, else release-once."""
-        problem = self._problems.get(mechanism.name)
-        return problem.stop_law if problem is not None and self.stop_law is None else self.law
-
-    def end_of(self, mechanism: Mechanism) -> Until:
-        """End of a mechanism's compared motion: as asked for, its problem's, or the launch."""
-        problem = self._problems.get(mechanism.name)
-        if problem is None or self.until is not None:
-            return self.end
-        return Until.of(problem.duration)
-
-    @cached_property
-    def law(self) -> StopLaw:
-        """The law of the stops of what is no problem with its own."""
+        given = self._models.get(mechanism.name)
+        if self.stop_law is None and isinstance(given, Problem):
+            return given.stop_law
         try:
             return StopLaw(self.stop_law or StopLaw.RELEASE_ONCE)
         except ValueError:
@@ -307,9 +297,11 @@ class Study:
                 f"stop_law = {self.stop_law!r} is unknown; there are: {valid}."
             ) from None
 
-    @cached_property
-    def end(self) -> Until:
-        """End of the compared motion of what is no problem with its own."""
+    def end_of(self, mechanism: Mechanism) -> Until:
+        """End of a mechanism's compared motion: as asked for, its problem's, or the launch."""
+        given = self._models.get(mechanism.name)
+        if self.until is None and isinstance(given, Problem):
+            return Until.of(given.duration)
         return Until.of(self.until)
 
     @cached_property
@@ -317,28 +309,22 @@ class Study:
         """The user's tolerances."""
         return Needs.of(self.tolerances)
 
-    @cached_property
+    @property
     def mechanisms(self) -> tuple[Mechanism, ...]:
         """Each name once."""
-        return tuple({run.name: run for run in map(mechanism_of, self._given)}.values())
+        return tuple(map(mechanism_of, self._models.values()))
 
     @cached_property
-    def _given(self) -> tuple[Mechanism | Problem, ...]:
-        """The models, names resolved."""
-        given: list[Mechanism | Problem] = []
-        for entry in self.models:
+    def _models(self) -> Mapping[str, Mechanism | Problem]:
+        """The models by the names of their mechanisms; the last of several with one name."""
+        models: dict[str, Mechanism | Problem] = {}
+        for given in self.models:
+            entry = given
             if isinstance(entry, str):
                 problem = library_problem(entry, self.parameters)
-                given.append(problem or model(entry, self.parameters))
-            else:
-                given.append(entry)
-        return tuple(given)
-
-    @cached_property
-    def _problems(self) -> Mapping[str, Problem]:
-        """Problems of the study by the name of their mechanism."""
-        last = {mechanism_of(given).name: given for given in self._given}
-        return {name: given for name, given in last.items() if isinstance(given, Problem)}
+                entry = problem or model(entry, self.parameters)
+            models[mechanism_of(entry).name] = entry
+        return models
 
     @property
     def every_engine(self) -> tuple[str, ...]:
@@ -376,12 +362,12 @@ class Study:
             time: characteristic time of the mechanism's motion [s].
             made: as :meth:`engine` makes it.
         """
-        in_library = model in self._problems and find_benchmark(model) is not None
-        own = options_for(made.name, self.options)
-        if made.timestep is None or "timestep" in own or not in_library:
+        in_library = isinstance(self._models.get(model), Problem) and find_benchmark(model)
+        options = options_for(made.name, self.options)
+        if made.timestep is None or "timestep" in options or not in_library:
             return made
         step = float(f"{made.timestep * time:.2g}")
-        return registry.engine(made.name, made.preset, **{**own, "timestep": step})
+        return registry.engine(made.name, made.preset, **{**options, "timestep": step})
 
     @property
     def timed_at_once(self) -> int:

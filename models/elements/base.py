@@ -100,6 +100,8 @@ Direction = Any
 
 
 """Direction of a force element: :class:`PointCoefficients` or an :class:`AngleFunction`."""
+DIRECTIONS = ("vector", "angle", "point")
+"""Kinds of directions, in the order in which forces are summed, which fixes their rounding."""
 
 
 def refuse_other_lengths(what: str, direction: Vector) -> None:
@@ -225,14 +227,15 @@ class BaseForceElement(Spec):
     derivatives, so the formulas use array operations only.
 
     Raises:
-        TypeError: a class with a `kind` states no `feature` that solvers need for it, or a number
-            without a unit, which engines in other units could not convert.
+        TypeError: a class with a `kind` states no `feature` that solvers need for it, acts along
+            none of the three directions, or states a number without a unit, which engines in other
+            units could not convert.
     """
 
     feature: ClassVar[Feature]
     """Feature that a solver needs for it."""
     acts_along: ClassVar[Literal["vector", "angle", "point"]]
-    """Kind of its direction; generalized forces are summed in this order, which fixes rounding."""
+    """Kind of its direction, one of :data:`DIRECTIONS`."""
     name: Name
     body: Name
 
@@ -241,6 +244,8 @@ class BaseForceElement(Spec):
         super().__pydantic_init_subclass__(**kwargs)
         if "kind" in cls.model_fields and not hasattr(cls, "feature"):
             raise TypeError(f"{cls.__name__} states no feature: solvers could not refuse it")
+        if "kind" in cls.model_fields and getattr(cls, "acts_along", None) not in DIRECTIONS:
+            raise TypeError(f"{cls.__name__} acts along none of {DIRECTIONS}: no sum would have it")
         for number, unit in number_units(cls).items():
             if not unit:
                 raise TypeError(f"{cls.__name__}.{number} states no unit in its description")

@@ -109,18 +109,3 @@ def test_a_figure_that_is_needed_must_be_there() -> None:
 def test_a_start_that_does_not_launch_is_refused() -> None:
     with pytest.raises(InputError, match="does not launch"):
         Headlines(TABLE).misses((1.5, math.pi + 1.5, math.pi / 2))
-
-
-@pytest.mark.slow  # some ten seconds: the search over all starts
-def test_the_paper_singles_out_its_start() -> None:
-    pytest.importorskip("heyoka")
-    elsewhere = TABLE.model_copy(
-        update={"theta0": 0.5, "phi0": 2.0, "alpha0": 0.3}
-    )  # of no use to the search
-    found = identify(elsewhere)
-    assert found.singled_out == pytest.approx(PAPER, abs=1e-12)
-    assert found.fit.compatible
-    assert all(each.compatible for each in found.nested)
-    assert found.search is not None
-    assert [s.miss <= 1 for s in found.search.solutions].count(True) == 1
-    assert found.conditioning.rank == 3

@@ -6,14 +6,23 @@ Its designs, read by other means and looked for from elsewhere.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trebucheck as tb
+from trebucheck.models.library.registry import model, parameters_type
 from trebucheck.reference.solver import solve, solve_to_launch
 from trebucheck.reference.throw.flight import Projectile, Surroundings, fly
+from trebucheck_paper.design.efficiency import (
+    BOUNDS,
+    SLINGS,
+    Machines,
+    available_energy,
+    kinetic_energy,
+)
 from trebucheck_paper.design.first_forward_swing import Reading, first_forward_swing_of
 from trebucheck_paper.design.search import NEARNESS, RANGE, Family
 from trebucheck_paper.design.study import (
@@ -25,9 +34,11 @@ from trebucheck_paper.design.study import (
     tolerances,
 )
 from trebucheck_paper.evidence.claims import Quantity, Study, Verdict
+from trebucheck_paper.identification.quantities import Identification
+from trebucheck_paper.identification.study import identify
 from trebucheck_paper.report import summary
 from trebucheck_paper.rows.machines import design_rows
-from trebucheck_paper.study import study
+from trebucheck_paper.study import SECTIONS, study
 
 PAGE = Path(__file__).parents[2] / "docs" / "paper.md"
 NEEDED = 1e-6  # [s] the two instants may stand apart
@@ -37,14 +48,30 @@ pytestmark = pytest.mark.slow  # one study for all of them: some 30 s
 
 @cache
 def paper() -> Study:
-    """Without engines, which have tests of their own."""
-    return study(["reference"])
+    """Without engines, which have tests of their own.
+
+    The identification is told of another start, of which its search over all starts makes no use.
+    """
+
+    def from_elsewhere(parameters: tb.TrebuchetParameters, _: Sequence[str]) -> Identification:
+        start = {"theta0": 0.5, "phi0": 2.0, "alpha0": 0.3}
+        return identify(parameters.model_copy(update=start))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(SECTIONS, "identification", from_elsewhere)
+        return study(["reference"])
 
 
 @cache
 def design() -> Design:
     """Of that study."""
     return Design.from_json(json.dumps(paper().sections["design"]))
+
+
+@cache
+def machines() -> Machines:
+    """Of that study."""
+    return Machines.from_json(json.dumps(paper().sections["machines"]))
 
 
 def _cells(markdown: str) -> list[list[str]]:
@@ -226,6 +253,65 @@ def test_bounds_that_make_no_sense_are_refused(
 ) -> None:
     with pytest.raises(tb.InputError, match=message):
         design_rolling(bounds=Bounds(**fields), engines=())
+
+
+@pytest.mark.parametrize("name", ["fixed", "floating-arm"])
+def test_no_machine_within_the_bounds_is_more_efficient(name: str) -> None:
+    """Neighbours of the best one, by the other integrator, to what the last look can miss."""
+    best = machines().named(name).most_efficient
+    if best is None:
+        pytest.skip("heyoka, which makes the search fast enough, is not installed")
+    assert best.sling is not None
+    chosen = {"l1": best.l1, "r": best.sling}
+    if parameters_type(name).model_fields["theta0"].default > 1.0:
+        chosen["theta0"] = best.theta0  # free where the arm begins backward
+    assert best.efficiency == pytest.approx(_efficiency_of(name, chosen), rel=1e-8)
+    assert all(low <= chosen[key] <= high for key, (low, high) in BOUNDS.items() if key in chosen)
+    for key, value in chosen.items():
+        for aside in (-0.1, 0.1):
+            beside = chosen | {key: float(np.clip(value + aside, *BOUNDS[key]))}
+            # The last places stand 4 cm apart: between them the efficiency can be a thousandth
+            # larger, not more.
+            assert _efficiency_of(name, beside) <= best.efficiency * 1.001
+
+
+def _efficiency_of(name: str, chosen: dict[str, float]) -> float:
+    machine = model(name, parameters_type(name)(**chosen, l2=14.0 - chosen["l1"]))
+    launch = solve_to_launch(machine).launch
+    return (
+        0.0 if launch is None else kinetic_energy(machine, launch.speed) / available_energy(machine)
+    )
+
+
+@pytest.mark.parametrize("name", ["fixed", "hinged"])
+def test_no_other_sling_is_faster(name: str) -> None:
+    """Inside the lengths looked at, on a grid that shares no point with the search's."""
+    found = machines().named(name).fastest_sling
+    assert found is not None
+    compared = 0
+    for r in np.linspace(SLINGS[0] + 0.1, SLINGS[1] - 0.1, 12):
+        machine = model(name, parameters_type(name)(r=float(r)))
+        solution = solve_to_launch(machine)
+        if solution.launch is None:
+            continue
+        arm = float(solution.motion(np.array([solution.launch.time])).q[0, 0])
+        if name == "hinged" or arm < 3 * np.pi / 2:
+            compared += 1
+            assert solution.launch.speed <= found.speed * (1 + 1e-9)
+    assert compared >= 4
+
+
+def test_the_paper_singles_out_its_start() -> None:
+    """From figures alone: the identification was told of another one."""
+    pytest.importorskip("heyoka")
+    found = Identification.from_json(json.dumps(paper().sections["identification"]))
+    assert found.parameters.theta0 == 0.5
+    assert found.singled_out == pytest.approx((0.0, np.pi, -np.pi / 4), abs=1e-12)
+    assert found.fit.compatible
+    assert found.nested and all(each.compatible for each in found.nested)
+    assert found.search is not None
+    assert [s.miss <= 1 for s in found.search.solutions].count(True) == 1
+    assert found.conditioning.rank == 3
 
 
 def test_it_survives_json() -> None:

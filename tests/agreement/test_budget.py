@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 import pytest
+from conftest import again
 from trebucheck.comparisons.explain import Budget, Share, budget, causes_of, with_filtered_torques
 from trebucheck.comparisons.runs.record import EngineRuns
 from trebucheck.comparisons.runs.runner import Runner
@@ -85,9 +86,18 @@ def _check(found: Budget) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("preset", ["tuned", "stock"])
-@pytest.mark.parametrize("name", _STEPS)
-@pytest.mark.parametrize("machine", ["fixed", "rolling"])
+@pytest.mark.parametrize(
+    ("machine", "name", "preset"),
+    [
+        *(("fixed", name, preset) for name in _STEPS for preset in ("tuned", "stock")),
+        ("rolling", "mujoco", "stock"),
+        ("rolling", "exudyn", "tuned"),
+        pytest.param("rolling", "mujoco", "tuned", marks=again),
+        pytest.param("rolling", "pymunk", "tuned", marks=again),
+        pytest.param("rolling", "pymunk", "stock", marks=again),
+        pytest.param("rolling", "exudyn", "stock", marks=again),
+    ],
+)
 def test_nine_tenths_of_each_error_are_explained(
     machines: dict[str, EngineRuns], machine: str, name: str, preset: str
 ) -> None:
@@ -99,7 +109,7 @@ def test_nine_tenths_of_each_error_are_explained(
     ("machine", "name", "preset"),
     [
         ("other fixed", "mujoco", "stock"),
-        ("other fixed", "pymunk", "tuned"),
+        pytest.param("other fixed", "pymunk", "tuned", marks=again),
         ("other rolling", "exudyn", "tuned"),
     ],
 )

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import pytest
 import trebucheck as tb
+from conftest import again
 from mechanisms import chain, hanging_bob
 from trebucheck.comparisons import converge as studying
 from trebucheck.comparisons.converge import (
@@ -43,6 +44,9 @@ LAWS = {
 }
 
 
+both = pytest.mark.parametrize("name", ["fixed", pytest.param("rolling", marks=again)])
+
+
 @cache
 def _machine(name: str, asked: tuple[str, ...]) -> MachineStudies:
     return converge_study(
@@ -70,7 +74,7 @@ def _steps(name: str, engine: str) -> tuple[MachineStudies, SweepStudy]:
     return machine, next(study for study in machine.studies if study.label == f"{engine} tuned")
 
 
-@pytest.mark.parametrize("name", BUILD)
+@both
 @pytest.mark.parametrize("engine", ENGINES)
 def test_tuned_presets_are_of_second_order(name: str, engine: str) -> None:
     _, study = _steps(name, engine)
@@ -80,7 +84,7 @@ def test_tuned_presets_are_of_second_order(name: str, engine: str) -> None:
     assert law.decades >= 2.0
 
 
-@pytest.mark.parametrize("name", BUILD)
+@both
 @pytest.mark.parametrize("engine", ENGINES)
 def test_limits_come_to_the_reference(name: str, engine: str) -> None:
     machine, _ = _steps(name, engine)
@@ -91,7 +95,7 @@ def test_limits_come_to_the_reference(name: str, engine: str) -> None:
     assert limit.estimate <= LIMIT[engine], "and says so itself, without the reference"
 
 
-@pytest.mark.parametrize("name", BUILD)
+@both
 def test_all_formulations_agree_pairwise(name: str) -> None:
     machine, _ = _steps(name, "mujoco")
     tuned = [
@@ -129,8 +133,9 @@ def test_the_order_is_found_of_any_mechanism(
     """Without a launch, without stops."""
     monkeypatch.setattr(studying, "_STEPS", tuple(8e-3 / 2**k for k in range(5)))
     study = runs.Study([mechanism], ["pymunk", "exudyn"], until=1.0, isolate=False)
-    assert len(converge_study(study, ["timestep"]).machines[0].studies) > 0
-    for found in converge_study(study, ["timestep"]).machines[0].studies:
+    studies = converge_study(study, ["timestep"]).machines[0].studies
+    assert len(studies) == 2
+    for found in studies:
         assert [curve.quantity for curve in found.curves] == ["position"]
         law = found.curve("position").law
         assert law is not None and law.exponent == pytest.approx(ORDER, abs=WITHIN), found.label

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 import trebucheck as tb
+from conftest import again
 from trebucheck.engines.mujoco import build
 
 pytest.importorskip("mujoco")
@@ -36,8 +37,17 @@ def two_rods(**spring: float) -> tb.Mechanism:
     )
 
 
-@pytest.mark.parametrize("rest_angle", [-0.4, 0.0, 2.0])
-@pytest.mark.parametrize("stiffness", [0.0, 30.0])
+@pytest.mark.parametrize(
+    ("rest_angle", "stiffness"),
+    [
+        (-0.4, 30.0),
+        (0.0, 0.0),
+        *(
+            pytest.param(a, k, marks=again)
+            for a, k in [(-0.4, 0), (0, 30.0), (2.0, 0), (2.0, 30.0)]
+        ),
+    ],
+)
 def test_it_is_the_mechanism_that_was_asked_for(rest_angle: float, stiffness: float) -> None:
     """Mass matrix, forces and accelerations of the built model, then the motion and its energy."""
     spring = {"rest_angle": rest_angle, "stiffness": stiffness, "cubic_stiffness": 40.0}

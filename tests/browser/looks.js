@@ -91,6 +91,25 @@
     }
     return found;
   },
+  // Marks texts whose colours another has already: one of each kind is enough to judge contrast, which is dear.
+  mark_alike() {
+    const seen = new Set(), kinds = new Map();
+    const kind = (element) => {
+      if (!element) return "";
+      if (!kinds.has(element)) {
+        const style = getComputedStyle(element);
+        const look = [style.color, style.fill, style.backgroundColor, style.backgroundImage, style.opacity, style.fontSize, style.fontWeight];
+        kinds.set(element, [kind(element.parentElement), element.tagName, element.getAttribute("class"), ...look].join(";"));
+      }
+      return kinds.get(element);
+    };
+    for (const element of document.body.querySelectorAll("*")) {
+      if (element.children.length) continue;
+      element.toggleAttribute("data-alike", seen.has(kind(element)));
+      seen.add(kind(element));
+    }
+    return seen.size;
+  },
   // From now on, what the focus comes to, and whether that is seen; the number of places it has to come to.
   watch_focus() {
     const stops = "a[href], button:enabled, input:enabled, select:enabled, summary, [tabindex='0']";

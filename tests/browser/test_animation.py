@@ -55,26 +55,40 @@ SCENES = (
 )
 
 
-@pytest.fixture
-def page(browser: Any, tmp_path: Path) -> Iterator[Any]:
-    """A page that complains about nothing and asks for nothing."""
-    Animation(SCENES, "scenes").save(tmp_path / "scenes.html")
-    context = browser.new_context(viewport={"width": 1000, "height": 900})
+@pytest.fixture(scope="module")
+def window(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """A window and the address of the scenes' page in it."""
+    path = tmp_path_factory.mktemp("animation") / "scenes.html"
+    Animation(SCENES, "scenes").save(path)
+    context = browser.new_context(viewport=SIZE)
     page = context.new_page()
     page.add_init_script(SPY)
-    complaints: list[str] = []
-    page.on("console", lambda message: complaints.append(message.text))
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.on(
-        "request",
-        lambda request: (
-            complaints.append(request.url) if "scenes.html" not in request.url else None
-        ),
-    )
-    page.goto((tmp_path / "scenes.html").as_uri())
-    yield page
+    yield page, path.as_uri()
     context.close()
-    assert [text for text in complaints if not text.startswith(("data:", "Canvas2D"))] == []
+
+
+SIZE = {"width": 1000, "height": 900}
+
+
+@pytest.fixture
+def page(window: Any) -> Iterator[Any]:
+    """The page, loaded anew; it complains about nothing and asks for nothing."""
+    page, address = window
+    complaints: list[str] = []
+    heard = {
+        "console": lambda message: complaints.append(message.text),
+        "pageerror": lambda error: complaints.append(str(error)),
+        "request": lambda request: complaints.append(request.url),
+    }
+    for event, listener in heard.items():
+        page.on(event, listener)
+    page.set_viewport_size(SIZE)
+    page.goto(address)
+    yield page
+    for event, listener in heard.items():
+        page.remove_listener(event, listener)
+    quiet = (address, "data:", "Canvas2D")
+    assert [text for text in complaints if not text.startswith(quiet)] == []
 
 
 def _pixel(shown: Scene, point: np.ndarray, canvas: dict[str, float]) -> np.ndarray:

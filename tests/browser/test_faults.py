@@ -39,32 +39,34 @@ FAULTS: dict[str, tuple[str, Callable[[Any], list[str]], str]] = {
 }
 
 
-@pytest.fixture
-def with_fault(
-    written: Callable[[str], Path], show: Callable[[Path], Any], tmp_path: Path
-) -> Callable[[str], Any]:
-    """A page that has more before its end, opened."""
-
-    def opened(more: str) -> Any:
-        path = tmp_path / "page.html"
-        path.write_text(
-            written("problems").read_text(encoding="utf-8").replace("</main>", f"{more}</main>"),
-            "utf-8",
-        )
-        return show(path)
-
-    return opened
+@pytest.fixture(scope="module")
+def plain(written: Callable[[str], Path], show: Callable[[Path], Any]) -> Any:
+    """The smallest page, without a fault."""
+    return show(written("problems"))
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_a_fault_is_found(name: str, with_fault: Callable[[str], Any]) -> None:
+def test_a_fault_is_found(name: str, plain: Any) -> None:
+    """What is put at the page's end, and taken away again."""
     fault, check, word = FAULTS[name]
-    page = with_fault(fault).look(PHONE if "phone" in name else DESKTOP)
-    assert [said for said in check(page) if word in said]
+    page = plain.look(PHONE if "phone" in name else DESKTOP)
+    page.evaluate("() => document.querySelector('main').append(document.createElement('div'))")
+    last = "document.querySelector('main').lastElementChild"
+    page.evaluate(f"(fault) => {{ {last}.innerHTML = fault; }}", fault)
+    try:
+        assert [said for said in check(page) if word in said]
+    finally:
+        page.evaluate(f"() => {last}.remove()")
+    assert not [said for said in check(page) if word in said]
 
 
-def test_requests_and_errors_are_heard(with_fault: Callable[[str], Any]) -> None:
-    opened = with_fault("<img alt='x' src='http://127.0.0.1:9/x.png'><script>undefined.x</script>")
+def test_requests_and_errors_are_heard(
+    written: Callable[[str], Path], show: Callable[[Path], Any], tmp_path: Path
+) -> None:
+    path, text = tmp_path / "page.html", written("problems").read_text(encoding="utf-8")
+    more = "<img alt='x' src='http://127.0.0.1:9/x.png'><script>undefined.x</script>"
+    path.write_text(text.replace("</main>", f"{more}</main>"), encoding="utf-8")
+    opened = show(path)
     opened.page.wait_for_timeout(50)
     said = " ".join(opened.complaints)
     assert "asks for http://127.0.0.1:9/x.png" in said and "undefined" in said

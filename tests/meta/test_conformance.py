@@ -10,7 +10,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -334,25 +334,34 @@ def test_check_refuses_what_it_does_not_know_and_does_not_pass_what_it_cannot_ju
         tb.check("dummy_engines:Full", "catapult", position=1e-18, isolate=False)
 
 
-def _pytest(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """In a process, as from a terminal.
+@pytest.fixture
+def run_pytest(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[int, str]]:
+    """Exit code and output of pytest in a folder, in this process.
 
     The plug-in is loaded by its entry point where trebucheck is installed.
     """
     announced = importlib.metadata.entry_points(group="pytest11", name="trebucheck")
     load = [] if announced else ["-p", "trebucheck.conformance.plugin"]
-    path = os.pathsep.join([str(TESTS), *filter(None, [os.environ.get("PYTHONPATH")])])
-    command = [sys.executable, "-m", "pytest", *load, "-p", "no:cacheprovider", *arguments]
-    environment = {**os.environ, "PYTHONPATH": path}
-    environment.pop("PYTEST_ADDOPTS", None)
-    return subprocess.run(
-        command, cwd=folder, capture_output=True, text=True, check=False, env=environment
-    )
+
+    def run(folder: Path, *arguments: str) -> tuple[int, str]:
+        paths = [str(TESTS), *filter(None, [os.environ.get("PYTHONPATH")])]
+        monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))  # of xdist's processes
+        monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
+        for name in [name for name in os.environ if name.startswith("PYTEST_XDIST")]:
+            monkeypatch.delenv(name)
+        monkeypatch.chdir(folder)
+        own = ["--rootdir", str(folder), "--import-mode", "importlib", "--capture", "no"]
+        code = pytest.main([*load, "-p", "no:cacheprovider", *own, *arguments])
+        return int(code), "".join(capsys.readouterr())
+
+    return run
 
 
 @pytest.mark.slow
 def test_pytest_runs_the_suite_from_a_strangers_folder_and_none_of_its_tests(
-    tmp_path: Path,
+    tmp_path: Path, run_pytest: Callable[..., tuple[int, str]]
 ) -> None:
     (tmp_path / "test_own.py").write_text("def test_own():\n    raise AssertionError\n")
     (tmp_path / "known.toml").write_text(ROW.format("degrees/*/catapult/angle"))
@@ -365,9 +374,9 @@ def test_pytest_runs_the_suite_from_a_strangers_folder_and_none_of_its_tests(
         "--trebucheck-deviations",
         "known.toml",
     ]
-    done = _pytest(tmp_path, *asked, *files, "--require-engine", "degrees")
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "1 xfailed" in done.stdout and "test_own" not in done.stdout
+    code, output = run_pytest(tmp_path, *asked, *files, "--require-engine", "degrees")
+    assert code == 0, output
+    assert "1 xfailed" in output and "test_own" not in output
     found = ElementTree.parse(tmp_path / "j.xml").iter("testcase")
     cases = {(case.attrib["classname"], case.attrib["name"]): case for case in found}
     position = cases["degrees.tuned.catapult", "position"]
@@ -385,7 +394,7 @@ def test_pytest_runs_the_suite_from_a_strangers_folder_and_none_of_its_tests(
 
 @pytest.mark.slow
 def test_several_processes_of_pytest_find_the_same_and_judge_rows_in_the_end(
-    tmp_path: Path,
+    tmp_path: Path, run_pytest: Callable[..., tuple[int, str]]
 ) -> None:
     rows = [
         ROW.format(f"degrees/*/{check}")
@@ -402,14 +411,10 @@ def test_several_processes_of_pytest_find_the_same_and_judge_rows_in_the_end(
         "--trebucheck-deviations",
         "known.toml",
     ]
-    done = _pytest(tmp_path, *asked, *problems, *files, "--require-engine", "degrees")
-    assert done.returncode == 1 and "2 failed" in done.stdout and "1 xfailed" in done.stdout, (
-        done.stdout + done.stderr
-    )
-    assert (
-        "catapult/position' is stale" in done.stdout
-        and "incline/angel' is about no check" in done.stdout
-    )
+    code, output = run_pytest(tmp_path, *asked, *problems, *files, "--require-engine", "degrees")
+    assert code == 1 and "2 failed" in output and "1 xfailed" in output, output
+    assert "catapult/position' is stale" in output
+    assert "incline/angel' is about no check" in output
     cases = [
         case.attrib["classname"] for case in ElementTree.parse(tmp_path / "j.xml").iter("testcase")
     ]
@@ -420,7 +425,7 @@ def test_several_processes_of_pytest_find_the_same_and_judge_rows_in_the_end(
         verdict["id"] for verdict in written if not verdict["id"].startswith("deviations/")
     ] == list(suite.ids)
     served: dict[str, set[str]] = {}
-    for process, problem in re.findall(r"\[gw(\d)\].* degrees/tuned/(\S+)/\S+", done.stdout):
+    for process, problem in re.findall(r"\[gw(\d)\].* degrees/tuned/(\S+)/\S+", output):
         served.setdefault(problem, set()).add(process)
     assert served.keys() == {"interface", "catapult", "incline"} and all(
         len(each) == 1 for each in served.values()
@@ -439,7 +444,9 @@ def test_absent(trebucheck):
 
 
 @pytest.mark.slow
-def test_a_required_engine_may_neither_be_absent_nor_be_skipped(tmp_path: Path) -> None:
+def test_a_required_engine_may_neither_be_absent_nor_be_skipped(
+    tmp_path: Path, run_pytest: Callable[..., tuple[int, str]]
+) -> None:
     (tmp_path / "test_own.py").write_text(TEST_OF_ONES_OWN)
     required = [
         "--require-engine",
@@ -449,11 +456,11 @@ def test_a_required_engine_may_neither_be_absent_nor_be_skipped(tmp_path: Path) 
         "--require-engine",
         "nobody",
     ]
-    done = _pytest(tmp_path, "-q", *required, "test_own.py")
-    assert done.returncode == 1 and "1 failed, 1 passed" in done.stdout, done.stdout + done.stderr
-    assert "--require-engine: engine 'uninstalled' is not installed here" in done.stdout
-    assert "--require-engine nobody: no test of it has run" in done.stdout
-    assert "--require-engine full: no" not in done.stdout
+    code, output = run_pytest(tmp_path, "-q", *required, "test_own.py")
+    assert code == 1 and "1 failed, 1 passed" in output, output
+    assert "--require-engine: engine 'uninstalled' is not installed here" in output
+    assert "--require-engine nobody: no test of it has run" in output
+    assert "--require-engine full: no" not in output
 
 
 def test_the_fixture_skips_what_is_absent() -> None:

@@ -9,6 +9,7 @@ import re
 
 import faulty
 import pytest
+from conftest import again
 from faulty import Fault, run_with, tilted_slot, tilted_wall, without, without_joint
 from trebucheck.comparisons.report.pages.tables import diagnosis
 from trebucheck.comparisons.runs.results import Outcome
@@ -119,12 +120,24 @@ FLOATING_ARM = (
 )
 
 
+SAME = {
+    "trough lower",
+    "trough missing",
+    "sign of the trough's force",
+    "points not held as they move",
+    "foot of the wall stays behind",
+}
+"""Faults of the floating arm that are the hinged machine's."""
+
+
 @pytest.mark.parametrize(
     ("model", "fault"),
     [
-        (name, fault)
-        for name, faults in (("hinged", HINGED), ("floating-arm", FLOATING_ARM))
-        for fault in faults
+        *(("hinged", fault) for fault in HINGED),
+        *(
+            pytest.param("floating-arm", fault, marks=again if fault.name in SAME else ())
+            for fault in FLOATING_ARM
+        ),
     ],
     ids=lambda value: value.name if isinstance(value, Fault) else value,
 )

@@ -94,6 +94,8 @@ def test_a_wrong_engine_is_exit_code_1_and_a_right_one_0(tmp_path: Path) -> None
         "--preset",
         "tuned",
         "--no-diagnose",
+        "--until",
+        "1.2",
         "--out",
         str(tmp_path),
         "--engines",

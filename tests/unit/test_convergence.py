@@ -348,9 +348,14 @@ def test_durations_are_those_of_trials(step: float, monkeypatch: pytest.MonkeyPa
 # the whole, on engines of a third party
 
 
-@pytest.fixture
-def studies(third_party: None) -> Studies:
-    return converge_study(Study([tb.fixed()], ["echo", "raiser"], isolate=False))
+@pytest.fixture(scope="module")
+def studies(tmp_path_factory: pytest.TempPathFactory) -> Studies:
+    """Engines of a third party, which are announced while they are studied."""
+    folder = tmp_path_factory.mktemp("site")
+    plugin_engines.announce(folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(folder))
+        return converge_study(Study([tb.fixed()], ["echo", "raiser"], until=0.5, isolate=False))
 
 
 @pytest.mark.slow
@@ -399,7 +404,7 @@ def test_what_sets_a_floor_is_looked_for_by_the_engine_itself() -> None:
     if not tb.engines()["pymunk"].installed:
         pytest.skip("pymunk is not installed here")
     found = converge_study(
-        Study([tb.fixed()], ["pymunk"], until=1.0, isolate=False), ["iterations"]
+        Study([tb.fixed()], ["pymunk"], until=0.5, isolate=False), ["iterations"]
     )
     explained = found.machines[0].studies[0].curve("position").floor
     assert explained is not None and explained.cause == "time step"
@@ -478,11 +483,11 @@ def test_an_interrupted_study_goes_on(third_party: None, tmp_path: Path) -> None
     store = Store(tmp_path, records=tmp_path)
     with pytest.raises(KeyboardInterrupt):
         converge_study(
-            Study([tb.fixed()], ["echo"], until=0.5, store=store, isolate=False, progress=stop)
+            Study([tb.fixed()], ["echo"], until=0.2, store=store, isolate=False, progress=stop)
         )
     kept = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
     assert kept
     converge_study(
-        Study([tb.fixed()], ["echo"], until=0.5, store=replace(store, resume=True), isolate=False)
+        Study([tb.fixed()], ["echo"], until=0.2, store=replace(store, resume=True), isolate=False)
     )
     assert all(path.stat().st_mtime_ns == time for path, time in kept.items())

@@ -13,9 +13,9 @@ import numpy as np
 import plugin_engines
 import pytest
 import trebucheck as tb
-from conftest import machine_parameters
+from conftest import machine_parameters, machines
 from faulty import Faulty, body, parameters
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from trebucheck.comparisons.diagnosis.case import Case, match
 from trebucheck.comparisons.diagnosis.diagnose import active_contacts_at, check_and_diagnose, growth
@@ -67,7 +67,7 @@ def test_states_are_where_they_should_be(build: Build) -> None:
         assert active_contacts(equations, state.q, state.u, state.closed) == state.closed
 
 
-@settings(max_examples=10)
+@machines(10)
 @given(chosen=machine_parameters(), rolls=st.booleans())
 def test_parameters_are_read_off_a_machine(chosen: tb.TrebuchetParameters, rolls: bool) -> None:
     machine = (tb.rolling if rolls else tb.fixed)(chosen)
@@ -202,6 +202,25 @@ def test_two_settings_that_make_a_deviation_together_are_named_together() -> Non
     # What sin^2 leaves of the sum of 2 and 1: alone 1 and 2 of their root of 5.
     assert explained["integrator"] == pytest.approx(1 - 1 / math.sqrt(5), abs=0.02)
     assert explained["integrator, solver tolerance"] == pytest.approx(1.0)
+
+
+def test_half_the_step_is_run_only_where_it_can_change_what_the_step_explains() -> None:
+    """An error of first and second order: an eighth and a sixteenth of the step tell it."""
+    solution = solve(tb.Problem(tb.catapult(), 0.5))
+    t = np.linspace(0.0, 0.5, 101)
+    steps: list[float | None] = []
+
+    def simulate(engine: tb.Engine, _: tb.Problem) -> tb.Trajectory:
+        steps.append(engine.timestep)
+        exact, h = solution.trajectory(t), (engine.timestep or 0.0) / 1e-3
+        error = 1e-3 * (h * np.sin(4 * np.pi * t) + h**2 * np.cos(4 * np.pi * t))
+        return dataclasses.replace(exact, q=exact.q + error[:, None])
+
+    engine = MujocoEngine(timestep=1e-3)
+    causes = Rerun(engine, simulate).causes(Case(simulate(engine, solution.problem), solution, 0.5))
+    explained = {cause.name: cause.explained for cause in causes}
+    assert explained["time step"] == pytest.approx(1 - 1 / 128 / math.sqrt(2), abs=2e-3)
+    assert {1e-3 / 8, 1e-3 / 16} < set(steps) and 5e-4 not in steps
 
 
 @dataclasses.dataclass(frozen=True)

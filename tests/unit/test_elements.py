@@ -222,6 +222,15 @@ def test_declared_features_do_not_claim_elements_of_later_releases() -> None:
     assert names == ("cubic",)
 
 
+def test_a_force_element_that_no_sum_would_have_cannot_be_defined() -> None:
+    with pytest.raises(TypeError, match="Crooked acts along none"):
+
+        class Crooked(BaseForceElement):
+            feature = Feature.FORCE
+            acts_along = "surface"
+            kind: Literal["crooked"] = "crooked"
+
+
 def test_a_force_element_without_a_feature_cannot_be_defined() -> None:
     with pytest.raises(TypeError, match="Nameless"):
 

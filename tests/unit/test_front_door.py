@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 import trebucheck as tb
+from conftest import again
 from trebucheck.comparisons.runs.study import Study
 
 ENGINE_LIBRARIES = ("mujoco", "pymunk", "exudyn")
@@ -36,23 +37,18 @@ def _python(code: str) -> str:
     ids=["import", "engines", "help"],
 )
 def test_no_engine_library_is_loaded(code: str) -> None:
-    loaded = _python(
-        f"import sys; {code}; print([n for n in {ENGINE_LIBRARIES} if n in sys.modules], "
-        f"file=sys.stderr)"
-    )
-    assert loaded == ""
     check = f"import sys; {code}; assert not [n for n in {ENGINE_LIBRARIES} if n in sys.modules]"
-    _python(check)
+    _python(f"{check}; assert 'trebucheck' in sys.modules")
 
 
 @pytest.mark.parametrize(
     "first",
     [
         "tb.engine('reference')",
-        "tb.engines()",
-        "import trebucheck.engines.registry",
+        pytest.param("tb.engines()", marks=again),
+        pytest.param("import trebucheck.engines.registry", marks=again),
         "from trebucheck import engines",
-        "from trebucheck.engines.registry import engines",
+        pytest.param("from trebucheck.engines.registry import engines", marks=again),
         "import trebucheck.engines as package; assert package.registry",
     ],
 )

@@ -293,11 +293,10 @@ def test_several_runs_at_once_give_the_same_results(tmp_path: Path) -> None:
     their order.
     """
     store = Store(tmp_path / "trajectories", records=tmp_path / "runs")
-    study = Study(["fixed"], ["crasher", "reference", "echo"], ["tuned"], store=store)
+    study = Study(["fixed"], ["crasher", "reference", "echo"], ["tuned"], until=0.3, store=store)
     one_at_a_time = compare_study(study).results
-    for jobs, resume in ((2, True), (3, False)):
-        again = compare_study(replace(study, jobs=jobs, store=replace(store, resume=resume)))
-        assert _without_times(again.results) == _without_times(one_at_a_time)
+    resumed = compare_study(replace(study, jobs=2, store=replace(store, resume=True)))
+    assert _without_times(resumed.results) == _without_times(one_at_a_time)
 
 
 def _without_times(results: Results) -> Results:

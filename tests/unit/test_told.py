@@ -13,6 +13,7 @@ from types import SimpleNamespace
 
 import pytest
 import trebucheck as tb
+from conftest import again
 from rich.console import Console
 from trebucheck.__main__ import main
 from trebucheck.cli import output
@@ -183,6 +184,7 @@ def test_values_come_in_order_and_not_further_ahead_than_asked() -> None:
     assert max(started) <= 7
 
 
+@again
 @pytest.mark.slow
 def test_several_processes_give_the_same_study(tmp_path: Path) -> None:
     arguments = [

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trebucheck as tb
+from conftest import again
 from mechanisms import hanging_bob, pin
 from trebucheck.cli.app import main
 from trebucheck.comparisons.runs import process as runs
@@ -111,7 +112,13 @@ def test_a_long_motion_is_within_the_limit() -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [{"m_cw": 1e300}, {"m_b": 1e300}, {"h": 1e-160}, {"g": 1e300}, {"m_a": 1e308, "l1": 1e9}],
+    [
+        {"m_cw": 1e300},
+        {"h": 1e-160},
+        {"m_a": 1e308, "l1": 1e9},
+        pytest.param({"m_b": 1e300}, marks=again),
+        pytest.param({"g": 1e300}, marks=again),
+    ],
 )
 def test_numbers_beyond_doubles_end_with_a_sentence_and_without_a_warning(
     changes: dict[str, float],

@@ -8,9 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import trebucheck as tb
-from conftest import machine_parameters
+from conftest import machine_parameters, machines
 from hypothesis import assume, given
-from hypothesis import settings as hypothesis_settings
 from mechanisms import angle_stop, everything, hanging_bob
 from trebucheck.models.problem import StopLaw
 from trebucheck.models.spec import schema_text
@@ -151,7 +150,7 @@ def test_a_computation_left_out_is_covered_by_the_others(committed: Certificate)
     assert max(ratios)[0] <= 1.0, max(ratios)
 
 
-@hypothesis_settings(max_examples=2)
+@machines(2)
 @given(parameters=machine_parameters())
 def test_a_computation_left_out_is_covered_on_random_machines(
     build: Callable[[tb.TrebuchetParameters], tb.Mechanism], parameters: tb.TrebuchetParameters

@@ -11,8 +11,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import trebucheck as tb
-from conftest import machine_parameters
-from hypothesis import given, settings
+from conftest import machine_parameters, machines
+from hypothesis import given
 from random_mechanisms import random_mechanism
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solution import Solution
@@ -241,7 +241,7 @@ def test_up_to_launch_the_two_laws_are_the_same(build: Callable[..., tb.Mechanis
     assert once.launch.time == pytest.approx(again.launch.time, abs=1e-14)
 
 
-@settings(max_examples=8)  # each goes on for six seconds, through its impacts
+@machines(8)  # each goes on for six seconds, through its impacts
 @given(parameters=machine_parameters())
 def test_the_law_is_complementary_at_all_times(
     build: Callable[..., tb.Mechanism], parameters: tb.TrebuchetParameters

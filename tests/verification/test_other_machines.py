@@ -11,7 +11,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import trebucheck as tb
-from hypothesis import assume, given, settings
+from conftest import machines
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 from trebucheck.models.library.registry import model, models, parameters_type
@@ -42,7 +43,7 @@ def other_machines(name: str) -> st.SearchStrategy[tb.Mechanism]:
 
 
 @pytest.mark.slow
-@settings(max_examples=10)
+@machines(10)
 @given(data=st.data())
 @pytest.mark.parametrize("name", OTHERS)
 def test_two_formulations_move_alike(name: str, data: st.DataObject) -> None:

@@ -9,7 +9,8 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 import trebucheck as tb
-from hypothesis import given, settings
+from conftest import machines
+from hypothesis import given
 from hypothesis import strategies as st
 from mechanisms import G, floor, hanging_bob
 from trebucheck.reference.certification.redundant import solve_redundant
@@ -59,7 +60,7 @@ def ladder(lean: float, tilt: float = 0.0) -> tb.Mechanism:
 
 
 @pytest.mark.slow
-@settings(max_examples=10)
+@machines(10)
 @given(lean=st.floats(0.4, 1.5))
 def test_a_ladder_leaves_its_wall_at_two_thirds_of_its_height(lean: float) -> None:
     """Where sin a = 2/3 sin a0: a classic.

@@ -13,8 +13,8 @@ from functools import cache
 import numpy as np
 import pytest
 import trebucheck as tb
-from conftest import machine_parameters
-from hypothesis import assume, given, seed, settings
+from conftest import machine_parameters, machines
+from hypothesis import assume, given, seed
 from mechanisms import everything, slider_crank
 from random_mechanisms import random_mechanism
 from trebucheck.reference.certification.certificate import estimate_uncertainty
@@ -30,7 +30,6 @@ from trebucheck.reference.solver import solve
 pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
 Build = Callable[[tb.TrebuchetParameters], tb.Mechanism]
 NEED, DRIFT = 1e-9, 1e-11
-RANDOM = 6  # machines of each kind
 
 
 def _both(mechanism: tb.Mechanism) -> tuple[Solution, RedundantMotion, float]:
@@ -75,14 +74,14 @@ def _both_of(
 
 
 @same_machines
-@settings(max_examples=RANDOM)
+@machines(6)
 @given(parameters=machine_parameters())
 def test_same_motion_on_random_machines(build: Build, parameters: tb.TrebuchetParameters) -> None:
     _agree(*_both_of(build, parameters), samples=15)
 
 
 @same_machines
-@settings(max_examples=RANDOM)
+@machines(6)
 @given(parameters=machine_parameters())
 def test_estimate_covers_the_distance_to_redundant_coordinates(
     build: Build, parameters: tb.TrebuchetParameters

@@ -14,8 +14,8 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 import trebucheck as tb
-from conftest import machine_parameters
-from hypothesis import assume, given, settings
+from conftest import machine_parameters, machines
+from hypothesis import assume, given
 from mechanisms import slider_crank
 from scipy.linalg import null_space
 from trebucheck.models.kinematics import Kinematics
@@ -193,7 +193,7 @@ def test_table_one_against_differences(table_one: tuple[Build, Sensitivities]) -
     assert_differences_agree(build, tb.TrebuchetParameters(), found)
 
 
-@settings(max_examples=2)
+@machines(2)
 @given(p=machine_parameters())
 def test_random_machines_against_differences(build: Build, p: tb.TrebuchetParameters) -> None:
     assume(solve(tb.Problem(build(p), duration=4.0)).launch is not None)
@@ -237,7 +237,7 @@ def assert_degrees(
 
 
 @given(p=machine_parameters())
-@settings(max_examples=5)
+@machines(5)
 def test_scaling(build: Build, p: tb.TrebuchetParameters) -> None:
     """Time and speed go with the root of the size and of 1/g and g, range with the size.
 
