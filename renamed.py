@@ -343,12 +343,23 @@ def _full_name(module: str) -> str:
 class _RenamedModule(ModuleType):
     """A module under its old name; it looks its names up in the new ones."""
 
+    replaced: Any = None
+    """What the parent has by the module's name, such as a function of a package become a module."""
+
     def __getattr__(self, name: str) -> Any:
+        # The import system binds the module in its parent, over what is there: it comes back here.
+        parent, _, child = self.__name__.rpartition(".")
+        if self.replaced is not None and vars(sys.modules[parent]).get(child) is self:
+            setattr(sys.modules[parent], child, self.replaced)
         for module in RENAMED[self.__name__.removeprefix(f"{_PACKAGE}.")]:
             new = importlib.import_module(_full_name(module))
             if hasattr(new, name):
                 return getattr(new, name)
         raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """Call what the module replaced in its parent, until that is back."""
+        return self.replaced(*args, **kwargs)
 
 
 class RenamedModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
@@ -377,6 +388,8 @@ class RenamedModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         """Import the new modules for their side effects; names are looked up when asked for."""
         for name in RENAMED[module.__name__.removeprefix(f"{_PACKAGE}.")]:
             importlib.import_module(_full_name(name))
+        parent, _, child = module.__name__.rpartition(".")
+        vars(module)["replaced"] = vars(sys.modules[parent]).get(child)
 
 
 def install() -> None:

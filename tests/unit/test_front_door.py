@@ -244,3 +244,28 @@ def test_examples_in_docstrings_are_true(module: str) -> None:
     failed, tried = doctest.testmod(importlib.import_module(module))
     assert tried > 0
     assert failed == 0
+
+
+OLD_NAMES_OF_FUNCTIONS = """
+from comparisons.compare.stored import stored
+from comparisons.diff.data import data
+from comparisons.judge.read import read
+from comparisons.problems.check import check
+"""
+
+
+@pytest.mark.parametrize("line", OLD_NAMES_OF_FUNCTIONS.split("\n")[1:-1])
+def test_an_old_module_s_name_does_not_hide_the_function_of_that_name(line: str) -> None:
+    old, name = line.removeprefix("from ").split(" import ")
+    new = old.rpartition(".")[0]
+    code = f"""
+import importlib, warnings
+warnings.simplefilter("ignore")
+new = importlib.import_module("trebucheck.{new}")
+function = new.{name}
+importlib.import_module("trebucheck.{old}")
+assert callable(new.{name})
+from trebucheck.{old} import {name}
+assert {name} is function is new.{name}
+"""
+    assert _python(code) == ""
