@@ -9,8 +9,6 @@ without load, can be judged as well.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -18,15 +16,10 @@ from pydantic import Field
 from ...models.applied_forces import AppliedForces
 from ...models.arrays import BoolArray, FloatArray
 from ...models.elements import (
-    FORCE_ELEMENTS,
     GROUND,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
+    AnyForceElement,
     FreeJoint,
-    RotationalSpringDamper,
-    SpringDamper,
+    refuse_unknown,
 )
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Body, Mechanism
@@ -121,7 +114,8 @@ def scales_until(solution: Solution, end: float) -> Scales:
     speed = max(speed, least)
     turn = float(np.abs(reference.u[:, : len(mechanism.angles)]).max(initial=0.0))
     times = [length / speed, _LONGEST * end, natural]
-    times += [_CHARACTERISTIC_TIMES[e](mechanism, e) for e in mechanism.force_elements]
+    refuse_unknown("The characteristic time", mechanism.force_elements)
+    times += [_spring_time(mechanism, element) for element in mechanism.force_elements]
     away = away_from_poles(solution, reference.t, min(times))
     force = max(_largest_force(reference, away), _LEAST * mass * max(gravity, speed**2 / length))
     torques: dict[str, float] = {}
@@ -185,46 +179,16 @@ def _length(reference: Trajectory) -> float:
     return max(lengths) or float(ways.max(initial=0.0)) or 1.0
 
 
-def _spring_time(mechanism: Mechanism, spring: SpringDamper) -> float:
-    """sqrt(mass / stiffness) of the lightest body at a spring [s]."""
-    masses = [mechanism.body(name).mass for name in spring.bodies if name != GROUND]
-    return _root(min(masses), spring.stiffness)
-
-
-def _torsion_time(
-    mechanism: Mechanism, spring: RotationalSpringDamper | CubicTorsionSpring
-) -> float:
-    """sqrt(inertia / stiffness) of the lightest body at a spring on angles [s]; at its start."""
-    bodies = [mechanism.body(name) for name in spring.bodies if name != GROUND]
-    inertias = [body.mass * extent(mechanism, body) ** 2 + body.inertia for body in bodies]
-    stiffness, cubic = spring.stiffness, getattr(spring, "cubic_stiffness", 0.0)
-    if cubic:
-        angle = Kinematics(mechanism).angle(spring.body, spring.relative_to)
-        turned = float(angle.value(initial_state(mechanism)[0])) - spring.rest_angle
-        stiffness = stiffness + 3 * cubic * turned**2
-    return _root(min(inertias), stiffness)
-
-
-def _no_time(mechanism: Mechanism, element: ConstantForce | ConstantTorque) -> float:
-    """Infinite: constant forces and torques have no characteristic time."""
-    return math.inf
-
-
-def _root(inertia: float, stiffness: float) -> float:
+def _spring_time(mechanism: Mechanism, element: AnyForceElement) -> float:
+    """sqrt(inertia / stiffness) of the lightest body at a spring [s]; infinite without one."""
+    kinematics, (start, _) = Kinematics(mechanism), initial_state(mechanism)
+    stiffness = element.stiffness_at(kinematics, start)
+    bodies = [mechanism.body(name) for name in element.bodies if name != GROUND]
+    if element.acts_along == "angle":
+        inertia = min(body.mass * extent(mechanism, body) ** 2 + body.inertia for body in bodies)
+    else:
+        inertia = min(body.mass for body in bodies)
     return math.sqrt(inertia / stiffness) if inertia > 0 and stiffness > 0 else math.inf
-
-
-_CHARACTERISTIC_TIMES: ElementTable[Callable[[Mechanism, Any], float]] = ElementTable(
-    "The characteristic time",
-    FORCE_ELEMENTS,
-    {
-        SpringDamper: _spring_time,
-        RotationalSpringDamper: _torsion_time,
-        CubicTorsionSpring: _torsion_time,
-        ConstantForce: _no_time,
-        ConstantTorque: _no_time,
-    },
-)
 
 
 def _largest_speed(reference: Trajectory) -> float:

@@ -265,6 +265,12 @@ class BaseForceElement(Spec):
         """Bodies and points at the two ends of a spring; none of other elements."""
         return ()
 
+    @property
+    def attachments(self) -> tuple[tuple[str, Vector], ...]:
+        """Bodies and points that it acts on, in the order of `points`."""
+        points = self.points()
+        return tuple(zip(self.bodies, (getattr(self, name) for name in points), strict=False))
+
     @classmethod
     def points(cls) -> tuple[str, ...]:
         """Names of the fields that are points of its bodies, in the order of the bodies."""
@@ -320,6 +326,10 @@ class BaseForceElement(Spec):
         self, geometry: Geometry, direction: Direction, q: FloatArray
     ) -> FloatArray | float:
         """Energy that it stores [J], shape (...,)."""
+        return 0.0
+
+    def stiffness_at(self, geometry: Geometry, q: FloatArray) -> float:
+        """Stiffness along its direction in one state, shape (n_q,) [N/m or N m/rad]; 0 of none."""
         return 0.0
 
     def power(

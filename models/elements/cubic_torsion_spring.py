@@ -38,3 +38,8 @@ class CubicTorsionSpring(TorqueElement):
         """Energy k (b - b0)^2 / 2 + k3 (b - b0)^4 / 4 [J]."""
         squared = (direction.value(q) - self.rest_angle) ** 2
         return 0.5 * self.stiffness * squared + 0.25 * self.cubic_stiffness * squared * squared
+
+    def stiffness_at(self, geometry: Geometry, q: FloatArray) -> float:
+        """K + 3 k3 (b - b0)^2 [N m/rad]."""
+        turned = float(self.direction(geometry).value(q)) - self.rest_angle
+        return self.stiffness + 3 * self.cubic_stiffness * turned**2

@@ -45,6 +45,9 @@ class RotationalSpringDamper(TorqueElement):
         """Energy k (b - b0)^2 / 2 [J]."""
         return 0.5 * self.stiffness * (direction.value(q) - self.rest_angle) ** 2
 
+    def stiffness_at(self, geometry: Geometry, q: FloatArray) -> float:
+        return self.stiffness
+
     def power(
         self, geometry: Geometry, direction: AngleFunction, q: FloatArray, u: FloatArray
     ) -> FloatArray:

@@ -107,6 +107,9 @@ class SpringDamper(TwoBodyForceElement):
         stretch = np.abs(geometry.vector(direction, q)) - self.rest_length
         return 0.5 * self.stiffness * stretch**2
 
+    def stiffness_at(self, geometry: Geometry, q: FloatArray) -> float:
+        return self.stiffness
+
     def power(
         self, geometry: Geometry, direction: PointCoefficients, q: FloatArray, u: FloatArray
     ) -> FloatArray | float:

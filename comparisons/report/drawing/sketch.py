@@ -163,18 +163,6 @@ def positions(
 
 # --- Collecting points and shapes
 
-_FIXED_AT: ElementTable[Callable[[Any], Sequence[tuple[str, Vector]]]] = ElementTable(
-    "the drawing",
-    FORCE_ELEMENTS,
-    {
-        SpringDamper: lambda e: ((e.body, e.point), (e.relative_to, e.relative_point)),
-        ConstantForce: lambda e: ((e.body, e.point),),
-        RotationalSpringDamper: lambda e: (),
-        CubicTorsionSpring: lambda e: (),
-        ConstantTorque: lambda e: (),
-    },
-)
-
 
 @dataclass
 class Sketch:
@@ -234,7 +222,7 @@ class Sketch:
         for each in (*mechanism.markers, *mechanism.point_stops):
             fixed.append((each.body, complex(*each.point)))
         for element in mechanism.force_elements:
-            fixed += [(body, complex(*at)) for body, at in _FIXED_AT[element](element)]
+            fixed += [(body, complex(*at)) for body, at in element.attachments]
         points: dict[str, list[complex]] = {body.name: [] for body in mechanism.bodies}
         points[GROUND] = []
         for name, at in fixed:
