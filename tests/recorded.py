@@ -41,6 +41,7 @@ from trebucheck.comparisons.diagnosis.readings import all_readings
 from trebucheck.comparisons.judge import judge_file
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.conformance.suite import References, Suite, Target
+from trebucheck.engines.registry import ANNOUNCED
 from trebucheck.models.trajectory import save
 from trebucheck.reference.certification.certify import certify
 from trebucheck.reference.certification.redundant import solve_redundant
@@ -221,9 +222,11 @@ def _write_csv(path: Path, motion: tb.Trajectory) -> None:
 
 
 def conformance(engine: str, *problems: str) -> list[Any]:
-    """Every verdict of the suite on an engine."""
-    suite = Suite(Target.of(engine), problems, References(), isolate=False)
-    return [json.loads(verdict.model_dump_json()) for verdict in suite.verdicts()]
+    """Every verdict of the suite on an engine, which is forgotten after it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(ANNOUNCED, "")
+        suite = Suite(Target.of(engine), problems, References(), isolate=False)
+        return [json.loads(verdict.model_dump_json()) for verdict in suite.verdicts()]
 
 
 # --- adapters
