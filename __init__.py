@@ -70,6 +70,7 @@ def __getattr__(name: str) -> Any:
         return _of_satellite(name)
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    # By name: `import trebucheck` imports no library; each public name brings its own.
     value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
     globals()[name] = value
     return value

@@ -226,7 +226,7 @@ class Comparison(Reported):
     """Every run and every value was taken from the store: nothing was measured now."""
 
     def headline(self) -> str:
-        """How many runs came out how."""
+        """Tell how many runs came out how."""
         counts = Counter(run.outcome.value for run in self.results.runs)
         outcomes = ", ".join(f"{number} {outcome}" for outcome, number in counts.items())
         models = ", ".join(machine.model for machine in self.results.machines)

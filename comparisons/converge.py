@@ -236,7 +236,7 @@ class Studies(Reported, ResultFile):
     )
 
     def headline(self) -> str:
-        """How many parameters were swept of what."""
+        """Tell how many parameters were swept of what."""
         number = sum(len(machine.studies) for machine in self.machines)
         names = ", ".join(machine.model for machine in self.machines)
         return f"Convergence of {names}: {number} swept parameters"
@@ -869,7 +869,7 @@ class _Sweep:
 
 
 def _still_falls(ran: Sequence[tuple[float, float]]) -> bool:
-    """Whether the error still falls at the finest values, with an order of 0.5 or more."""
+    """Tell whether the error still falls at the finest values, with an order of 0.5 or more."""
     if len(ran) < 2 or ran[-1][1] > min(error for _, error in ran):
         return False
     (before, larger), (last, smaller) = ran[-2:]
@@ -895,7 +895,7 @@ def _machine(
     sweeps: Sequence[_Sweep],
     absent: list[str],
 ) -> MachineStudies:
-    """All studies of one machine, and the limits that follow from them."""
+    """Studies of one machine, and the limits that follow from them."""
     limits = {each.study.label: (each, each.limit) for each in sweeps if each.limit is not None}
     rows: list[RichardsonLimit] = []
     for sweep, extrapolated in limits.values():

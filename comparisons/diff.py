@@ -88,7 +88,7 @@ class QuantityChange:
 
     @property
     def by_tolerance(self) -> bool:
-        """Whether the verdict differs, and would not had the tolerance stayed the same."""
+        """Tell whether the verdict differs, and would not had the tolerance stayed the same."""
         old, size = self.old, _size(self.new)
         if old is None or old.tolerance is None or size is None:
             return False
@@ -109,11 +109,11 @@ class QuantityChange:
 
     @property
     def bounded(self) -> bool:
-        """Whether one error is below what is unknown, so that the factor is a bound."""
+        """Tell whether one error is below what is unknown, so that the factor is a bound."""
         return any((size or 0.0) < self.unknown for size in (_size(self.old), _size(self.new)))
 
     def moved(self, factor: float) -> bool:
-        """Whether the error moved beyond what is unknown and the factor, or came or went."""
+        """Tell whether the error moved beyond what is unknown and the factor, or came or went."""
         old, new = _size(self.old), _size(self.new)
         if old is None or new is None:
             return (old is None) != (new is None)
@@ -251,7 +251,7 @@ class Difference(Reported):
 
     @property
     def quantities(self) -> tuple[QuantityChange, ...]:
-        """All that were compared."""
+        """Quantities of all runs that were compared."""
         return tuple(quantity for run in self.runs for quantity in run.quantities)
 
     def of_fate(self, *fates: Fate) -> tuple[RunChange, ...]:
@@ -268,7 +268,7 @@ class Difference(Reported):
 
     @property
     def worse(self) -> bool:
-        """Whether a verdict, a run or the reference is worse, or a run fails or is gone."""
+        """Tell whether a verdict, a run or the reference is worse, or a run fails or is gone."""
         return bool(
             self.broken or self.references or self.of_fate(Fate.WORSE, Fate.FAILS, Fate.VANISHED)
         )

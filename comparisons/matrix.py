@@ -177,7 +177,7 @@ class Matrix(ResultFile):
         return {name: sorted(schemes[name]) for name in names}
 
     def of(self, label: str) -> Iterable[MatrixRun]:
-        """All runs of an engine and preset."""
+        """Runs of an engine and preset."""
         return (run for run in self.runs if run.label == label)
 
 

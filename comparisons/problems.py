@@ -31,7 +31,7 @@ class CheckedFigure:
 
     @property
     def holds(self) -> bool:
-        """Whether it is within the figure's tolerance."""
+        """Tell whether it is within the figure's tolerance."""
         return self.error <= self.figure.tolerance
 
 
@@ -44,7 +44,7 @@ class CheckedCondition:
 
     @property
     def holds(self) -> bool:
-        """Whether the source takes the motion as correct."""
+        """Tell whether the source takes the motion as correct."""
         return self.error <= self.condition.limit
 
 
@@ -76,7 +76,7 @@ class ProblemCheck:
 
     @property
     def holds(self) -> bool:
-        """Whether all figures and conditions do."""
+        """Tell whether all figures and conditions do."""
         return all(each.holds for each in (*self.figures, *self.conditions))
 
 

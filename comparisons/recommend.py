@@ -443,7 +443,7 @@ class RefinementLevel:
 
     @property
     def reached(self) -> bool:
-        """Whether every machine measured reaches what is asked."""
+        """Tell whether every machine measured reaches what is asked."""
         return self.worst <= 1
 
 
@@ -505,7 +505,7 @@ class Search:
         return sweep
 
     def _is_hopeless(self, sweep: Sweep, case: int) -> bool:
-        """Whether the machine that the first set did worst on rules the set out."""
+        """Tell whether the machine that the first set did worst on rules the set out."""
         screened = self._level(sweep, [case], SCREENED_AT)
         if screened.reached or not math.isfinite(screened.worst):
             return False
@@ -516,7 +516,7 @@ class Search:
         return guess is None
 
     def _is_dearer(self, screened: RunRecord, index: int) -> bool:
-        """Whether a step must cost more than the cheapest settings found so far."""
+        """Tell whether a step must cost more than the cheapest settings found so far."""
         wall = _wall(screened) * self.steps[SCREENED_AT] / self.steps[index]
         return wall > _DEARER * self.cheapest
 

@@ -89,7 +89,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _reports(config: pytest.Config) -> bool:
-    """Whether this process reports, and is not one that pytest-xdist has started for tests."""
+    """Tell whether this process reports, and is not one that pytest-xdist has started for tests."""
     return not hasattr(config, "workerinput")
 
 

@@ -71,7 +71,7 @@ class CheckVerdict(Spec):
 
     @property
     def failed(self) -> bool:
-        """Whether it speaks against the engine."""
+        """Tell whether it speaks against the engine."""
         return self.state in (CheckState.BROKEN, CheckState.NOT_JUDGED)
 
     @property
@@ -103,7 +103,7 @@ class Conformance(ResultFile):
 
     @property
     def counts(self) -> Counter[CheckState]:
-        """How many verdicts of each state."""
+        """Tell how many verdicts of each state."""
         return Counter(verdict.state for verdict in self.verdicts)
 
     @property
@@ -125,7 +125,7 @@ class Deviation(Spec):
     owner: _Text
 
     def covers(self, id: str) -> bool:
-        """Whether it is about a check."""
+        """Tell whether it is about a check."""
         return id == self.id or fnmatchcase(id, self.id)
 
     @property

@@ -545,7 +545,7 @@ def impact_by_rule(
 
 
 def may_be_met(gap: FloatArray, speed: FloatArray, least: float, step: float) -> NDArray[np.bool_]:
-    """Whether a stop may be met between states that are a step [s] apart; (n + 1,) -> (n,).
+    """Tell whether a stop may be met between states that are a step [s] apart; (n + 1,) -> (n,).
 
     It is met if it closes in penetration at one of the two, or at the lowest point of the cubic
     between them, by the gap [rad, m] and its speed, from a `least` closing speed on [rad/s, m/s].

@@ -40,7 +40,7 @@ class NodePackage:
         return self.folder / "node_modules" / self.package / "package.json"
 
     def is_installed(self) -> bool:
-        """Whether Node.js is on the path and the package in the folder."""
+        """Tell whether Node.js is on the path and the package in the folder."""
         return shutil.which("node") is not None and self._manifest.exists()
 
     def absence(self) -> str:

@@ -63,7 +63,7 @@ class EngineClass(Protocol):
         ...
 
     def is_installed(self) -> bool:
-        """Whether it can run here."""
+        """Tell whether it can run here."""
         ...
 
     def version(self) -> str:
@@ -157,6 +157,7 @@ def engine_class(name: str) -> EngineClass:
     """The class of an engine; InputError if none has that name, or its plug-in cannot be loaded."""
     if name in _BUILTIN:
         module, cls = _BUILTIN[name]
+        # By name: an engine, with its library, is imported when it is asked for.
         return cast("EngineClass", getattr(importlib.import_module(f".{module}", __package__), cls))
     for point in (*_announced().values(), *_installed()):
         if point.name == name:
@@ -404,7 +405,7 @@ class Viewable(Protocol):
 
 
 def has_viewer(name: str) -> bool:
-    """Whether an engine of that name is here and has a viewer."""
+    """Tell whether an engine of that name is here and has a viewer."""
     cls = engine_class(name)
     return hasattr(cls, "view") and cls.is_installed()
 

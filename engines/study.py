@@ -54,7 +54,7 @@ class Intervention:
     """What is left of the cause's error: 0 if it is taken out, 2 if it is doubled."""
 
     def changes(self, settings: Options) -> bool:
-        """Whether it does anything to a run with these settings."""
+        """Tell whether it does anything to a run with these settings."""
         reads = self.own_kinematics or self.filtered_torques or self.point_inertia is not None
         return reads or bool(self._changed_options(settings))
 
@@ -251,7 +251,7 @@ class Tolerance:
     """Whether it is for stops on points (True), on angles (False), or any (None)."""
 
     def fits(self, preset: str, metric: str, subject: str | None, mechanism: Mechanism) -> bool:
-        """Whether it is about this metric."""
+        """Tell whether it is about this metric."""
         points = {stop.name for stop in mechanism.point_stops}
         return (
             (self.preset, self.metric) == (preset, metric)
@@ -286,7 +286,7 @@ class EngineStudy:
 
 
 def same_value(a: JsonValue, b: JsonValue) -> bool:
-    """Whether two values of an option are equal; in JSON a tuple is a list."""
+    """Tell whether two values of an option are equal; in JSON a tuple is a list."""
     return a == b or (
         isinstance(a, list | tuple) and isinstance(b, list | tuple) and list(a) == list(b)
     )

@@ -75,7 +75,7 @@ def concerned(*, stops: bool, impacts: bool, loops: bool, elements: bool) -> fro
 
 
 def own(supplied: Mapping[str, str], concerned: Collection[Part] = tuple(Part)) -> Own:
-    """How much of a run with the parts `concerned` is the engine's."""
+    """Tell how much of a run with the parts `concerned` is the engine's."""
     if supplied.get(Part.STEPS) == "":
         return Own.DYNAMICS
     held = {Part.STOPS, Part.LOOPS}

@@ -55,7 +55,7 @@ class AppliedForces:
 
     @property
     def terms(self) -> tuple[tuple[AnyForceElement, Any], ...]:
-        """All elements, each with what it acts along, in the order of the sums.
+        """Elements, each with what it acts along, in the order of the sums.
 
         The order decides the last bits of a sum.
         """

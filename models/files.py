@@ -75,7 +75,7 @@ def refuse_unwritable(folder: str | Path, file: str = "") -> None:
 
 
 def _exists(path: Path) -> bool:
-    """Whether a path exists; raises OSError where the system cannot tell."""
+    """Tell whether a path exists; raises OSError where the system cannot tell."""
     try:
         path.stat()
     except (FileNotFoundError, NotADirectoryError):

@@ -92,7 +92,7 @@ def lead(velocity: FloatArray, angle: float = LAUNCH_ANGLE) -> FloatArray:
 
 
 def is_launch(velocity: FloatArray, angle: float = LAUNCH_ANGLE, scale: float = 0.0) -> bool:
-    """Whether a velocity (2,) on the launch direction's line points along it and is not zero.
+    """Tell whether a velocity (2,) on the launch direction's line points along it and is not zero.
 
     Args:
         scale: of the mechanism's speeds [m/s] (:meth:`.kinematics.Kinematics.speed_scale`).

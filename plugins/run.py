@@ -67,7 +67,7 @@ class Plugin:
         """Digest of everything that results follow from."""
 
     def run(self) -> None:
-        """All stages; nothing but the environment is needed for those that follow."""
+        """Stages; nothing but the environment is needed for those that follow."""
         if self.stage("environment", self.environment):
             return
         python = str(self.programs / "python")

@@ -79,7 +79,7 @@ class CompiledEquations:
 
     @cached_property
     def arrays(self) -> tuple[Any, ...]:
-        """All arrays, in the order in which the kernel takes them."""
+        """Arrays, in the order in which the kernel takes them."""
         matrices = self.products, self.weights, self.inertias, self.added.arrays
         return (self.angles, self.carried, *matrices, self.point_rows, self.angle_rows)
 
@@ -120,7 +120,7 @@ def kernel() -> Any:
 
 @cache
 def is_available() -> bool:
-    """Whether Numba is installed."""
+    """Tell whether Numba is installed."""
     return importlib.util.find_spec("numba") is not None
 
 

@@ -204,7 +204,7 @@ def _delassus(
 
 
 def starts_at_rest(kinematics: Kinematics, closed: Sequence[str]) -> BoolArray:
-    """Whether loops close and closed stops rest at the start; of stacked mechanisms (n,).
+    """Tell whether loops close and closed stops rest at the start; of stacked mechanisms (n,).
 
     Then the start is what :meth:`ActiveSet.begin` begins with.
     """

@@ -167,7 +167,7 @@ class ReferenceMotion(Shown):
         return {name: self._shaped(t, force) for name, force in reactions.items()}
 
     def trajectory(self, t: ArrayLike) -> Trajectory:
-        """All quantities at times [s], shape (n,), as engines return them."""
+        """Quantities at times [s], shape (n,), as engines return them."""
         return self.solution.trajectory(self._times(t))
 
     @cached_property

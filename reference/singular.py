@@ -105,7 +105,7 @@ class RankWatch:
         return self.window_from(float(times[k]), *np.split(states[k], 2), least=float(values.min()))
 
     def nears(self, q: FloatArray, change: FloatArray) -> bool:
-        """Whether another change of the coordinates leads near a singular position."""
+        """Tell whether another change of the coordinates leads near a singular position."""
         if not self.level:
             return False
         values = self._values(q + _PROBES[:, None] * change)[:, -1]
@@ -249,7 +249,7 @@ class RankWatch:
         difference: float,
         t: FloatArray,
     ) -> bool:
-        """Whether a polynomial closes the loops between its points, and beats the integrator.
+        """Tell whether a polynomial closes the loops between its points, and beats the integrator.
 
         Raises:
             SimulationError: it does so within the drift of an integration, but not within rounding.

@@ -254,7 +254,7 @@ class Solution(Shown):
     def reading(
         self, t: FloatArray, motion: MotionSamples, provenance: Provenance | None = None
     ) -> Trajectory:
-        """All that a trajectory holds, of a motion at the times t [s], shape (n,)."""
+        """Everything that a trajectory holds, of a motion at the times t [s], shape (n,)."""
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
         markers: dict[str, PointMotion] = {}
         with numerical("with the figures of its motion"):

@@ -296,7 +296,7 @@ def first_events(
 
 
 def releases(events: Iterable[Event]) -> bool:
-    """Whether a stop opens."""
+    """Tell whether a stop opens."""
     return any(not event.function.closes for event in events)
 
 

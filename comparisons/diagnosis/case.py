@@ -45,7 +45,7 @@ PATIENCE = 20
 
 
 def _values(trajectory: Trajectory) -> dict[Quantity, FloatArray]:
-    """All that a trajectory tells, each of shape (n, n_components)."""
+    """Everything that a trajectory tells, each of shape (n, n_components)."""
     values = {Quantity(Kind.COORDINATES): trajectory.q, Quantity(Kind.SPEEDS): trajectory.u}
     for name, marker in trajectory.markers.items():
         values[Quantity(Kind.POSITION, name)] = marker.position
@@ -151,7 +151,7 @@ class Channels:
         return np.concatenate(sizes)
 
     def stacked(self, trajectory: Trajectory) -> FloatArray:
-        """All quantities beside each other, shape (n, n_channels)."""
+        """Quantities beside each other, shape (n, n_channels)."""
         stacked = np.zeros((len(trajectory.t), len(self._scale)))
         values = _values(trajectory)
         for quantity, columns in self._columns.items():
@@ -266,12 +266,12 @@ class Case:
 
     @property
     def can_be_read(self) -> bool:
-        """Whether there are samples enough."""
+        """Tell whether there are samples enough."""
         return self._compared > _FEWEST and not self.misshapen
 
     @property
     def _compared(self) -> int:
-        """How many samples of the trajectory are compared."""
+        """Tell how many samples of the trajectory are compared."""
         return int(np.searchsorted(self.whole.t, self.end, side="right"))
 
     @property
@@ -321,7 +321,7 @@ class Case:
 
     @property
     def has_impacts(self) -> bool:
-        """Whether the reference's motion has impacts in the compared time."""
+        """Tell whether the reference's motion has impacts in the compared time."""
         return any(time <= self.t[-1] for time, _ in self.solution.impacts)
 
     @property

@@ -241,7 +241,7 @@ def expected(
 
 
 def scaled_differences(reference: Expected, dynamics: Sequence[Dynamics]) -> FloatArray:
-    """All exposed differences, flat, in units of their sizes: M, f, a, torques, centres."""
+    """Exposed differences, flat, in units of their sizes: M, f, a, torques, centres."""
     parts: list[FloatArray] = []
 
     def add(

@@ -357,7 +357,7 @@ class _Suspects:
 
 @once_a_mechanism
 def machine_suspects(mechanism: Mechanism) -> tuple[Suspect, ...]:
-    """All suspects of a built model."""
+    """Suspects of a built model."""
     table, parameters = _Suspects(mechanism), parameters_of(mechanism)
     if parameters is not None:
         for name, field in TrebuchetParameters.model_fields.items():
@@ -495,7 +495,7 @@ def _suspect_start(table: _Suspects, named: bool) -> None:
 
 
 def hypotheses(mechanism: Mechanism, closing: bool = True) -> list[Fault]:
-    """All faults of a size; those of several components also with each of them alone.
+    """Faults of a size; those of several components also with each of them alone.
 
     Args:
         mechanism: without faults.
@@ -685,7 +685,7 @@ def systematic_faults(mechanism: Mechanism) -> tuple[Fault, ...]:
     rows: list[tuple[str, Kind, dict[str, Any]]] = []
 
     def in_all(parts: str, changes: _Changes) -> dict[str, Any]:
-        """All parts, those with some other fields that have these."""
+        """Parts, those with some other fields that have these."""
         changed: list[dict[str, Any]] = []
         for part in getattr(m, parts):
             own, new = part.model_dump(), changes(m, part).items()

@@ -240,7 +240,7 @@ def _leads(
 
 
 def _first(case: Case, part: float) -> int:
-    """How many values of a signature belong to the first part of the motion."""
+    """Tell how many values of a signature belong to the first part of the motion."""
     return max(1, round(part * len(case.t))) * (len(case.deviation) // len(case.t))
 
 

@@ -80,7 +80,7 @@ def ranked(causes: Iterable[RankedCause | Estimate]) -> tuple[tuple[RankedCause,
 
 
 def _named(shares: list[float]) -> int:
-    """How many of the causes are named, from their shares in descending order."""
+    """Tell how many of the causes are named, from their shares in descending order."""
     if not shares or shares[0] < SUFFICIENT:
         return 0
     left = [1 - min(share, EXACT) for share in shares]

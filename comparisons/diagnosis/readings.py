@@ -98,7 +98,7 @@ def change(
 
 
 def _values(r: Trajectory) -> dict[tuple[Kind, str], FloatArray]:
-    """All arrays of a trajectory by kind and subject."""
+    """Arrays of a trajectory by kind and subject."""
     values: dict[tuple[Kind, str], FloatArray] = {}
 
     def keep(kind: Kind, subject: str, array: FloatArray) -> FloatArray:
@@ -349,7 +349,7 @@ def _energies(r: Trajectory) -> Iterator[Reading]:
 
 
 def _is_part(part: FloatArray, whole: FloatArray) -> bool:
-    """Whether it has another course than the whole: else its scale is that of the whole."""
+    """Tell whether it has another course than the whole: else its scale is that of the whole."""
     left = part - whole * float(part @ whole) / (float(whole @ whole) or 1.0)
     return bool(np.linalg.norm(left) > _SAME_COURSE * np.linalg.norm(part))
 
@@ -482,7 +482,7 @@ def _late(solution: Solution, r: Trajectory, step: float) -> Iterator[Reading]:
 def partly_late_readings(
     solution: Solution, r: Trajectory, step: float, wrong: Collection[Kind]
 ) -> Iterator[Reading]:
-    """All those kinds of quantity read at one other time that deviate, and no others.
+    """Those kinds of quantity read at one other time that deviate, and no others.
 
     Args:
         solution: the reference's.

@@ -327,7 +327,7 @@ class Table(Placed):
 
     @property
     def has_head(self) -> bool:
-        """Whether any column has a title."""
+        """Tell whether any column has a title."""
         return any(column.title or column.unit for column in self.columns)
 
     def columns_in(self, medium: Medium) -> list[Column]:
@@ -418,7 +418,7 @@ class Document:
 
 
 def figures_of(document: Document) -> dict[str, Figure]:
-    """All figures of a report, those of folds too, by their anchors or else titles."""
+    """Figures of a report, those of folds too, by their anchors or else titles."""
     named: dict[str, Figure] = {}
     pending: list[Block] = [*document.blocks]
     while pending:

@@ -89,13 +89,13 @@ def fitted(table: doc.Table, width: int) -> Layout:
 
 
 def _with_whole_words(layout: Layout, width: int) -> Layout | None:
-    """All texts broken at spaces; None where that is not enough."""
+    """Texts broken at spaces; None where that is not enough."""
     least = [_longest_word(_texts(column.column, column.cells)) for column in layout.columns]
     return layout.within(width, 1, least)
 
 
 def _broken(layout: Layout, width: int) -> Layout:
-    """All texts broken at spaces; words only where there is no other way."""
+    """Texts broken at spaces; words only where there is no other way."""
     torn = layout.within(width, 1, [1] * len(layout.columns))
     return _with_whole_words(layout, width) or torn or layout
 

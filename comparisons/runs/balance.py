@@ -24,13 +24,13 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
 def does_work(mechanism: Mechanism) -> bool:
-    """Whether a damper, a constant force or a constant torque may change the energy."""
+    """Tell whether a damper, a constant force or a constant torque may change the energy."""
     refuse_unknown("The balance of energy", mechanism.force_elements)
     return any(element.works for element in mechanism.force_elements)
 
 
 def keeps_horizontal_momentum(mechanism: Mechanism) -> bool:
-    """Whether the momentum along x is an invariant: no joint, wall or force acts along it."""
+    """Tell whether the momentum along x is an invariant: no joint, wall or force acts along it."""
     grounded = (joint for joint in mechanism.joints if joint.parent == GROUND)
     along = [direction.real for joint in grounded for direction in joint.held_directions]
     along += [stop.normal[0] for stop in mechanism.point_stops if stop.relative_to == GROUND]

@@ -147,7 +147,7 @@ class AlignedRun:
         return Metric(name=name, subject=subject, value=value, unit=unit)
 
     def within(self, *times: float | None) -> bool:
-        """Whether one of these times is within the compared motion."""
+        """Tell whether one of these times is within the compared motion."""
         return any(time is not None and time <= self.end * (1 + SAME_END) for time in times)
 
 
@@ -291,7 +291,7 @@ def _releases(c: AlignedRun) -> Iterator[Metric]:
 
 
 def _exceeds(parts: FloatArray) -> bool:
-    """Whether any of these parts of a scale is one by which motions have parted."""
+    """Tell whether any of these parts of a scale is one by which motions have parted."""
     return bool(np.abs(parts).max(initial=0.0) > PARTED)
 
 

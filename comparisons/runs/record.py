@@ -135,7 +135,7 @@ class RunRecord(Spec):
 
     @property
     def ran(self) -> bool:
-        """Whether the run came to its end and was measured."""
+        """Tell whether the run came to its end and was measured."""
         return self.outcome is Outcome.NOT_JUDGED
 
     @property

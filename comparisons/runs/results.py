@@ -156,7 +156,7 @@ class Metric(OnSubject, Spec):
 
     @property
     def holds(self) -> bool | None:
-        """Whether it is within its tolerance; None without one. A missing value is not."""
+        """Tell whether it is within its tolerance; None without one. A missing value is not."""
         if self.tolerance is None:
             return None
         return self.value is not None and abs(self.value) <= self.tolerance
@@ -187,7 +187,7 @@ class Check(OnSubject, Spec):
 
     @property
     def holds(self) -> bool:
-        """Whether it is within its tolerance; a missing number is not."""
+        """Tell whether it is within its tolerance; a missing number is not."""
         return self.value is not None and self.value <= self.tolerance
 
 
@@ -415,7 +415,7 @@ class Results(ResultFile):
 
     @property
     def passed(self) -> bool:
-        """Whether no run disagrees, differs or fails, and something was judged."""
+        """Tell whether no run disagrees, differs or fails, and something was judged."""
         bad = (Outcome.DISAGREES, Outcome.NOT_EQUIVALENT, *FAILURES)
         return all(run.outcome not in bad for run in self.runs) and any(
             run.judged for run in self.runs

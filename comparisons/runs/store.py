@@ -73,7 +73,7 @@ class Store:
 
     @property
     def tally(self) -> str | None:
-        """How many runs were taken and how many made; None where none could be taken."""
+        """Tell how many runs were taken and how many made; None where none could be taken."""
         if not self.resume:
             return None
         return f"Runs: {len(self.taken)} taken from the folder, {len(self.made)} made now."

@@ -209,7 +209,7 @@ def _with_other_inertias(mechanism: Mechanism) -> Iterator[Mechanism]:
 
 
 def _with_other_forces(mechanism: Mechanism) -> Iterator[Mechanism]:
-    """All numbers of all force elements changed by a part of themselves, up or down at random."""
+    """Numbers of all force elements changed by a part of themselves, up or down at random."""
     refuse_unknown("The growth of errors", mechanism.force_elements)
     # One sign a number, in the order of the elements and of their fields.
     signs = np.random.default_rng(len(mechanism.force_elements))
@@ -228,7 +228,7 @@ def _with_other_forces(mechanism: Mechanism) -> Iterator[Mechanism]:
 
 
 def _with_other_starts(mechanism: Mechanism, scales: Scales) -> Iterator[Mechanism]:
-    """All coordinates, then all speeds, up or down at random, made consistent."""
+    """Coordinates, then all speeds, up or down at random, made consistent."""
     equations, (q, u) = Equations(mechanism), initial_state(mechanism)
     closed = [stop.name for stop in mechanism.stops if stop.closed]
     signs = np.random.default_rng(len(q)).choice([-_CHANGE, _CHANGE], len(q))

@@ -225,7 +225,7 @@ def tolerance_for(
 
 
 def is_table_one(mechanism: Mechanism) -> bool:
-    """Whether it is a named mechanism with its default parameters (Table I)."""
+    """Tell whether it is a named mechanism with its default parameters (Table I)."""
     try:
         return model(mechanism.name).content_hash == mechanism.content_hash
     except InputError:

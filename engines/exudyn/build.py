@@ -42,6 +42,7 @@ from .read import (
 )
 from .solver import DEPENDENT, LoopConstraints
 
+# By name: the library has no types, and a plain import would need a mark at each use.
 items: Any = importlib.import_module("exudyn.itemInterface")
 
 _AWAY = 0.1  # [rad, m] of positions beside the start, which may itself be singular
@@ -163,7 +164,7 @@ def _loop_rows(kinematics: Kinematics, q: FloatArray, left_out: frozenset[str]) 
 
 
 def _holds(rows: FloatArray, moved: FloatArray) -> bool:
-    """Whether conditions of Jacobian `rows` hold quantities of Jacobian `moved` constant."""
+    """Tell whether conditions of Jacobian `rows` hold quantities of Jacobian `moved` constant."""
     rest = moved - moved @ np.linalg.pinv(rows, rcond=DEPENDENT) @ rows
     return bool(np.abs(rest).max() <= _FOLLOWS * np.abs(moved).max())
 

@@ -57,7 +57,7 @@ class _Inspector:
         self.bodies = BodyCoordinates(Kinematics(system.mechanism))
 
     def inspection(self, states: Sequence[State]) -> Inspection:
-        """All quantities, in each state."""
+        """Quantities, in each state."""
         with matrices(self.system) as state_matrices:
             row = self.solver.row(0.0)
             start, start_speeds = self.solver.coordinates(row)

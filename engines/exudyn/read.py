@@ -24,6 +24,7 @@ from ...models.trajectory import PointMotion
 from ..events import ContactEvents, Contacts
 from ..protocol import Recording
 
+# By name: the library has no types, and a plain import would need a mark at each use.
 exu: Any = importlib.import_module("exudyn")
 
 SensorKey = tuple[str, str, str]

@@ -231,7 +231,7 @@ class Solver:
     # Rows of a table.
 
     def row(self, time: float) -> FloatArray:
-        """All sensors now, as a row of a table."""
+        """Sensors now, as a row of a table."""
         sensors = (self.system.now(sensor)[0] for sensor in self.system.sensors)
         return np.concatenate([[time], *sensors])
 
@@ -395,7 +395,7 @@ class Solver:
         return table, _Outcome.INTERRUPTED if interrupted else _Outcome.FAILED
 
     def _solve(self, settings: Any) -> tuple[bool, bool]:
-        """Whether Exudyn says it finished, and whether the monitor stopped it."""
+        """Tell whether Exudyn says it finished, and whether the monitor stopped it."""
         start, stopped = settings.timeIntegration.startTime, False
         main, monitor, conditioning = self.system.main, self._monitor, self._conditioning
 

@@ -27,7 +27,7 @@ def _forward(xml: str) -> Any:
 
 @cache
 def counts_tendons_in_reactions() -> bool:
-    """Whether a `force` sensor takes off springs between sites beyond it; since 3.14."""
+    """Tell whether a `force` sensor takes off springs between sites beyond it; since 3.14."""
     return bool(abs(_forward(_HUNG).sensordata).max() < 0.5)
 
 
@@ -52,13 +52,13 @@ _HUNG = """
 
 
 def has_polynomial_springs() -> bool:
-    """Whether the stiffness of a tendon may have higher coefficients; not in 3.10, in 4.0."""
+    """Tell whether the stiffness of a tendon may have higher coefficients; not in 3.10, in 4.0."""
     return hasattr(mujoco.MjModel, "tendon_stiffnesspoly")
 
 
 @cache
 def loses_small_gains() -> bool:
-    """Whether the solver loses gains that are small beside its cost; before 3.10."""
+    """Tell whether the solver loses gains that are small beside its cost; before 3.10."""
     return not 0.0 < _forward(_CLAMPED).solver.improvement[0] < 1.0
 
 

@@ -38,6 +38,7 @@ from .compat import CALLBACK, mass_matrix, mujoco
 from .options import MujocoOptions
 from .read import Samples, absolute_from_relative, recording
 
+# By name: the module has no types, and a plain import would need a mark at each use.
 _rollout: Any = importlib.import_module("mujoco.rollout")
 
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS

@@ -47,22 +47,22 @@ _LEAST_PIVOT_MASS = 2.0
 
 
 def same_point(a: complex, b: complex) -> bool:
-    """Whether two points differ by rounding only."""
+    """Tell whether two points differ by rounding only."""
     return abs(a - b) <= _SAME_POINT
 
 
 def is_weld(joint: elements.AnyJoint) -> bool:
-    """Whether a joint makes its two bodies one, if it is of the tree."""
+    """Tell whether a joint makes its two bodies one, if it is of the tree."""
     return joint.holds_angle and not joint.free_directions
 
 
 def is_pin(joint: elements.AnyJoint) -> bool:
-    """Whether a joint holds a point and leaves the angle free."""
+    """Tell whether a joint holds a point and leaves the angle free."""
     return not (joint.holds_angle or joint.free_directions)
 
 
 def is_brace(mechanism: Mechanism, stop: elements.Stop, body: str) -> bool:
-    """Whether a stop is between a body and the one that it is pinned to."""
+    """Tell whether a stop is between a body and the one that it is pinned to."""
     return set(stop.bodies) == {body, mechanism.joint_of(body).parent}
 
 

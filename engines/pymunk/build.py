@@ -303,7 +303,7 @@ class _Builder:
         self.assembly.loads.append(twist(torque, angle, other))
 
     def is_on_body(self, name: str, point: complex) -> bool:
-        """Whether a point is one of an engine body, or of the ground."""
+        """Tell whether a point is one of an engine body, or of the ground."""
         part = self.assembly.parts.get(name)
         return part is None or part.turns or same_point(point, part.reference)
 

@@ -87,7 +87,7 @@ class CorrectedRod(ABC):
 
     @abstractmethod
     def _stretch(self, row: Row, h: float) -> float:
-        """How much longer the rod is after a step than by its rate of change [m].
+        """Tell how much longer the rod is after a step than by its rate of change [m].
 
         Summed from small terms: the difference of two distances would bring their rounding errors
         into the forces.

@@ -94,7 +94,7 @@ class Machines:
 
 
 def is_number(value: object) -> bool:
-    """Whether something is a finite number."""
+    """Tell whether something is a finite number."""
     return (
         isinstance(value, int | float | np.number)
         and not isinstance(value, bool)

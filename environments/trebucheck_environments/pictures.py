@@ -294,7 +294,7 @@ class Window:
 
 
 def may_have_display() -> bool:
-    """Whether a window may open; without these variables Linux has none."""
+    """Tell whether a window may open; without these variables Linux has none."""
     return sys.platform != "linux" or bool(
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     )

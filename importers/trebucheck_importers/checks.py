@@ -55,7 +55,7 @@ class Loaded:
 def check_model(
     process: ImporterProcess, expected: Expected, timestep: float
 ) -> tuple[ModelResult, Mapping[str, Any]]:
-    """All quantities of a model, and what the importer says of itself.
+    """Quantities of a model, and what the importer says of itself.
 
     Where it refuses or misreads the model's file it is given the variants of it, until one is
     right.

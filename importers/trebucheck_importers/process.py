@@ -126,7 +126,7 @@ class ImporterProcess:
         return answer
 
     def _ended(self) -> str:
-        """How it ended by itself."""
+        """Tell how it ended by itself."""
         process, self._process = self._process, None
         assert process is not None
         with suppress(BrokenPipeError):

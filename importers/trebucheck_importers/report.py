@@ -174,7 +174,7 @@ def _tally(results: ImporterResults | None, quantity: str) -> Cell:
 
 
 def whole(results: ImporterResults | None, name: str) -> Cell:
-    """All quantities of a model in some words: the first that is not right, and its variant."""
+    """Quantities of a model in some words: the first that is not right, and its variant."""
     model = next((each for each in results.models if each.model == name), None) if results else None
     if model is None:
         return Cell("not run", "muted")

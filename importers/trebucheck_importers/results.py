@@ -98,7 +98,7 @@ class ImporterResults(ResultFile):
 
     @property
     def holds(self) -> bool:
-        """Whether nothing is wrong and nothing failed; of variants nothing is asked."""
+        """Tell whether nothing is wrong and nothing failed; of variants nothing is asked."""
         return all(model.fault is None for model in self.models)
 
     def count(self, verdict: Verdict, quantity: str | None = None) -> int:

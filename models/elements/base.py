@@ -283,17 +283,17 @@ class BaseForceElement(Spec):
 
     @property
     def dissipates(self) -> bool:
-        """Whether it takes energy out of the motion."""
+        """Tell whether it takes energy out of the motion."""
         return False
 
     @property
     def works(self) -> bool:
-        """Whether it may change the sum of kinetic and potential energy."""
+        """Tell whether it may change the sum of kinetic and potential energy."""
         return type(self).power is not BaseForceElement.power
 
     @property
     def pushes_along_x(self) -> bool:
-        """Whether it acts on the mechanism from outside along x."""
+        """Tell whether it acts on the mechanism from outside along x."""
         raise NotImplementedError(type(self).__name__)
 
     def refuse_start(
@@ -436,7 +436,7 @@ class ElementTable(Generic[T]):
         return tuple(c for c in self.group if c not in self.handlers and c not in self.refused)
 
     def handles(self, element_class: type) -> bool:
-        """Whether elements of a class are handled."""
+        """Tell whether elements of a class are handled."""
         return element_class in self.handlers
 
     def __getitem__(self, element: object) -> T:

@@ -48,7 +48,7 @@ class SpringDamper(TwoBodyForceElement):
 
     @property
     def pushes_along_x(self) -> bool:
-        """Whether it acts on the mechanism from outside: whether one end is on the ground."""
+        """Tell whether it acts on the mechanism from outside: whether one end is on the ground."""
         return GROUND in self.bodies
 
     def refuse_start(

@@ -34,7 +34,7 @@ def distinct(points: list[complex], centre: complex, size: float) -> list[comple
 
 
 def on_a_line(points: ComplexArray) -> bool:
-    """Whether points lie on one straight line."""
+    """Tell whether points lie on one straight line."""
     spread = np.stack([points.real, points.imag], axis=1)
     values = np.linalg.svd(spread - spread.mean(axis=0), compute_uv=False)
     return bool(values[-1] <= 1e-9 * values[0])
@@ -106,7 +106,7 @@ class Appearance:
 
     @cached_property
     def lumps(self) -> tuple[Lump, ...]:
-        """All point masses."""
+        """Point masses."""
         return tuple(lump for body in self.mechanism.bodies for lump in self._lumps(body))
 
     def _lumps(self, body: Body) -> Iterator[Lump]:

@@ -296,7 +296,7 @@ class Forces:
 
     @property
     def needs_tendons(self) -> bool:
-        """Whether any element is, or acts on, a tendon."""
+        """Tell whether any element is, or acts on, a tendon."""
         return any(writer.add_tendon for _, writer in self._by_class())
 
     def add_tendons(self, tendon: ET.Element) -> None:

@@ -160,7 +160,7 @@ def findings(study: Study, most: int = 3) -> list[str]:
 
 
 def _holding(study: Study) -> str:
-    """How the numbers of the throws fare, of which every engine has a value."""
+    """Tell how the numbers of the throws fare, of which every engine has a value."""
     judged = [claim for claim in facts(study.claims) if claim.verdict is not Verdict.OPEN]
     numbers = [claim for claim in judged if claim.engines and _has_number(claim)]
     holding = [claim for claim in numbers if claim.verdict in (Verdict.HOLDS, Verdict.WITHIN_GRID)]
@@ -176,7 +176,7 @@ def _holding(study: Study) -> str:
 
 
 def _has_number(claim: Claim) -> bool:
-    """Whether a number or a bound is in print, not only a sign or a word."""
+    """Tell whether a number or a bound is in print, not only a sign or a word."""
     return re.match(r"\d|< \d", claim.printed) is not None
 
 
@@ -315,7 +315,7 @@ def _verdict(claim: Claim) -> Cell:
 
 
 def _agreeing(claim: Claim) -> str:
-    """How many of the engines with a tolerance behind their value agree with ours."""
+    """Tell how many of the engines with a tolerance behind their value agree with ours."""
     judged = [agrees for each in claim.engines if (agrees := each.agrees(claim.ours)) is not None]
     return f"{sum(judged)} of {len(judged)}" if judged else ""
 

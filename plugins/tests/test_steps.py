@@ -128,7 +128,8 @@ def test_the_order_is_the_one_that_is_claimed(steps: Steps) -> None:
     coarse, fine = (
         _errors(steps.run(FREE_SWING, h), FREE_SWING) for h in (steps.step, steps.step / 2)
     )
-    claimed = tb.engine(steps.engine, steps.preset).study().step_orders[steps.preset].order  # type: ignore[attr-defined]
+    study = tb.engine(steps.engine, steps.preset).study()  # type: ignore[attr-defined]
+    claimed = study.step_orders[steps.preset].order
     assert np.log2(coarse[0] / fine[0]) == pytest.approx(claimed, abs=0.3)
     # Forces of an RK4 are those of its states; some of them are better than they at the longer
     # step.

@@ -97,7 +97,7 @@ class Certificate(Reported, Spec):
     figures: tuple[Figure, ...]
 
     def headline(self) -> str:
-        """How many figures, from how many computations."""
+        """Tell how many figures, from how many computations."""
         number = sum(computation.independent for computation in self.computations)
         return (
             f"Certificate of {self.model!r}: {len(self.figures)} figures from {number} independent "

@@ -189,7 +189,7 @@ _KeyedValues = Iterator[tuple[Key, float]]
 
 
 def read_quantities(motion: Motion, plan: Plan) -> dict[Key, float]:
-    """All quantities of the plan, in the same way from every computation."""
+    """Quantities of the plan, in the same way from every computation."""
     values = [*_along(motion, plan)]
     if plan.launches and (launch := motion.launch) is not None:
         values += _at_launch(motion, plan.mechanism, launch)

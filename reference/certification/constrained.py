@@ -127,7 +127,7 @@ class ConstrainedMotion:
 
 
 def _falls(function: Callable[[float], float], start: float, end: float) -> list[float]:
-    """All instants between start and end [s] at which a smooth function falls through zero."""
+    """Instants between start and end [s] at which a smooth function falls through zero."""
     fit = Chebyshev.interpolate(np.vectorize(function, otypes=[np.float64]), _FIT, (start, end))
     if np.abs(fit.coef[0]) > 1.001 * np.abs(fit.coef[1:]).sum():
         return []

@@ -70,7 +70,7 @@ class PhysicalNumber:
 def physical_numbers(
     mechanism: Mechanism, thrown: str | None = None
 ) -> tuple[list[PhysicalNumber], list[str]]:
-    """All numbers that change a motion, and sentences on those along which none is possible.
+    """Numbers that change a motion, and sentences on those along which none is possible.
 
     With a number the start changes by the least that keeps loops closed and closed stops touching.
     With a coordinate of the start the closed stops move along, and the others of a loop follow.

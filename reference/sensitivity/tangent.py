@@ -338,7 +338,7 @@ def _not_smooth(t: float, why: str) -> UnsupportedProblemError:
 
 
 def _is_idle(equations: VariationalEquations, segment: Segment, name: str) -> bool:
-    """Whether an active stop carries nothing, of what it would if it took all forces."""
+    """Tell whether an active stop carries nothing, of what it would if it took all forces."""
     k, angles = equations.n_loops + segment.closed.index(name), equations.kinematics.is_angle > 0
     for t in np.linspace(segment.start, segment.end, 3):
         q, u = _state(segment, t)

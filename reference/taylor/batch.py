@@ -172,7 +172,7 @@ class _Machines:
     def _take_structure(
         self, groups: Sequence[tuple[IndexArray, Problem, Kinematics]], before: Structure | None
     ) -> FloatArray:
-        """All numbers, shape (n, n_numbers); the structure has those that any machine has."""
+        """Numbers, shape (n, n_numbers); the structure has those that any machine has."""
         none = np.zeros(0, dtype=bool)
         structures = [structure_of(problem, kinematics, none) for _, problem, kinematics in groups]
         if before is not None:
@@ -194,7 +194,7 @@ class _Machines:
         return numbers
 
     def _begin(self) -> None:
-        """All touching stops active but one that would have to pull; other starts one by one."""
+        """Touching stops active but one that would have to pull; other starts one by one."""
         active = self.structure.active
         self.parameters[active] = 1.0
         if self.stops:

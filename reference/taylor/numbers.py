@@ -230,7 +230,7 @@ def _force_terms(kinematics: Kinematics) -> _ForceTerms:
 
 
 def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real:
-    """All numbers of a machine as one vector, in this precision, ordered as `sections`.
+    """Numbers of a machine as one vector, in this precision, ordered as `sections`.
 
     Of stacked machines (:func:`.batch.stacked`) one vector for each, shape (n, n_numbers).
     """

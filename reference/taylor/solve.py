@@ -436,7 +436,7 @@ class _Crossing:
         self._n_q, self._kinematics = run.n_q, equations.kinematics
 
     def __call__(self, integrator: Any) -> bool:
-        """Whether the integration may take another step."""
+        """Tell whether the integration may take another step."""
         q, u = self._state(integrator)
         return not self._watch.nears(q, u * float(integrator.last_h))
 

@@ -147,7 +147,7 @@ def supports(mechanism: Mechanism) -> tuple[AnyJoint, ...]:
 
 
 def carries(joint: AnyJoint) -> bool:
-    """Whether a joint on the ground can bear weight; an upright slot only guides."""
+    """Tell whether a joint on the ground can bear weight; an upright slot only guides."""
     return any(abs(direction.imag) > _UPRIGHT for direction in joint.held_directions)
 
 

@@ -602,7 +602,7 @@ def _svg_of(stage: Stage) -> bytes:
 
 
 def _svg(stage: Stage) -> bytes:
-    """All frames in one SVG, of which one is seen at a time (SMIL); the traces' pieces stay.
+    """Frames in one SVG, of which one is seen at a time (SMIL); the traces' pieces stay.
 
     A program that plays no SMIL shows one instant with its traces.
     """
@@ -664,7 +664,7 @@ def _play(
 
 
 def _gif(stage: Stage) -> bytes:
-    """All frames in the colours of the last one, which stays for a while."""
+    """Frames in the colours of the last one, which stays for a while."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
@@ -684,7 +684,7 @@ def _gif(stage: Stage) -> bytes:
 
 
 def _mp4(stage: Stage) -> bytes:
-    """All frames as a film; the last one stays for a while."""
+    """Frames as a film; the last one stays for a while."""
     import matplotlib as mpl
     from matplotlib.animation import FFMpegWriter
 

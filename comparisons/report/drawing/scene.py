@@ -56,7 +56,7 @@ def events_of(
     thrown: str | None = None,
     launch: float | None = None,
 ) -> tuple[SceneEvent, ...]:
-    """All events up to the end of the compared motion [s], in their order.
+    """Events up to the end of the compared motion [s], in their order.
 
     Args:
         thrown: marker whose launch is one; None: none is thrown.

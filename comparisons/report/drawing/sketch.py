@@ -269,7 +269,7 @@ _UNIFORM = 0.02  # by which the inertia of a rod may differ from a uniform one's
 
 
 def add_bodies(sketch: Sketch) -> None:
-    """All bodies, with sizes that compare their masses: widths and radii grow as the cube root."""
+    """Bodies, with sizes that compare their masses: widths and radii grow as the cube root."""
     parts = _Parts(sketch)
     for body in sketch.mechanism.bodies:
         parts.add(body)

@@ -280,7 +280,7 @@ def motion(comparison: Comparison) -> doc.AnimationBlock:
 
 
 def figures(comparison: Comparison, machine: Machine) -> doc.Grid:
-    """All plots of one machine over time, drawn when a page needs them; they zoom together."""
+    """Plots of one machine over time, drawn when a page needs them; they zoom together."""
     model = machine.model
 
     @cache
@@ -691,7 +691,7 @@ def _evidence(results: Results, machine: Machine) -> Iterator[doc.Block]:
 
 
 def _uncertainty(machine: Machine) -> doc.Block:
-    """How far the reference is known: by its certificate, or by a second integration."""
+    """Tell how far the reference is known: by its certificate, or by a second integration."""
     certificate = load_certificate(machine.mechanism)
     if certificate is None:
         uncertainty = machine.reference_uncertainty.items()

@@ -42,7 +42,7 @@ _OTHERS = (
 
 
 def document(studies: Studies) -> doc.Document:
-    """All studies; a terminal has the orders, laws and limits of positions, and what failed."""
+    """Studies; a terminal has the orders, laws and limits of positions, and what failed."""
     failures = tuple(doc.Text(sentence, "warning") for sentence in _failures(studies))
     blocks: list[doc.Block] = []
     if failures:

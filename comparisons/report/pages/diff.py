@@ -146,7 +146,7 @@ def _name(change: RunChange) -> str:
 
 
 def _counts(difference: Difference, change: RunChange) -> Iterator[doc.Row]:
-    """How many of a run's quantities changed in which way; nothing if none did."""
+    """Tell how many of a run's quantities changed in which way; nothing if none did."""
     in_run = set(map(id, change.quantities))
     broke, mended, moved = (
         [quantity for quantity in group if id(quantity) in in_run]

@@ -56,7 +56,7 @@ _CHANGES = (
 
 
 def document(explanation: Explanation) -> doc.Document:
-    """All budgets; a terminal has them in short, what options buy, what failed, the verdict."""
+    """Budgets; a terminal has them in short, what options buy, what failed, the verdict."""
     line = verdict(explanation)
     first_verdict, last_verdict = verdict_blocks(line, "strong")
     blocks: list[doc.Block] = [
@@ -97,7 +97,7 @@ def main_quantities(budget: Budget) -> list[QuantityBudget]:
 
 
 def _explained(fraction: float | None) -> str:
-    """How much of the error the causes account for; never rounded up to the whole."""
+    """Tell how much of the error the causes account for; never rounded up to the whole."""
     if fraction is None:
         return "–"
     if fraction > 0.999:

@@ -50,7 +50,7 @@ def _own(matrix: Matrix, run: MatrixRun) -> str:
 
 
 def agreements(matrix: Matrix) -> doc.Text:
-    """How many agreements there are of each degree."""
+    """Tell how many agreements there are of each degree."""
     counts = Counter(_own(matrix, run) for run in matrix.runs if run.outcome is Outcome.AGREES)
     listed = ", ".join(f"{name} in {counts[name]}" for name in _DEGREES if counts[name])
     return doc.Text(f"Of {counts.total()} agreements the engine's own is: {listed or 'none'}.")
@@ -121,7 +121,7 @@ def document(matrix: Matrix) -> doc.Document:
 
 
 def headline(matrix: Matrix) -> str:
-    """How many engines, problems and verdicts."""
+    """Tell how many engines, problems and verdicts."""
     counts = Counter(run.outcome for run in matrix.runs)
     outcomes = ", ".join(f"{counts[name]} {name.value}" for name in Outcome if counts[name])
     engines = len({run.engine for run in matrix.runs})

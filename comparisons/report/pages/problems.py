@@ -33,7 +33,7 @@ def document(check: ProblemCheck) -> doc.Document:
 
 
 def library(checks: Iterable[ProblemCheck]) -> doc.Document:
-    """All problems with their figures."""
+    """Problems with their figures."""
     blocks: list[doc.Block] = []
     for check in checks:
         title = f"{check.benchmark.number} {check.benchmark.name}"

@@ -60,7 +60,7 @@ def capital(text: str) -> str:
 
 
 def both_tuned(first: str, second: str) -> bool:
-    """Whether both labels of runs end in the tuned preset."""
+    """Tell whether both labels of runs end in the tuned preset."""
     return first.endswith("tuned") and second.endswith("tuned")
 
 

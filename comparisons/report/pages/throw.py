@@ -117,7 +117,7 @@ _DERIVATIVES = (
 
 
 def document(performance: Performance, throw: Throw) -> doc.Document:
-    """All values, warnings and pictures; `throw` may have sensitivities."""
+    """Values, warnings and pictures; `throw` may have sensitivities."""
     name, start = throw.mechanism.name, origin_name(throw.mechanism)
     launch, flight, longest = throw.launch, throw.flight, throw.best_flight
     at = f"released at {launch.time:.6g} s with {launch.speed:.6g} m/s"
@@ -188,7 +188,7 @@ def _force(force: float, time: float) -> str:
 
 
 def _groups(throw: Throw) -> Iterator[tuple[str, _Rows]]:
-    """All values in groups, each with its title."""
+    """Values in groups, each with its title."""
     launch, flight, start = throw.launch, throw.flight, origin_name(throw.mechanism)
     rows = [
         ("time", f"{launch.time:.9f} s"),

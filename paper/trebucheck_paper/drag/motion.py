@@ -299,7 +299,7 @@ def on_grid(
     step: float,
     reading: AngleReading,
 ) -> GridReading:
-    """All worlds against the grid n * step [s]."""
+    """Every world against the grid n * step [s]."""
     rows = list(zip(throwings, printed, strict=True))
     worlds = [_OnGrid(throwing, row, step, reading).world() for throwing, row in rows]
     agreeing = [each for each in worlds if each.nearest.agrees]

@@ -182,7 +182,7 @@ class Study(Reported, Spec):
     seconds: Real = Field(description="wall time of the whole study [s]")
 
     def headline(self) -> str:
-        """How many rows came out how."""
+        """Tell how many rows came out how."""
         counts = Counter(claim.verdict.value for claim in self.claims)
         return f"The paper, {len(self.claims)} rows: " + ", ".join(
             f"{number} {v}" for v, number in counts.items()

@@ -120,7 +120,7 @@ Amplification = dict[ThrowQuantity, float]
 def amplification(
     mechanism: Mechanism, parameters: TrebuchetParameters, until: float
 ) -> Amplification:
-    """How strongly the quantities of a named machine change with its projectile's position.
+    """Tell how strongly the quantities of a named machine change with its projectile's position.
 
     Args:
         mechanism: the named machine of the parameters.

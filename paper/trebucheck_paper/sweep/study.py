@@ -263,7 +263,7 @@ class Beam:
     def position(
         self, l1: float, engines: Sequence[str] = (), worker: Worker | None = None
     ) -> Position:
-        """All that is said of one place."""
+        """Everything that is said of one place."""
         rigid = self.rigid(l1)
         solution = solve_to_launch(rigid.mechanism)
         launch = solution.launch

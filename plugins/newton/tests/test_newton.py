@@ -66,5 +66,8 @@ def test_the_built_model_is_shown_and_a_fault_in_it_is_found(mechanism: tb.Mecha
             "bodies": (first.model_copy(update={"mass": 1.001 * first.mass}), *mechanism.bodies[1:])
         }
     )
-    wrong = SimpleNamespace(name="newton", inspect=lambda _, states: engine.inspect(heavy, states))  # type: ignore[attr-defined]
+    wrong = SimpleNamespace(
+        name="newton",
+        inspect=lambda _, states: engine.inspect(heavy, states),  # type: ignore[attr-defined]
+    )
     assert not check_model(wrong, mechanism).holds  # type: ignore[arg-type]

@@ -125,7 +125,10 @@ def test_the_world_is_read_back_and_a_fault_in_it_is_found(name: str) -> None:
             "bodies": (first.model_copy(update={"mass": 1.001 * first.mass}), *mechanism.bodies[1:])
         }
     )
-    wrong = SimpleNamespace(name="planck", inspect=lambda _, states: engine.inspect(heavy, states))  # type: ignore[attr-defined]
+    wrong = SimpleNamespace(
+        name="planck",
+        inspect=lambda _, states: engine.inspect(heavy, states),  # type: ignore[attr-defined]
+    )
     assert not check_model(wrong, mechanism).holds  # type: ignore[arg-type]
 
 

@@ -92,7 +92,7 @@ class PlanckEngine(BuiltinEngine):
 
     @classmethod
     def is_installed(cls) -> bool:
-        """Whether Node.js is on the path and planck.js beside this package."""
+        """Tell whether Node.js is on the path and planck.js beside this package."""
         return PLANCK.is_installed()
 
     @classmethod

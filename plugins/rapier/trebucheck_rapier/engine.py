@@ -77,7 +77,7 @@ class RapierEngine(BuiltinEngine):
 
     @classmethod
     def is_installed(cls) -> bool:
-        """Whether Node.js is on the path and Rapier beside this package."""
+        """Tell whether Node.js is on the path and Rapier beside this package."""
         return RAPIER.is_installed()
 
     @classmethod

@@ -64,7 +64,8 @@ class Pressed:
 @pytest.mark.parametrize("law", list(StopLaw))
 def test_a_limit_pushes_with_what_the_change_of_speed_leaves_over(law: StopLaw) -> None:
     problem, tree = tb.Problem(BAR, duration=0.02, stop_law=law), Pressed()
-    found = plain_run(problem, LimitedMotion(problem, tree, STEP, "pressed"), "pressed", STEP)  # type: ignore[arg-type]
+    motion = LimitedMotion(problem, tree, STEP, "pressed")
+    found = plain_run(problem, motion, "pressed", STEP)  # type: ignore[arg-type]
     assert found.stop_torques["rest"][:11] == pytest.approx(
         10.5 - np.arange(11)
     )  # shown where its step begins
@@ -85,7 +86,8 @@ def test_a_limit_pushes_with_what_the_change_of_speed_leaves_over(law: StopLaw) 
 def test_stops_are_ranges_of_joints(
     body: str, other: str, sense: int, limits: tuple[float, float]
 ) -> None:
-    stop = Stop(name="stop", body=body, relative_to=other, sense=sense, limit=0.5, closed=False)  # type: ignore[arg-type]
+    where = {"body": body, "relative_to": other}
+    stop = Stop(name="stop", sense=sense, limit=0.5, closed=False, **where)
     start = {1: (0.1, 0.8), -1: (0.8, 0.1)}[sense if body == "bob" else -sense]
     coordinates = JointCoordinates(tied().model_copy(update={"stops": (stop,), "start": start}))
     found = JointLimits(coordinates, "x")

@@ -178,7 +178,7 @@ class HeldSteps(SteppedMotion[State]):
         return self.held
 
     def _violates(self, name: str, q: FloatArray, u: FloatArray, solved: Solved) -> bool:
-        """Whether a contact at rest would pull, or close."""
+        """Tell whether a contact at rest would pull, or close."""
         if name in solved.contacts:
             return solved.contacts[name] < 0
         k = self.kinematics
