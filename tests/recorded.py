@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import recorded_judging
 import trebucheck as tb
 import wrong_engines
 from mechanisms import (
@@ -361,6 +362,7 @@ CASES: dict[str, Callable[[], Any]] = {
     "judge-releases": lambda: judged("releases_early", "fixed", ".nc"),
     "conformance-degrees": lambda: conformance("wrong_engines:Wrong_degrees", "incline"),
     "conformance-full": lambda: conformance("dummy_engines:Full", "bead", "catapult"),
+    **recorded_judging.CASES,
 }
 
 
