@@ -27,6 +27,12 @@ from mechanisms import (
     scaled,
     slider_crank,
 )
+from trebucheck.comparisons.diagnosis.diagnose import (
+    check_and_diagnose,
+    diagnose_motion,
+    find_onset,
+    growth,
+)
 from trebucheck.comparisons.diagnosis.equivalence import (
     check_model,
     expected,
@@ -36,7 +42,7 @@ from trebucheck.comparisons.diagnosis.equivalence import (
 )
 from trebucheck.comparisons.runs.balance import reference_work, sampled_balance
 from trebucheck.comparisons.runs.impacts import paired
-from trebucheck.comparisons.runs.metrics import measure
+from trebucheck.comparisons.runs.metrics import against, measure
 from trebucheck.comparisons.runs.quantities import QUANTITIES
 from trebucheck.comparisons.runs.record import RunErrors, curves_of, machine_row, pair_of
 from trebucheck.comparisons.runs.results import Metric, Run
@@ -50,10 +56,44 @@ from trebucheck.conformance.suite import judgement
 from trebucheck.conformance.verdicts import CheckState, CheckVerdict, Conformance
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.reference.engine import ReferenceEngine
+from trebucheck.models.elements import (
+    GROUND,
+    ConstantForce,
+    ConstantTorque,
+    CubicTorsionSpring,
+    RotationalSpringDamper,
+    SpringDamper,
+)
 from trebucheck.models.errors import SimulationError
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import StopLaw
 from trebucheck.models.trajectory import PointMotion
+from trebucheck.reference.solver import solve
+
+
+def sprung() -> Mechanism:
+    """A bob between springs and dampers, with a motor, pulled aside."""
+    return hanging_bob(
+        start=0.7,
+        start_speeds=(1.0,),
+        force_elements=(
+            SpringDamper(
+                name="tie", body="bob", point=(0.3, 0.1), relative_to=GROUND,
+                relative_point=(-0.2, 0.1), stiffness=40.0, damping=1.5, rest_length=0.3,
+            ),
+            RotationalSpringDamper(
+                name="twist", body="bob", relative_to=GROUND, stiffness=3.0, damping=0.2,
+                rest_angle=0.3,
+            ),
+            CubicTorsionSpring(
+                name="bar", body="bob", relative_to=GROUND, stiffness=2.0, cubic_stiffness=1.5,
+                rest_angle=-0.2,
+            ),
+            ConstantTorque(name="motor", body="bob", relative_to=GROUND, torque=0.9),
+            ConstantForce(name="pull", body="bob", point=(0.1, 0.2), force=(2.0, -1.0)),
+        ),
+    )  # fmt: skip
+
 
 _BUILT: dict[str, tuple[Callable[[], Mechanism], float, StopLaw]] = {
     "fixed": (tb.fixed, 1.4, StopLaw.RELEASE_ONCE),
@@ -64,11 +104,13 @@ _BUILT: dict[str, tuple[Callable[[], Mechanism], float, StopLaw]] = {
     "loop": (slider_crank, 0.9, StopLaw.RELEASE_ONCE),
     "chain": (chain_on_a_slot, 0.8, StopLaw.RELEASE_ONCE),
     "everything": (everything, 0.6, StopLaw.UNILATERAL),
+    "sprung": (sprung, 0.8, StopLaw.RELEASE_ONCE),
     "small rods": (
         lambda: scaled(rods_on_a_slot(inertia=0.01, tip=(0.5, 0.2)), 1e-3),
         0.03, StopLaw.RELEASE_ONCE,
     ),
     "redundant": (lambda: parallel_cranks(3), 0.5, StopLaw.RELEASE_ONCE),
+    "flat": (lambda: parallel_cranks(2, start=-0.3), 0.8, StopLaw.RELEASE_ONCE),
     "wild": (lambda: chain(start=(-2.5, -2.0)), 7.0, StopLaw.RELEASE_ONCE),
 }  # fmt: skip
 """Mechanism, duration [s] and law of the stops."""
@@ -88,7 +130,7 @@ def _times(end: float) -> np.ndarray:
 
 
 def spoiled(right: tb.Trajectory) -> tb.Trajectory:
-    """Another error in every quantity; it grows from zero at the start, so that all have a start."""
+    """Another error in every quantity; each grows from zero at the start."""
     number = iter(range(1, 1000))
 
     def off(values: np.ndarray) -> np.ndarray:
@@ -144,6 +186,75 @@ def measured(name: str) -> list[Any]:
     return found
 
 
+def onsets(name: str) -> list[Any]:
+    """When and in what a spoiled motion leaves each tolerance, and all of them together."""
+    runner = _runner(name)
+    right = runner.solution.trajectory(_times(runner.end))
+    wrong = spoiled(right)
+    aligned = against(wrong, runner.solution, runner.end, right)
+    broken: list[Metric] = []
+    for metric in runner.measured(wrong):
+        known = metric.value is not None and metric.observed
+        tolerance = 0.3 * abs(metric.value) if known and metric.value else None
+        broken.append(metric.model_copy(update={"tolerance": tolerance}))
+    found: list[Any] = []
+    for chosen in (*[[metric] for metric in broken], broken, broken[2:5]):
+        onset = find_onset(aligned, chosen)
+        found.append(onset and [onset.first_violated, onset.time, list(onset.active)])
+    return [*found, *growth(runner.solution, right.t[right.t <= runner.end])[::9].tolist()]
+
+
+def diagnosed(name: str) -> list[Any]:
+    """Causes of motions that have one mistake of an adapter each, without any engine."""
+    build, duration, law = _BUILT[name]
+    mechanism = build()
+    runner = _runner(name)
+    found: list[Any] = []
+    for what, changed in _ALTERED.items():
+        wrong = changed(mechanism)
+        if wrong is None:
+            continue
+        moved = solve(tb.Problem(wrong, duration=duration, stop_law=law))
+        motion = replace(moved.trajectory(np.linspace(0.0, duration, 120)), mechanism=mechanism)
+        broken = [
+            metric.model_copy(update={"tolerance": 1e-3 * abs(metric.value)})
+            for metric in runner.measured(motion)
+            if metric.value and metric.name in ("position_max", "angle_max", "velocity_max")
+        ]
+        diagnosis = diagnose_motion(broken, motion, runner.solution, 0.9 * duration)
+        best = diagnosis.causes[: max(2, diagnosis.likeliest)]
+        rows = [[c.name, c.kind, c.amount, round(c.explained, 4)] for c in best]
+        agrees = [diagnosis.likeliest, diagnosis.motion_agrees, diagnosis.parts_at]
+        found.append([what, diagnosis.leads, *agrees, list(diagnosis.holding), rows])
+    return found
+
+
+def _bodies(mechanism: Mechanism, **factors: float) -> Mechanism:
+    """The last body with other numbers."""
+    *others, last = mechanism.bodies
+    update = {name: getattr(last, name) * factor for name, factor in factors.items()}
+    return mechanism.model_copy(update={"bodies": (*others, last.model_copy(update=update))})
+
+
+def _without_force(mechanism: Mechanism) -> Mechanism | None:
+    rest = mechanism.force_elements[1:]
+    if not mechanism.force_elements:
+        return None
+    return mechanism.model_copy(update={"force_elements": rest})
+
+
+_ALTERED: dict[str, Callable[[Mechanism], Mechanism | None]] = {
+    "gravity": lambda m: m.model_copy(update={"gravity": m.gravity * 1.02}),
+    "mass": lambda m: _bodies(m, mass=1.05),
+    "speeds": lambda m: (
+        m.model_copy(update={"start_speeds": tuple(0.97 * u for u in m.start_speeds)})
+        if any(m.start_speeds or ())
+        else None
+    ),
+    "force": _without_force,
+}
+
+
 def _curves(wrong: tb.Trajectory, runner: Runner) -> list[Any]:
     curves = curves_of(wrong, runner.solution, runner.end)
     chosen = slice(0, None, 97)
@@ -165,7 +276,7 @@ def known(name: str) -> list[Any]:
     found.append(earlier.model_dump(mode="json"))
     growth = stretching_until(runner.solution, runner.end, earlier)
     found.append(growth.horizon)
-    # A difference quotient of two solutions is known to some three digits: its logarithm is recorded
+    # A difference quotient of two solutions is known to some three digits: hence its logarithm
     for values in (growth.t, growth.parameters, growth.start, growth.allowed):
         found.append(np.log10(1.0 + values[::40]).tolist())
     found.append((1e9 * growth.rounding[::40]).tolist())
@@ -249,6 +360,77 @@ class Odd:
 
 def _same(one: State, other: State) -> bool:
     return bool(np.array_equal(one.q, other.q) and np.array_equal(one.u, other.u))
+
+
+@dataclass(frozen=True)
+class Other:
+    """Shows the built model of another mechanism, in all that can be shown."""
+
+    mechanism: Mechanism
+    name: str = "other"
+
+    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
+        wrong = self.mechanism
+        shown = ReferenceEngine().inspect(wrong, states)
+        exact = expected(wrong, states)
+        dynamics = [
+            replace(each, mass_matrix=exact.mass[k], forces=exact.forces[k])
+            for k, each in enumerate(shown.dynamics)
+        ]
+        return replace(shown, dynamics=tuple(dynamics))
+
+
+def _moved_stop(mechanism: Mechanism, at: int, by: float) -> Mechanism | None:
+    stops = list(mechanism.stops)
+    if len(stops) <= at or not stops[at].closed:
+        return None
+    field = "limit" if hasattr(stops[at], "limit") else "offset"
+    update = {field: getattr(stops[at], field) + by}
+    stops[at] = stops[at].model_copy(update=update)
+    return mechanism.model_copy(update={"stops": tuple(stops)})
+
+
+def _other_start(mechanism: Mechanism, at: int, change: Callable[[float], float]) -> Mechanism:
+    start = list(mechanism.start)
+    start[at] = change(start[at])
+    return mechanism.model_copy(update={"start": tuple(start)})
+
+
+_BUILT_WRONG: dict[str, Callable[[Mechanism], Mechanism | None]] = {
+    **{n: c for n, c in _ALTERED.items() if n != "speeds"},
+    "first stop up": lambda m: _moved_stop(m, 0, 0.01),
+    "first stop down": lambda m: _moved_stop(m, 0, -0.01),
+    "second stop": lambda m: _moved_stop(m, 1, 0.02),
+    "start in degrees": lambda m: _other_start(m, 0, math.degrees),
+    "start mirrored": lambda m: _other_start(m, 0, lambda angle: -angle),
+    "start beside": lambda m: _other_start(m, -1, lambda value: value + 0.01),
+    "inertia": lambda m: _bodies(m, inertia=1.1) if m.bodies[-1].inertia else None,
+    "centre": lambda m: m.model_copy(
+        update={
+            "bodies": (
+                m.bodies[0].model_copy(update={"centre": (m.bodies[0].centre[0] + 0.01, 0.02)}),
+                *m.bodies[1:],
+            )
+        }
+    ),
+}
+
+
+def built(name: str) -> list[Any]:
+    """Causes of built models that are another mechanism."""
+    mechanism = _CHECKED[name]()
+    found: list[Any] = []
+    for what, changed in _BUILT_WRONG.items():
+        wrong = changed(mechanism)
+        if wrong is None:
+            continue
+        equality, diagnosis = check_and_diagnose(Other(wrong), mechanism)
+        found.append([what, equality.holds, [c.label for c in equality.broken]])
+        if diagnosis is not None:
+            best = diagnosis.causes[: max(3, diagnosis.likeliest)]
+            rows = [[c.name, c.kind, c.amount, round(c.explained, 4)] for c in best]
+            found.append([diagnosis.leads, diagnosis.likeliest, rows])
+    return found
 
 
 _CHECKED: dict[str, Callable[[], Mechanism]] = {
@@ -439,7 +621,18 @@ def judgements() -> list[Any]:
 
 CASES: dict[str, Callable[[], Any]] = {
     **{f"measured-{n.replace(' ', '-')}": (lambda n=n: measured(n)) for n in _BUILT},
-    **{f"known-{n.replace(' ', '-')}": (lambda n=n: known(n)) for n in _BUILT},
+    **{
+        f"known-{n.replace(' ', '-')}": (lambda n=n: known(n)) for n in _BUILT if n != "everything"
+    },
+    **{
+        f"onsets-{n.replace(' ', '-')}": (lambda n=n: onsets(n))
+        for n in ("fixed", "stop and floor", "ball", "sprung", "flat")
+    },
+    **{
+        f"diagnosed-{n.replace(' ', '-')}": (lambda n=n: diagnosed(n))
+        for n in ("fixed", "stop and floor", "sprung", "flat")
+    },
+    **{f"built-{n}": (lambda n=n: built(n)) for n in ("fixed", "loop", "weightless")},
     **{f"checked-{n}": (lambda n=n: checked(n)) for n in _CHECKED},
     **{
         f"tolerances-{n.replace(' ', '-')}": (lambda n=n: held_against(n))
