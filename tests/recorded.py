@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import recorded_engines
 import recorded_judging
 import trebucheck as tb
 import wrong_engines
@@ -348,6 +349,14 @@ CASES: dict[str, Callable[[], Any]] = {
         f"runs-{engine}-{preset}": partial(runs_of, engine, preset)
         for engine in ("mujoco", "pymunk", "exudyn")
         for preset in ("tuned", "stock")
+    },
+    **{
+        f"runs-{engine}-models": partial(recorded_engines.models, engine, inspected)
+        for engine in ("mujoco", "pymunk", "exudyn", "reference")
+    },
+    **{
+        f"runs-{engine}-events": partial(recorded_engines.motions, engine, summary)
+        for engine in ("mujoco", "pymunk", "exudyn")
     },
     "compare-fixed": lambda: compared("fixed", "heavy", "torque-sign"),
     "compare-bouncing": lambda: compared("bob between", "earth-gravity", "releases-early"),
