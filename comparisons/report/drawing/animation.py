@@ -67,16 +67,15 @@ class Animation:
 
     scenes: Sequence[Scene]
     title: str = "animation"
-    _cache: dict[str, str] = field(default_factory=dict[str, str], repr=False, compare=False)
+    _data: list[Markup] = field(default_factory=list[Markup], init=False, compare=False)
+    """The scenes as JSON, once that was made."""
 
     def fragment(self, identity: str = "animation") -> Markup:
         """HTML to be placed into a page that has :func:`assets`; `identity` is unique there."""
-        if "data" not in self._cache:
-            data = [scene_data(shown) for shown in self.scenes]
-            text = json.dumps(data, separators=(",", ":"), allow_nan=False)
-            self._cache["data"] = text.replace("<", "\\u003c")  # safe inside a script element
-        data = Markup(self._cache["data"])
+        if not self._data:
+            self._data.append(script_json([scene_data(shown) for shown in self.scenes]))
         fragment = template(__package__ or "", "assets/fragment.html.j2")
+        (data,) = self._data
         return Markup(fragment.render(animation=self, identity=identity, data=data))
 
     def to_html(self) -> str:
@@ -135,9 +134,7 @@ class Animation:
 @cache
 def assets() -> Markup:
     """Style and script of all animations of a page."""
-    folder = files(__package__ or "").joinpath("assets")
-    style = folder.joinpath("animation.css").read_text(encoding="utf-8")
-    script = folder.joinpath("animation.js").read_text(encoding="utf-8")
+    style, script = (resource(__package__ or "", f"assets/animation.{e}") for e in ("css", "js"))
     return Markup(f"<style>\n{style}</style>\n<script>\n{script}</script>")
 
 
@@ -147,8 +144,19 @@ def template(package: str, path: str) -> Template:
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    text = files(package).joinpath(path).read_text(encoding="utf-8")
-    return environment.from_string(text)
+    return environment.from_string(resource(package, path))
+
+
+@cache
+def resource(package: str, path: str) -> Markup:
+    """The text of one of the files of a package."""
+    return Markup(files(package).joinpath(path).read_text(encoding="utf-8"))
+
+
+def script_json(value: object) -> Markup:
+    """JSON that is safe inside a script element."""
+    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
+    return Markup(text.replace("<", "\\u003c"))
 
 
 def scene_data(shown: Scene) -> dict[str, Any]:
@@ -184,22 +192,22 @@ def scene_data(shown: Scene) -> dict[str, Any]:
         shapes.append([kind, shape.role, shape.points, size, path, shape.stop, moves])
     runs: list[dict[str, Any]] = []
     for run in shown.runs:
-        aside = {name: _packed(values) for name, values in run.aside.items()}
+        aside = {name: packed(values) for name, values in run.aside.items()}
         runs.append({
-            "name": run.name, "colour": run.colour, "dashed": run.dashed, "d": _packed(run.d),
+            "name": run.name, "colour": run.colour, "dashed": run.dashed, "d": packed(run.d),
             "aside": aside, "torques": _forces(stops, run.torques, (len(shown.t), 1)),
             "forces": _forces(joints, run.forces, (len(shown.t), 2)),
         })  # fmt: skip
     return {
-        "name": shown.name, "notes": shown.notes, "t": _packed(shown.t, "<f8"),
-        "q": _packed(reference.q), "u": _packed(reference.u),
+        "name": shown.name, "notes": shown.notes, "t": packed(shown.t, "<f8"),
+        "q": packed(reference.q), "u": packed(reference.u),
         "width": len(mechanism.coordinates), "angles": int(drawing.kinematics.is_angle.sum()),
         "carried": drawing.kinematics.carried, "points": points, "shapes": shapes,
         "markers": drawing.markers, "compared": drawing.compared,
         "box": [_short(edge) for edge in shown.box], "size": _short(drawing.size),
-        "stops": stop_rows, "torques": _packed(np.hstack(torques)) if torques else "",
+        "stops": stop_rows, "torques": packed(np.hstack(torques)) if torques else "",
         "joints": [[name, drawing.joints[name]] for name in joints],
-        "forces": _packed(np.hstack(forces)) if forces else "", "runs": runs,
+        "forces": packed(np.hstack(forces)) if forces else "", "runs": runs,
         "events": [asdict(event) for event in shown.events],
         "magnification": math.log10(shown.magnification), "down": mechanism.gravity_direction,
     }  # fmt: skip
@@ -215,10 +223,11 @@ def _forces(
     values = np.hstack([recorded.get(name, nothing).reshape(shape) for name in names])
     sizes = np.abs(values[np.isfinite(values) & (values != 0)])
     unit = _short(float(np.median(sizes))) if len(sizes) else 1.0
-    return [unit, _packed(np.clip(values / unit, -_MOST_HALF, _MOST_HALF), "<f2")]
+    return [unit, packed(np.clip(values / unit, -_MOST_HALF, _MOST_HALF), "<f2")]
 
 
-def _packed(values: FloatArray, kind: str = "<f4") -> str:
+def packed(values: FloatArray, kind: str = "<f4") -> str:
+    """An array in base64."""
     return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode()
 
 

@@ -457,8 +457,9 @@ class ErrorColumn:
     @property
     def column(self) -> doc.Column:
         """Its column in a table of runs."""
-        how = {"rank": self.rank, "medium": "any" if self.short else "page"}
-        return doc.Column(self.title, self.unit, short=self.short, of=self.cell, **how)
+        medium: doc.Medium = "any" if self.short else "page"
+        column = doc.Column(self.title, self.unit, short=self.short, rank=self.rank, medium=medium)
+        return replace(column, of=self.cell)
 
     def metrics(self, run: Run) -> list[Metric]:
         """Those it stands for."""
@@ -685,7 +686,7 @@ def _uncertainty(machine: Machine) -> doc.Block:
         "DOP853 over a ladder of tolerances and Taylor series in double and extended precision. A "
         "tolerance finer than ten times the reference's uncertainty is refused."
     )
-    values = doc.page_only(tables.certified_figures(shown, "Certified values"))
+    values = tables.certified_figures(shown, "Certified values")
     return doc.Fold("How far the reference is known: its certificate", (values, doc.Note(text)))
 
 
