@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import chain, count
 from typing import Any
 
@@ -29,7 +30,7 @@ def page(document: Document) -> str:
         document=document,
         in_medium=in_medium,
         signs=SIGNS,
-        asset=lambda name: animation.resource(package, f"assets/{name}"),
+        asset=partial(animation.resource, package),
         with_code=_with_code,
         animated=animated,
         animation_assets=animation.assets,
