@@ -46,9 +46,10 @@ def compare_command(call: Call) -> bool:
     from ..comparisons.report import markdown
     from ..comparisons.report.pages.compare import document, summary
 
-    how, store = call.run_options(), call.store("trajectories", "runs")
+    models, how, store = call.models(), call.run_options(), call.store("trajectories", "runs")
     with call.progress(width=28) as show:
         comparison = compare(
+            models,
             **how,
             store=store,
             progress=lambda case, done, of: show(f"{case.model}: {case.label}", done, of),
@@ -93,8 +94,7 @@ def judge_command(call: Call) -> bool:
     from ..comparisons.runs.results import Outcome
     from ..models.files import refuse_unwritable
 
-    how, model = call.run_options(), call.only_model()
-    del how["models"]
+    model, how = call.only_model(), call.run_options()
     refuse_unwritable(call.out)
     with call.progress() as show:
         found = judge(call.file, model, **how, progress=show).made_by(call.command_line)

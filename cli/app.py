@@ -89,14 +89,12 @@ def add_satellites(to: typer.Typer, points: Iterable[importlib.metadata.EntryPoi
         try:
             command = point.load()
         except Exception as error:  # of a distribution that is not ours
-            command = _cannot_be_loaded(point, error)
+            command = _unavailable(point, error)
             settings = {"allow_extra_args": True, "ignore_unknown_options": True}
         to.command(point.name, rich_help_panel=_MORE, context_settings=settings)(command)
 
 
-def _cannot_be_loaded(
-    point: importlib.metadata.EntryPoint, error: Exception
-) -> Callable[..., None]:
+def _unavailable(point: importlib.metadata.EntryPoint, error: Exception) -> Callable[..., None]:
     """A command that says why the one of that name is not there."""
     distribution = point.dist.name if point.dist is not None else point.value
 
@@ -144,7 +142,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         sys.stdout.flush()
     except (TrebucheckError, MemoryError, OSError) as error:
-        return _refused(_sentence(error), code=1 if isinstance(error, SimulationError) else 2)
+        if isinstance(error, TrebucheckError):  # some are errors of the system's kinds as well
+            sentence = str(error)
+        elif isinstance(error, MemoryError):
+            sentence = "there is not enough memory for this."
+        else:  # the system's, such as a full disk
+            # Standard output may be what fails: what is still to be written there would fail again
+            # at the end.
+            with suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            where = "" if error.filename is None else f"{error.filename}: "
+            sentence = f"{where}{error.strerror or error}."
+        return _refused(sentence, code=1 if isinstance(error, SimulationError) else 2)
     except KeyboardInterrupt:
         return _interrupted()
     except Exception as error:
@@ -172,20 +181,6 @@ def _group() -> Any:
 def _refused(sentence: str, code: int = 2) -> int:
     print(f"error: {printable(shortened(sentence))}", file=sys.stderr)
     return code
-
-
-def _sentence(error: TrebucheckError | MemoryError | OSError) -> str:
-    """Format an error as a sentence for the user, also one of the system such as a full disk."""
-    if isinstance(error, TrebucheckError):  # some are errors of the system's kinds as well
-        return str(error)
-    if isinstance(error, MemoryError):
-        return "there is not enough memory for this."
-    # Standard output may be what fails: what is still to be written there would fail again at the
-    # end.
-    with suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    where = "" if error.filename is None else f"{error.filename}: "
-    return f"{where}{error.strerror or error}."
 
 
 def _interrupted() -> int:

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import replace
+from functools import cached_property
+from inspect import Parameter, Signature
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
+from ..models.errors import InputError
+from ..models.mechanism import Mechanism
 from ..models.problem import Problem, mechanism_of
 from . import options, output
-from .options import OPTIONS, Declared
+from .options import OPTIONS
 
 if TYPE_CHECKING:
     from ..comparisons.report.document import Document
     from ..comparisons.runs.process import Worker
     from ..comparisons.runs.store import Store
     from ..comparisons.runs.study import Progress
-    from ..models.mechanism import Mechanism
+    from ..models.library.trebuchet import TrebuchetParameters
+    from ..models.spec import Spec
 
 
 class Call:
@@ -28,60 +32,135 @@ class Call:
     def __init__(self, context: typer.Context, values: Mapping[str, Any]) -> None:
         self.context, self.values = context, values
         self.told = output.Told(values.get("quiet", False), values.get("json", False))
+        self.command_line = output.command_line(context)
 
     def __getattr__(self, name: str) -> Any:
         if name not in self.values:
             raise AttributeError(f"this command has no option {name!r}")
         return self.values[name]
 
-    @property
-    def command_line(self) -> str | None:
-        """The line that makes the same again; None where there was none."""
-        return output.command_line(self.context)
+    @cached_property
+    def numbers(self) -> dict[str, float]:
+        """Values of --set.
 
-    def models(self) -> list[Mechanism | Problem]:
-        """Models of --models or --model, named ones with the parameters of --set and --beam."""
-        text = self.values.get("models", self.values.get("model"))
-        return options.given(text, self.values.get("set"), self.values.get("beam"))
+        Raises:
+            InputError: a text is not NAME=NUMBER.
+        """
+        texts = options.assignments(self.values.get("set"), "--set")
+        return {name: options.number(text, f"--set {name} =") for name, text in texts.items()}
+
+    def parameters(self, name: str) -> Spec | None:
+        """Parameters of a named machine from --set and --beam; None where nothing was chosen.
+
+        Raises:
+            InputError: the machine, or one of the names, is unknown, or a value is not valid.
+        """
+        from ..models.library.registry import parameters_type
+        from ..models.library.trebuchet import short_end
+
+        kind, values, beam = parameters_type(name), dict(self.numbers), self.values.get("beam")
+        fields = kind.model_fields
+        for parameter in values:
+            if parameter not in fields:
+                raise InputError(
+                    f"--set {parameter}: there is no such parameter; there are: "
+                    f"{', '.join(fields)} (of {name})."
+                )
+        if beam is not None:
+            if not {"l1", "l2"} <= fields.keys():
+                raise InputError(
+                    f"--beam {beam!r} keeps l1 + l2 of a trebuchet; these parameters have no "
+                    f"l1 and l2."
+                )
+            if "l2" in values:
+                raise InputError("--beam chooses l2 itself; leave out --set l2, or --beam.")
+            values["l2"] = short_end(values.get("l1", float(fields["l1"].default)), beam)
+        return kind(**values) if values else None
+
+    def whipper(self, name: str) -> TrebuchetParameters | None:
+        """The same for a machine of the paper; None, too, for any other."""
+        from ..models.library.registry import models
+        from ..models.library.trebuchet import TrebuchetParameters
+
+        parameters = self.parameters(name) if name in models() else None
+        return parameters if isinstance(parameters, TrebuchetParameters) else None
+
+    def models(self, text: str | None = None) -> list[Mechanism | Problem]:
+        """Mechanisms by name or from files, and problems of the library.
+
+        Named ones have the parameters of --set and --beam.
+
+        Args:
+            text: comma list; the value of --models, --model or NAME where left out.
+
+        Raises:
+            InputError: a name is unknown, a parameter is not valid, or a file cannot be read or is
+                not a mechanism.
+        """
+        from ..models.library.registry import library_problem, model
+
+        if text is None:
+            keys = self.values.keys() & {"models", "model", "name"}
+            text = str(self.values[keys.pop()])
+        changed = bool(self.numbers) or self.values.get("beam") is not None
+        models: list[Mechanism | Problem] = []
+        for name in options.names(text, "--models"):
+            if not name.endswith(".json"):
+                parameters = self.parameters(name)
+                models.append(library_problem(name, parameters) or model(name, parameters))
+            elif changed:
+                raise InputError(
+                    f"--set and --beam are for named machines; {name} holds its own values."
+                )
+            else:
+                models.append(Mechanism.load(Path(name)))
+        return models
 
     def only_model(self) -> Mechanism | Problem:
         """The one model of a command that takes one.
 
         Raises:
-            InputError: several are named.
+            InputError: as of :meth:`models`, or several are named.
         """
-        command = self.context.info_name or ""
-        return options.only(self.model, self.values.get("set"), self.values.get("beam"), command)
+        models = self.models()
+        if len(models) != 1:
+            text = self.values.get("model", self.values.get("name"))
+            raise InputError(
+                f"--model {text!r} names {len(models)} machines; `{self.context.info_name}` takes "
+                "one."
+            )
+        return models[0]
 
     def only_mechanism(self) -> Mechanism:
         """The mechanism of the one model."""
         return mechanism_of(self.only_model())
-
-    def parameters(self) -> options.Chosen:
-        """Values of --set and --beam, before it is known of which model."""
-        return options.parameters(self.values.get("set"), self.values.get("beam"))
 
     def names(self, option: str) -> list[str] | None:
         """A comma list; None, which stands for all, where nothing is said."""
         return options.chosen_names(self.values[option], f"--{option}")
 
     def run_options(self) -> dict[str, Any]:
-        """Keywords of a study: its models, engines, presets, and how they are run."""
-        found: dict[str, Any] = {"models": self.models()}
-        engines = self.names("engines") if "engines" in self.values else None
+        """Keywords of a study: its engines, presets, and how they are run; not its models."""
+        from ..comparisons.runs.tolerances import ToleranceFile
+
+        keywords: dict[str, Any] = {}
+        engines = None
         if "engines" in self.values:
-            found["engines"] = engines
+            engines = keywords["engines"] = self.names("engines")
         if "preset" in self.values:
-            found["presets"] = options.names(self.preset, "--preset")
+            keywords["presets"] = options.names(self.preset, "--preset")
         if "option" in self.values:
             step = self.values.get("timestep")
-            found["options"] = options.engine_options(self.option, step, engines)
+            keywords["options"] = options.engine_options(self.option, step, engines)
         if "tolerance" in self.values:
-            found["tolerances"] = options.needs(self.tolerance, self.tolerances)
+            file: Path | None = self.tolerances
+            tolerances = {} if file is None else dict(ToleranceFile.load(file).tolerances)
+            # Those of the command line go first.
+            keywords["tolerances"] = tolerances | options.assignments(self.tolerance, "--tolerance")
         for name in ("duration", "until", "stop_law", "timeout", "jobs", "diagnose"):
             if name in self.values:
-                found[name] = self.values[name]
-        return found
+                keywords[name] = self.values[name]
+        return keywords
 
     def store(self, trajectories: str = "trials", records: str = "trials") -> Store:
         """The store of runs in the folder of --out, which is refused if it cannot be written to."""
@@ -117,7 +196,7 @@ Answer = bool | None
 
 
 def command(
-    names: str, out: Declared | None = None, **own: object
+    names: str, out: Parameter | None = None, **own: object
 ) -> Callable[[Callable[[Call], Answer]], Callable[..., None]]:
     """Make a command of a function of its call.
 
@@ -129,21 +208,14 @@ def command(
     Returns:
         What Typer takes: the signature is made of the options, the help is the docstring.
     """
-    declared: dict[str, Declared] = {}
+    parameters = [Parameter("context", Parameter.KEYWORD_ONLY, annotation=typer.Context)]
     for name in names.split():
-        choice = own.get(name, OPTIONS.get(name))
-        if not isinstance(choice, Declared):
-            choice = replace(OPTIONS[name], default=choice)
-        declared[name] = choice
+        option = own.get(name, OPTIONS.get(name))
+        if not isinstance(option, Parameter):
+            option = OPTIONS[name].replace(default=option)
+        parameters.append(option.replace(name=name))
     if out is not None:
-        declared["out"] = out
-    kind = inspect.Parameter.KEYWORD_ONLY
-    parameters = [inspect.Parameter("context", kind, annotation=typer.Context)]
-    for name, option in declared.items():
-        parameters.append(
-            inspect.Parameter(name, kind, default=option.default, annotation=option.annotation)
-        )
-    signature = inspect.Signature(parameters)
+        parameters.append(out.replace(name="out"))
 
     def register(function: Callable[[Call], Answer]) -> Callable[..., None]:
         def run(context: typer.Context, **values: Any) -> None:
@@ -152,7 +224,7 @@ def command(
 
         run.__doc__, run.__name__ = function.__doc__, function.__name__
         run.__module__ = function.__module__
-        run.__signature__ = signature  # pyright: ignore[reportFunctionMemberAccess]
+        run.__signature__ = Signature(parameters)  # pyright: ignore[reportFunctionMemberAccess]
         run.__annotations__ = {each.name: each.annotation for each in parameters}
         return run
 

@@ -13,7 +13,6 @@ from .options import argument, folder, option
 
 if TYPE_CHECKING:
     from ..comparisons.report.document import Document
-    from ..engines.registry import OptionRow
 
 models_app = typer.Typer(
     help="The machines: list them, show one as JSON, export its MJCF.", no_args_is_help=True
@@ -44,7 +43,7 @@ def show_command(call: Call) -> None:
     """
     from ..models.problem import mechanism_of
 
-    for model in options.given(call.name, call.set, call.beam):
+    for model in call.models():
         typer.echo(mechanism_of(model).to_json())
 
 
@@ -89,7 +88,7 @@ def export_command(call: Call) -> None:
     from ..models.problem import mechanism_of
 
     variant = Variant(sensors=call.sensors, finite_inertia=call.finite_inertia)
-    for model in options.given(call.name, call.set, call.beam):
+    for model in call.models():
         step, motion = step_and_motion(model, call.timestep, keyframes=call.keyframes)
         mechanism = mechanism_of(model)
         folder = call.out or Path(mechanism.name)
@@ -156,33 +155,25 @@ def engines_command(call: Call) -> None:
 
     trebucheck engines mujoco
     """
-    output.show(_list() if call.name is None else engine_document(call.name))
-
-
-def _list() -> Document:
     from ..comparisons.report.document import Document, Listing, Text, table, words
     from ..engines.registry import engines
 
+    if call.name is not None:
+        output.show(engine_document(call.name))
+        return
     titles = ("engine", "version", "presets", "joint forces", "releases", "stop laws")
-    rows = [
-        (
-            status.name,
-            status.version if status.installed else "not installed",
-            ", ".join(status.presets),
-            status.capabilities.joint_reactions,
-            "inside a step" if status.capabilities.located_releases else "at a step's end",
-            ", ".join(sorted(status.capabilities.stop_laws)).replace(
-                "release-once, unilateral", "both"
-            ),
-        )
-        for status in engines().values()
-    ]
-    texts = (
-        Text(status.capabilities.formulation, "strong", lead=f"{status.name}:")
-        for status in engines().values()
-    )
-    blocks = (table([words(title, wrap=False) for title in titles], rows), Listing(tuple(texts)))
-    return Document("engines", blocks)
+    rows: list[tuple[str | bool, ...]] = []
+    formulations: list[Text] = []
+    for status in engines().values():
+        can = status.capabilities
+        laws = ", ".join(sorted(can.stop_laws)).replace("release-once, unilateral", "both")
+        version = status.version if status.installed else "not installed"
+        releases = "inside a step" if can.located_releases else "at a step's end"
+        presets = ", ".join(status.presets)
+        rows.append((status.name, version, presets, can.joint_reactions, releases, laws))
+        formulations.append(Text(can.formulation, "strong", lead=f"{status.name}:"))
+    heads = [words(title, wrap=False) for title in titles]
+    output.show(Document("engines", (table(heads, rows), Listing(tuple(formulations)))))
 
 
 def engine_document(name: str) -> Document:
@@ -192,34 +183,27 @@ def engine_document(name: str) -> Document:
         InputError: there is no such engine.
     """
     from ..comparisons.report.document import Column, Document, Text, ranked, table, words
+    from ..engines.options import default_text
     from ..engines.registry import engine_class, option_table, supplied_in
     from ..engines.supplied import sentence
 
     cls = engine_class(name)
     version = cls.version() if cls.is_installed() else "not installed"
-    rows = [(each.name, _defaults(each), _sentence(each)) for each in option_table(name)]
+    texts = [Text(cls.capabilities.formulation, "strong", lead=f"{name} ({version}):")]
+    for preset in cls.presets():
+        if (supplied := supplied_in(name, preset)) is not None:
+            texts.append(Text(sentence(supplied), lead=f"{preset}:"))
+    rows: list[tuple[str, str, str]] = []
+    for row in option_table(name):
+        # One default, or a line a preset where they differ.
+        defaults = {preset: default_text(value) for preset, value in row.defaults.items()}
+        lines = list(dict.fromkeys(defaults.values()))
+        if len(lines) > 1:
+            lines = [f"{text} ({preset})" for preset, text in defaults.items()]
+        meaning = "\n".join(filter(None, (row.meaning, row.values)))
+        rows.append((row.name, "\n".join(lines), meaning))
     heads = (Column("option"), words("default"), words("meaning and values"))
-    about = Text(cls.capabilities.formulation, "strong", lead=f"{name} ({version}):")
-    own = (
-        Text(sentence(given), lead=f"{preset}:")
-        for preset in cls.presets()
-        if (given := supplied_in(name, preset)) is not None
-    )
-    none = () if rows else (Text(f"{name} does not say which options it has."),)
-    return Document(
-        name, (about, *own, table(ranked(heads, default=0, meaning_and_values=0), rows), *none)
-    )
-
-
-def _defaults(option: OptionRow) -> str:
-    """One value, or a line a preset where they differ."""
-    from ..engines.options import default_text
-
-    texts = {preset: default_text(value) for preset, value in option.defaults.items()}
-    if len(set(texts.values())) == 1:
-        return next(iter(texts.values()))
-    return "\n".join(f"{text} ({preset})" for preset, text in texts.items())
-
-
-def _sentence(option: OptionRow) -> str:
-    return "\n".join(filter(None, (option.meaning, option.values)))
+    blocks = [*texts, table(ranked(heads, default=0, meaning_and_values=0), rows)]
+    if not rows:
+        blocks.append(Text(f"{name} does not say which options it has."))
+    return Document(name, tuple(blocks))

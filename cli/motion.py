@@ -74,16 +74,15 @@ def throw_command(call: Call) -> None:
     from ..reference.throw.throw import perform
 
     mechanism = call.only_mechanism()
-    if call.body is not None and "g" in call.parameters().numbers:
+    if call.body is not None and "g" in call.numbers:
         raise InputError(
             f"--body {call.body} brings its own gravity; leave out --set g, or --body."
         )
     refuse_unwritable(call.out)
-    release = {
-        "release_angle": None if call.release_angle is None else math.radians(call.release_angle),
-        "release_time": call.release_time,
-        "sling_angle": None if call.sling_angle is None else math.radians(call.sling_angle),
-    }
+    release = {"release_time": call.release_time}
+    for angle in ("release_angle", "sling_angle"):
+        degrees: float | None = call.values[angle]
+        release[angle] = None if degrees is None else math.radians(degrees)
     names = ("best", "density", "drag_area", "body", "height")
     more = {name: call.values[name] for name in names}
     with call.worker() as worker:
@@ -91,10 +90,9 @@ def throw_command(call: Call) -> None:
         throw = performance.throw
         if call.sensitivities:
             # By Table I's parameters for the two whippers, else by every number of the machine.
-            name = call.model.strip()
+            name: str = call.model.strip()
             whipper = name if name in ("fixed", "rolling") else None
-            chosen = call.parameters().whipper(whipper) if whipper else None
-            parameters = chosen or TrebuchetParameters()
+            parameters = (call.whipper(name) if whipper else None) or TrebuchetParameters()
             parameters = parameters.model_copy(update={"g": throw.gravity})
             derivatives, warnings = worker.compute(
                 partial(sensitivities_of, performance, whipper, parameters)
@@ -224,7 +222,7 @@ def animate_command(call: Call) -> None:
             scenes = _from_files(call.trajectories, call.model, end, worker, call.magnify)
         else:
             study = Study(
-                options.given(call.model or "fixed", call.set, call.beam),
+                call.models(call.model or "fixed"),
                 call.names("engines") or [],
                 options.names(call.preset, "--preset"),
                 options=options.engine_options(None, call.timestep),
@@ -237,9 +235,7 @@ def animate_command(call: Call) -> None:
                     f"{call.out} can show one machine, not {len(study.mechanisms)}; a page (.html) "
                     "shows several."
                 )
-            scenes = [
-                _from_runs(study, mechanism, worker, call.magnify) for mechanism in study.mechanisms
-            ]
+            scenes = [_from_runs(study, m, worker, call.magnify) for m in study.mechanisms]
     title = ", ".join(scene.mechanism_title for scene in scenes)
     Animation(scenes, f"{title}: the motion").save(call.out, call.width, instants)
     typer.echo(f"Wrote {output.printable(str(call.out))}")

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import inspect
+import json
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from contextlib import suppress
+from inspect import Parameter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from ..models.errors import InputError
-
-if TYPE_CHECKING:
-    from ..models.library.trebuchet import TrebuchetParameters
-    from ..models.mechanism import Mechanism
-    from ..models.problem import Problem
-    from ..models.spec import Spec
 
 MACHINES = (
     "fixed, rolling, catapult, hinged, floating-arm, a problem (`trebucheck problems`), "
@@ -82,12 +77,9 @@ def _assigned_options() -> list[str]:
 # ------------------------------------------------------------------------------ declarations
 
 
-@dataclass(frozen=True)
-class Declared:
-    """An option as a command takes it: its annotated type, and its default."""
-
-    annotation: Any
-    default: Any
+def _declared(kind: Any, info: Any, default: Any) -> Parameter:
+    """An option or argument of a command, which gives it its name."""
+    return Parameter("_", Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, info])
 
 
 def option(
@@ -97,7 +89,7 @@ def option(
     default: Any = None,
     names: Callable[[], Iterable[str]] | None = None,
     **info: Any,
-) -> Declared:
+) -> Parameter:
     """Declare an option.
 
     Args:
@@ -108,26 +100,27 @@ def option(
         names: what shells complete it with.
         info: further arguments of `typer.Option`.
     """
-    found = typer.Option(*flags.split(), help=help, autocompletion=_completion(names), **info)
-    return Declared(Annotated[kind, found], default)
+    info |= {"help": help, "autocompletion": _completion(names)}
+    return _declared(kind, typer.Option(*flags.split(), **info), default)
 
 
 def argument(
     help: str,
     kind: Any = str,
-    default: Any = inspect.Parameter.empty,
+    default: Any = Parameter.empty,
     names: Callable[[], Iterable[str]] | None = None,
     **info: Any,
-) -> Declared:
+) -> Parameter:
     """Declare an argument; without a default it must be given. See :func:`option`."""
-    found = typer.Argument(help=help, autocompletion=_completion(names), **info)
-    return Declared(Annotated[kind, found], default)
+    info |= {"help": help, "autocompletion": _completion(names)}
+    return _declared(kind, typer.Argument(**info), default)
 
 
-def folder(default: str | None, text: str) -> Declared:
+def folder(default: str | None, text: str) -> Parameter:
     """Declare the option --out; `text` is its help."""
-    kind: Any = Path | None if default is None else Path
-    return Declared(Annotated[kind, out(text)], None if default is None else Path(default))
+    if default is None:
+        return _declared(Path | None, out(text), None)
+    return _declared(Path, out(text), Path(default))
 
 
 def out(text: str) -> Any:
@@ -141,21 +134,6 @@ def out(text: str) -> Any:
     return typer.Option("--out", parser=path, metavar="PATH", help=text)
 
 
-# For commands of other distributions, which are annotated functions.
-Engines = Annotated[
-    str | None,
-    typer.Option(
-        "--engines",
-        "--engine",
-        autocompletion=_completion(engine_names),
-        help="Engines, comma-separated; all by default.",
-    ),
-]
-Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Print only the verdict in a line, and the files.")
-]
-Json = Annotated[bool, typer.Option("--json", help="Print the results as JSON, and nothing else.")]
-
 # The options that several commands share, by the names that their values have in a call.
 OPTIONS = {
     "models": option(
@@ -166,7 +144,9 @@ OPTIONS = {
         names=machine_names,
     ),
     "model": option("--model --models", f"Machine: {MACHINES}.", str, "fixed", names=machine_names),
-    "engines": Declared(Engines, None),
+    "engines": option(
+        "--engines --engine", "Engines, comma-separated; all by default.", names=engine_names
+    ),
     "preset": option(
         "--preset --presets",
         "tuned, stock, or both: tuned,stock.",
@@ -233,9 +213,14 @@ OPTIONS = {
         True,
     ),
     "timeout": option("--timeout", "Longest wait for one run (s).", float, 600.0),
-    "quiet": Declared(Quiet, False),
-    "json": Declared(Json, False),
+    "quiet": option("--quiet -q", "Print only the verdict in a line, and the files.", bool, False),
+    "json": option("--json", "Print the results as JSON, and nothing else.", bool, False),
 }
+
+# For commands of other distributions, which are annotated functions.
+Engines = OPTIONS["engines"].annotation
+Quiet = OPTIONS["quiet"].annotation
+Json = OPTIONS["json"].annotation
 
 
 # --------------------------------------------------------------------------- texts to values
@@ -281,69 +266,6 @@ def assignments(texts: list[str] | None, option: str) -> dict[str, str]:
     return values
 
 
-@dataclass(frozen=True)
-class Chosen:
-    """Values of --set and --beam, before it is known of which machine."""
-
-    numbers: dict[str, float]
-    beam: float | None
-
-    def __bool__(self) -> bool:
-        return bool(self.numbers) or self.beam is not None
-
-    def of(self, name: str) -> Spec | None:
-        """Parameters of a named machine; None where nothing was chosen.
-
-        Raises:
-            InputError: the machine, or one of the names, is unknown, or a value is not valid.
-        """
-        from ..models.library.registry import parameters_type
-        from ..models.library.trebuchet import short_end
-
-        kind = parameters_type(name)
-        fields = kind.model_fields
-        for parameter in self.numbers:
-            if parameter not in fields:
-                raise InputError(
-                    f"--set {parameter}: there is no such parameter; there are: "
-                    f"{', '.join(fields)} (of {name})."
-                )
-        if not self:
-            return None
-        values = dict(self.numbers)
-        if self.beam is not None:
-            if not {"l1", "l2"} <= fields.keys():
-                raise InputError(
-                    f"--beam {self.beam!r} keeps l1 + l2 of a trebuchet; these parameters have no "
-                    f"l1 and l2."
-                )
-            if "l2" in values:
-                raise InputError("--beam chooses l2 itself; leave out --set l2, or --beam.")
-            l1 = values["l1"] if "l1" in values else float(fields["l1"].default)
-            values["l2"] = short_end(l1, self.beam)
-        return kind(**values)
-
-    def whipper(self, name: str) -> TrebuchetParameters | None:
-        """The same for a machine of the paper; None, too, for any other."""
-        from ..models.library.registry import models
-        from ..models.library.trebuchet import TrebuchetParameters
-
-        parameters = self.of(name) if name in models() else None
-        return parameters if isinstance(parameters, TrebuchetParameters) else None
-
-
-def parameters(texts: list[str] | None, beam: float | None) -> Chosen:
-    """Read parameters from --set and --beam.
-
-    Raises:
-        InputError: a value is not a number.
-    """
-    numbers: dict[str, float] = {}
-    for name, value in assignments(texts, "--set").items():
-        numbers[name] = number(value, f"--set {name} =")
-    return Chosen(numbers, beam)
-
-
 def number(text: str, what: str) -> float:
     """A number.
 
@@ -356,46 +278,6 @@ def number(text: str, what: str) -> float:
         raise InputError(f"{what} {text!r} is not a number.") from None
 
 
-def given(text: str, texts: list[str] | None, beam: float | None) -> list[Mechanism | Problem]:
-    """Read mechanisms by name or from files, and problems of the library; --set and --beam apply.
-
-    Parameters of --set and --beam are those of named machines.
-
-    Raises:
-        InputError: a name is unknown, a parameter is not valid, or a file cannot be read or is not
-            a mechanism.
-    """
-    from ..models.library.registry import library_problem, model
-    from ..models.mechanism import Mechanism
-
-    chosen = parameters(texts, beam)
-    found: list[Mechanism | Problem] = []
-    for name in names(text, "--models"):
-        if not name.endswith(".json"):
-            found.append(library_problem(name, chosen.of(name)) or model(name, chosen.of(name)))
-        elif chosen:
-            raise InputError(
-                f"--set and --beam are for named machines; {name} holds its own values."
-            )
-        else:
-            found.append(Mechanism.load(Path(name)))
-    return found
-
-
-def only(
-    text: str, texts: list[str] | None, beam: float | None, command: str
-) -> Mechanism | Problem:
-    """Read the one model of a command that takes one; see :func:`given`.
-
-    Raises:
-        InputError: as :func:`given`, or there are several.
-    """
-    found = given(text, texts, beam)
-    if len(found) != 1:
-        raise InputError(f"--model {text!r} names {len(found)} machines; `{command}` takes one.")
-    return found[0]
-
-
 def chosen_names(text: str | None, what: str) -> list[str] | None:
     """Split a comma list; None, which stands for all, where nothing is said.
 
@@ -403,18 +285,6 @@ def chosen_names(text: str | None, what: str) -> list[str] | None:
         InputError: the list is empty.
     """
     return None if text is None else names(text, what)
-
-
-def needs(texts: list[str] | None, file: Path | None) -> dict[str, float | str]:
-    """Tolerances from --tolerance and the file of --tolerances; those of the command line go first.
-
-    Raises:
-        InputError: a text has not its form, or the file cannot be read or holds something else.
-    """
-    from ..comparisons.runs.tolerances import ToleranceFile
-
-    from_file = {} if file is None else ToleranceFile.load(file).tolerances
-    return {**from_file, **assignments(texts, "--tolerance")}
 
 
 def engine_options(
@@ -434,7 +304,14 @@ def engine_options(
     """
     from ..engines.registry import refuse_unknown_options
 
-    options = {name: _value(value) for name, value in assignments(texts, "--option").items()}
+    options: dict[str, Any] = {}
+    for name, text in assignments(texts, "--option").items():
+        options[name] = text
+        for form in (text, f"[{text}]") if "," in text else (text,):
+            # No JSON, or a number of thousands of digits, or nested too deep.
+            with suppress(ValueError, RecursionError):
+                options[name] = json.loads(form)
+                break
     refuse_unknown_options(options, engines or engine_names())
     if timestep is None:
         return options
@@ -443,16 +320,3 @@ def engine_options(
             f"--timestep {timestep:g} and --option timestep are both given; leave out one of them."
         )
     return {**options, "timestep": timestep}
-
-
-def _value(text: str) -> object:
-    """Value of an option: JSON where it is, else text."""
-    import json
-
-    for form in (text, f"[{text}]") if "," in text else (text,):
-        try:
-            return json.loads(form)
-        # No JSON, or a number of thousands of digits, or nested too deep.
-        except (ValueError, RecursionError):
-            continue
-    return text

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -17,8 +18,8 @@ from .call import Call, command
 from .options import argument, folder, option
 
 if TYPE_CHECKING:
+    from ..comparisons.report.document import Document
     from ..models.library.benchmark import BenchmarkParameters
-    from ..reference.certification.certificate import Certificate
 
 
 @command(
@@ -42,9 +43,11 @@ def certify_command(call: Call) -> bool:
     trebucheck certify --models squeezer
     """
     from ..comparisons.certify import certify
-    from ..models.files import refuse_unwritable
+    from ..comparisons.report import html
+    from ..comparisons.report.pages.run import certificate_report
+    from ..models.files import refuse_unwritable, write_text
 
-    models, chosen = call.models(), call.parameters()
+    models = call.models()
     if call.duration is not None:
         options.positive(call.duration, "--duration")
     options.positive(call.timeout, "--timeout")
@@ -52,50 +55,38 @@ def certify_command(call: Call) -> bool:
     certificates: list[str] = []
     for name, model in zip(options.names(call.values["models"], "--models"), models, strict=True):
         mechanism = mechanism_of(model)
+        # The line that makes the same figures again.
+        line = ["trebucheck", "certify", "--models", name]
+        for text in call.set or []:
+            line += ["--set", text]
+        for flag, value in (("--beam", call.beam), ("--duration", call.duration)):
+            if value is not None:
+                line += [flag, repr(value)]
         try:
             with call.progress(width=28) as show:
                 certificate = certify(
                     model,
-                    chosen.whipper(name),
+                    call.whipper(name),
                     duration=call.duration,
                     timeout=call.timeout,
-                    command=_line(name, call.set, call.beam, call.duration),
+                    command=shlex.join(line),
                     progress=lambda what, done, of, m=mechanism, show=show: show(
                         f"{m.name}: {what}", done, of
                     ),
                 )
-            certificates.append(certificate.to_json())
-            _publish_certificate(certificate, call.out / f"{mechanism.name}.json", call.told)
         except SimulationError as error:  # the others must not be lost with it
             print(f"error: {mechanism.name}: {error}", file=sys.stderr)
+            continue
+        certificates.append(certificate.to_json())
+        path = call.out / f"{mechanism.name}.json"
+        report, page = certificate_report(certificate), path.with_suffix(".html")
+        write_text(path, certificate.to_json() + "\n")
+        write_text(page, html.page(report))
+        if not call.json:  # else all are printed as data at the end
+            output.show(report, call.told, Certificate=path, Page=page)
     if call.json:
         typer.echo(f"[{','.join(certificates)}]")
     return len(certificates) == len(models)
-
-
-def _publish_certificate(certificate: Certificate, path: Path, told: output.Told) -> None:
-    """One machine's certificate, written and, unless all are printed as data at the end, shown."""
-    from ..comparisons.report import html
-    from ..comparisons.report.pages.run import certificate_report
-    from ..models.files import write_text
-
-    write_text(path, certificate.to_json() + "\n")
-    report, page = certificate_report(certificate), path.with_suffix(".html")
-    write_text(page, html.page(report))
-    if not told.json:
-        output.show(report, told, Certificate=path, Page=page)
-
-
-def _line(
-    name: str, assignments: list[str] | None, beam: float | None, duration: float | None
-) -> str:
-    """The line that makes the same figures again."""
-    words = ["trebucheck", "certify", "--models", name]
-    for text in assignments or []:
-        words += ["--set", text]
-    for flag, value in (("--beam", beam), ("--duration", duration)):
-        words += [flag, repr(value)] if value is not None else []
-    return shlex.join(words)
 
 
 @command(
@@ -124,44 +115,40 @@ def data_command(call: Call) -> bool:
 
     trebucheck data --check
     """
+    from ..comparisons.data import certified
+    from ..models.files import refuse_unwritable, write_bytes
+    from ..models.trajectory import write_dataset
+
     if call.name is None or call.check:
         if call.name is not None or call.set or call.out is not None:
             raise InputError(
                 "a name, --set and --out are for one trajectory; --check and the list are of all "
                 "of them."
             )
-        good = _list_trajectories()
-        return good or not call.check
+        states = list(certified.states())
+        output.show(_trajectories(states))
+        return not call.check or all(state == "good" for *_, state in states)
     path: Path = call.out or Path(f"{Path(call.name).stem}.nc")
-    _write_trajectory(call, path)
+    model = call.only_model()
+    refuse_unwritable(path.parent, path.name)
+    name = mechanism_of(model).name
+    if not call.set and not call.name.endswith(".json") and name in certified.published():
+        write_bytes(path, certified.content(name))
+    else:
+        with call.worker(isolate=False) as worker:
+            dataset = worker.compute(partial(certified.certified_dataset, model))
+            write_dataset(dataset, path, compressed=True)
     typer.echo(f"Wrote {output.printable(str(path))}")
     return True
 
 
-def _write_trajectory(call: Call, path: Path) -> None:
-    from ..comparisons.data.certified import certified_dataset, content, published
-    from ..models.files import refuse_unwritable, write_bytes
-    from ..models.trajectory import write_dataset
-
-    given = options.only(call.name, call.set, None, "data")
-    refuse_unwritable(path.parent, path.name)
-    own = mechanism_of(given).name
-    if not call.set and not call.name.endswith(".json") and own in published():
-        write_bytes(path, content(own))
-        return
-    with call.worker(isolate=False) as worker:
-        write_dataset(worker.compute(partial(certified_dataset, given)), path, compressed=True)
-
-
-def _list_trajectories() -> bool:
-    """Show them; whether all are as they were published."""
-    from ..comparisons.data.certified import states
+def _trajectories(states: Iterable[tuple[str, str, int, str]]) -> Document:
+    """A table of names, digests, sizes [bytes] and whether the files are as published."""
     from ..comparisons.report.document import Cell, Column, Document, ranked, table, words
 
-    found = list(states())
     rows = [
         (name, f"{size / 1024:.0f}", digest, Cell(state, "good" if state == "good" else "bad"))
-        for name, digest, size, state in found
+        for name, digest, size, state in states
     ]
     heads = [
         words("name", wrap=False),
@@ -169,8 +156,7 @@ def _list_trajectories() -> bool:
         words("SHA-256", wrap=False),
         words("checksum"),
     ]
-    output.show(Document("Published trajectories", (table(ranked(heads, checksum=0), rows),)))
-    return all(state == "good" for *_, state in found)
+    return Document("Published trajectories", (table(ranked(heads, checksum=0), rows),))
 
 
 @command(
@@ -213,9 +199,8 @@ def problems_command(call: Call) -> bool:
             f"--tag {call.tag} selects from the list; leave it out, or the name {call.name}."
         )
     chosen = benchmark(call.name)
-    parameters = call.parameters().of(chosen.name)
+    parameters = cast("BenchmarkParameters | None", call.parameters(chosen.name))
     with call.worker(isolate=False) as worker:
-        given = cast("BenchmarkParameters | None", parameters)
-        checked = worker.compute(partial(check, chosen, given))
+        checked = worker.compute(partial(check, chosen, parameters))
     output.show(document(checked))
     return checked.holds

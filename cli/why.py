@@ -26,9 +26,9 @@ def explain_command(call: Call) -> bool:
     from ..comparisons.explain import explain
     from ..comparisons.report.pages.explain import document
 
-    how, store = call.run_options(), call.store()
+    models, how, store = call.models(), call.run_options(), call.store()
     with call.progress(width=44) as show:
-        explanation = explain(**how, store=store, progress=show)
+        explanation = explain(models, **how, store=store, progress=show)
     explanation = explanation.made_by(call.command_line)
     text, page = explanation.to_json(), document(explanation)
     call.publish("explain.json", text, page, "explain.html", "Page", store=store)
@@ -59,9 +59,10 @@ def converge_command(call: Call) -> bool:
     from ..comparisons.converge import converge
     from ..comparisons.report.pages.converge import document
 
-    how, knobs, store = call.run_options(), call.names("knobs"), call.store()
+    models, how, store = call.models(), call.run_options(), call.store()
+    how["knobs"] = call.names("knobs")
     with call.progress() as show:
-        studies = converge(**how, knobs=knobs, store=store, progress=show)
+        studies = converge(models, **how, store=store, progress=show)
     studies = studies.made_by(call.command_line)
     page = document(studies)
     call.publish("converge.json", studies.to_json(), page, "converge.html", store=store)
@@ -113,15 +114,14 @@ def recommend_command(call: Call) -> None:
         raise InputError(
             "nothing is asked; give at least one of --position, --torque and --release."
         )
-    how, given, name = call.run_options(), call.only_model(), call.model.strip()
-    del how["models"]
-    if name.endswith(".json"):
-        how["model"] = given
-    else:  # a named machine stays a name: its neighbours have other parameters
-        how.update(model=name, parameters=call.parameters().of(name))
+    model, name = call.only_model(), call.model.strip()
+    how = {**call.run_options(), **target, "neighbours": call.neighbours}
+    if not name.endswith(".json"):
+        # A named machine stays a name: its neighbours have other parameters.
+        model, how["parameters"] = name, call.parameters(name)
     store = call.store()
     with call.progress("references", 30) as show:
-        advice = recommend(**how, **target, neighbours=call.neighbours, store=store, progress=show)
+        advice = recommend(model, **how, store=store, progress=show)
     advice = advice.made_by(call.command_line)
     for name, text in files(advice).items():
         write_text(call.out / name, text)

@@ -27,14 +27,13 @@ from ..engines.study import ConstraintKinds, Options, Refinement, StepOrder, Swe
 from ..models.arrays import FloatArray
 from ..models.errors import InputError, SimulationError
 from ..models.library.registry import Models
-from ..models.mechanism import Mechanism
 from ..models.shown import Reported
 from ..models.spec import NonNegative, Positive, Real, Spec
 from ..reference.certification.certificate import REFUSED_BELOW
 from .report.document import format_number
 from .runs.process import all_in_order
 from .runs.record import Curves, EngineRuns, RunRecord, runs_of
-from .runs.results import ResultFile
+from .runs.results import ComparedMotion, OfEngine, ResultFile
 from .runs.runner import run_duration
 from .runs.study import Counter, RunOptions, Study
 
@@ -51,9 +50,7 @@ class PowerLaw(Spec):
     """error = factor * value^exponent, over a range of values."""
 
     exponent: Real
-    half_width: NonNegative = Field(
-        description="of the exponent's 95 % confidence interval (Student t)"
-    )
+    half_width: NonNegative = Field(description="of its 95 % confidence interval (Student t)")
     factor: Positive = Field(description="error at the value 1, in the quantity's unit")
     low: Positive = Field(description="smallest value of the range")
     high: Positive = Field(description="largest value of the range")
@@ -74,7 +71,7 @@ class Floor(Spec):
 
     error: Real
     value: Real | None = Field(
-        description="of the knob where it was looked at; None: with the knob's error taken out"
+        description="of the knob where it was looked at; None: with its error taken out"
     )
     cause: str
     evidence: str = Field(description="the measurement the cause was decided by")
@@ -85,12 +82,8 @@ class Curve(Spec):
 
     quantity: QuantityName
     force_unit: str = Field(default="N m", description="of what the machine's stops push with")
-    law: PowerLaw | None = Field(
-        description="None: no power law, or an error that the knob hardly moves"
-    )
-    floor: Floor | None = Field(
-        description="None: not reached, the error still falls at the finest value"
-    )
+    law: PowerLaw | None = Field(description="None: none, or the knob hardly moves the error")
+    floor: Floor | None = Field(description="None: the error still falls at the finest value")
 
     @property
     def unit(self) -> str:
@@ -119,15 +112,10 @@ class Point(Spec):
 
     def error(self, quantity: QuantityName, own: bool = False) -> float | None:
         """Error of a quantity; `own`: the part that the knob makes."""
-        whole, part = (
-            (self.position, self.own_position)
-            if quantity == "position"
-            else (self.torque, self.own_torque)
-        )
-        return part if own else whole
+        return getattr(self, f"own_{quantity}" if own else quantity)
 
 
-class SweepStudy(Spec):
+class SweepStudy(OfEngine, Spec):
     """One knob of one engine and preset, turned."""
 
     engine: str
@@ -136,31 +124,20 @@ class SweepStudy(Spec):
     knob: str
     title: str = Field(description="of what is turned, with its symbol")
     unit: str
-    base: dict[str, JsonValue] = Field(
-        description="options that stay as they are, over the preset's"
-    )
+    base: dict[str, JsonValue] = Field(description="options that stay, over the preset's")
     settings: dict[str, JsonValue] = Field(description="every option of the first point's engine")
-    expected: Real | None = Field(
-        description="exponent theory expects; None: it expects no power law"
-    )
+    expected: Real | None = Field(description="exponent; None: theory expects no power law")
     why: str
-    own: bool = Field(
-        description="whether exponents are of the part of the error that the knob makes"
-    )
+    own: bool = Field(description="whether exponents are of the knob's own part of the error")
     points: tuple[Point, ...] = Field(description="from coarse to fine")
     curves: tuple[Curve, ...]
-
-    @property
-    def label(self) -> str:
-        """Engine and preset in one."""
-        return f"{self.engine} {self.preset}"
 
     def curve(self, quantity: QuantityName) -> Curve:
         """Law and floor of a quantity."""
         return next(curve for curve in self.curves if curve.quantity == quantity)
 
 
-class RichardsonLimit(Spec):
+class RichardsonLimit(OfEngine, Spec):
     """Richardson's extrapolation of a run to no time step at all, over the whole throw."""
 
     engine: str
@@ -183,11 +160,6 @@ class RichardsonLimit(Spec):
         description="largest distance of any stop's torque from the reference [N m, N]"
     )
 
-    @property
-    def label(self) -> str:
-        """Engine and preset in one."""
-        return f"{self.engine} {self.preset}"
-
 
 class LimitPair(Spec):
     """Two limits against each other; the reference takes no part."""
@@ -197,21 +169,9 @@ class LimitPair(Spec):
     position: Real = Field(description="largest distance over the throw [m]")
 
 
-class MachineStudies(Spec):
+class MachineStudies(ComparedMotion):
     """All studies of one machine."""
 
-    model: str
-    mechanism: Mechanism
-    mechanism_hash: str
-    launch_time: Real | None = Field(
-        description="of the reference [s]; None: it does not launch within what is compared"
-    )
-    compared_to: Real | None = Field(
-        default=None, description="end of the compared motion [s]; None: the launch"
-    )
-    judged_to: Real | None = Field(
-        default=None, description="that, or the predictability horizon if earlier [s]"
-    )
     uncertainty: dict[QuantityName, Real] = Field(
         description="of the reference [m, N m or N], of what it has"
     )
@@ -245,29 +205,23 @@ class Studies(Reported, ResultFile):
         """A point of a sweep a row."""
         for machine in self.machines:
             for study in machine.studies:
-                head = {
-                    "model": machine.model,
-                    "engine": study.engine,
-                    "preset": study.preset,
-                    "knob": study.knob,
-                }
+                head = study.model_dump(include={"engine", "preset", "knob"})
                 for point in study.points:
-                    yield {**head, **point.model_dump(exclude={"options"})}
+                    yield {"model": machine.model, **head, **point.model_dump(exclude={"options"})}
 
 
 # ------------------------------------------------------------------------------ power laws
 
 CONFIDENCE = 0.95
 FEWEST = 4  # points of a line: two make it, two more can gainsay it
+# How far the local slope may depart from a line's along its run: the bar the suite states for
+# orders. A parabola that is off a line by r at worst, over a length L of the logarithm, has slopes
+# that are off by 6 r / L at its ends; so a run is taken for straight if its worst point is off by
+# no more than SLOPE * L / 6.
 SLOPE = 0.1
-"""How far the local slope may depart from a line's along its run: the bar the suite states for
-orders. A parabola that is off a line by r at worst, over a length L of the logarithm, has slopes
-that are off by 6 r / L at its ends; so a run is taken for straight if its worst point is off by no
-more than SLOPE * L / 6."""
+# An exponent is only claimed where the error changes at least so much: less may be a floor with a
+# slope.
 TENFOLD = 10.0
-"""An exponent is only claimed where the error changes at least so much: less may be a floor with a
-slope.
-"""
 
 
 def power_law(
@@ -318,10 +272,7 @@ def power_law(
 
 # ----------------------------------------------------------------------- Richardson's limits
 
-ASYMPTOTIC = 0.1
-"""How far an observed order may lie from a whole number: the bar the suite states for orders
-themselves.
-"""
+ASYMPTOTIC = 0.1  # distance of an observed order from a whole number: the suite's bar for them
 _LOWEST, _HIGHEST = 0.1, 8.0  # orders that are looked for
 _NEAR, _CANDIDATES = 0.03, 6001  # relative range about the step asked for; steps tried in it
 
@@ -330,12 +281,9 @@ _NEAR, _CANDIDATES = 0.03, 6001  # relative range about the step asked for; step
 class Level:
     """A motion's deviation at one time step."""
 
-    step: float
-    """[s]"""
-    position: FloatArray
-    """[m], shape (..., 2, n): of one point or several."""
-    torques: FloatArray
-    """[N m], shape (number of stops, n)."""
+    step: float  # [s]
+    position: FloatArray  # of one point or several [m], shape (..., 2, n)
+    torques: FloatArray  # [N m], shape (number of stops, n)
 
 
 @dataclass(frozen=True)
@@ -345,8 +293,7 @@ class Extrapolated:
     levels: tuple[float, ...]
     order: float
     power: int
-    position: FloatArray
-    """Deviation of the limit from the reference [m], shape (..., 2, n)."""
+    position: FloatArray  # deviation of the limit from the reference [m], shape (..., 2, n)
     torques: FloatArray
     position_three: FloatArray
 
@@ -421,9 +368,7 @@ def observed_order(steps: Sequence[float], first: float, second: float) -> float
 def weights(steps: Sequence[float], powers: Sequence[int]) -> FloatArray:
     """Weights of the levels, so that the given powers of the step cancel; they sum to 1.
 
-    Args:
-        steps: one more than there are powers [s].
-        powers: exponents of the step.
+    There is one step [s] more than there are powers.
     """
     h = np.array(steps) / min(steps)
     matrix = np.stack([h ** float(p) for p in (0, *powers)])
@@ -452,11 +397,10 @@ def fitting(step: float, end: float, events: Sequence[float], longest: float = m
 
 # --------------------------------------------------------------------------------- floors
 
+# A refinement that leaves less than this share of an error has lowered it: the smallest one, a
+# halving at first order, leaves 0.5, and 0.8 where only two fifths of the error are of its making.
 LOWERED = 0.8
-"""A refinement that leaves less than this share of an error has lowered it: the smallest one, a
-halving at first order, leaves 0.5, and 0.8 where only two fifths of the error are of its making."""
-GROWN = 1.5
-"""An error this many times the floor, at a finer value, is one that grows."""
+GROWN = 1.5  # an error this many times the floor, at a finer value, is one that grows
 _SINGLE = float(np.finfo(np.float32).epsneg)
 _NAMED = 3  # refinements in the evidence
 
@@ -493,8 +437,7 @@ class Site:
     value: float | None
     measure: Callable[[dict[str, Any]], float | None]
     """The error with some options changed; None if the run fails."""
-    constraints: ConstraintKinds
-    """Constraints that the mechanism has."""
+    constraints: ConstraintKinds  # of the mechanism
 
 
 def floor(site: Site, uncertainty: float, finer: Sequence[tuple[float, float]] = ()) -> Floor:
@@ -522,20 +465,21 @@ def floor(site: Site, uncertainty: float, finer: Sequence[tuple[float, float]] =
             "rounding",
             f"grows again as the step h shrinks, as h^{power:.1f} to {format_number(value)} s",
         )
-    remaining: list[tuple[float, Refinement]] = []
+    measured, lowered = 0, list[tuple[float, Refinement]]()
     for refinement, change in refinements(site.engine, site.settings, site.swept, site.constraints):
         try:
             error = site.measure(change)
         except InputError:
             continue  # finer than the engine takes
         if error is not None:
-            remaining.append((error / site.error, refinement))
-    lowered = [(share, refinement) for share, refinement in remaining if share <= LOWERED]
-    lowered.sort(key=lambda lowering: lowering[0])
+            measured += 1
+            if error / site.error <= LOWERED:
+                lowered.append((error / site.error, refinement))
     if lowered:
+        lowered.sort(key=lambda lowering: lowering[0])
         effects = [f"{refinement.description} leaves {share:.2g}" for share, refinement in lowered]
         return because(lowered[0][1].cause, "; ".join(effects[:_NAMED]))
-    nothing = f"none of {len(remaining)} other knobs, turned one notch, lowers it by a fifth"
+    nothing = f"none of {measured} other knobs, turned one notch, lowers it by a fifth"
     if engine_study(site.engine).single_precision:
         rounds = f"{nothing}; it rounds to {_SINGLE:.1e}, as its study says"
         return because("single precision", rounds)
@@ -549,8 +493,7 @@ _STEPS = tuple(1e-2 / 2**k for k in range(8))  # 1e-2 to 7.8e-5 s: two decades a
 _STOCK_STEPS = _STEPS[:6]  # down to 3e-4 s: finer ones are no newcomer's, and cost the most
 # [s] characteristic time of machines with these steps, the mean of the named ones
 _STEPS_TIME = 1.36
-# To 0.16 s, an eighth of the time above.
-_COARSER = tuple(_STEPS[0] * 2 ** (k / 2) for k in range(1, 9))
+_COARSER = tuple(_STEPS[0] * 2 ** (k / 2) for k in range(1, 9))  # to 0.16 s, an eighth of that time
 _UNKNOWN = StepOrder(None, "the order of a plug-in is not known beforehand")
 
 
@@ -604,9 +547,8 @@ def converge_study(study: Study, chosen: Sequence[str] | None = None) -> Studies
 
     def sweep(wanted: tuple[EngineRuns, str, SweptParameter]) -> _Sweep:
         runs, name, parameter = wanted
-        uncertainty = uncertainties[runs.mechanism.name]
         own = options_for(name, study.options)
-        return _Sweep(runs, uncertainty, name, parameter, count, own)
+        return _Sweep(runs, uncertainties[runs.mechanism.name], name, parameter, count, own)
 
     with study.worker() as worker:
         moved, failures = runs_of(study, worker)
@@ -625,7 +567,7 @@ def converge_study(study: Study, chosen: Sequence[str] | None = None) -> Studies
         sweeps = all_in_order(sweep, wanted, study.jobs)
     machines: list[MachineStudies] = []
     for runs in solved:
-        swept = [each for each in sweeps if each.machine is runs]
+        swept = [sweep for sweep in sweeps if sweep.machine is runs]
         machines.append(_machine(runs, uncertainties[runs.mechanism.name], swept, absent))
     return Studies.made_here(machines=tuple(machines), failures=failures, jobs=study.timed_at_once)
 
@@ -716,13 +658,12 @@ class _Sweep:
     ) -> None:
         self.machine, self.uncertainty = machine, uncertainty
         self.name, self.parameter = name, parameter
+        # Options that stay as they are, the user's own among them
         self.fixed = {**parameter.base, **own}
-        """Options that stay as they are, the user's own among them."""
         self.of_step = "timestep" in parameter.options(parameter.values[0])
+        # The run with the parameter's error taken out
         self.without = None if parameter.without is None else self._record(parameter.without, 1)
-        """The run with the parameter's error taken out."""
-        self.records: list[RunRecord | None] = []
-        """One a value; None where the engine refused the options."""
+        self.records: list[RunRecord | None] = []  # None where the engine refused the options
         self.points: list[Point] = []
         for value in parameter.values:
             count.start(f"{machine.mechanism.name}: {name} {parameter.preset} {parameter.name}")
@@ -737,8 +678,21 @@ class _Sweep:
             self._measure(value)
             self.points.insert(0, self.points.pop())
             self.records.insert(0, self.records.pop())
-        self.study = self._study()
-        self.limit = self._limit()
+        self.study = SweepStudy(
+            engine=name,
+            engine_version=engine_class(name).version(),
+            preset=parameter.preset,
+            knob=parameter.name,
+            title=parameter.title,
+            unit=parameter.unit,
+            base=self.fixed,
+            settings=next((record.settings for record in self.records if record is not None), {}),
+            expected=parameter.expected,
+            why=parameter.why,
+            own=self.without is not None,
+            points=tuple(self.points),
+            curves=tuple(self._curve(quantity) for quantity in uncertainty),
+        )
 
     def _measure(self, value: float) -> None:
         if self.of_step:
@@ -789,24 +743,6 @@ class _Sweep:
     def _record(self, options: Mapping[str, Any], repeats: int) -> RunRecord:
         return self.machine.record(self._engine(options), repeats)
 
-    def _study(self) -> SweepStudy:
-        """The sweep as data, with laws and floors."""
-        return SweepStudy(
-            engine=self.name,
-            engine_version=engine_class(self.name).version(),
-            preset=self.parameter.preset,
-            knob=self.parameter.name,
-            title=self.parameter.title,
-            unit=self.parameter.unit,
-            base=self.fixed,
-            settings=next((each.settings for each in self.records if each is not None), {}),
-            expected=self.parameter.expected,
-            why=self.parameter.why,
-            own=self.without is not None,
-            points=tuple(self.points),
-            curves=tuple(self._curve(quantity) for quantity in self.uncertainty),
-        )
-
     def _curve(self, quantity: QuantityName) -> Curve:
         """Law and floor of one quantity along the sweep."""
         own = self.without is not None
@@ -816,7 +752,7 @@ class _Sweep:
         explained: Floor | None = None
         if self.without is not None:
             # What sets the error that is left with the parameter's own error taken out.
-            left = _error(self.without, quantity)
+            left = self.without.largest(_METRICS[quantity])
             if left is not None:
                 explained = self._floor(self.parameter.without or {}, quantity, (None, left))
         else:
@@ -844,19 +780,19 @@ class _Sweep:
         finer: Sequence[tuple[float, float]] = (),
     ) -> Floor:
         """Find what sets an error by changing other options there."""
-        value, error = at
+        (value, error), metric = at, _METRICS[quantity]
         site = Site(
             engine=self.name,
             settings=self._engine(options).settings,
             swept=tuple(self.parameter.options(self.parameter.values[0])),
             error=error,
             value=value,
-            measure=lambda change: _error(self._record({**options, **change}, 1), quantity),
+            measure=lambda change: self._record({**options, **change}, 1).largest(metric),
             constraints=ConstraintKinds.of(self.machine.mechanism),
         )
         return floor(site, self.uncertainty[quantity], finer)
 
-    def _limit(self) -> Extrapolated | None:
+    def limit(self) -> Extrapolated | None:
         """Limit of a sweep of the time step with the preset's other options."""
         if not self.of_step or self.parameter.base:
             return None
@@ -876,10 +812,6 @@ def _still_falls(ran: Sequence[tuple[float, float]]) -> bool:
     return np.log(larger / smaller) >= 0.5 * abs(np.log(before / last))
 
 
-def _error(record: RunRecord, quantity: QuantityName) -> float | None:
-    return record.position if quantity == "position" else record.torque
-
-
 def _torques(deviation: Curves) -> FloatArray:
     """Shape (number of stops, n)."""
     return np.array([deviation.torques[name] for name in sorted(deviation.torques)])
@@ -896,11 +828,13 @@ def _machine(
     absent: list[str],
 ) -> MachineStudies:
     """Studies of one machine, and the limits that follow from them."""
-    limits = {each.study.label: (each, each.limit) for each in sweeps if each.limit is not None}
-    rows: list[RichardsonLimit] = []
-    for sweep, extrapolated in limits.values():
-        rows.append(
-            RichardsonLimit(
+    positions: dict[str, FloatArray] = {}
+    limits: dict[str, RichardsonLimit] = {}
+    for sweep in sweeps:
+        extrapolated, label = sweep.limit(), sweep.study.label
+        if extrapolated is not None:
+            positions[label] = extrapolated.position
+            limits[label] = RichardsonLimit(
                 engine=sweep.study.engine,
                 preset=sweep.study.preset,
                 levels=extrapolated.levels,
@@ -911,22 +845,16 @@ def _machine(
                 estimate=extrapolated.estimate,
                 torque=_largest(extrapolated.torques),
             )
-        )
     pairs: list[LimitPair] = []
-    for (first, (_, one)), (second, (_, other)) in combinations(limits.items(), 2):
-        distance = largest(one.position - other.position)
+    for first, second in combinations(positions, 2):
+        distance = largest(positions[first] - positions[second])
         pairs.append(LimitPair(first=first, second=second, position=distance))
     return MachineStudies(
-        model=runs.mechanism.name,
-        mechanism=runs.mechanism,
-        mechanism_hash=runs.mechanism.content_hash,
-        launch_time=runs.runner.launch_time,
-        compared_to=runs.runner.end,
-        judged_to=runs.end,
+        **runs.compared_motion,
         uncertainty=uncertainty,
         uncertainty_source=runs.runner.uncertainties.source,
         studies=tuple(sweep.study for sweep in sweeps),
-        limits=tuple(rows),
+        limits=tuple(limits.values()),
         pairs=tuple(pairs),
         absent=tuple(absent),
     )

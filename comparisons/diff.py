@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, JsonValue
@@ -29,6 +29,7 @@ from .runs.results import COMPARED, Diagnosis, Machine, Metric, Outcome, Results
 
 __path__: list[str] = []  # names of earlier releases below this module: see renamed.py
 
+# Ranks of outcomes of engines that could run, the best first
 _RANKS = {
     Outcome.AGREES: 0,
     Outcome.NOT_JUDGED: 1,
@@ -37,7 +38,6 @@ _RANKS = {
     Outcome.FAILED: 4,
     Outcome.TIMED_OUT: 4,
 }
-"""Ranks of outcomes of engines that could run, the best first."""
 
 
 class Fate(StrEnum):
@@ -46,8 +46,7 @@ class Fate(StrEnum):
     SAME = "same verdict"
     BETTER = "better"
     WORSE = "worse"
-    FAILS = "fails"
-    """It did not fail before, or was not there."""
+    FAILS = "fails"  # it did not fail before, or was not there
     APPEARED = "appeared"
     VANISHED = "vanished"
     NOT_COMPARED = "not compared"
@@ -61,8 +60,8 @@ class QuantityChange:
     run: str
     old: Metric | None
     new: Metric | None
-    unknown: float
-    """Unknown part of the difference of both errors, in the quantity's unit."""
+    unknown: float  # part of the difference of both errors, in the quantity's unit
+    least: float  # factor by which an error must change to have moved
 
     @property
     def either(self) -> Metric:
@@ -74,27 +73,26 @@ class QuantityChange:
     @property
     def broke(self) -> bool:
         """Whether the verdict is worse: it exceeds its tolerance now, or is judged no longer."""
-        return _verdict_rank(self.new) > _verdict_rank(self.old)
+        ranks = {True: 0, None: 1, False: 2}
+        old, new = (None if metric is None else metric.holds for metric in (self.old, self.new))
+        return ranks[new] > ranks[old]
 
     @property
     def mended(self) -> bool:
         """It holds its tolerance now, and was there and did not before."""
-        return (
-            self.old is not None
-            and self.old.holds is not True
-            and self.new is not None
-            and self.new.holds is True
-        )
+        if self.old is None or self.new is None:
+            return False
+        return self.new.holds is True and self.old.holds is not True
 
     @property
     def by_tolerance(self) -> bool:
         """Tell whether the verdict differs, and would not had the tolerance stayed the same."""
-        old, size = self.old, _size(self.new)
-        if old is None or old.tolerance is None or size is None:
+        old, new = self.old, self.new
+        if old is None or old.tolerance is None:
             return False
-        if self.new is None or self.new.holds is None:
+        if new is None or new.holds is None or new.value is None:
             return False
-        return self.new.holds is not old.holds and (size <= old.tolerance) is old.holds
+        return new.holds is not old.holds and (abs(new.value) <= old.tolerance) is old.holds
 
     @property
     def factor(self) -> float | None:
@@ -110,37 +108,25 @@ class QuantityChange:
     @property
     def bounded(self) -> bool:
         """Tell whether one error is below what is unknown, so that the factor is a bound."""
-        return any((size or 0.0) < self.unknown for size in (_size(self.old), _size(self.new)))
+        return min(_size(self.old) or 0.0, _size(self.new) or 0.0) < self.unknown
 
-    def moved(self, factor: float) -> bool:
+    @property
+    def moved(self) -> bool:
         """Tell whether the error moved beyond what is unknown and the factor, or came or went."""
         old, new = _size(self.old), _size(self.new)
         if old is None or new is None:
             return (old is None) != (new is None)
         ratio = self.factor or 0.0
-        return abs(new - old) > self.unknown and not 1 / factor <= ratio <= factor
+        return abs(new - old) > self.unknown and not 1 / self.least <= ratio <= self.least
 
     @property
     def distance(self) -> float:
         """Larger of both errors over its tolerance; infinite for a missing event."""
-        return max(_excess(self.old), _excess(self.new))
-
-
-def _verdict_rank(metric: Metric | None) -> int:
-    if metric is None or metric.holds is None:
-        return 1
-    return 0 if metric.holds else 2
+        return max(metric.share or 0.0 for metric in (self.old, self.new) if metric is not None)
 
 
 def _size(metric: Metric | None) -> float | None:
     return None if metric is None or metric.value is None else abs(metric.value)
-
-
-def _excess(metric: Metric | None) -> float:
-    if metric is None or metric.holds is None:
-        return 0.0
-    size = _size(metric)
-    return size / metric.tolerance if size is not None and metric.tolerance else math.inf
 
 
 @dataclass(frozen=True)
@@ -149,8 +135,7 @@ class RunChange:
 
     old: Run | None
     new: Run | None
-    reason: str = ""
-    """Why the two are not of the same motion, so that they are not compared; '' where they are."""
+    reason: str = ""  # why the two are not of the same motion; '' where they are compared
     quantities: tuple[QuantityChange, ...] = ()
 
     @property
@@ -161,9 +146,17 @@ class RunChange:
         return run
 
     @property
+    def ranks(self) -> tuple[int | None, int | None]:
+        """Ranks of both outcomes; None for what is missing, not installed or not supported."""
+        old, new = (
+            None if run is None else _RANKS.get(run.outcome) for run in (self.old, self.new)
+        )
+        return old, new
+
+    @property
     def fate(self) -> Fate:
         """Change of its verdict."""
-        old, new = _rank(self.old), _rank(self.new)
+        old, new = self.ranks
         if new is None:
             return Fate.SAME if old is None else Fate.VANISHED
         failed = new == _RANKS[Outcome.FAILED]
@@ -183,28 +176,21 @@ class RunChange:
         if self.reason or self.old is None or self.new is None:
             return None
         old, new = self.old.diagnosis, self.new.diagnosis
-        return (old, new) if old and new and _named(old) != _named(new) else None
+        if old is None or new is None:
+            return None
+        first, now = ((d.leads, [cause.name for cause in d.named]) for d in (old, new))
+        return (old, new) if first != now else None
 
     @property
     def settings(self) -> dict[str, tuple[JsonValue, JsonValue]]:
         """Options of the engine whose values differ, old and new."""
-        if self.old is None or self.new is None:
-            return {}
-        old, new = self.old.settings, self.new.settings
-        return {
-            name: (old.get(name), new.get(name))
-            for name in {**old, **new}
-            if old.get(name) != new.get(name)
-        }
-
-
-def _rank(run: Run | None) -> int | None:
-    """Rank of its outcome; None for a run that is missing, not installed or not supported."""
-    return None if run is None else _RANKS.get(run.outcome)
-
-
-def _named(diagnosis: Diagnosis) -> tuple[str, ...]:
-    return diagnosis.leads, *(cause.name for cause in diagnosis.named)
+        changes: dict[str, tuple[JsonValue, JsonValue]] = {}
+        if self.old is not None and self.new is not None:
+            for name in self.old.settings | self.new.settings:
+                old, new = self.old.settings.get(name), self.new.settings.get(name)
+                if old != new:
+                    changes[name] = old, new
+        return changes
 
 
 class ReferenceChange(Spec):
@@ -222,8 +208,7 @@ class ReferenceChange(Spec):
 class Difference(Reported):
     """Changes from one comparison to another."""
 
-    factor: float
-    """Least by which an error must change to have moved."""
+    factor: float  # least by which an error must change to have moved
     runs: tuple[RunChange, ...] = field(repr=False)
     references: tuple[ReferenceChange, ...] = field(repr=False)
     versions: dict[str, tuple[str, str]]
@@ -234,20 +219,24 @@ class Difference(Reported):
     @cached_property
     def broken(self) -> tuple[QuantityChange, ...]:
         """Verdicts that are worse, the one farthest beyond its tolerance first."""
-        return self._sorted([each for each in self.quantities if each.broke])
+        broken = [change for change in self.quantities if change.broke]
+        return tuple(sorted(broken, key=lambda change: change.distance, reverse=True))
 
     @cached_property
     def mended(self) -> tuple[QuantityChange, ...]:
         """Verdicts that hold now, the one that was farthest beyond its tolerance first."""
-        return self._sorted([each for each in self.quantities if each.mended])
+        mended = [change for change in self.quantities if change.mended]
+        return tuple(sorted(mended, key=lambda change: change.distance, reverse=True))
 
     @cached_property
     def moved(self) -> tuple[QuantityChange, ...]:
         """Further errors that moved: first those that came, went or grew, by factor."""
-        others = [
-            q for q in self.quantities if q.moved(self.factor) and not q.broke and not q.mended
-        ]
-        return tuple(sorted(others, key=_growth, reverse=True))
+
+        def growth(change: QuantityChange) -> float:
+            return math.inf if change.factor is None else change.factor
+
+        others = [q for q in self.quantities if q.moved and not q.broke and not q.mended]
+        return tuple(sorted(others, key=growth, reverse=True))
 
     @property
     def quantities(self) -> tuple[QuantityChange, ...]:
@@ -256,15 +245,12 @@ class Difference(Reported):
 
     def of_fate(self, *fates: Fate) -> tuple[RunChange, ...]:
         """Runs of which one of these became."""
-        return tuple(each for each in self.runs if each.fate in fates)
+        return tuple(change for change in self.runs if change.fate in fates)
 
     @property
     def compared(self) -> int:
         """Number of runs that are in both and of the same motion."""
-        return sum(
-            _rank(r.old) is not None and _rank(r.new) is not None and not r.reason
-            for r in self.runs
-        )
+        return sum(None not in change.ranks and not change.reason for change in self.runs)
 
     @property
     def worse(self) -> bool:
@@ -281,35 +267,35 @@ class Difference(Reported):
     @property
     def summary(self) -> str:
         """One line: whether something broke, and how many of what changed."""
-        fates = Counter(each.fate for each in self.runs)
-        counts = [
-            (
-                len(self.references),
-                "figure of the reference moved",
-                "figures of the reference moved",
-            ),
-            (fates[Fate.VANISHED], "run is gone", "runs are gone"),
-            (fates[Fate.FAILS], "run fails", "runs fail"),
-            (fates[Fate.WORSE], "run is worse", "runs are worse"),
-            (len(self.broken), "verdict broke", "verdicts broke"),
-            (len(self.mended), "verdict mended", "verdicts mended"),
-            (fates[Fate.BETTER], "run is better", "runs are better"),
-            (fates[Fate.APPEARED], "run appeared", "runs appeared"),
-            (fates[Fate.NOT_COMPARED], "run not compared", "runs not compared"),
-        ]
-        shown = [
-            f"{number} {one if number == 1 else more}" for number, one, more in counts if number
-        ]
-        moved = (
+        fates = Counter(change.fate for change in self.runs)
+        counts = (
+            (len(self.references), "figure{s} of the reference moved"),
+            (fates[Fate.VANISHED], "run{s} {are} gone"),
+            (fates[Fate.FAILS], "run{s} fail{fails}"),
+            (fates[Fate.WORSE], "run{s} {are} worse"),
+            (len(self.broken), "verdict{s} broke"),
+            (len(self.mended), "verdict{s} mended"),
+            (fates[Fate.BETTER], "run{s} {are} better"),
+            (fates[Fate.APPEARED], "run{s} appeared"),
+            (fates[Fate.NOT_COMPARED], "run{s} not compared"),
+        )
+        shown: list[str] = []
+        for number, words in counts:
+            if number == 1:
+                shown.append("1 " + words.format(s="", are="is", fails="s"))
+            elif number:
+                shown.append(f"{number} " + words.format(s="s", are="are", fails=""))
+        shown.append(
             f"{len(self.moved)} of {len(self.quantities)} errors moved by more than a factor "
             f"{self.factor:g}"
         )
+        head = "Nothing could be compared"
         if self.worse:
             head = "Something broke"
-        else:
-            head = "Nothing broke" if self.passed else "Nothing could be compared"
+        elif self.passed:
+            head = "Nothing broke"
         runs = f"{self.compared} run{'' if self.compared == 1 else 's'} compared"
-        return f"{head}: {', '.join([*shown, moved])}; {runs}."
+        return f"{head}: {', '.join(shown)}; {runs}."
 
     def headline(self) -> str:
         """The summary."""
@@ -317,28 +303,20 @@ class Difference(Reported):
 
     def rows(self) -> Iterator[dict[str, object]]:
         """A quantity of a run a row, with its error before and now."""
-        for each in self.quantities:
-            values = [None if metric is None else metric.value for metric in (each.old, each.new)]
+        for change in self.quantities:
+            old, new = (metric and metric.value for metric in (change.old, change.new))
             yield {
-                "model": each.model,
-                "run": each.run,
-                "quantity": each.either.label,
-                "unit": each.either.unit,
-                "old": values[0],
-                "new": values[1],
-                "factor": each.factor,
-                "broke": each.broke,
-                "mended": each.mended,
-                "moved": each.moved(self.factor),
+                "model": change.model,
+                "run": change.run,
+                "quantity": change.either.label,
+                "unit": change.either.unit,
+                "old": old,
+                "new": new,
+                "factor": change.factor,
+                "broke": change.broke,
+                "mended": change.mended,
+                "moved": change.moved,
             }
-
-    @staticmethod
-    def _sorted(changes: Sequence[QuantityChange]) -> tuple[QuantityChange, ...]:
-        return tuple(sorted(changes, key=lambda each: each.distance, reverse=True))
-
-
-def _growth(change: QuantityChange) -> float:
-    return math.inf if change.factor is None else change.factor
 
 
 class Side(Spec):
@@ -359,23 +337,17 @@ class QuantityDifference(Spec):
     old: Side | None = Field(description="null: that result has no such quantity")
     new: Side | None
     unknown: Real | None = Field(
-        description="what both results leave unknown of the difference, in the quantity's unit; "
-        "null: all of it"
+        description="of the difference, by both results, in the quantity's unit; null: all of it"
     )
     factor: Real | None = Field(
-        description="new error over old one, errors below what is unknown taken as that; null: "
-        "one has no value, or "
-        "the old one is zero"
+        description="new error over old one, each at least what is unknown; null: one has no "
+        "value, or the old one is zero"
     )
-    bounded: bool = Field(
-        description="whether an error is below what is unknown, so that the factor is a bound"
-    )
+    bounded: bool = Field(description="whether an error is below what is unknown: a bound")
     broke: bool
     mended: bool
     moved: bool
-    by_tolerance: bool = Field(
-        description="whether the verdict is another one by its tolerance alone"
-    )
+    by_tolerance: bool = Field(description="whether the tolerance alone makes another verdict")
 
 
 class RunFate(Spec):
@@ -409,21 +381,20 @@ class DifferenceData(Spec):
     quantities: tuple[QuantityDifference, ...]
 
 
-def data(found: Difference) -> DifferenceData:
+def data(difference: Difference) -> DifferenceData:
     """All of a difference; the order is that of the runs."""
     runs: list[RunFate] = []
-    for each in found.runs:
-        old, new = (None if run is None else run.outcome for run in (each.old, each.new))
+    for change in difference.runs:
         runs.append(
             RunFate(
-                model=each.run.model,
-                run=each.run.label,
-                old=old,
-                new=new,
-                fate=each.fate,
-                reason=each.reason,
-                message=None if each.new is None else each.new.message,
-                settings=each.settings,
+                model=change.run.model,
+                run=change.run.label,
+                old=change.old and change.old.outcome,
+                new=change.new and change.new.outcome,
+                fate=change.fate,
+                reason=change.reason,
+                message=change.new and change.new.message,
+                settings=change.settings,
             )
         )
 
@@ -432,47 +403,33 @@ def data(found: Difference) -> DifferenceData:
             return None
         return Side(value=metric.value, tolerance=metric.tolerance, holds=metric.holds)
 
-    def finite(value: float | None) -> float | None:
-        return value if value is not None and math.isfinite(value) else None
-
     quantities: list[QuantityDifference] = []
-    for each in found.quantities:
-        quantities.append(
-            QuantityDifference(
-                model=each.model,
-                run=each.run,
-                quantity=each.either.label,
-                unit=each.either.unit,
-                old=side(each.old),
-                new=side(each.new),
-                unknown=finite(each.unknown),
-                factor=finite(each.factor),
-                bounded=each.bounded,
-                broke=each.broke,
-                mended=each.mended,
-                moved=each.moved(found.factor),
-                by_tolerance=each.by_tolerance,
-            )
+    for quantity, row in zip(difference.quantities, difference.rows(), strict=True):
+        # JSON has no infinity: a factor from zero, or all of an error unknown, is null.
+        unknown, factor = (
+            value if value is not None and math.isfinite(value) else None
+            for value in (quantity.unknown, quantity.factor)
         )
+        fields: dict[str, Any] = row | {"old": side(quantity.old), "new": side(quantity.new)}
+        fields |= {"unknown": unknown, "factor": factor, "bounded": quantity.bounded}
+        quantities.append(QuantityDifference(**fields, by_tolerance=quantity.by_tolerance))
     return DifferenceData(
-        passed=found.passed,
-        summary=found.summary,
-        factor=found.factor,
-        versions=found.versions,
-        conditions=found.conditions,
-        references=found.references,
+        passed=difference.passed,
+        summary=difference.summary,
+        factor=difference.factor,
+        versions=difference.versions,
+        conditions=difference.conditions,
+        references=difference.references,
         runs=tuple(runs),
         quantities=tuple(quantities),
     )
 
 
+# Least factor of a movement: tables show errors with two digits, and a tenth is what their second
+# digit tells.
 FACTOR = 1.1
-"""Least factor of a movement: tables show errors with two digits, and a tenth is what their second
-digit tells.
-"""
 _EPS = float(np.finfo(np.float64).eps)
-_SAME_END = 1e-6
-"""Relative difference of the ends of two compared motions up to which they are the same motion."""
+_SAME_END = 1e-6  # relative difference of the ends of two motions up to which they are the same
 
 
 def diff(
@@ -496,42 +453,41 @@ def diff(
     """
     if not (math.isfinite(factor) and factor > 1):
         raise InputError(f"factor = {factor!r} must be a finite number above 1.")
-    sides: list[_Side] = []
-    for given in (old, new):
-        if isinstance(given, Comparison):
-            sides.append(_Side(given.results))
-        else:
-            sides.append(_Side(given if isinstance(given, Results) else read_results(given)))
-    before, after = sides
-    runs: list[RunChange] = []
-    for name in before.runs | after.runs:
-        runs.append(_run_change(name, before, after))
+    before, after = _Side(old), _Side(new)
     references: list[ReferenceChange] = []
     conditions: list[str] = []
     for model, machine in before.machines.items():
         if model in after.machines:
             now = after.machines[model]
-            conditions += _conditions(machine, now)
-            if not _unlike(machine, now):
+            same = not _unlike(machine, now)
+            if machine.needs != now.needs:
+                asked, wanted = (
+                    ", ".join(f"{name} {text}" for name, text in needs.items()) or "none"
+                    for needs in (machine.needs, now.needs)
+                )
+                conditions.append(f"{model}: tolerances asked for: {asked}, now {wanted}.")
+            if same and not math.isclose(machine.judged_to, now.judged_to, rel_tol=_SAME_END):
+                conditions.append(
+                    f"{model}: predictable, and so judged, to {machine.judged_to:.6g} s, "
+                    f"now to {now.judged_to:.6g} s."
+                )
+            if same:
                 references += _reference_changes(machine, now)
-    versions = {
-        name: (version, after.versions[name])
-        for name, version in before.versions.items()
-        if after.versions.get(name, version) != version
-    }
-    return Difference(
-        factor=factor,
-        runs=tuple(runs),
-        references=tuple(references),
-        versions=versions,
-        conditions=tuple(conditions),
-    )
+    versions: dict[str, tuple[str, str]] = {}
+    for name, version in before.versions.items():
+        if after.versions.get(name, version) != version:
+            versions[name] = version, after.versions[name]
+    runs = [_run_change(name, before, after, factor) for name in before.runs | after.runs]
+    return Difference(factor, tuple(runs), tuple(references), versions, tuple(conditions))
 
 
 class _Side:
     """One of the two results: its machines, its runs, and versions of all that it names."""
 
-    def __init__(self, results: Results) -> None:
+    def __init__(self, given: Results | Comparison | str | Path) -> None:
+        results = given.results if isinstance(given, Comparison) else given
+        if not isinstance(results, Results):
+            results = read_results(results)
         self.machines = {machine.model: machine for machine in results.machines}
         self.runs: dict[tuple[str, str, str], Run] = {}
         self.versions = {
@@ -558,21 +514,9 @@ def _unlike(old: Machine, new: Machine) -> str:
     return ""
 
 
-def _conditions(old: Machine, new: Machine) -> Iterator[str]:
-    if old.needs != new.needs:
-        asked = [
-            ", ".join(f"{name} {text}" for name, text in each.needs.items()) or "none"
-            for each in (old, new)
-        ]
-        yield f"{old.model}: tolerances asked for: {asked[0]}, now {asked[1]}."
-    if not _unlike(old, new) and not math.isclose(old.judged_to, new.judged_to, rel_tol=_SAME_END):
-        yield (
-            f"{old.model}: predictable, and so judged, to {old.judged_to:.6g} s, "
-            f"now to {new.judged_to:.6g} s."
-        )
-
-
-def _run_change(name: tuple[str, str, str], before: _Side, after: _Side) -> RunChange:
+def _run_change(
+    name: tuple[str, str, str], before: _Side, after: _Side, factor: float
+) -> RunChange:
     old, new = before.runs.get(name), after.runs.get(name)
     machine, now = before.machines.get(name[0]), after.machines.get(name[0])
     if old is None or new is None or machine is None or now is None:
@@ -584,27 +528,31 @@ def _run_change(name: tuple[str, str, str], before: _Side, after: _Side) -> RunC
     # The model-equivalence check as a quantity: its largest value, of its tolerance.
     checks = _model_check(old), _model_check(new)
     if any(checks):
-        changes.append(QuantityChange(new.model, new.label, *checks, math.inf))
+        changes.append(QuantityChange(new.model, new.label, *checks, math.inf, factor))
     # Metrics that stand for themselves and were observed.
     for label in dict.fromkeys((m.name, m.subject) for m in (*old.metrics, *new.metrics)):
         metrics = old.metric(*label), new.metric(*label)
-        sides = zip(metrics, (old, new), (machine, now), strict=True)
-        known = [(metric, run, side) for metric, run, side in sides if metric is not None]
-        follows = any(metric.follows for metric, _, _ in known)
-        if not follows and any(metric.observed for metric, _, _ in known):
-            unknown = sum(_unknown(*each) for each in known)
-            changes.append(QuantityChange(new.model, new.label, *metrics, unknown))
+        unknown, follows, observed = 0.0, False, False
+        for metric, run, side in zip(metrics, (old, new), (machine, now), strict=True):
+            if metric is not None:
+                unknown += _unknown(metric, run, side)
+                follows = follows or metric.follows is not None
+                observed = observed or metric.observed
+        if observed and not follows:
+            changes.append(QuantityChange(new.model, new.label, *metrics, unknown, factor))
     return RunChange(old, new, reason, tuple(changes))
 
 
 def _model_check(run: Run) -> Metric | None:
     if run.equality is None or not run.equality.checks:
         return None
-    shares: list[float] = []
+    largest: float | None = 0.0
     for check in run.equality.checks:
-        if check.value is not None:
-            shares.append(check.value / check.tolerance)
-    largest = max(shares) if len(shares) == len(run.equality.checks) else None
+        # Without a number of every check there is no largest one.
+        if check.value is None or largest is None:
+            largest = None
+        else:
+            largest = max(largest, check.value / check.tolerance)
     return Metric(name="model equivalence", value=largest, unit="of its tolerance", tolerance=1.0)
 
 
@@ -629,14 +577,7 @@ def _unknown(metric: Metric, run: Run, machine: Machine) -> float:
 
 def _reference_changes(old: Machine, new: Machine) -> Iterator[ReferenceChange]:
     """Changes of figures within what both judge."""
-    end = min(old.judged_to, new.judged_to) * (1 + _SAME_END)
-
-    def change(
-        figure: str, unit: str, before: float | None, after: float | None, unknown: float
-    ) -> ReferenceChange:
-        return ReferenceChange(
-            model=old.model, figure=figure, unit=unit, old=before, new=after, unknown=unknown
-        )
+    end, model = min(old.judged_to, new.judged_to) * (1 + _SAME_END), old.model
 
     def figure(machine: Machine, name: str, subject: str | None) -> float | None:
         """None for an event that is not there by the end."""
@@ -649,9 +590,7 @@ def _reference_changes(old: Machine, new: Machine) -> Iterator[ReferenceChange]:
         ("launch_time", None, "s"),
         ("launch_speed", None, "m/s"),
     ]
-    for stop in old.release_times:
-        if stop in new.release_times:
-            figures.append(("release_time", stop, "s"))
+    figures += [("release_time", s, "s") for s in old.release_times if s in new.release_times]
     for name, subject, unit in figures:
         label = metric_label(name, subject)
         before, after = figure(old, name, subject), figure(new, name, subject)
@@ -664,6 +603,9 @@ def _reference_changes(old: Machine, new: Machine) -> Iterator[ReferenceChange]:
             uncertainty = stated.get(label, stated.get(name, missing))
             unknown += uncertainty + _EPS * abs(value or 0.0)
         if appeared or (before is not None and after is not None and abs(after - before) > unknown):
-            yield change(label, unit, before, after, unknown)
+            yield ReferenceChange(
+                model=model, figure=label, unit=unit, old=before, new=after, unknown=unknown
+            )
     if old.impacts != new.impacts and old.compared_to <= end:
-        yield change("impacts", "1", old.impacts, new.impacts, 0.0)
+        impacts = {"old": old.impacts, "new": new.impacts, "unknown": 0.0}
+        yield ReferenceChange(model=model, figure="impacts", unit="1", **impacts)

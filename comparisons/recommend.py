@@ -16,7 +16,7 @@ from __future__ import annotations
 import json
 import math
 import shlex
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -35,14 +35,13 @@ from ..models.errors import InputError, TrebucheckError
 from ..models.library.registry import Model, models, parameters_type
 from ..models.library.registry import model as named_model
 from ..models.mechanism import Body, Mechanism
-from ..models.problem import Problem, mechanism_of
 from ..models.shown import Reported
 from ..models.spec import Positive, Real, Spec
 from ..reference.certification.certificate import refusal
 from ..reference.solver import characteristic_time
 from .runs.process import in_order
 from .runs.record import EngineRuns, RunRecord
-from .runs.results import ResultFile
+from .runs.results import ComparedMotion, ResultFile
 from .runs.runner import Runner
 from .runs.study import Counter, RunOptions, Study, Until
 
@@ -59,16 +58,13 @@ class Asked(Spec):
             in two ways.
     """
 
-    position: Positive | None = Field(
-        default=None, description="distance of any marker at any sample [m]"
-    )
+    position: Positive | None = Field(default=None, description="of any marker at any sample [m]")
     torque: Positive | None = Field(
         default=None, description="of any stop's torque at any sample [N m, or N on points]"
     )
     torque_share: Positive | None = Field(
         default=None,
-        description="the same, as a share of the largest stop torque of each machine's own "
-        "reference",
+        description="the same, of the largest stop torque of each machine's own reference",
     )
     release: Positive | None = Field(default=None, description="of any stop's release [s]")
 
@@ -98,9 +94,7 @@ class Errors(Spec):
 
     position: Real | None = Field(description="[m]")
     torque: Real | None = Field(description="[N m, or N on points]")
-    torque_share: Real | None = Field(
-        description="of the largest stop torque of the machine's own reference"
-    )
+    torque_share: Real | None = Field(description="of the largest stop torque of the reference")
     release: Real | None = Field(description="[s]")
 
 
@@ -109,9 +103,7 @@ class Attempt(Spec):
 
     options: str = Field(description="name of the set")
     words: str
-    step: Real | None = Field(
-        description="longest step at which it reaches what is asked; None: it does not [s]"
-    )
+    step: Real | None = Field(description="longest that reaches what is asked; None: none [s]")
     wall_time: Real | None = Field(description="of the machine asked about, at that step, once [s]")
     steps_tried: tuple[Real, ...] = Field(description="[s]")
     worst: Real | None = Field(
@@ -126,9 +118,7 @@ class Choice(Spec):
     options: str = Field(description="name of the set")
     words: str
     preset: str
-    changes: dict[str, JsonValue] = Field(
-        description="what to set over the preset, the time step included"
-    )
+    changes: dict[str, JsonValue] = Field(description="over the preset, the time step included")
     settings: dict[str, JsonValue] = Field(description="every numerical option")
     step: Real = Field(description="[s]")
     here: Errors = Field(description="on the machine asked about")
@@ -164,22 +154,12 @@ class NeighbourMachine(Spec):
     mechanism_hash: str
 
 
-class Advice(Reported, ResultFile):
+class Advice(Reported, ComparedMotion, ResultFile):
     """Recommendations for one machine, and their evidence."""
 
     format: Literal["trebucheck-recommend-1"] = FORMAT
-    model: str
-    mechanism: Mechanism
-    mechanism_hash: str
     launch_time: Real | None = Field(
-        default=None,
-        description="of the reference [s]; None: it does not launch within what is compared",
-    )
-    compared_to: Real | None = Field(
-        default=None, description="end of the compared motion [s]; None: the launch"
-    )
-    judged_to: Real | None = Field(
-        default=None, description="that, or the predictability horizon if earlier [s]"
+        default=None, description="of the reference [s]; None: none, or later"
     )
     asked: Asked
     rule: str = Field(description="what the settings were measured on")
@@ -234,20 +214,16 @@ class TargetedRuns:
     @cached_property
     def allowed(self) -> dict[str, float]:
         """Largest error allowed, by quantity, in its own unit."""
-        torque = self.target.torque
-        if self.target.torque_share is not None:
-            torque = self.target.torque_share * self.largest_torque
-        limits = {
-            "position": self.target.position,
-            "torque": torque,
-            "release": self.target.release,
-        }
+        asked = self.target
+        limits = {"position": asked.position, "torque": asked.torque, "release": asked.release}
+        if asked.torque_share is not None:
+            limits["torque"] = asked.torque_share * self.largest_torque
         return {name: value for name, value in limits.items() if value is not None}
 
     def refuse_what_cannot_be_judged(self) -> None:
-        """Raises InputError for a quantity that the machine lacks.
+        """Raises InputError for a quantity that the machine lacks, or the reference hardly knows.
 
-        So it does where the reference is too uncertain to judge it.
+        Its uncertainty must leave the allowed error to be judged.
         """
         mechanism, trials = self.trials.mechanism, self.trials
         of_stops = self.allowed.keys() & {"torque", "release"}
@@ -276,35 +252,38 @@ class TargetedRuns:
     @cached_property
     def _released(self) -> list[str]:
         """Stops closed at the start that the reference releases within the compared time."""
-        times = self.trials.solution.release_times
-        due = [name for name, time in times.items() if time is not None and time <= self.trials.end]
-        return [name for name in due if self.trials.mechanism.stop(name).closed]
+        names: list[str] = []
+        for name, time in self.trials.solution.release_times.items():
+            due = time is not None and time <= self.trials.end
+            if due and self.trials.mechanism.stop(name).closed:
+                names.append(name)
+        return names
 
     def errors(self, trial: RunRecord) -> dict[str, float]:
         """Errors by quantity; infinite where the run failed or a release did not come."""
         if not trial.ran:
             return dict.fromkeys(_METRICS, math.inf)
-        values = [trial.value("release_time", name) for name in self._released]
-        releases = (math.inf if value is None else abs(value) for value in values)
-        return {
-            "position": math.inf if trial.position is None else trial.position,
-            "torque": math.inf if trial.torque is None else trial.torque,
-            "release": max(releases, default=0.0),
-        }
+        errors = {"position": trial.position, "torque": trial.torque, "release": 0.0}
+        for name in self._released:
+            error = trial.value("release_time", name)
+            late = math.inf if error is None else abs(error)
+            errors["release"] = max(errors["release"] or 0.0, late)
+        return {name: math.inf if error is None else error for name, error in errors.items()}
 
     def ratio(self, trial: RunRecord) -> float:
         """The largest error over what is allowed: up to 1 it is reached."""
         errors, allowed = self.errors(trial), self.allowed
         return max(errors[name] / limit if limit else math.inf for name, limit in allowed.items())
 
-    def described(self, trial: RunRecord) -> Errors:
+    def reported(self, trial: RunRecord) -> Errors:
         """Errors as the report has them."""
-        errors: dict[str, float | None] = dict.fromkeys(_METRICS)
+        errors: dict[str, float | None] = dict.fromkeys(Errors.model_fields)
         for name, value in self.errors(trial).items():
             if math.isfinite(value) and (name != "release" or self._released):
                 errors[name] = value
-        torque, peak = errors["torque"], self.largest_torque
-        return Errors(**errors, torque_share=None if torque is None or peak == 0 else torque / peak)
+        if errors["torque"] is not None and self.largest_torque:
+            errors["torque_share"] = errors["torque"] / self.largest_torque
+        return Errors(**errors)
 
 
 def unit_of(quantity: str, mechanism: Mechanism) -> str:
@@ -331,10 +310,9 @@ def read_torque(text: str) -> dict[str, float]:
 
 # Neighbours
 
+# Lengths, masses and gravity are varied up to these factors, up and down; start angles by so
+# much [rad].
 LENGTH, MASS, ANGLE, GRAVITY = 1.4, 2.5, 0.3, 1.4
-"""Lengths, masses and gravity are varied up to these factors, up and down; start angles by that
-much [rad].
-"""
 # In the order of the draws
 _FACTORS = {**dict.fromkeys(("l1", "l2", "r", "h"), LENGTH), "m_b": MASS, "m_cw": MASS, "m_a": MASS}
 _ANGLES = ("theta0", "phi0", "alpha0")
@@ -352,7 +330,10 @@ def of_parameters(name: str, parameters: Spec | None) -> Iterator[Neighbour]:
     base = (parameters or kind()).model_dump()
     random = np.random.default_rng(_SEED)
     while True:
-        drawn = {k: base[k] * _draw(random, most) for k, most in _FACTORS.items() if k in base}
+        drawn: dict[str, float] = {}
+        for key, most in _FACTORS.items():
+            if key in base:
+                drawn[key] = base[key] * _draw(random, most)
         for key in _ANGLES:
             if key in base:
                 drawn[key] = base[key] + float(random.uniform(-ANGLE, ANGLE))
@@ -389,12 +370,9 @@ RUNGS = 8
 # Of the machine's characteristic time. At twice this step even the best sets are not yet in the
 # range where their errors follow the order, and one machine says little of another.
 _LONGEST = 1 / 150
-SCREENED_AT = 1
-"""Index of the time step at which all neighbours are run, of the steps tried."""
-HARDEST = 6
-"""Neighbours that go on."""
-_SCOUTED_AT = 3
-"""Index of the time step at which the hardest machine shows how its error falls with the step."""
+SCREENED_AT = 1  # index of the time step, of the steps tried, at which all neighbours are run
+HARDEST = 6  # neighbours that go on
+_SCOUTED_AT = 3  # index of the step at which the hardest machine shows how its error falls
 _ORDERS = (0.1, 4.0)  # between which an order found over two steps is believed
 _DOUBT = 0.5  # error of such an order: a release inside a step scatters the errors
 _GAIN = 0.7  # the next level at least halves the step: an error of first order would halve, too
@@ -433,13 +411,10 @@ def ladder(characteristic_time: float) -> tuple[float, ...]:
 class RefinementLevel:
     """One refinement level: a time step, and the worst of the machines measured with it."""
 
-    step: float
-    worst: float
-    """Largest error over what is allowed."""
-    hardest: int
-    """Index of the machine of that."""
-    trials: dict[int, RunRecord]
-    """Trials by index of machine; the machine asked about is 0."""
+    step: float  # [s]
+    worst: float  # largest error over what is allowed
+    hardest: int  # index of the machine of that
+    trials: dict[int, RunRecord]  # by index of the machine; the machine asked about is 0
 
     @property
     def reached(self) -> bool:
@@ -454,8 +429,7 @@ class Sweep:
     options: OptionSet
     levels: dict[float, RefinementLevel] = field(default_factory=dict[float, RefinementLevel])
     note: str = ""
-    dropped: bool = False
-    """Given up by what one machine showed: none of its steps was run on the others."""
+    dropped: bool = False  # by what one machine showed: no step was run on the others
 
     @property
     def reached(self) -> RefinementLevel | None:
@@ -478,42 +452,43 @@ class Search:
     engine: str
     cases: Sequence[TargetedRuns]
     steps: Sequence[float]
-    jobs: int = 1
-    """Neighbours that are run at once."""
-    cheapest: float = math.inf
-    """Wall time of the cheapest settings found so far [s]."""
+    jobs: int = 1  # neighbours that are run at once
+    cheapest: float = math.inf  # wall time of the cheapest settings found so far [s]
     _hardest: int | None = field(default=None, init=False)
     """Index of the machine the first set did worst on."""
 
     def sweep(self, options: OptionSet) -> Sweep:
         """Give up at once, or measure all machines at one step, and refine from there."""
         sweep = Sweep(options)
-        if self._hardest is not None and self._is_hopeless(sweep, self._hardest):
-            sweep.dropped = True
-            return sweep
+        if self._hardest is not None:
+            # The machine that the first set did worst on may rule this one out.
+            panel = [self._hardest]
+            screened = self._level(sweep, panel, SCREENED_AT)
+            if math.isfinite(screened.worst) and not screened.reached:
+                guess = self._guess(sweep, panel)
+                if guess is not None and self._is_dearer(screened.trials[self._hardest], guess):
+                    sweep.note = "by the order found, it would cost more than what is recommended"
+                    guess = None
+                if guess is None:
+                    sweep.dropped = True
+                    return sweep
         sweep.levels.clear()
         panel = self._screen(sweep)
         if self._hardest is None:
             self._hardest = panel[0]
         start = self._guess(sweep, panel)
         if start is not None and self._level(sweep, panel, start).reached:
-            self._lengthen(sweep, panel, start - 1)
+            longer = start - 1
+            while longer >= 0 and self._level(sweep, panel, longer).reached:
+                longer -= 1
+            sweep.note = "reached at the longest step tried"
+            if longer >= 0:
+                sweep.note = "reached; a longer step does not"
         elif start is not None:
             self._shorten(sweep, panel, start)
         if sweep.reached:
             self.cheapest = min(self.cheapest, _wall(sweep.reached.trials[0]))
         return sweep
-
-    def _is_hopeless(self, sweep: Sweep, case: int) -> bool:
-        """Tell whether the machine that the first set did worst on rules the set out."""
-        screened = self._level(sweep, [case], SCREENED_AT)
-        if screened.reached or not math.isfinite(screened.worst):
-            return False
-        guess = self._guess(sweep, [case])
-        if guess is not None and self._is_dearer(screened.trials[case], guess):
-            sweep.note = "by the order found, it would cost more than what is recommended"
-            return True
-        return guess is None
 
     def _is_dearer(self, screened: RunRecord, index: int) -> bool:
         """Tell whether a step must cost more than the cheapest settings found so far."""
@@ -525,7 +500,7 @@ class Search:
         step = self.steps[SCREENED_AT]
 
         def trial(case: int) -> RunRecord:
-            return self._trial(case, sweep.options, step)
+            return self.trial(case, sweep.options, step)
 
         # The machine's own run is timed, with nothing beside it; of the others only the errors are
         # asked for.
@@ -539,7 +514,8 @@ class Search:
         sweep.levels[step] = RefinementLevel(step, ratios[panel[0]], panel[0], chosen)
         return panel
 
-    def _trial(self, case: int, options: OptionSet, step: float, repeats: int = 1) -> RunRecord:
+    def trial(self, case: int, options: OptionSet, step: float, repeats: int = 1) -> RunRecord:
+        """Run of a set of options at a step [s] on a machine, by its index."""
         return self.cases[case].trials.record(configured(self.engine, options, step), repeats)
 
     def _guess(self, sweep: Sweep, panel: list[int]) -> int | None:
@@ -563,14 +539,6 @@ class Search:
     def _first_step_within(self, longest: float) -> int:
         within = (i for i, step in enumerate(self.steps) if step <= longest)
         return next(within, len(self.steps) - 1)
-
-    def _lengthen(self, sweep: Sweep, panel: list[int], index: int) -> None:
-        """Try longer steps, as long as they reach the target."""
-        while index >= 0 and self._level(sweep, panel, index).reached:
-            index -= 1
-        sweep.note = "reached at the longest step tried"
-        if index >= 0:
-            sweep.note = "reached; a longer step does not"
 
     def _shorten(self, sweep: Sweep, panel: list[int], index: int) -> None:
         """Try shorter steps, as long as they help and cost less than what is recommended."""
@@ -599,7 +567,7 @@ class Search:
         trials: dict[int, RunRecord] = {}
         worst, hardest = 0.0, panel[0]
         for i in panel:
-            trials[i] = self._trial(i, sweep.options, step)
+            trials[i] = self.trial(i, sweep.options, step)
             ratio = self.cases[i].ratio(trials[i])
             if ratio >= worst:
                 worst, hardest = ratio, i
@@ -614,14 +582,10 @@ class Search:
         for sweep in sweeps:
             level = sweep.reached
             if level is not None and _wall(level.trials[0]) <= _DEARER * self.cheapest:
-                repeated = self._trial(0, sweep.options, level.step, _REPEATS)
+                repeated = self.trial(0, sweep.options, level.step, _REPEATS)
                 candidates.append((sweep, level, repeated))
         cheapest = min((_wall(trial) for _, _, trial in candidates), default=math.inf)
         return next((row for row in candidates if _wall(row[2]) <= _TIE * cheapest), None)
-
-    def over_all_steps(self, sweep: Sweep, case: int) -> list[tuple[float, RunRecord]]:
-        """One machine's trials at all steps from the screened one down, the longest first."""
-        return [(step, self._trial(case, sweep.options, step)) for step in self.steps[SCREENED_AT:]]
 
 
 def _wall(trial: RunRecord) -> float:
@@ -656,28 +620,28 @@ def classify(steps: Sequence[float], errors: Sequence[float], allowed: float, un
     best = min(range(len(kept)), key=lambda i: kept[i][1])
     (step, least), (last_step, last) = kept[best], kept[-1]
     if last > _RISES * least:
-        sentence = (
+        return Verdict(
+            Obstacle.ROUNDING,
             f"it grows again below a step of {step:g} s ({least:.1e} {unit}, but {last:.1e} {unit} "
             f"at {last_step:g} s, as 1/step^{-_slope(kept[best:]):.1f}), as rounding or what is "
-            "left by the solver's iteration does"
+            "left by the solver's iteration does",
         )
-        return Verdict(Obstacle.ROUNDING, sentence)
     flat = [h for h, e in kept if e <= _FLAT * least]
     if len(flat) == len(kept):
-        sentence = (
+        return Verdict(
+            Obstacle.CONSTANT,
             f"it does not depend on the step ({least:.1e} {unit} from {kept[0][0]:g} s to "
-            f"{last_step:g} s): another option or the method itself sets it"
+            f"{last_step:g} s): another option or the method itself sets it",
         )
-        return Verdict(Obstacle.CONSTANT, sentence)
     order = _slope(kept[-2:])
     if order >= _FALLS:
         needed = last_step * (allowed / last) ** (1 / order)
-        sentence = (
+        return Verdict(
+            Obstacle.STEP,
             f"it is still falling at the shortest step tried ({last:.1e} {unit} at {last_step:g} "
             f"s, order {order:.1f}); by that order some {needed:.1g} s would do, which was not "
-            "measured"
+            "measured",
         )
-        return Verdict(Obstacle.STEP, sentence)
     sentence = f"it no longer falls below a step of {flat[0]:g} s: "
     return Verdict(Obstacle.FLOOR, f"{sentence}a floor of {least:.1e} {unit} is met")
 
@@ -690,7 +654,7 @@ def _slope(points: Sequence[tuple[float, float]]) -> float:
 def explain(search: Search, sweeps: Sequence[Sweep]) -> Verdict:
     """Say why no set of an engine reaches the target: the best set, on its worst machine.
 
-    The whole ladder of steps is measured for it.
+    All steps from the screened one down are measured for it.
     """
     sweep = min(sweeps, key=lambda sweep: sweep.best.worst)
     level = sweep.best
@@ -699,16 +663,16 @@ def explain(search: Search, sweeps: Sequence[Sweep]) -> Verdict:
         trials = (trial for tried in sweep.levels.values() for trial in tried.trials.values())
         messages = (trial.message for trial in trials if trial.message)
         return Verdict(Obstacle.FAILURE, next(messages, "a stop does not release"))
-    measured = search.over_all_steps(sweep, level.hardest)
-    steps, errors = [h for h, _ in measured], [case.errors(trial) for _, trial in measured]
     hardest_errors = case.errors(level.trials[level.hardest])
     # The quantity that is furthest off; two of them have two causes, but the first must go before
     # the second shows.
     name = max(case.allowed, key=lambda name: hardest_errors[name] / case.allowed[name])
-    along, allowed = [error[name] for error in errors], case.allowed[name]
-    unit = unit_of(name, case.trials.mechanism)
-    verdict = classify(steps, along, allowed, unit)
-    least, step = min([(hardest_errors[name], level.step), *zip(along, steps, strict=True)])
+    allowed, unit = case.allowed[name], unit_of(name, case.trials.mechanism)
+    steps, errors = search.steps[SCREENED_AT:], list[float]()
+    for step in steps:
+        errors.append(case.errors(search.trial(level.hardest, sweep.options, step))[name])
+    verdict = classify(steps, errors, allowed, unit)
+    least, step = min([(hardest_errors[name], level.step), *zip(errors, steps, strict=True)])
     where = "this machine" if level.hardest == 0 else "its hardest neighbour"
     reached = (
         f"the best, {sweep.options.name!r} at {step:g} s, has an error of the {name} of "
@@ -774,12 +738,23 @@ def recommend_study(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) ->
         InputError: a name or value is not valid, the end does not come, or the reference is not
             certain enough to judge the target. A run that fails raises nothing.
     """
-    (model,) = study.models
+    (model,), (mechanism,) = study.models, study.mechanisms
     if not 0 <= neighbours <= _MOST_NEIGHBOURS:
         raise InputError(f"neighbours = {neighbours} must be between 0 and {_MOST_NEIGHBOURS}.")
     if not isinstance(model, str) and study.parameters is not None:
         raise InputError("parameters are for named machines; a mechanism holds its own values.")
     names = study.measured_engines
+    source = of_mechanism(mechanism)
+    varied = (
+        f"masses up to {MASS:g} times, gravity up to {GRAVITY:g} times (or as many times less)"
+        "; its geometry was not varied"
+    )
+    if isinstance(model, str) and model in models():
+        source = of_parameters(model, study.parameters)
+        varied = (
+            f"lengths up to {LENGTH:g} times, masses up to {MASS:g} times (or as many times less), "
+            f"start angles within {ANGLE:g} rad"
+        )
     with study.worker() as worker:
 
         def case(mechanism: Mechanism, until: Until, predictable: bool = False) -> TargetedRuns:
@@ -787,113 +762,90 @@ def recommend_study(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) ->
             runner = Runner(mechanism, worker, until, law, predictable=predictable)
             return TargetedRuns(EngineRuns(runner, study.store, curves=False), asked)
 
-        family = _family(model, study, neighbours, case)
-        words = _model_arguments(model, study.parameters)
-        words += () if study.until is None else ("--until", str(study.until))
-        installed = {name: engine_class(name).is_installed() for name in names}
-        sets = {name: option_sets(name) if installed[name] else () for name in names}
+        end = study.end_of(mechanism)
+        first = case(mechanism, end)
+        first.refuse_what_cannot_be_judged()
+        trials, launch_time = first.trials, first.trials.runner.launch_time
+        # What launches has neighbours that launch: another one is no trebuchet.
+        until = replace(end, required=launch_time is not None or end.required)
+        predictable = trials.end == trials.runner.end  # then so are its neighbours
+
+        def solved(neighbour: Neighbour) -> tuple[TargetedRuns, NeighbourMachine] | None:
+            """The neighbour; None where its motion has not the same end, or cannot be solved."""
+            machine, changes = neighbour
+            try:
+                runs = case(machine, until, predictable)
+            except TrebucheckError:
+                return None
+            return runs, NeighbourMachine(made_with=changes, mechanism_hash=machine.content_hash)
+
+        cases, rows = [first], list[NeighbourMachine]()
+        draws = islice(source, _DRAWS * neighbours)
+        with closing(in_order(solved, draws, study.jobs, ahead=2 * study.jobs)) as drawn:
+            for runs, row in islice(filter(None, drawn), neighbours):
+                cases.append(runs)
+                rows.append(row)
+        sets = dict.fromkeys(names, tuple[OptionSet, ...]())
+        for name in names:
+            if engine_class(name).is_installed():
+                sets[name] = option_sets(name)
         count = Counter(sum(map(len, sets.values())), study.progress)
-        advice = [_advice(name, sets[name], family, words, count, study.jobs) for name in names]
-    trials, drawn = family.cases[0].trials, len(family.neighbours)
-    rule = "measured on this machine alone: nothing is said of any other"
-    if drawn:
+        advice: list[EngineAdvice] = []
+        for name in names:
+            search = Search(name, cases, ladder(trials.time_scale), study.jobs)
+            advice.append(_advice(search, sets[name], _model_arguments(study), count))
+    rule, measured = "measured on this machine alone: nothing is said of any other", 0
+    if rows:
+        measured = min(HARDEST, len(rows))
         rule = (
-            f"measured on this machine and the worst {min(HARDEST, drawn)} of {drawn} neighbours "
-            f"drawn at random ({family.varied}); one in {drawn + 1} machines so drawn is worse "
+            f"measured on this machine and the worst {measured} of {len(rows)} neighbours "
+            f"drawn at random ({varied}); one in {len(rows) + 1} machines so drawn is worse "
             "than all of these"
         )
     return Advice.made_here(
-        model=trials.mechanism.name,
-        mechanism=trials.mechanism,
-        mechanism_hash=trials.mechanism.content_hash,
-        launch_time=trials.runner.launch_time,
-        compared_to=trials.runner.end,
-        judged_to=trials.end,
+        **trials.compared_motion,
         asked=asked,
         rule=rule,
-        neighbours=family.neighbours,
-        measured_neighbours=min(HARDEST, drawn),
+        neighbours=tuple(rows),
+        measured_neighbours=measured,
         engines=tuple(advice),
         jobs=study.timed_at_once,
     )
 
 
-class _Family(NamedTuple):
-    """The machine asked about and, after it, its neighbours."""
-
-    cases: tuple[TargetedRuns, ...]
-    neighbours: tuple[NeighbourMachine, ...]
-    varied: str
-
-
-def _family(
-    model: str | Mechanism | Problem,
-    study: Study,
-    count: int,
-    case: Callable[[Mechanism, Until, bool], TargetedRuns],
-) -> _Family:
-    mechanism, end = study.mechanisms[0], study.end_of(study.mechanisms[0])
-    first = case(mechanism, end, False)
-    first.refuse_what_cannot_be_judged()
-    if isinstance(model, str) and model in models():
-        source = of_parameters(model, study.parameters)
-        varied = (
-            f"lengths up to {LENGTH:g} times, masses up to {MASS:g} times (or as many times less), "
-            f"start angles within {ANGLE:g} rad"
-        )
-    else:
-        source = of_mechanism(mechanism)
-        varied = (
-            f"masses up to {MASS:g} times, gravity up to {GRAVITY:g} times (or as many times less)"
-            "; its geometry was not varied"
-        )
-    # What launches has neighbours that launch: another one is no trebuchet.
-    until = replace(end, required=first.trials.runner.launch_time is not None or end.required)
-    predictable = first.trials.end == first.trials.runner.end  # then so are its neighbours
-
-    def solved(neighbour: Neighbour) -> tuple[TargetedRuns, NeighbourMachine] | None:
-        """The neighbour; None where its motion has not the same end, or cannot be solved."""
-        machine, changes = neighbour
-        try:
-            runs = case(machine, until, predictable)
-        except TrebucheckError:
-            return None
-        return runs, NeighbourMachine(made_with=changes, mechanism_hash=machine.content_hash)
-
-    cases, rows = [first], list[NeighbourMachine]()
-    drawn = islice(source, _DRAWS * count)
-    with closing(in_order(solved, drawn, study.jobs, ahead=2 * study.jobs)) as neighbours:
-        for runs, row in islice(filter(None, neighbours), count):
-            cases.append(runs)
-            rows.append(row)
-    return _Family(tuple(cases), tuple(rows), varied)
-
-
 def _advice(
-    name: str,
-    sets: tuple[OptionSet, ...],
-    family: _Family,
-    words: tuple[str, ...],
-    count: Counter,
-    jobs: int,
+    search: Search, sets: tuple[OptionSet, ...], words: Sequence[str], count: Counter
 ) -> EngineAdvice:
     """Settings of one engine; `words` name the machine on the command line."""
+    name, trials = search.engine, search.cases[0].trials
     advice = EngineAdvice(engine=name, engine_version=engine_class(name).version(), choice=None)
     if not sets:
         return advice.model_copy(update={"message": f"{name} is not installed here."})
-    trials = family.cases[0].trials
-    search = Search(name, family.cases, ladder(trials.time_scale), jobs)
     sweeps: list[Sweep] = []
     # The most accurate first: what the others may cost follows from it
     for options in reversed(sets):
         count.start(f"{name}: {options.name}")
         sweeps.insert(0, search.sweep(options))
     chosen = search.chosen(sweeps)
-    advice = advice.model_copy(update={"attempts": tuple(map(_attempt, sweeps))})
+    attempts: list[Attempt] = []
+    for sweep in sweeps:
+        reached, worst = sweep.reached, sweep.best.worst
+        attempts.append(
+            Attempt(
+                options=sweep.options.name,
+                words=sweep.options.description,
+                step=reached.step if reached else None,
+                wall_time=reached.trials[0].wall_times[0] if reached else None,
+                steps_tried=tuple(sorted(sweep.levels, reverse=True)),
+                worst=worst if math.isfinite(worst) else None,
+                note=sweep.note,
+            )
+        )
+    advice = advice.model_copy(update={"attempts": tuple(attempts)})
     if chosen is None:
         verdict = explain(search, sweeps)
         return advice.model_copy(update={"obstacle": verdict.obstacle, "message": verdict.sentence})
-    choice = _choice(family.cases, *chosen)
+    choice = _choice(search.cases, *chosen)
     changes, duration = chosen[0].options.all_options(choice.step), trials.runner.end
     if trials.runner.launch_time:
         duration = _TO_A_LAUNCH * trials.time_scale
@@ -901,38 +853,25 @@ def _advice(
     return advice.model_copy(update={"choice": choice, "snippets": texts})
 
 
-def _attempt(sweep: Sweep) -> Attempt:
-    reached, worst = sweep.reached, sweep.best.worst
-    return Attempt(
-        options=sweep.options.name,
-        words=sweep.options.description,
-        step=reached.step if reached else None,
-        wall_time=reached.trials[0].wall_times[0] if reached else None,
-        steps_tried=tuple(sorted(sweep.levels, reverse=True)),
-        worst=worst if math.isfinite(worst) else None,
-        note=sweep.note,
-    )
-
-
 def _choice(
-    cases: tuple[TargetedRuns, ...], sweep: Sweep, level: RefinementLevel, repeated: RunRecord
+    cases: Sequence[TargetedRuns], sweep: Sweep, level: RefinementLevel, repeated: RunRecord
 ) -> Choice:
-    walls = sorted(repeated.wall_times)
-    changes = sweep.options.all_options(level.step)
-    others = [cases[i].described(trial) for i, trial in level.trials.items() if i != 0]
+    walls, options = sorted(repeated.wall_times), sweep.options
+    changes = options.all_options(level.step)
+    others = [cases[i].reported(trial) for i, trial in level.trials.items() if i != 0]
     worst: dict[str, float | None] = {}
     for name in Errors.model_fields:  # None if it is missing anywhere
         values: list[float | None] = [getattr(errors, name) for errors in others]
         known = [value for value in values if value is not None]
         worst[name] = max(known, default=None) if len(known) == len(values) else None
     return Choice(
-        options=sweep.options.name,
-        words=sweep.options.description,
-        preset=sweep.options.preset,
+        options=options.name,
+        words=options.description,
+        preset=options.preset,
         changes={k: list(v) if isinstance(v, tuple) else v for k, v in changes.items()},
         settings=repeated.settings,
         step=level.step,
-        here=cases[0].described(level.trials[0]),
+        here=cases[0].reported(level.trials[0]),
         worst_neighbour=Errors(**worst) if others else None,
         wall_time=walls[len(walls) // 2],
         wall_times=repeated.wall_times,
@@ -945,16 +884,17 @@ COMMAND, PYTHON = "trebucheck on the command line", "trebucheck in Python"
 _TO_A_LAUNCH = 2.0  # characteristic times: most launches come by then
 
 
-def _model_arguments(model: str | Mechanism | Problem, parameters: Spec | None) -> tuple[str, ...]:
-    """Arguments that name a machine on the command line."""
-    if not isinstance(model, str):
-        return ("--model", f"{mechanism_of(model).name}.json")
-    words, defaults = ["--model", model], parameters_type(model)()
-    usual = defaults.model_dump()
-    for name, value in (parameters or defaults).model_dump().items():
-        if value != usual[name]:
-            words += ["--set", f"{name}={value!r}"]
-    return tuple(words)
+def _model_arguments(study: Study) -> list[str]:
+    """Arguments of the command line that name the machine and the end."""
+    (model,), (mechanism,) = study.models, study.mechanisms
+    words = ["--model", f"{mechanism.name}.json"]
+    if isinstance(model, str):
+        words, defaults = ["--model", model], parameters_type(model)()
+        usual = defaults.model_dump()
+        for name, value in (study.parameters or defaults).model_dump().items():
+            if value != usual[name]:
+                words += ["--set", f"{name}={value!r}"]
+    return words if study.until is None else [*words, "--until", str(study.until)]
 
 
 def snippets(

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from threading import Lock
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, JsonValue
@@ -281,6 +281,18 @@ class EngineRuns:
         self._store, self._curves = store, curves
         self._known: dict[str, RunRecord] = {}
         self._locks: dict[str, Lock] = {}
+
+    @property
+    def compared_motion(self) -> dict[str, Any]:
+        """Fields of a :class:`.results.ComparedMotion`."""
+        return {
+            "model": self.mechanism.name,
+            "mechanism": self.mechanism,
+            "mechanism_hash": self.mechanism.content_hash,
+            "launch_time": self.runner.launch_time,
+            "compared_to": self.runner.end,
+            "judged_to": self.end,
+        }
 
     @property
     def time_scale(self) -> float:

@@ -72,6 +72,23 @@ class ResultFile(Spec):
         return self.model_copy(update={"command": command, "jobs": jobs})
 
 
+class ComparedMotion(Spec):
+    """Base of results on one mechanism: the reference motion that its runs are compared with."""
+
+    model: str
+    mechanism: Mechanism
+    mechanism_hash: str
+    launch_time: Real | None = Field(
+        description="of the reference [s]; None: it does not launch within what is compared"
+    )
+    compared_to: Real | None = Field(
+        default=None, description="end of the compared motion [s]; None: the launch"
+    )
+    judged_to: Real | None = Field(
+        default=None, description="that, or the predictability horizon if earlier [s]"
+    )
+
+
 class Outcome(StrEnum):
     """The verdict on a run; the text is what the table shows."""
 

@@ -270,7 +270,7 @@ class System:
     def now(self, sensor: SensorKey) -> FloatArray:
         """Values of a sensor at the current state, shape (1, components)."""
         values = self.main.GetSensorValues(self.sensors[sensor])
-        return np.atleast_2d(np.asarray(values, dtype=np.float64))
+        return np.array(values, dtype=np.float64, ndmin=2)
 
     @property
     def active(self) -> Contacts:

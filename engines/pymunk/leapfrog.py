@@ -137,8 +137,9 @@ class SlidingRod(CorrectedRod):
 
     def _anchor_across(self, row: Row, h: float) -> complex:
         """End on the line across from the other one, if both bodies keep their velocities."""
-        point = _predicted(row, self._b, h) + self._end_b * _turned(row, self._b, h)
-        local = (point - _predicted(row, self._a, h)) * _turned(row, self._a, h).conjugate()
+        local = _predicted(row, self._b, self._end_b, h)
+        if self._a >= 0:
+            local = (local - _predicted(row, self._a, 0j, h)) * _turned(row, self._a, h).conjugate()
         along = ((local - self._end_a) * self._axis.conjugate()).real
         return self._end_a + along * self._axis
 
@@ -190,9 +191,12 @@ class Pivot:
         self._joint.anchor_a = (anchor.real, anchor.imag)
 
 
-def _predicted(row: Row, k: int, h: float) -> complex:
-    """Position of a body after a while at constant velocity; of the ground, its origin [m]."""
-    return complex(row[k] + h * row[k + 3], row[k + 1] + h * row[k + 4]) if k >= 0 else 0j
+def _predicted(row: Row, k: int, arm: complex, h: float) -> complex:
+    """Position of a body's point after a while at constant rates; of the ground, the arm [m]."""
+    if k < 0:
+        return arm
+    centre = complex(row[k] + h * row[k + 3], row[k + 1] + h * row[k + 4])
+    return centre + arm * _turned(row, k, h) if arm else centre
 
 
 def _turned(row: Row, k: int, h: float) -> complex:
@@ -223,22 +227,23 @@ def _arc(angle: float, turn: float, x: float, y: float) -> tuple[float, float, f
 
 
 class Stepper:
-    """Moves an assembly step by step and keeps its states.
+    """Moves an assembly step by step, and keeps its states for as many steps as it is made for.
 
-    `rows[k]` is the state after step k: positions at t = k h, velocities half a step later in a
+    Row k is the state after step k: positions at t = k h, velocities half a step later in a
     leapfrog. The first step of a leapfrog only finds the velocity increment at the start, half of
     which is kept.
     """
 
-    def __init__(self, assembly: Assembly, h: float, hold_lengths: bool) -> None:
-        self.assembly, self.h, self.leapfrog = assembly, h, False
-        self.rows: list[Row] = []
-        self._initial: Row = []
-        self._half: Row = []  # the state at the start, and with the velocities of half a step later
+    def __init__(self, assembly: Assembly, h: float, hold_lengths: bool, steps: int = 0) -> None:
+        self.assembly, self.h, self.leapfrog, self.steps = assembly, h, False, 0
         self._space, self._buffer = assembly.space, cast("Any", pymunk.batch.Buffer())
         pymunk.batch.get_space_bodies(self._space, pymunk.batch.BodyFields.BODY_ID, self._buffer)
         identities = memoryview(self._buffer.int_buf()).cast("P").tolist()
         self._offsets = {identity: _WIDTH * i for i, identity in enumerate(identities)}
+        # Chipmunk appends to this memory. A row is to spare: it must not find it full, and grow it.
+        self._rows = np.zeros((steps + 2, _WIDTH * len(identities)))
+        self._buffer.set_float_buf(self._rows)
+        self._initial = self._half = self._rows[0]
         rods: list[CorrectedRod] = []
         for rod in assembly.rods:
             if rod.axis is None:
@@ -254,13 +259,8 @@ class Stepper:
         self._corrected = rods if hold_lengths else []
         self._sliding = [rod for rod in rods if isinstance(rod, SlidingRod)]
 
-    @property
-    def steps(self) -> int:
-        """Steps taken since the start."""
-        return len(self.rows) - 1
-
     def start(self, iterations: int, leapfrog: bool, settle: bool = False) -> None:
-        """Make `rows[0]`; in a leapfrog, with the velocities of half a step later.
+        """Make the first row; in a leapfrog, with the velocities of half a step later.
 
         Args:
             iterations: passes of the impulse solver.
@@ -269,31 +269,39 @@ class Stepper:
                 It has none to start from, so passes that follow their changes from step to step may
                 find a part of them only.
         """
-        self.leapfrog, self._initial, rates = leapfrog, self._read(), self.assembly.rates
+        self.leapfrog, rates = leapfrog, self.assembly.rates
+        self._initial = self._half = self._first_row()
         moves = leapfrog and self._holds_lengths and bool(np.any(rates))
-        pivots = self._pivots if moves else []
+        joints = [*self._corrected, *self._pivots] if moves else self._corrected
         if leapfrog:
-            for joint in (*self._corrected, *pivots):
-                joint.prepare(self._initial)
+            row = self._initial.tolist()
+            for joint in joints:
+                joint.prepare(row)
             self._keep_half(rates, iterations, settle)
-        self.rows = [self._read()]
-        self._half = self.rows[0]
+            self._half = self._first_row()
         if moves:
             # Half an increment misses the rods' lengths by O(h^3) where forces change at the start.
             # To undo that in the step after would be an error of O(h) in the forces, so the
             # velocities of the first step get what makes it end at those lengths.
-            for joint in (*self._corrected, *pivots):
-                joint.meet(self._half)
+            row = self._half.tolist()
+            for joint in joints:
+                joint.meet(row)
             self._keep_half(rates, iterations, settle)
-            for pivot in pivots:
-                pivot.begin(self._half)
-            self.rows = [self._read()]
+            for pivot in self._pivots:
+                pivot.begin(row)
+            self._first_row()
         # One step before the start, by the first velocity increment backwards.
-        earlier = self._before_start()
+        earlier, first = self._before_start(), self._rows[0].tolist()
         bodies = earlier.reshape(-1, _WIDTH)
         bodies[:, :3] -= self.h * bodies[:, 3:]
         for rod in self._corrected:
-            rod.begin(earlier.tolist(), self.rows[0])
+            rod.begin(earlier.tolist(), first)
+
+    def _first_row(self) -> FloatArray:
+        """The present state, taken for the first row."""
+        self._buffer.clear()
+        pymunk.batch.get_space_bodies(self._space, _FIELDS, self._buffer)
+        return self._rows[0].copy()
 
     def _keep_half(self, before: FloatArray, iterations: int, settle: bool) -> None:
         """Give the bodies their rates at the start, and half of their increment there."""
@@ -310,24 +318,33 @@ class Stepper:
             passes *= 2
         self.assembly.rates = before + increment / 2
 
-    def run(self, steps: int, iterations: int) -> None:
+    def run(
+        self, steps: int, iterations: int, after_step: Callable[[], None] | None = None
+    ) -> None:
         """Take some steps; a row each.
 
         Raises:
             SimulationError: ends of a rod meet, or numbers are not finite: impulses diverged.
         """
-        self._space.iterations = iterations
+        space, h, loads = self._space, self.h, self.assembly.loads
+        space.iterations = iterations
+        row = self._rows[self.steps].tolist()
         try:
             for _ in range(steps):
                 for rod in self._sliding:
-                    rod.move_anchor(self.rows[-1])
-                if self.assembly.loads:
-                    set_forces(self.assembly.loads, self._next_poses())
-                self._space.step(self.h)
-                row = self._read()
-                self.rows.append(row)
-                for rod in self._corrected:
-                    rod.aim(row)
+                    rod.move_anchor(row)
+                if loads:
+                    set_forces(loads, self._next_poses())
+                space.step(h)
+                pymunk.batch.get_space_bodies(space, _FIELDS, self._buffer)
+                self.steps += 1
+                # Where no rod is corrected, rows are read at the end, all at once.
+                if self._corrected or self._sliding:
+                    row = self._rows[self.steps].tolist()
+                    for rod in self._corrected:
+                        rod.aim(row)
+                if after_step is not None:
+                    after_step()
         except (ArithmeticError, ValueError):
             raise SimulationError(
                 f"pymunk lost the joints of {self.assembly.mechanism.name!r} "
@@ -351,10 +368,11 @@ class Stepper:
         """
         columns = [self._offsets[body.id] // _WIDTH for body in self.assembly.bodies]
 
-        def by_body(rows: Sequence[Row] | FloatArray) -> FloatArray:
+        def by_body(rows: FloatArray) -> FloatArray:
             return np.reshape(rows, (len(rows), -1, _WIDTH))[:, columns]
 
-        rows = by_body(self.rows[max(first - 1, 0) : None if last is None else last + 1])
+        last = self.steps if last is None else last
+        rows = by_body(self._rows[max(first - 1, 0) : last + 1])
         before, after, places = rows[:-1], rows[1:], rows[1:]
         if first == 0:
             # The start's increment is the one found there, continued backwards.
@@ -379,20 +397,16 @@ class Stepper:
     def _before_start(self) -> FloatArray:
         """The start's state with velocities that its increment has not changed yet."""
         if self.leapfrog:
-            return 2 * np.array(self._initial) - np.array(self._half)
-        return 2 * np.array(self.rows[0]) - np.array(self.rows[min(1, self.steps)])
-
-    def _read(self) -> Row:
-        self._buffer.clear()
-        pymunk.batch.get_space_bodies(self._space, _FIELDS, self._buffer)
-        return cast("Row", memoryview(self._buffer.float_buf()).cast("d").tolist())
+            return 2 * self._initial - self._half
+        return 2 * self._rows[0] - self._rows[min(1, self.steps)]
 
     def _next_poses(self) -> Callable[[pymunk.Body], Pose]:
         """Poses after the next step, with speeds extrapolated from the last two half steps."""
-        row, h = self.rows[-1], self.h
+        h, row = self.h, self._rows[self.steps].tolist()
         before = row
         if self.leapfrog:
-            before = self.rows[-2] if self.steps else self._before_start().tolist()
+            earlier = self._rows[self.steps - 1] if self.steps else self._before_start()
+            before = earlier.tolist()
 
         def pose_of(body: pymunk.Body) -> Pose:
             k = self._offsets[body.id]

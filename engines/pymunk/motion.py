@@ -138,7 +138,7 @@ class SteppedSegment:
         self.times = np.linspace(start, end, self.n + 1)  # times of the samples [s]
         active = _active_at_start(mechanism, h, options.pivot_mass)
         self.assembly = assembly = build(mechanism, active, options.error_bias, options.pivot_mass)
-        self.stepper = Stepper(assembly, h, options.hold_lengths)
+        self.stepper = Stepper(assembly, h, options.hold_lengths, self.n)
         self.releases: dict[str, float | None] = {
             stop.name: start if stop.closed and stop.name not in active else None
             for stop in mechanism.stops
@@ -157,8 +157,7 @@ class SteppedSegment:
         stepper.start(max(options.start_iterations, passes), options.leapfrog, settle)
         if not options.leapfrog:
             # The first step has no impulses to start from; a leapfrog has found them at the start.
-            stepper.run(1, options.start_iterations)
-            self._release_before_next(1)
+            stepper.run(1, options.start_iterations, self._release_before_next)
 
     def advance(self, last: int) -> None:
         """Step to a sample; loops whose impulses do not converge are refused."""
@@ -220,18 +219,19 @@ class SteppedSegment:
         return here, max(least, min(here.passes_to(TRACKED), MOST_PASSES))
 
     def _take_steps(self, last: int, iterations: int) -> None:
-        while self.assembly.stops and self.stepper.steps < last:
-            self.stepper.run(1, iterations)
-            self._release_before_next(self.stepper.steps)
-        self.stepper.run(max(last - self.stepper.steps, 0), iterations)
+        watch = self._release_before_next if self.assembly.stops else None
+        self.stepper.run(max(last - self.stepper.steps, 0), iterations, watch)
 
-    def _release_before_next(self, k: int) -> None:
-        """Release the stop whose torque vanishes next, if that is before sample k + 1."""
+    def _release_before_next(self) -> None:
+        """Release the stop whose torque vanishes next, if that is before the next sample."""
+        k, before, now = self.stepper.steps, self._impulses, dict[str, float]()
         # Impulses tell at no cost, but by their size only, whether one may soon be zero.
-        before = self._impulses
-        self._impulses = now = {name: joint.impulse for name, joint in self.assembly.stops.items()}
-        settled = k >= self.regimes[-1][0] + 3
-        if settled and all(now[name] >= _NEAR * abs(now[name] - before[name]) for name in now):
+        far = k >= self.regimes[-1][0] + 3 or not self.assembly.stops
+        for name, joint in self.assembly.stops.items():
+            now[name] = impulse = joint.impulse
+            far = far and impulse >= _NEAR * abs(impulse - before[name])
+        self._impulses = now
+        if far:
             return
         first = max(min(max(self.regimes[-1][0], k - 2), k - 1), 0)
         reading = MotionReading(self.assembly, self.stepper.samples(first))
