@@ -101,6 +101,7 @@ _BUILT: dict[str, tuple[Callable[[], Mechanism], float, StopLaw]] = {
     "stop and floor": (
         lambda: hanging_bob(angle_stop(1.0, 0.5), floor(1.9, 0.3)), 1.4, StopLaw.UNILATERAL,
     ),
+    "thrown": (lambda: tb.model("catapult"), 2.0, StopLaw.RELEASE_ONCE),
     "ball": (lambda: bouncing(0.3, 0.6), 1.1, StopLaw.UNILATERAL),
     "loop": (slider_crank, 0.9, StopLaw.RELEASE_ONCE),
     "chain": (chain_on_a_slot, 0.8, StopLaw.RELEASE_ONCE),
