@@ -25,6 +25,7 @@ $(VENV)/installed: $(SOURCES) constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(PIP) --constraint constraints.txt ".[test,lint]" ./paper
 	$(PIP) --force-reinstall --no-deps . ./paper
+	$(BIN)/python -c "import trebucheck.reference.kernel"  # compiled here, and not by each worker of the tests
 	rm -rf build *.egg-info paper/build paper/*.egg-info
 	touch $@
 

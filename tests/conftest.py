@@ -5,18 +5,17 @@ from __future__ import annotations
 import gc
 import math
 import os
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import plugin_engines
 import pytest
+import shared
 import trebucheck as tb
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from trebucheck.cli.app import main
-from trebucheck.comparisons.runs.process import Worker
 from trebucheck.engines.registry import engine_class, engine_names
 
 # Derandomised: a red run is red again on the next machine. `HYPOTHESIS_PROFILE=search` looks
@@ -37,11 +36,19 @@ PROFILE = os.environ.get("HYPOTHESIS_PROFILE", "ci")
 settings.load_profile(PROFILE)
 
 
-def machines(number: int) -> settings:
-    """Settings of a test of so many random machines; of a third of them with `make test`."""
-    return settings(max_examples=max(1, number // 3) if PROFILE == "few" else number)
+def fewer(number: Any, few: Any) -> Any:
+    """What a test takes of something: the second with `make test`, else the first."""
+    return few if PROFILE == "few" else number
 
 
+def machines(number: int, few: int | None = None) -> settings:
+    """Settings of a test of so many random machines; of fewer with `make test`, by default of a
+    third.
+    """
+    return settings(max_examples=fewer(number, max(1, number // 3) if few is None else few))
+
+
+shared.share_motions()
 again = pytest.mark.again
 """The same evidence on a further machine: left to `make test-all`."""
 
@@ -70,13 +77,16 @@ def _param(name: str) -> object:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    gc.disable()  # while thousands of tests are collected, none of which is garbage
     config.addinivalue_line("markers", "needs(*names): engines without which the test is skipped")
 
 
 def pytest_collection_finish() -> None:
     """The garbage collector need not go through all tests again and again."""
+    gc.enable()
     gc.collect()
     gc.freeze()
+    gc.set_threshold(20_000, 25, 25)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -100,12 +110,18 @@ def build(request: pytest.FixtureRequest) -> object:
     return request.param
 
 
-@pytest.fixture
-def third_party(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Engines announced by entry points, as an installed distribution announces them."""
+@pytest.fixture(scope="session")
+def _plug_ins(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One folder for all tests, so that processes that have it on their path serve them all."""
     folder = tmp_path_factory.mktemp("site")
     plugin_engines.announce(folder)
-    monkeypatch.syspath_prepend(str(folder))
+    return folder
+
+
+@pytest.fixture
+def third_party(_plug_ins: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Engines announced by entry points, as an installed distribution announces them."""
+    monkeypatch.syspath_prepend(str(_plug_ins))
 
 
 @pytest.fixture
@@ -133,34 +149,25 @@ def refused(
 
 
 @pytest.fixture(scope="session")
-def _idle_processes() -> Iterator[list[Any]]:
+def _idle_processes() -> Iterator[shared.Idle]:
     """Of commands that have ended."""
-    idle: list[Any] = []
+    idle: shared.Idle = []
     yield idle
-    for process in idle:
+    for _, process in idle:
         process.shutdown(wait=True, kill_workers=True)
 
 
-@pytest.fixture
-def kept_processes(monkeypatch: pytest.MonkeyPatch, _idle_processes: list[Any]) -> None:
-    """A command's processes go on to the next test: to start one takes longer than most tests."""
-    path, start, close = list(sys.path), Worker._start, Worker.close
-
-    def taken(worker: Worker) -> Any:
-        if (
-            not _idle_processes or sys.path != path
-        ):  # a plug-in on another path is found by a new process only
-            return start(worker)
-        worker._started.append(_idle_processes.pop())
-        return worker._started[-1]
-
-    def given_back(worker: Worker) -> None:
-        while sys.path == path and worker._started and len(_idle_processes) < 2:
-            _idle_processes.append(worker._started.pop())
-        close(worker)
-
-    monkeypatch.setattr(Worker, "_start", taken)
-    monkeypatch.setattr(Worker, "close", given_back)
+@pytest.fixture(autouse=True)
+def _shared(request: pytest.FixtureRequest, _idle_processes: shared.Idle) -> Iterator[None]:
+    """Motions of the reference, and processes, that tests of other things have had."""
+    marks = {mark.name for mark in request.node.iter_markers()}
+    of_the_reference = "verification" in request.path.parts
+    shared.switch_motions(not of_the_reference and "own_motions" not in marks)
+    if "own_processes" in marks:
+        yield
+        return
+    with shared.shared_processes(_idle_processes):
+        yield
 
 
 def machine_parameters() -> st.SearchStrategy[tb.TrebuchetParameters]:

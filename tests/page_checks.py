@@ -24,23 +24,35 @@ def looks(page: Page, call: str) -> Any:
     return page.evaluate(f"() => {{ const looks = {_LOOKS}; return looks.{call}; }}")
 
 
-def serious(page: Page) -> list[str]:
+_LAYOUT = ["scrollable-region-focusable", "link-in-text-block"]
+"""Rules of axe, beside contrast, whose results differ between screens and colours."""
+
+
+def serious(page: Page, *, seen_before: bool = False) -> list[str]:
     """Serious and critical violations that axe finds.
 
     Drawings whose boxes have names are left out. Contrast, which is most of the work, is judged of
     one text of each kind of place and colour.
+
+    Args:
+        seen_before: on another screen; rules that ask for the page's structure alone are not asked
+            again.
     """
     axe = pytest.importorskip(
         "axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed"
     )
     assert looks(page, "mark_alike()") > 0
     unnamed, contrast = ["[aria-hidden=true]"], "color-contrast"
-    every_other = {"rules": {contrast: {"enabled": False}}}
+    others: dict[str, Any] = {"rules": {contrast: {"enabled": False}}}
+    if seen_before:
+        others = {"runOnly": _LAYOUT}
     found: list[dict[str, Any]] = []
     for left_out, options in (
-        ([unnamed], every_other),
+        ([unnamed], others),
         ([unnamed, ["[data-alike]"]], {"runOnly": [contrast]}),
     ):
+        # What is in order is not described.
+        options |= {"resultTypes": ["violations"], "selectors": False}
         run = axe.Axe().run(page, context={"exclude": left_out}, options=options)
         found += run.response["violations"]
     return [_said(each) for each in found if each["impact"] in ("serious", "critical")]

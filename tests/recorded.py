@@ -22,6 +22,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+import recorded_engines
+import recorded_judging
 import trebucheck as tb
 import wrong_engines
 from mechanisms import (
@@ -348,6 +350,14 @@ CASES: dict[str, Callable[[], Any]] = {
         for engine in ("mujoco", "pymunk", "exudyn")
         for preset in ("tuned", "stock")
     },
+    **{
+        f"runs-{engine}-models": partial(recorded_engines.models, engine, inspected)
+        for engine in ("mujoco", "pymunk", "exudyn", "reference")
+    },
+    **{
+        f"runs-{engine}-events": partial(recorded_engines.motions, engine, summary)
+        for engine in ("mujoco", "pymunk", "exudyn")
+    },
     "compare-fixed": lambda: compared("fixed", "heavy", "torque-sign"),
     "compare-bouncing": lambda: compared("bob between", "earth-gravity", "releases-early"),
     "compare-loop": lambda: compared("loop", "late", "half-energy"),
@@ -361,6 +371,7 @@ CASES: dict[str, Callable[[], Any]] = {
     "judge-releases": lambda: judged("releases_early", "fixed", ".nc"),
     "conformance-degrees": lambda: conformance("wrong_engines:Wrong_degrees", "incline"),
     "conformance-full": lambda: conformance("dummy_engines:Full", "bead", "catapult"),
+    **recorded_judging.CASES,
 }
 
 

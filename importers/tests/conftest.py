@@ -2,8 +2,9 @@
 
 from conftest import (
     _idle_processes,
+    _plug_ins,
+    _shared,
     build,
-    kept_processes,
     pytest_collection_modifyitems,
     pytest_generate_tests,
     refused,
@@ -12,8 +13,9 @@ from conftest import (
 
 __all__ = [
     "_idle_processes",
+    "_plug_ins",
+    "_shared",
     "build",
-    "kept_processes",
     "pytest_collection_modifyitems",
     "pytest_generate_tests",
     "refused",

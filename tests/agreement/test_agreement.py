@@ -232,6 +232,7 @@ def test_a_rest_that_cannot_push_is_gone_at_the_start(engine_name: str, model: s
     assert (found["sling rest"] is None) == (expected["sling rest"] is None)
 
 
+@pytest.mark.own_motions
 def test_the_same_run_twice_is_the_same(engine_name: str) -> None:
     problem = tb.Problem(tb.rolling(), duration=1.0)
     first, second = (tb.engine(engine_name).simulate(problem) for _ in range(2))

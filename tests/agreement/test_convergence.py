@@ -25,7 +25,14 @@ from trebucheck.engines.study import SweptParameter
 from trebucheck.models.mechanism import Marker
 
 pytestmark = pytest.mark.slow
-BUILD = {"fixed": tb.fixed, "rolling": tb.rolling}
+MOTIONS: dict[str, tuple[tb.Mechanism, float | None]] = {
+    "fixed": (tb.fixed(), None),
+    "rolling": (tb.rolling(), None),
+    "rolling, to 1.6 s": (tb.rolling(), 1.6),
+}
+"""Both rests are open by 1.6 s; the whole throw, with the same laws of the other knobs, takes
+nearly twice as long.
+"""
 ENGINES = ("mujoco", "pymunk", "exudyn")
 
 # Of the issue: a limit's distance from the reference [m].
@@ -49,9 +56,9 @@ both = pytest.mark.parametrize("name", ["fixed", pytest.param("rolling", marks=a
 
 @cache
 def _machine(name: str, asked: tuple[str, ...]) -> MachineStudies:
-    return converge_study(
-        runs.Study([BUILD[name]()], list(ENGINES), isolate=False), list(asked)
-    ).machines[0]
+    mechanism, until = MOTIONS[name]
+    study = runs.Study([mechanism], list(ENGINES), until=until, isolate=False)
+    return converge_study(study, list(asked)).machines[0]
 
 
 @pytest.fixture(autouse=True)
@@ -107,16 +114,17 @@ def test_all_formulations_agree_pairwise(name: str) -> None:
     assert max(pair.position for pair in tuned) <= PAIRWISE
 
 
+@pytest.mark.parametrize("name", ["rolling, to 1.6 s", pytest.param("rolling", marks=again)])
 @pytest.mark.parametrize(("engine", "knob"), LAWS)
-def test_laws_of_the_other_knobs(engine: str, knob: str) -> None:
+def test_laws_of_the_other_knobs(engine: str, knob: str, name: str) -> None:
     # On the rolling machine, whose laws bend sooner; the page shows both.
-    machine = _machine("rolling", tuple(dict.fromkeys(name for _, name in LAWS)))
+    machine = _machine(name, tuple(dict.fromkeys(name for _, name in LAWS)))
     study = next(study for study in machine.studies if (study.engine, study.knob) == (engine, knob))
     law = study.curve("position").law
     assert law is not None
     assert study.expected == LAWS[engine, knob]
     assert abs(law.exponent - LAWS[engine, knob]) <= WITHIN
-    assert law.decades >= 1.0
+    assert law.decades >= 1.0 - 1e-9  # rounding of a decade's two ends
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,6 @@ LIBRARIES = ("mujoco", "pymunk", "exudyn")
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-@pytest.mark.usefixtures("kept_processes")
 def test_an_example_runs(
     path: Path,
     tmp_path: Path,

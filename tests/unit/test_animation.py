@@ -306,7 +306,7 @@ def test_a_gif_plays_the_motion_slower_about_events(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_an_mp4_is_one(tmp_path: Path) -> None:
     pytest.importorskip("imageio_ffmpeg")
-    bob = solve(tb.Problem(hanging_bob(), 1.0)).trajectory(np.linspace(0, 1, 101))
+    bob = solve(tb.Problem(hanging_bob(), 0.3)).trajectory(np.linspace(0, 0.3, 31))
     bob.animate().save(tmp_path / "motion.mp4", width=100)
     assert (tmp_path / "motion.mp4").read_bytes()[4:8] == b"ftyp"
 
@@ -377,10 +377,16 @@ def test_a_still_picture_is_of_its_instant(tmp_path: Path) -> None:
     assert "<animate" not in text and "t = 1.250 s" in text
 
 
-def test_an_svg_plays_by_itself_from_start_to_end(tmp_path: Path) -> None:
-    shown = _scene()
-    Animation((shown,)).save(tmp_path / "motion.svg")
-    text = (tmp_path / "motion.svg").read_text()
+@pytest.fixture(scope="module")
+def moving_svg(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Of the scene with one run."""
+    path = tmp_path_factory.mktemp("svg") / "motion.svg"
+    Animation((_scene(),)).save(path)
+    return path.read_text()
+
+
+def test_an_svg_plays_by_itself_from_start_to_end(moving_svg: str) -> None:
+    shown, text = _scene(), moving_svg
     root = ET.fromstring(text)
     assert "<script" not in text and "href" not in text and len(text) < 1_200_000
     stage, times = Stage(shown, 640), animation.play_times(shown, animation._SVG_RATE)
@@ -403,18 +409,16 @@ def test_an_svg_plays_by_itself_from_start_to_end(tmp_path: Path) -> None:
     assert "t = 0.000 s" in labels and f"t = {END:.3f} s" in labels
 
 
-def test_in_an_svg_traces_grow_and_stay(tmp_path: Path) -> None:
-    Animation((_scene(),)).save(tmp_path / "motion.svg")
-    paths = _layers(ET.fromstring((tmp_path / "motion.svg").read_text()), "path")
+def test_in_an_svg_traces_grow_and_stay(moving_svg: str) -> None:
+    paths = _layers(ET.fromstring(moving_svg), "path")
     assert not list(paths[0].iter(f"{SVG}path"))  # at the start there is none
     for path in paths[1:]:
         assert len(list(path.iter(f"{SVG}path"))) == 2 * len(_scene().drawing.compared)
         assert _visibility(path)[0] == ["hidden", "visible"]
 
 
-def test_a_program_that_plays_no_svg_shows_one_instant_with_its_traces(tmp_path: Path) -> None:
-    Animation((_scene(),)).save(tmp_path / "motion.svg")
-    root = ET.fromstring((tmp_path / "motion.svg").read_text())
+def test_a_program_that_plays_no_svg_shows_one_instant_with_its_traces(moving_svg: str) -> None:
+    root = ET.fromstring(moving_svg)
     (seen,) = [
         k for k, each in enumerate(_layers(root, "frame")) if each.get("visibility") == "visible"
     ]
@@ -508,7 +512,6 @@ def test_a_file_in_the_folder_s_place_is_told(tmp_path: Path, refused: Callable[
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("kept_processes")
 def test_animate_writes_a_problem_s_motion_and_that_of_files(
     tmp_path: Path, refused: Callable[..., str], capsys: pytest.CaptureFixture[str]
 ) -> None:

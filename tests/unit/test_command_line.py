@@ -15,8 +15,6 @@ from trebucheck.__main__ import main
 from trebucheck.comparisons.runs.results import Results
 from trebucheck.models.trajectory import load
 
-pytestmark = pytest.mark.usefixtures("kept_processes")
-
 FIELDS = list(tb.TrebuchetParameters.model_fields)
 
 

@@ -15,8 +15,6 @@ from trebucheck.engines.options import default_text
 from trebucheck.engines.registry import OptionRow, engine_names, option_table
 from trebucheck.models.trajectory import load
 
-pytestmark = pytest.mark.usefixtures("kept_processes")
-
 
 @pytest.mark.parametrize("name", ["reference", "mujoco", "pymunk", "exudyn"])
 def test_every_option_has_defaults_meaning_and_values(name: str) -> None:

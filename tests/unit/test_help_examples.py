@@ -11,8 +11,6 @@ from trebucheck.__main__ import main
 from trebucheck.cli.app import app
 from trebucheck.comparisons.runs.process import Worker
 
-pytestmark = pytest.mark.usefixtures("kept_processes")
-
 LONG = ("compare", "converge", "explain", "recommend", "paper", "certify", "animate")
 """Of these, all is done but for the work in their processes."""
 NEEDS = {

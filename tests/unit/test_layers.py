@@ -50,8 +50,13 @@ def _name(path: Path) -> str:
 NAMES = {_name(path): path for path in (*MODULES, *FRONT)}
 
 
-def _imports(path: Path) -> Iterator[tuple[str, bool]]:
+@cache
+def _imports(path: Path) -> tuple[tuple[str, bool], ...]:
     """Imported modules as dotted names from the package's root, and whether at module level."""
+    return tuple(_imported(path))
+
+
+def _imported(path: Path) -> Iterator[tuple[str, bool]]:
     tree = ast.parse(path.read_text())
     package = path.relative_to(ROOT).parts[:-1]
     top = set(map(id, tree.body))

@@ -21,8 +21,6 @@ from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.models.library.registry import model
 from trebucheck.reference.throw.throw import throw
 
-pytestmark = pytest.mark.usefixtures("kept_processes")
-
 NEW = ("catapult", "hinged", "floating-arm")
 
 

@@ -21,8 +21,6 @@ from trebucheck.models.errors import EngineNotInstalledError, InputError, Unwrit
 from trebucheck.models.trajectory import load, save
 from trebucheck.reference.throw.flight import Release, Surroundings, range_rate
 
-pytestmark = pytest.mark.usefixtures("kept_processes")
-
 LONG = "x" * 300
 """Longer than any file system's names."""
 DIGITS = "9" * 5000

@@ -14,8 +14,6 @@ from trebucheck.reference.solver import solve
 from trebucheck.reference.throw.flight import Air, Projectile, Surroundings, fly
 from trebucheck.reference.throw.throw import Throw, throw
 
-pytestmark = pytest.mark.usefixtures("kept_processes")
-
 
 @pytest.mark.slow
 @pytest.mark.parametrize(

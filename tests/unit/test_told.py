@@ -23,8 +23,6 @@ from trebucheck.comparisons.runs.runner import Runner, farthest
 from trebucheck.reference.certification import certify as certification
 from trebucheck.reference.certification.certificate import load_certificate
 
-pytestmark = pytest.mark.usefixtures("kept_processes")
-
 COMPARE = [
     "compare",
     "--model",

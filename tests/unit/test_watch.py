@@ -195,6 +195,7 @@ def test_a_solution_from_another_process_is_the_same_to_the_last_bit() -> None:
         assert there.uncertainties == here.uncertainties
 
 
+@pytest.mark.own_processes
 def test_a_worker_that_was_closed_leaves_no_process_behind() -> None:
     with Worker() as worker:
         pass
@@ -206,7 +207,6 @@ def test_a_worker_that_was_closed_leaves_no_process_behind() -> None:
 # the commands
 
 
-@pytest.mark.usefixtures("kept_processes")
 def test_one_machine_whose_reference_fails_costs_only_its_rows(
     tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
@@ -261,7 +261,6 @@ def test_every_command_stops_the_reference_in_time(
     assert "Traceback" not in said.err
 
 
-@pytest.mark.usefixtures("kept_processes")
 @pytest.mark.parametrize(
     ("command", "knobs"), [("converge", ["--knob", "iterations"]), ("explain", [])]
 )
@@ -284,7 +283,6 @@ def test_a_study_goes_on_after_a_machine_whose_reference_fails(
     assert page.count("the reference gave up") == 2
 
 
-@pytest.mark.usefixtures("kept_processes")
 def test_certificates_go_on_after_a_machine_that_cannot_be_moved(
     tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -324,6 +322,7 @@ def test_a_run_that_does_not_fit_into_memory_is_refused_before_it_starts(
     assert 1e-6 < float(valid[1]) < 1e-4
 
 
+@pytest.mark.own_motions
 def test_the_memory_that_is_estimated_is_at_least_what_a_run_takes() -> None:
     """Peak of what Python and NumPy allocate in a reference run, and of its copy from another
     process.
@@ -343,7 +342,6 @@ def test_the_available_memory_is_a_number_of_bytes() -> None:
     assert 1e7 < available_memory() < 1e15
 
 
-@pytest.mark.usefixtures("kept_processes")
 def test_a_step_of_a_nanosecond_is_refused_at_once(
     tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:

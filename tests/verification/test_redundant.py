@@ -74,14 +74,14 @@ def _both_of(
 
 
 @same_machines
-@machines(6)
+@machines(12, few=2)
 @given(parameters=machine_parameters())
 def test_same_motion_on_random_machines(build: Build, parameters: tb.TrebuchetParameters) -> None:
     _agree(*_both_of(build, parameters), samples=15)
 
 
 @same_machines
-@machines(6)
+@machines(12, few=2)
 @given(parameters=machine_parameters())
 def test_estimate_covers_the_distance_to_redundant_coordinates(
     build: Build, parameters: tb.TrebuchetParameters
