@@ -16,12 +16,10 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-import console
 import mjcf
-import notebook
 import trebucheck as tb
 import typer
-from mjcf_readme import readme
+from executed import refresh_notebook, refresh_page
 from trebucheck.cli.app import app
 from trebucheck.comparisons.compare import Comparison
 from trebucheck.comparisons.converge import Studies
@@ -225,7 +223,7 @@ def write_readme() -> None:
     readme = ROOT / "README.md"
     table = small_table((ROOT / "docs" / "agreement.md").read_text())
     readme.write_text(markdown.with_block(readme.read_text(), "table", table))
-    console.refresh(readme)
+    refresh_page(readme)
 
 
 def write_commands() -> None:
@@ -347,7 +345,7 @@ def write_mjcf() -> None:
         write_model_folder(mechanism, folder, motion=motion)
         page = folder / "README.md"
         importers = markdown.block(page.read_text(), "importers")  # by importers/generate.py
-        page.write_text(markdown.with_block(readme(name, motion), "importers", importers))
+        page.write_text(markdown.with_block(mjcf.readme(name, motion), "importers", importers))
         mjcf.draw(mechanism, motion, folder)
 
 
@@ -360,12 +358,12 @@ PARTS: dict[str, Callable[[], None]] = {
     "agreement": write_agreement,
     "motion": write_motion,
     "readme": write_readme,
-    "tutorial": lambda: console.refresh(ROOT / "docs" / "tutorial.md"),
+    "tutorial": lambda: refresh_page(ROOT / "docs" / "tutorial.md"),
     "commands": write_commands,
     "results": write_results,
     "matrix": write_matrix,
     "api": write_api,
-    "notebook": lambda: notebook.execute(ROOT / "examples" / "notebook.ipynb"),
+    "notebook": lambda: refresh_notebook(ROOT / "examples" / "notebook.ipynb"),
 }
 
 

@@ -13,6 +13,7 @@ that is started for it.
 from __future__ import annotations
 
 import ctypes
+import gc
 import math
 import os
 import pickle
@@ -74,7 +75,8 @@ def simulate_warm(runner: Engine, problem: Problem) -> Trajectory:
 
 
 def _import_this_module() -> None:
-    """Does nothing: a new process that is sent this has imported what calls need."""
+    """Freezes what a new process has imported, which is what calls need, as later imports are."""
+    gc.freeze()
 
 
 class TimeLimitError(SimulationError):
@@ -244,7 +246,21 @@ class Worker:
 
 def _submitted(pool: Any, *call: Any) -> Any:
     with block_sigint():
-        return pool.submit(*call)
+        return pool.submit(_with_imports_kept, *call)
+
+
+def _with_imports_kept(function: Callable[..., _Result], *given: Any) -> _Result:
+    """Make a call, and take the modules that it has imported out of collections of garbage.
+
+    loky collects after a call, at most once a second: with the engines' modules, some 180 000
+    objects that never go, that took a seventh of a comparison's time.
+    """
+    modules = len(sys.modules)
+    try:
+        return function(*given)
+    finally:
+        if len(sys.modules) > modules:
+            gc.freeze()
 
 
 FORKS = sys.platform == "linux" and hasattr(os, "pidfd_open")

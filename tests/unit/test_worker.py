@@ -6,6 +6,7 @@ What a call does to its own says a sentence, and no other call notices it.
 from __future__ import annotations
 
 import ctypes
+import gc
 import math
 import os
 import subprocess
@@ -56,6 +57,14 @@ def _fill(*_: object) -> None:
 
 def _fail(*_: object) -> None:
     raise _OddError(1, 2)
+
+
+def _frozen(*_: object) -> int:
+    return gc.get_freeze_count()
+
+
+def _importing(*_: object) -> None:
+    import turtledemo  # noqa: F401  (nothing else does)
 
 
 def _hang(*_: object) -> None:
@@ -221,3 +230,12 @@ def test_a_process_that_does_not_start_is_a_failure_and_is_ended(
         with pytest.raises(SimulationError, match="it crashed: its process ended by itself"):
             worker.call(_end, _Engine(), None)
         assert [pool.ended for pool in pools] == [True]
+
+
+def test_modules_are_no_garbage_to_collect_after_each_call() -> None:
+    # loky collects after calls: 180 000 objects of engines' modules took a seventh of a comparison.
+    with Worker() as worker:
+        imported = worker.call(_frozen, _Engine(), None)
+        worker.call(_importing, _Engine(), None)
+        more = worker.call(_frozen, _Engine(), None)
+    assert 10_000 < imported < more
