@@ -162,7 +162,7 @@ def script_json(value: object) -> Markup:
 def scene_data(shown: Scene) -> dict[str, Any]:
     """Data from which the script draws a scene; arrays in base64, little-endian, by frame."""
     drawing, reference = shown.drawing, shown.reference
-    mechanism = drawing.mechanism
+    mechanism = drawing.kinematics.mechanism
     stops = [name for name in drawing.stops if name in reference.stop_torques]
     stop_rows: list[list[Any]] = []
     for name in stops:

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from itertools import zip_longest
 from typing import Literal
 
 import numpy as np
@@ -80,15 +81,13 @@ def events_of(
         times = (run.release_times.get(stop) for run in runs.values())
         add("release", f"{stop} opens", stop, [released, *times])
     for stop in reference.mechanism.stops:
-        hits = [
-            [time for time, impulses in solver.impacts if impulses.get(stop.name, 0.0) > 0]
-            for solver in solvers
-        ]
-        count = min(max(map(len, hits)), _MOST_IMPACTS)
-        for k in range(count):
-            name = f"{stop.name} is hit" + (f" ({k + 1})" if count > 1 else "")
-            kth = [times[k] if k < len(times) else None for times in hits]
-            add("impact", name, stop.name, kth)
+        hits: list[list[float]] = []
+        for solver in solvers:
+            hits.append([t for t, impulses in solver.impacts if impulses.get(stop.name, 0.0) > 0])
+        shown = [*zip_longest(*hits)][:_MOST_IMPACTS]
+        for k, times in enumerate(shown, 1):
+            name = f"{stop.name} is hit" + (f" ({k})" if len(shown) > 1 else "")
+            add("impact", name, stop.name, times)
     if thrown is not None:
 
         def launch_of(solver: Trajectory) -> float | None:
@@ -179,10 +178,9 @@ class Scene:
         halfway = self.drawing.positions(self.states(middle))[:, compared]
         bend = np.linalg.norm(halfway - (points[1:] + points[:-1]) / 2, axis=-1).max(axis=-1)
         parts = np.ceil(np.sqrt(2000 * bend / self.drawing.size)).clip(1, 8)
-        times = [
-            np.linspace(a, b, int(n), endpoint=False)
-            for a, b, n in zip(self.t[:-1], self.t[1:], parts, strict=True)
-        ]
+        times: list[FloatArray] = []
+        for start, end, count in zip(self.t[:-1], self.t[1:], parts, strict=True):
+            times.append(np.linspace(start, end, int(count), endpoint=False))
         return np.append(np.concatenate(times), self.t[-1])
 
     def at(
@@ -212,11 +210,7 @@ class Scene:
 
     @cached_property
     def magnification(self) -> float:
-        """Factor by which deviations are magnified at first.
-
-        As asked for, or the power of ten that makes the largest deviation of any run at most an
-        eighth of the size.
-        """
+        """Factor by which deviations are magnified at first."""
         if self.magnify is not None:
             return self.magnify
         errors = [self.error(run) for run in self.runs]
@@ -224,6 +218,7 @@ class Scene:
         largest = max(known, default=0.0)
         if largest == 0:
             return 1.0
+        # The power of ten that makes the largest deviation at most an eighth of the size.
         return 10.0 ** np.clip(np.floor(np.log10(self.drawing.size / 8 / largest)), 0, 8)
 
 
@@ -301,13 +296,7 @@ def scene(
 
 
 def _grid(end: float, events: list[float], numbers: int) -> FloatArray:
-    """Times of the frames [s]: even, closer about events, and the events themselves.
-
-    Args:
-        end: of the grid [s].
-        events: [s].
-        numbers: that a frame needs.
-    """
+    """Times of the frames [s], of so many numbers each: even, closer about events, and these."""
     n = int(np.clip(_NUMBERS / numbers, _FEWEST, _FRAMES))
     times = [np.linspace(0.0, end, n)]
     near = events[:_MOST_EVENTS]
@@ -350,15 +339,14 @@ def _motion_of(
             if np.any(distance > np.maximum(allowed, _ROUNDING * drawing.size)):
                 aside[marker] = at_frames(beside)
 
-    def known(recorded: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        return {
-            name: at_frames(values[samples].reshape(len(samples), -1))
-            for name, values in recorded.items()
-            if np.isfinite(values).any()
-        }
-
-    torques = {stop: values[:, 0] for stop, values in known(trajectory.stop_torques).items()}
-    forces = known(trajectory.joint_reactions)
+    torques: dict[str, FloatArray] = {}
+    for stop, torque in trajectory.stop_torques.items():
+        if np.isfinite(torque).any():
+            torques[stop] = at_frames(torque[samples, None])[:, 0]
+    forces: dict[str, FloatArray] = {}
+    for joint, force in trajectory.joint_reactions.items():
+        if np.isfinite(force).any():
+            forces[joint] = at_frames(force[samples])
     return RunMotion(name, run.colour, run.dashed, at_frames(d), aside, torques, forces)
 
 
@@ -372,10 +360,9 @@ def resampled(trajectory: Trajectory) -> States:
     kinematics = trajectory.kinematics
     spline = CubicHermiteSpline(trajectory.t, trajectory.q, trajectory.u)
     rows = {m.name: kinematics.point(m.body, m.point) for m in trajectory.mechanism.markers}
-    beside = {
-        name: motion.position - kinematics.position(rows[name], trajectory.q)
-        for name, motion in trajectory.markers.items()
-    }
+    beside: dict[str, FloatArray] = {}
+    for name, motion in trajectory.markers.items():
+        beside[name] = motion.position - kinematics.position(rows[name], trajectory.q)
 
     def linear(t: FloatArray, values: FloatArray) -> FloatArray:
         if values.ndim == 1:
