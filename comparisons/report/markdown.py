@@ -11,9 +11,7 @@ from . import document as doc
 def text(document: doc.Document, *, signs: bool = False) -> str:
     """The document; its title is a heading where it has one.
 
-    Args:
-        signs: put the sign of its mark before each text and cell that has one, and strong cells in
-            bold.
+    `signs` puts the sign of its mark before each text and cell, and strong cells in bold.
     """
     title = f"# {document.title}" if document.title else ""
     return "\n\n".join(filter(None, (title, _blocks(document.blocks, signs)))) + "\n"

@@ -559,10 +559,8 @@ _MOST_HATCHES = 400
 def draw(mechanism: Mechanism, q: FloatArray | None = None) -> Drawing:
     """Draw a mechanism.
 
-    Args:
-        mechanism: any.
-        q: its motion, shape (n, n_q), from which the view and the lengths of guides and walls
-            follow; the start where left out.
+    The view, and lengths of guides and walls, follow from its motion `q`, shape (n, n_q); from the
+    start where left out.
     """
     q = np.array([mechanism.start], dtype=np.float64) if q is None else q
     sketch = Sketch(mechanism, q)
@@ -615,12 +613,7 @@ def _box(sketch: Sketch, shapes: tuple[Shape, ...], xy: FloatArray) -> Box:
 
 
 def polylines(shape: Shape, z: ComplexArray) -> list[ComplexArray]:
-    """Lines of a shape [m], x + i y; none of a disc and the rim of a wheel, which are circles.
-
-    Args:
-        shape: but for arrows and turns.
-        z: positions of the shape's points.
-    """
+    """Lines of a shape [m], x + i y, from its points; none of circles, arrows and turns."""
     size, lines = shape.size, list[ComplexArray]()
     match shape.kind:
         case "area":
