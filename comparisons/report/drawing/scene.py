@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from itertools import zip_longest
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -339,19 +339,17 @@ def _motion_of(
             if np.any(distance > np.maximum(allowed, _ROUNDING * drawing.size)):
                 aside[marker] = at_frames(beside)
 
-    torques: dict[str, FloatArray] = {}
-    for stop, torque in trajectory.stop_torques.items():
-        if np.isfinite(torque).any():
-            torques[stop] = at_frames(torque[samples, None])[:, 0]
-    forces: dict[str, FloatArray] = {}
-    for joint, force in trajectory.joint_reactions.items():
-        if np.isfinite(force).any():
-            forces[joint] = at_frames(force[samples])
-    return RunMotion(name, run.colour, run.dashed, at_frames(d), aside, torques, forces)
+    loads: list[dict[str, FloatArray]] = []
+    for recorded in (trajectory.stop_torques, trajectory.joint_reactions):
+        known = [name for name, values in recorded.items() if np.isfinite(values).any()]
+        loads.append({name: at_frames(recorded[name][samples]) for name in known})
+    return RunMotion(name, run.colour, run.dashed, at_frames(d), aside, *loads)
 
 
 def _linear(t: FloatArray, samples: FloatArray, values: FloatArray) -> FloatArray:
-    """Values by columns, at other times."""
+    """Values, or their columns, at other times."""
+    if values.ndim == 1:
+        return np.interp(t, samples, values)
     return np.stack([np.interp(t, samples, column) for column in values.T], axis=1)
 
 
@@ -364,25 +362,21 @@ def resampled(trajectory: Trajectory) -> States:
     for name, motion in trajectory.markers.items():
         beside[name] = motion.position - kinematics.position(rows[name], trajectory.q)
 
-    def linear(t: FloatArray, values: FloatArray) -> FloatArray:
-        if values.ndim == 1:
-            return np.interp(t, trajectory.t, values)
-        return _linear(t, trajectory.t, values)
-
     def at(t: FloatArray) -> Trajectory:
         t = np.clip(t, trajectory.t[0], trajectory.t[-1])
+        linear = partial(_linear, t, trajectory.t)
         q, u = np.asarray(spline(t)), np.asarray(spline(t, 1))
         markers: dict[str, PointMotion] = {}
         for name, motion in trajectory.markers.items():
-            position = kinematics.position(rows[name], q) + linear(t, beside[name])
-            markers[name] = PointMotion(position, linear(t, motion.velocity))
-        energies = ("kinetic_energy", "potential_energy")
-        values = {name: linear(t, getattr(trajectory, name)) for name in energies}
-        forces = {
-            kind: {name: linear(t, force) for name, force in getattr(trajectory, kind).items()}
-            for kind in ("stop_torques", "joint_reactions", "joint_gaps")
-        }
-        return dataclasses.replace(trajectory, t=t, q=q, u=u, markers=markers, **values, **forces)
+            position = kinematics.position(rows[name], q) + linear(beside[name])
+            markers[name] = PointMotion(position, linear(motion.velocity))
+        values: dict[str, Any] = {}
+        for energy in ("kinetic_energy", "potential_energy"):
+            values[energy] = linear(getattr(trajectory, energy))
+        for kind in ("stop_torques", "joint_reactions", "joint_gaps"):
+            recorded: Mapping[str, FloatArray] = getattr(trajectory, kind)
+            values[kind] = {name: linear(force) for name, force in recorded.items()}
+        return dataclasses.replace(trajectory, t=t, q=q, u=u, markers=markers, **values)
 
     return at
 
