@@ -14,9 +14,16 @@ from threading import Lock
 from typing import Any, Literal, Self, TypedDict, Unpack
 
 from ...engines import registry
-from ...engines.given import Engines, Names, engines_of
 from ...engines.protocol import Engine
-from ...engines.registry import engine_class, engine_names, options_for, refuse_unknown_options
+from ...engines.registry import (
+    Engines,
+    Names,
+    engine_class,
+    engine_names,
+    engines_of,
+    options_for,
+    refuse_unknown_options,
+)
 from ...models.errors import InputError
 from ...models.launch import LAUNCH_ANGLE
 from ...models.library.registry import Models, find_benchmark, library_problem, model, several
