@@ -12,8 +12,8 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-from ..engines.given import Engines, Names
 from ..engines.protocol import Engine
+from ..engines.registry import Engines, Names
 from ..models.errors import InputError, SimulationError, UnwritableError
 from ..models.files import read_bytes
 from ..models.library.registry import Models

@@ -329,9 +329,8 @@ def _errors(run: Run, machine: Machine) -> Iterator[Error]:
         metrics = [metric for metric in run.metrics if metric.name == name]
         if not metrics:
             continue
-        quantity, scales = QUANTITIES[name], machine.scales
-        if quantity.invariant and machine.whole_scales:
-            scales = machine.whole_scales
+        quantity = QUANTITIES[name]
+        scales = machine.scales_for(invariant=quantity.invariant)
         # Errors as parts of the quantity's scale; infinite where there is no value
         parts: dict[str, float] = {}
         for metric in metrics:

@@ -42,7 +42,7 @@ from trebucheck.comparisons.diagnosis.faults import machine_suspects, systematic
 from trebucheck.comparisons.diagnosis.readings import all_readings
 from trebucheck.comparisons.judge import judge_file
 from trebucheck.comparisons.runs.study import Study
-from trebucheck.conformance.suite import References, Suite, Target
+from trebucheck.conformance.suite import Suite, Target
 from trebucheck.engines.registry import ANNOUNCED
 from trebucheck.models.trajectory import save
 from trebucheck.reference.certification.certify import certify
@@ -227,7 +227,7 @@ def conformance(engine: str, *problems: str) -> list[Any]:
     """Every verdict of the suite on an engine, which is forgotten after it."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(ANNOUNCED, "")
-        suite = Suite(Target.of(engine), problems, References(), isolate=False)
+        suite = Suite(Target.of(engine), problems, isolate=False)
         return [json.loads(verdict.model_dump_json()) for verdict in suite.verdicts()]
 
 
