@@ -278,6 +278,19 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
     ],
 }
 """Options over the preset's that are seldom set."""
+AT_LIMITS: dict[str, list[dict[str, Any]]] = {
+    "mujoco": [
+        {"solref": (0.004, 1.0), "timestep": 1e-3},
+        {"solref": (0.0039, 1.0), "timestep": 1e-3},
+        {"solimp": (0.9999, 0.5, 0.001, 0.5, 2.0)},
+        {"solimp": (0.5, 0.9999, 0.001, 0.5, 2.0)},
+        {"tolerance": 0.0, "iterations": 1, "margin": 0.01},
+        {"locate_releases": False, "preload": False, "keep_limits": False},
+    ],
+    "pymunk": [{"iterations": 1, "start_iterations": 1}, {"pivot_mass": 1.0}, {"error_bias": 1.0}],
+    "exudyn": [{"newton_relative": 1e-2, "newton_absolute": 1e-2}, {"spectral_radius": 0.0}],
+}
+"""Options at which a refinement, or the removal of a cause, ends; for tables of studies alone."""
 _NEARER = 0.05
 """[rad] Of what is soft, of first order or not located: of a motion over two radians."""
 
@@ -305,8 +318,8 @@ def studied(engine: str) -> list[Any]:
     """What an engine says of its options: causes of error, refinements, sets of options, orders."""
     study = engine_study(engine)
     found: list[Any] = []
-    mechanisms = (None, tb.hinged(), slider_crank())
-    every: list[dict[str, Any]] = [{}, *VARIANTS.get(engine, [])]
+    mechanisms = (None, tb.hinged())
+    every = [{}, *VARIANTS.get(engine, []), *AT_LIMITS.get(engine, [])]
     for preset in ("tuned", "stock"):
         for options in every:
             made = tb.engine(engine, preset, **options)
