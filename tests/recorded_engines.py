@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import trebucheck as tb
 from mechanisms import angle_stop, body_of, chain, hanging_bob, pin, slider_crank
-from trebucheck.comparisons.diagnosis.equivalence import check_model
+from trebucheck.comparisons.diagnosis.equivalence import check_model, random_states
 from trebucheck.engines.registry import causes_of, engine_study
 from trebucheck.engines.study import ConstraintKinds
 from trebucheck.models.elements import (
@@ -42,12 +42,14 @@ def between() -> Mechanism:
     """
     rest = Stop(name="between", body="upper", relative_to="lower", sense=-1, limit=-0.1,
                 closed=True)  # fmt: skip
-    return chain(rest, start_speeds=(0.8, 0.8))
+    # Without a load pymunk has a point mass of the lower body
+    pull = ConstantForce(name="pull", body="lower", point=(0.1, 0.2), force=(2.0, -1.0))
+    return chain(rest, start_speeds=(0.8, 0.8), force_elements=(pull,))
 
 
 def level() -> Mechanism:
     """The lower body of a chain is held by the ground, which it is not pinned to."""
-    rest = Stop(name="level", body="lower", sense=-1, limit=-0.2, closed=True)
+    rest = Stop(name="level", body="lower", sense=1, limit=0.2, closed=True)
     return chain(rest, start_speeds=())
 
 
@@ -59,7 +61,7 @@ def braced(named: str = "bob") -> Mechanism:
     """
     other = "arm" if named == "bob" else "bob"
     angle = {"arm": 0.4, "bob": 1.3}
-    sense = -1 if named == "bob" else 1
+    sense = 1 if named == "bob" else -1
     limit = sense * (angle[named] - angle[other])
     rest = Stop(name="rest", body=named, relative_to=other, sense=sense, limit=limit, closed=True)
     return Mechanism(
@@ -227,6 +229,8 @@ def models(engine: str, shown: Callable[[Any, Mechanism], Any]) -> list[Any]:
             found.append([name, type(error).__name__])
             continue
         assert equality.holds, (name, equality.broken)
+        held = any(state.closed for state in random_states(mechanism))
+        assert held == bool(mechanism.stops), name
         found.append([name, shown(solver, mechanism)])
     return found
 
