@@ -79,13 +79,7 @@ def physical_numbers(
         mechanism: whose motion it is.
         thrown: the marker whose motion counts; all markers if left out.
     """
-    elements = (*mechanism.joints, *mechanism.stops, *mechanism.force_elements)
-    refuse_unknown("The table of sensitivities", elements)
-    described: list[PhysicalNumber] = []
-    for kind in ("bodies", "joints", "stops", "force_elements", "markers"):
-        for part in getattr(mechanism, kind):
-            if kind != "markers" or thrown in (None, part.name):
-                described += _of_fields(part, f"{kind}.{part.name}")
+    described = [*_of_elements(mechanism, thrown)]
     described.append(PhysicalNumber("gravity", "m/s^2", mechanism.gravity, {"gravity": 1.0}))
     directions = consistent_directions(mechanism, [number.direction for number in described])
     known: list[PhysicalNumber] = []
@@ -109,6 +103,15 @@ def physical_numbers(
         for j in torn
     ]
     return [number for j, number in enumerate(known) if j not in torn], sentences
+
+
+def _of_elements(mechanism: Mechanism, thrown: str | None) -> Iterator[PhysicalNumber]:
+    elements = (*mechanism.joints, *mechanism.stops, *mechanism.force_elements)
+    refuse_unknown("The table of sensitivities", elements)
+    for kind in ("bodies", "joints", "stops", "force_elements", "markers"):
+        for part in getattr(mechanism, kind):
+            if kind != "markers" or thrown in (None, part.name):
+                yield from _of_fields(part, f"{kind}.{part.name}")
 
 
 def _of_fields(part: Spec, path: str) -> Iterator[PhysicalNumber]:
