@@ -28,16 +28,12 @@ from .results import Metric
 from .scales import Scales, away_from_poles, scales_until
 from .stretching import PARTED, Stretching, parting
 
-EVENT_GUARD = 1.5
-"""Steps around an event within which a sample may fall on its other side."""
-THROWN = "projectile"
-"""The marker whose launch is measured, unless another one is named."""
-SAME_END = 1e-9
-"""Part of the end by which an event may lie beyond it and still be within."""
+EVENT_GUARD = 1.5  # steps around an event within which a sample may fall on its other side
+THROWN = "projectile"  # marker whose launch is measured, unless another one is named
+SAME_END = 1e-9  # part of the end by which an event may lie beyond it and still be within
+# Least energy at the start, in parts of the largest kinetic energy, that a drift is relative to.
+# The zero of the potential energy is a convention: a start near it would make any drift large.
 LEAST_START = 1e-2
-"""Least energy at the start, in parts of the largest kinetic energy, that a drift is relative to.
-
-The zero of the potential energy is a convention: a start near it would make any drift large."""
 # Of each stop: the first ones; further ones pile up in a shorter and shorter time
 _COUNTED_IMPACTS = 10
 _REDUNDANT = "not unique: constraints are redundant"
@@ -55,10 +51,8 @@ class AlignedRun:
     keep: BoolArray
     thrown: str = THROWN
     known_scales: Scales | None = None
-    invariants_to: float | None = None
-    """End of what invariants are compared over [s]; None: the same."""
-    stretching: Stretching | None = None
-    """Growth of errors of the reference motion to that end, where it is known."""
+    invariants_to: float | None = None  # end of what invariants are compared over [s]
+    stretching: Stretching | None = None  # of the reference motion to that end, where it is known
 
     @property
     def t(self) -> FloatArray:

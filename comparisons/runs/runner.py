@@ -54,9 +54,8 @@ def refuse_invalid(
         SimulationError: the sentence says what is wrong with it.
     """
     if not isinstance(trajectory, Trajectory):
-        raise SimulationError(
-            f"{engine} gave a {type(trajectory).__name__} instead of a Trajectory."
-        )
+        kind = type(trajectory).__name__
+        raise SimulationError(f"{engine} gave a {kind} instead of a Trajectory.")
     fault = next(_faults(trajectory, mechanism, capabilities), None)
     if fault is not None:
         raise SimulationError(f"{engine} gave an invalid trajectory: {fault}.")
@@ -231,14 +230,10 @@ def _distance(metric: Metric, scales: Scales, solution: Solution) -> float:
 class Farthest:
     """Where and when a run is farthest from the reference."""
 
-    point: str
-    """Marker, or body of a mechanism without markers."""
-    distance: float
-    """[m]"""
-    time: float
-    """[s]"""
-    until: float
-    """End of the compared time [s]: that of the motion, or the predictability horizon."""
+    point: str  # marker, or body of a mechanism without markers
+    distance: float  # [m]
+    time: float  # [s]
+    until: float  # end of the compared time [s]: of the motion, or the predictability horizon
 
 
 def farthest(trajectory: Trajectory, runner: Runner) -> Farthest:
@@ -445,8 +440,7 @@ class Runner:
         """
         problem, longest = self.problem(engine, given), self.solution.problem.duration
         trajectory = self.worker.simulate(engine, problem)
-        mechanism = given or self.mechanism
-        valid = refuse_invalid(engine.name, trajectory, mechanism, engine.capabilities)
+        valid = refuse_invalid(engine.name, trajectory, problem.mechanism, engine.capabilities)
         if valid.t[-1] > longest:
             to = f"it goes on to {valid.t[-1]:.6g} s, and {problem.duration:.6g} s was asked for"
             raise SimulationError(f"{engine.name} gave an invalid trajectory: {to}.")

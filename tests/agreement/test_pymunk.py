@@ -11,6 +11,7 @@ import sys
 
 import numpy as np
 import pytest
+from conftest import again
 from mechanisms import OBLIQUE_SLOT, TABLE_ONE, chain, position_error, table_one_motion
 from trebucheck.engines.pymunk.engine import PymunkEngine
 from trebucheck.models.elements import GROUND, PinJoint, Stop
@@ -390,6 +391,7 @@ def test_options_out_of_range(option: str) -> None:
         PymunkEngine(**{option: 0})
 
 
+@again  # as test_front_door.py asks of all engines
 def test_the_class_does_not_load_the_library() -> None:
     code = (
         "import sys, trebucheck.engines.pymunk.engine as m; m.PymunkEngine.version(); "

@@ -84,7 +84,7 @@ def certificate_report(certificate: Certificate) -> doc.Document:
     blocks = (
         certified_figures(events, "Figures of the motion and its events"),
         doc.Text(f"{further}, are in the file.", "muted", medium="terminal"),
-        doc.Fold(further, (doc.page_only(certified_figures(timed, further)),)),
+        doc.Fold(further, (certified_figures(timed, further),)),
         doc.Listing(tuple(absent)),
         doc.Fold("The computations", (computations,)),
         doc.Note(f"Uncertainty: {rule} Versions: {versions}."),
