@@ -35,7 +35,7 @@ from ..runs.metrics import THROWN, AlignedRun, against
 from ..runs.quantities import Kind
 from ..runs.results import Diagnosis, Equality, Metric, RankedCause
 from ..runs.runner import failure
-from .case import Case, fit, match
+from .case import Case, factor_of, fit, share_of
 from .equivalence import (
     EXACT,
     check_model,
@@ -296,7 +296,7 @@ def _fitted(case: Case, readings: Iterable[Reading]) -> Iterator[RankedCause]:
     for reading in readings:
         signatures = np.array([case.signature(wrong) for wrong in reading.wrong])
         if reading.text is None:
-            share = match(case.deviation, signatures[0], fixed=True).explained
+            share = share_of(case.deviation, signatures[0])
             yield _reading(reading.name, share)
             continue
         factors, explained = fit(case.deviation, signatures)
@@ -308,10 +308,10 @@ def _fitted(case: Case, readings: Iterable[Reading]) -> Iterator[RankedCause]:
                 if wrong is None:
                     break
                 signature = case.signature(wrong)
-                share = match(case.deviation, signature, fixed=True).explained
+                share = share_of(case.deviation, signature)
                 if share > explained:
                     best, explained = factors, share
-                factors = factors * match(case.deviation, signature).factor
+                factors = factors * factor_of(case.deviation, signature)
             factors = best
         if explained > 0 and factors[0] >= reading.least:
             yield _reading(reading.name, explained, reading.text(factors.tolist()))
@@ -358,7 +358,7 @@ def _sizeless(case: Case, fault: Fault | StopLaw) -> RankedCause | Estimate:
         if solution is None:
             return None
         signatures = case.seen(solution, solution.motion(case.t))
-        return max(match(case.deviation, s, fixed=True).explained for s in signatures)
+        return max(share_of(case.deviation, s) for s in signatures)
 
     return case.estimated(RankedCause(name=name, kind=kind, explained=0.0), share)
 
@@ -381,7 +381,7 @@ def _law_causes(case: Case) -> Causes:
         signature = _schedule(case, {**schedule, name: releases[name]})
         if signature is not None:
             if not case.has_impacts:
-                share = match(case.deviation, signature, fixed=True).explained
+                share = share_of(case.deviation, signature)
                 yield RankedCause(
                     name=f"release of the {name}", kind="law", amount=amount, explained=share
                 )
@@ -423,7 +423,7 @@ def _scheduled(
 
     def share(tolerance: float) -> float | None:
         signature = _schedule(case, releases, equations, tolerance)
-        return None if signature is None else match(case.deviation, signature, fixed=True).explained
+        return None if signature is None else share_of(case.deviation, signature)
 
     if not case.has_impacts:
         cause = RankedCause(name=name, kind="law", amount=amount, explained=0.0)
@@ -586,7 +586,7 @@ class _BuiltModel:
             equations = fault.make(())
             assert equations is not None
             signatures = self._signatures(equations)
-            shares = [match(deviation, each, fixed=True).explained for each in signatures]
+            shares = [share_of(deviation, each) for each in signatures]
             share = max(shares, default=0.0)
             yield RankedCause(name=fault.name, kind=fault.kind, explained=share)
 
@@ -649,7 +649,7 @@ def _fitted_size(fault: Fault, deviation: FloatArray, signatures: Signatures) ->
         else:
             break
         signature = signatures(equations)[way]
-        share = match(deviation, signature, fixed=True).explained
+        share = share_of(deviation, signature)
         gained = share - best.explained if best else 1.0
         if gained > 0:
             best = Fit(fault, factors, share)
