@@ -76,12 +76,7 @@ def distance_plots(comparison: Comparison) -> Panels:
     """Distance of the projectile from the reference over time, both machines."""
     drawn: list[Plot] = []
     for machine in comparison.results.machines:
-        own = {
-            label: t
-            for (name, label), t in comparison.trajectories.items()
-            if name == machine.model
-        }
-        runs = figures.lines(comparison.solutions[machine.model], own, machine.compared_to)
+        runs = figures.lines(comparison, machine)
         position = figures.position("projectile")
         series = tuple(
             run.difference(position) for run in runs if not run.label.startswith("reference")
